@@ -1,4 +1,4 @@
-// Lets a copy of the scene go through its queued frames, with the outputs attached to the copy.
+// Plays the queued frames in a copy of the scene, to which the outputs are attached.
 #include "behind.h"
 
 #include <algorithm>
@@ -34,7 +34,7 @@ void OutputsBehind::run() {
 Result<> OutputsBehind::follow() {
     copy_ = std::make_unique<Scene>();  // a scene belongs to the thread that makes it
     Scene& copy = *copy_;
-    tellOfFailuresInTheEnd(copy);  // finish() says why
+    tellOfFailuresInTheEnd(copy);  // finish() tells the reason
     copy.setBehavioursEnabled(false);
     for (;;) {
         if (abandoned_) return {};
@@ -43,9 +43,9 @@ Result<> OutputsBehind::follow() {
         if (!taken) return std::unexpected(taken.error());
         if (*taken == RecordQueue::Taken::ended || (interrupted() && outputs_)) break;
         if (*taken == RecordQueue::Taken::nothingYet) continue;
-        // A set of a later instant means that the previous instant is complete; Inlines that it loaded came as sets of
-        // their own.
-        if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() says why
+        // The previous time is complete when a set of a later time comes. Inlines that it loaded came as sets of their
+        // own.
+        if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() tells the reason
         if (set->isSnapshot() && copy.sequence() != 0)
             if (auto ok = copy.reset(); !ok) return ok;
         const Hash128 origin = set->hash;
@@ -59,7 +59,7 @@ Result<> OutputsBehind::follow() {
         }
         mostBehind_ = std::max(mostBehind_.load(), queue_.secondsBehind());
     }
-    if (outputs_) (void)outputs_->frame();  // of the last instant; finish() says what fails
+    if (outputs_) (void)outputs_->frame();  // of the last time; finish() tells the reason if it fails
     const Result<> result = outputs_ ? outputs_->finish() : Result<>();
     print(copy.diagnostics());
     return result;

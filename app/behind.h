@@ -1,9 +1,9 @@
-// OutputsBehind: pictures and sound of every frame of a live scene, made on a thread of their own.
+// OutputsBehind: makes pictures and sound of every frame of a live scene on a thread of its own.
 //
-// The scene waits for nothing: its steps are queued (RecordQueue), and a second scene goes through them at the pace of
-// the outputs, which may end long after the scene did. Invariant: what is made is what it would have been made of the
-// scene itself, frame by frame, on a machine that is never late.
-// Threading: all calls on the scene's thread; the outputs have theirs.
+// The scene does not wait: its steps are queued (RecordQueue), and a second scene goes through them at the pace of the
+// outputs, which may end long after the scene did.
+// Invariant: the outputs are, frame by frame, what they would be of the scene itself on a machine that is never late.
+// Threading: all calls on the scene's thread; the outputs have their own.
 #pragma once
 
 #include <atomic>
@@ -21,17 +21,17 @@ class OutputsBehind final : public OutputMaker {
   public:
     /// Begins with the scene's present state.
     OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources);
-    /// Pictures and sound that wait are not made any more.
+    /// Pictures and sound that still wait are not made.
     ~OutputsBehind() override;
 
-    /// The scene's next step. That it cannot be kept, the thread finds out.
+    /// Queues the scene's next step. If it cannot be kept, the thread reports it.
     void step(const RecordStep& step) { (void)queue_.add(step); }
     std::uint64_t encoded() const { return queue_.encoded(); }
-    /// There is nothing to do: step() has told.
+    /// There is nothing to do, because step() has queued the frame.
     Result<> frame() override { return {}; }
     bool failed() const override { return failed_; }
-    /// No more frames will come: makes what waits, with a progress bar, and writes what is written at the end.
-    /// Interruption ends it early; what was made until then is written, unless an end was stated.
+    /// Call it after the last frame: makes what waits, with a progress bar, and the files that are written at the end.
+    /// An interruption ends it early; what was made by then is written, unless an end was stated.
     Result<> finish() override;
     OutputReport report() const override;
 
@@ -42,7 +42,7 @@ class OutputsBehind final : public OutputMaker {
     OutputArguments arguments_;
     Resources resources_;
     RecordQueue queue_;
-    // The thread's own until it has ended.
+    // Used by the thread only until it has ended.
     std::unique_ptr<Scene> copy_;
     std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<Outputs> outputs_;

@@ -1,5 +1,5 @@
-// Prints the history of a field: one line for each value that was set, and for each run of changes that the scene made
-// in the same way.
+// Prints the history of a field. Each value that somebody set has a line, and so has each run of changes with the same
+// cause in the scene.
 #include "blame.h"
 
 #include <algorithm>
@@ -29,7 +29,7 @@ std::string byWhom(const FieldStep& step) {
 std::string shortened(std::string text) {
     if (text.size() <= kLongestValue) return text;
     std::size_t end = kLongestValue - 3;
-    while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // not within a letter
+    while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;  // do not cut within a character
     return text.substr(0, end) + "...";
 }
 
@@ -37,7 +37,7 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     fmt::print("{:>15} {:>17}  {:<{}}  {}\n", "states", "t (s)", terminalText(path), kLongestValue, "by");
     for (std::size_t first = 0, last = 0; first < steps.size(); first = last + 1) {
         last = first;
-        // Each value that somebody set has a line of its own; changes that the scene itself drives share one.
+        // Changes that the scene itself makes in the same way share a line.
         while (last + 1 < steps.size() && !steps[first].wasSet && byWhom(steps[last + 1]) == byWhom(steps[first]))
             ++last;
         const auto range = [&](const std::string& a, const std::string& b) {

@@ -5,7 +5,7 @@
 
 namespace rtsg::app {
 
-/// The exit status.
+/// Returns the exit status.
 int blame(const std::string& log, const std::string& path, bool json);
 
 }  // namespace rtsg::app

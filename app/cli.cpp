@@ -1,4 +1,4 @@
-// Shared by all verbs: diagnostics, progress, interruption, durations, JSON text.
+// Helpers for all verbs: diagnostics, progress, interruption, durations, JSON text.
 #include "cli.h"
 
 #include <algorithm>
@@ -24,7 +24,8 @@
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics, std::string_view said) {
-    // The part that reported each first: a picture need not repeat what a file's reader has said about a value.
+    // The part that reported each text first. A picture need not repeat what the reader of a file has said about a
+    // value.
     static std::unordered_map<std::string, DiagnosticCode> toldBy;
     std::unordered_map<std::string, std::size_t> times;
     std::vector<const std::string*> lines;  // in their order
@@ -53,7 +54,7 @@ std::string framesText(std::uint64_t count) {
 
 namespace {
 
-/// "... [word]", as a diagnostic's text ends.
+/// True if the text ends in a code, "... [word]".
 bool endsInCode(std::string_view text) {
     const std::size_t from = text.rfind(" [");
     if (from == text.npos || !text.ends_with(']')) return false;
@@ -63,7 +64,7 @@ bool endsInCode(std::string_view text) {
 
 }  // namespace
 
-/// A diagnostic's text says already that it is an error, and of which file.
+/// The text of a diagnostic already says that it is an error, and of which file.
 void printError(const std::string& text, DiagnosticCode code) {
     constexpr std::string_view kError = "error: ";
     const std::string_view begin = text.starts_with(kError)     ? "rtsg: "
@@ -87,7 +88,7 @@ Diagnostic namingOptions(Diagnostic why, std::string_view option, const std::str
 }
 
 namespace {
-/// Written by whichever thread the signal comes to, read by all.
+/// Written by the thread that gets the signal, read by all.
 std::atomic<bool> signalled = false;
 static_assert(std::atomic<bool>::is_always_lock_free, "handlers of signals may use nothing else");
 }  // namespace
@@ -100,7 +101,7 @@ bool interrupted() {
         sigemptyset(&action.sa_mask);
         sigaction(SIGINT, &action, nullptr);
         sigaction(SIGTERM, &action, nullptr);
-        // A terminal that is closed, unless the user has asked to be left alone by that (nohup).
+        // A closed terminal also ends the program, unless the user has excluded that (nohup).
         struct sigaction hangup = {};
         if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN)
             sigaction(SIGHUP, &action, nullptr);
@@ -210,16 +211,15 @@ Resources ResourceArguments::ofReplica() const {
 
 namespace {
 
-/// The first scene that had errors, and how many, and whether an event of --set was refused: what load() read is known
-/// nowhere else when the process ends.
+/// The first scene with errors and their number, and whether an event of --set was refused. This is needed for the exit
+/// status, and nothing else keeps it.
 struct Damage {
     std::string file;
     std::size_t errors = 0;
     bool unsent = false;
 } damage;
 
-/// A scene file holds a whole state, which only a scene that has none takes: its clock, if that goes already, is set
-/// again.
+/// A scene file has a whole state, which only an empty scene takes. If the scene's clock was set, it is set again.
 Result<> readState(Scene& scene, const std::string& file) {
     const double clock = scene.now();
     if (scene.sequence() > 0)

@@ -1,4 +1,4 @@
-// Verbs and options, on CLI11.
+// Implements verbs and options with CLI11.
 #include "command.h"
 
 #include <charconv>
@@ -11,7 +11,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// "nan" and "inf" are numbers to the parser, and nan is in every range.
+/// The parser takes "nan" and "inf" for numbers, and nan passes every range.
 CLI::Option* finite(CLI::Option* option) {
     return option->check([](const std::string& text) {
         double number = 0;
@@ -20,23 +20,23 @@ CLI::Option* finite(CLI::Option* option) {
     });
 }
 
-/// An empty value, a variable of a shell that is not set say, would count as an option that was not given.
+/// The parser would treat an empty value, as of an unset shell variable, as an option that was not given.
 CLI::Option* notEmpty(CLI::Option* option) {
     return option->check([](const std::string& text) { return text.empty() ? "a value is empty" : std::string(); });
 }
 
-/// -1 is no large number.
+/// Without this check -1 would become a large number.
 CLI::Option* notNegative(CLI::Option* option) {
     return option->check([](const std::string& text) {
         if (text.starts_with('-')) return text + " is negative";
-        // The parser would take the largest that there is.
+        // The parser would use the largest number instead.
         std::uint64_t value = 0;
         const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
         return problem == std::errc::result_out_of_range ? text + " is too large" : std::string();
     });
 }
 
-/// Help with the examples first, and its lines as long as people read them.
+/// Shows examples first, in lines of readable length.
 class Help : public CLI::Formatter {
   public:
     std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
@@ -121,7 +121,7 @@ Option* Option::excludes(Option* other) {
 Command::Command(const std::string& name, const std::string& description, const std::string& version)
     : own_(std::make_unique<CLI::App>(description, name)), parser_(own_.get()) {
     parser_->require_subcommand(1);
-    parser_->formatter(std::make_shared<Help>());  // verbs have it from here
+    parser_->formatter(std::make_shared<Help>());  // verbs inherit it
     parser_->set_version_flag("-V,--version", name + " " + version);
 }
 Command::Command(CLI::App* parser) : parser_(parser) {}
@@ -170,8 +170,8 @@ void Command::footer(const std::string& text) {
 
 namespace {
 
-/// Names the argument that the verb does not take: an option by its name, else the word that is one too many. The
-/// parser's own text lists all of them backwards, the values of unknown options too.
+/// Names the argument that the verb does not take: an unknown option, or the first word too many. The parser's own text
+/// lists all of them backwards, with the values of unknown options.
 std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) {
     const auto verbs = program.get_subcommands();
     const CLI::App& command = verbs.empty() ? program : *verbs.front();
@@ -190,7 +190,7 @@ std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) 
 std::optional<int> Command::parse(int argc, char** argv) {
     try {
         parser_->parse(argc, argv);
-    } catch (const CLI::Success& e) {  // --help, --version
+    } catch (const CLI::Success& e) {  // for --help and --version
         return parser_->exit(e);
     } catch (const CLI::ExtrasError& e) {
         throw UsageError(notExpected(*parser_, e));

@@ -1,7 +1,8 @@
-// The program's verbs and options: what is declared here is parsed, explained, completed and listed in the man page.
+// Command: the program's verbs and options. What is declared here is parsed, explained, completed and listed in the man
+// page.
 //
-// A thin cover of the parser, so that one file is compiled with its headers and not every verb's.
-// Threading: the main thread; all belongs to the program's Command.
+// It wraps the parser thinly, so that only one file is compiled with the parser's headers.
+// Threading: the main thread; everything belongs to the program's Command.
 #pragma once
 
 #include <cstdint>
@@ -20,15 +21,15 @@ class Option;
 
 namespace rtsg::app {
 
-/// The user typed what cannot be meant; exit status 2.
+/// The user typed something that makes no sense; exit status 2.
 struct UsageError : std::runtime_error {
     explicit UsageError(const std::string& text) : std::runtime_error(text) {}
     UsageError(const std::string& option, const std::string& text, std::string likely = {})
         : std::runtime_error(option + ": " + text), meant(std::move(likely)) {}
-    std::string meant;  // what may have been, if that is known
+    std::string meant;  // what the user may have meant, if known
 };
 
-/// Something that an option names cannot be had or used, such as a scene that cannot be read; exit status 1.
+/// Something that an option names cannot be used, such as a scene that cannot be read; exit status 1.
 struct InputError : std::runtime_error {
     InputError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
 };
@@ -42,12 +43,12 @@ class Option {
     Option* range(std::uint64_t least, std::uint64_t most);
     Option* range(double least, double most);
     Option* positive();
-    /// A number of bytes, as 64MB.
+    /// A number of bytes, such as 64MB.
     Option* bytes();
     Option* oneOf(std::vector<std::string> values);
-    /// How many values at once.
+    /// Sets how many values follow the option.
     Option* expected(int count);
-    /// May come several times, with a value each.
+    /// The option may be given several times, with one value each.
     Option* repeatable();
     Option* excludes(Option* other);
 
@@ -59,15 +60,15 @@ class Option {
 
 class Command {
   public:
-    /// The program itself.
+    /// Makes the program itself.
     Command(const std::string& name, const std::string& description, const std::string& version);
     ~Command();
     Command(const Command&) = delete;
     Command& operator=(const Command&) = delete;
 
     Command* addVerb(const std::string& name, const std::string& description);
-    /// `names`: "-o,--output", or "SCENE" for an argument by its place. The variable must outlive the parsing. Numbers
-    /// are finite.
+    /// `names`: "-o,--output", or "SCENE" for a positional argument. The variable must outlive the parsing. Numbers
+    /// must be finite.
     Option* addOption(const std::string& names, std::string& into, const std::string& description);
     Option* addOption(const std::string& names, int& into, const std::string& description);
     Option* addOption(const std::string& names, unsigned& into, const std::string& description);
@@ -77,9 +78,10 @@ class Command {
     Option* addOption(const std::string& names, std::vector<std::string>& into, const std::string& description);
     Option* addOption(const std::string& names, std::vector<double>& into, const std::string& description);
     Option* addFlag(const std::string& names, bool& into, const std::string& description);
-    /// Lines that begin with "Example: " stand first in the help, the others last.
+    /// Lines that begin with "Example: " come first in the help, other lines last.
     void footer(const std::string& text);
-    /// Options that are added while it lives stand under this heading in the help. Of two, the inner one holds.
+    /// Options that are added while it lives stand under this heading in the help. If sections are nested, the inner
+    /// one counts.
     class Section {
       public:
         Section(Command& command, std::string heading)
@@ -93,18 +95,18 @@ class Command {
         std::string outer_;
     };
 
-    /// Parses the program's arguments. Returns the exit status if help or version were asked for, which are then
-    /// printed. Throws UsageError.
+    /// Parses the program's arguments. If help or version was asked for, prints it and returns the exit status. Throws
+    /// UsageError.
     std::optional<int> parse(int argc, char** argv);
-    /// Whether this verb is the one that was typed.
+    /// True if this verb was typed.
     bool parsed() const;
-    /// The verb of the program that was typed; null before parse().
+    /// The verb that was typed; null before parse().
     const Command* parsedVerb() const;
-    /// The options that were typed, by their long names: "--output"; arguments by theirs.
+    /// The options that were typed, by long name ("--output"), and positional arguments by theirs.
     std::vector<std::string> given() const;
     std::string name() const;
     std::string description() const;
-    /// The program's text of `rtsg --help` or `rtsg VERB --help`.
+    /// The text of `rtsg --help` or `rtsg VERB --help`.
     std::string help() const;
     std::string help(const std::string& verb) const;
 
@@ -114,9 +116,9 @@ class Command {
     explicit Command(CLI::App* parser);
     Option* add(CLI::Option* option);
 
-    std::unique_ptr<CLI::App> own_;  // of the program
+    std::unique_ptr<CLI::App> own_;  // only for the program itself
     CLI::App* parser_;
-    std::string heading_;  // empty: the parser's own
+    std::string heading_;  // empty: the parser's default
     std::deque<std::unique_ptr<Command>> verbs_;
     std::deque<std::unique_ptr<Option>> options_;
 };

@@ -1,4 +1,4 @@
-// Reads the parser's tables, and guesses what a mistyped word meant.
+// Reads the parser's tables, and guesses the meaning of a mistyped word.
 #include "command_table.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// "TEXT:{a,b}" gives a and b.
+/// Finds the choices: "TEXT:{a,b}" gives a and b.
 std::vector<std::string> choicesOf(const std::string& type) {
     std::vector<std::string> choices;
     const auto open = type.find('{'), close = type.find('}');
@@ -30,7 +30,7 @@ std::vector<std::string> choicesOf(const std::string& type) {
     return choices;
 }
 
-/// Letters to insert, remove, replace or swap with their neighbour.
+/// Number of letters to insert, remove, replace or swap with their neighbour.
 std::size_t editDistance(const std::string& a, const std::string& b) {
     std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
     for (std::size_t i = 0; i <= a.size(); ++i) d[i][0] = i;
@@ -76,7 +76,7 @@ std::string nearest(const std::string& typed, const std::vector<std::string>& kn
     std::string best;
     std::size_t least = std::max<std::size_t>(1, typed.size() / 3) + 1;
     for (const std::string& name : known) {
-        // The beginning of a word is as near as one wrong letter.
+        // The beginning of a word counts like one wrong letter.
         const bool begins = typed.size() >= 3 && name.starts_with(typed);
         if (const std::size_t distance = begins ? 1 : editDistance(typed, name); distance < least) {
             least = distance;
@@ -107,7 +107,7 @@ std::string suggestion(const Command& program, const UsageError& error) {
         if (!typed.starts_with('-')) continue;
         typed = typed.substr(0, typed.find('='));
         if (std::string name = hintForOption(typed, known); !name.empty()) return name;
-        if (!typed.starts_with("--")) continue;  // every single letter is near to every other
+        if (!typed.starts_with("--")) continue;  // every single letter is close to every other
         if (std::string name = nearest(typed, known); !name.empty()) return name;
     }
     return {};

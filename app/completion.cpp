@@ -1,4 +1,4 @@
-// Completion scripts for shells, made of the program's own tables of verbs and options.
+// Makes completion scripts for shells from the program's tables of verbs and options.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -20,7 +20,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
     return text;
 }
 
-/// Values that are a list are offered as words, all others as names of files.
+/// Values from a list are completed as words, all others as file names.
 std::string bash(const std::vector<VerbRow>& verbs) {
     std::string values, options;
     for (const VerbRow& verb : verbs) {

@@ -1,4 +1,4 @@
-// The checks of the names that a verb reads from and writes to.
+// Checks the names of files that a verb reads and writes.
 #include "files.h"
 
 #include <algorithm>
@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Empty names and "-" are none, and what is no regular file cannot be overwritten.
+/// False for empty names, "-", and irregular files, which cannot be overwritten.
 bool isFile(const std::string& name) {
     if (name.empty() || name == "-") return false;
     std::error_code error;
@@ -34,7 +34,7 @@ bool isFile(const std::string& name) {
     return !fs::exists(status) || fs::is_regular_file(status);
 }
 
-/// Whether the file has the name `pattern`, which has a place for a number such as %04d, with one of the numbers.
+/// True if the file's name is `pattern`, which has a place for a number such as %04d, with some number.
 bool isOneOf(const fs::path& file, const fs::path& pattern) {
     const std::string name = file.filename().string();
     std::error_code error;
@@ -50,14 +50,14 @@ bool isOneOf(const fs::path& file, const fs::path& pattern) {
     return false;
 }
 
-/// A pipe or a device, say.
+/// True for pipes, devices and the like.
 bool isOfNoKind(const std::string& name) {
     std::error_code error;
     const fs::file_status status = fs::status(name, error);
     return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
 }
 
-/// What files of kinds that no library checks are called. Empty endings: a library does.
+/// The name endings of file kinds. Empty endings: a library checks them.
 struct Names {
     std::string_view plural;
     std::vector<std::string_view> endings;
@@ -68,6 +68,8 @@ Names namesOf(OutputKind kind) {
             return {"responses", {".wav", ".sofa"}};
         case OutputKind::log:
             return {"logs", {".rlog"}};
+        case OutputKind::ticks:
+            return {"ticks", {".csv", ".svg"}};
         case OutputKind::capture:
             return {"MCAP files", {".mcap"}};
         case OutputKind::report:
@@ -86,7 +88,7 @@ Names namesOf(OutputKind kind) {
     return {};
 }
 
-/// ".a, .b or .c".
+/// Joins the words: ".a, .b or .c".
 std::string either(const std::vector<std::string_view>& words) {
     std::string text(words.front());
     for (std::size_t i = 1; i < words.size(); ++i)
@@ -94,7 +96,7 @@ std::string either(const std::vector<std::string_view>& words) {
     return text;
 }
 
-/// The binary encoding, other programs' meshes and standard output are convert's alone.
+/// Only convert writes the binary encoding, other programs' meshes, and standard output.
 void checkSceneName(const OutputName& output) {
     const bool isOfConvert = output.option == "OUT";
     MeshFormat mesh{};
@@ -135,7 +137,7 @@ std::string beginOf(const std::string& file) {
     return begin;
 }
 
-/// What is made again and again, and holds nothing that cannot be made again. A response as WAV is a sound.
+/// True for files that are made again and again and hold nothing of their own. A response as WAV counts as a sound.
 bool isReport(const OutputName& output) {
     return output.kind == OutputKind::report || output.kind == OutputKind::page ||
            (output.kind == OutputKind::map && fs::path(output.file).extension() == ".csv") ||
@@ -143,12 +145,12 @@ bool isReport(const OutputName& output) {
            (output.kind == OutputKind::response && fs::path(output.file).extension() == ".sofa");
 }
 
-/// Texts have no zero bytes; sounds, pictures and most other files have. A SOFA file may be replaced by another.
+/// Most files other than texts have zero bytes. A SOFA file may be replaced by another one.
 bool isBinary(const std::string& file) {
     return fs::path(file).extension() != ".sofa" && beginOf(file).contains('\0');
 }
 
-/// By its name or by how it begins: a name that was meant for another option.
+/// True by name or by content: such a name was probably meant for another option.
 bool isSceneOrLog(const std::string& file) {
     Encoding encoding{};
     bool gzip = false;
@@ -211,7 +213,7 @@ bool isLogOrNamedSo(const std::string& file) {
     return isLog(file) || fs::path(file).extension() == ".rlog";
 }
 
-/// A log that says that its session begins with it has none before it, whatever lies beside it.
+/// True if a log begins with its session, so that files beside it are not earlier pieces.
 static bool beginsItsSession(const std::string& log) {
     auto reader = LogReader::open(log);
     const auto record = reader ? reader->next() : std::nullopt;
@@ -228,7 +230,7 @@ void tellOfEarlierPieces(const std::string& log) {
                pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
     const std::string extension = std::filesystem::path(log).extension().string();
     const std::string name = terminalText(std::filesystem::path(log).replace_extension().string());
-    // In this order whatever the shell sorts by: from the ten thousandth on they have a digit more.
+    // One pattern for each number of digits (five from the ten thousandth piece on), so the shell keeps the order.
     constexpr std::size_t kDigits = 4;
     const std::size_t longest = pieces.back().stem().extension().string().size() - 1;
     std::string all;

@@ -1,10 +1,9 @@
-// Checks the files that a verb reads and writes before any work, so that nothing is overwritten that was not meant to
-// be.
+// File checks: before any work, checks the files that a verb reads and writes, so that none is overwritten by mistake.
 //
-// Each kind of file has names that end as it says, whichever option names it. Inputs and outputs are told apart by the
+// Names of each kind of file have fixed endings, whichever option names them. Inputs and outputs are compared by the
 // files that their names lead to, through any links. Pictures, sounds and reports are replaced. Logs and scenes are
-// replaced only with --force; so is a log, a scene or a binary file by a report. Names of what is there and no regular
-// file (a pipe, /dev/null) are not checked, but for those of pictures and sounds.
+// replaced only with --force; so is a log, a scene or a binary file by a report. Existing irregular files (a pipe,
+// /dev/null) are not checked, except for the names of pictures and sounds.
 #pragma once
 
 #include <cstdint>
@@ -20,12 +19,24 @@
 
 namespace rtsg::app {
 
-/// `map`: a picture or a table of a RoomMap; `capture`: an MCAP file; `page`: one that shows a test; `testResult`:
-/// JUnit's XML.
-enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, map, page, testResult };
+/// `map` is a picture or a table of a RoomMap, `capture` an MCAP file, `page` the page of a test, `testResult` JUnit
+/// XML, `ticks` the table of a touch.
+enum class OutputKind : std::uint8_t {
+    picture,
+    sound,
+    response,
+    scene,
+    log,
+    capture,
+    report,
+    map,
+    page,
+    testResult,
+    ticks
+};
 
 struct OutputName {
-    std::string option, file;  // "--save"; empty: not asked for
+    std::string option, file;  // "--save", say; an empty file was not asked for
     OutputKind kind = OutputKind::picture;
 };
 
@@ -34,20 +45,20 @@ inline Existing existing(bool force) {
     return force ? Existing::replace : Existing::keep;
 }
 
-/// Throws UsageError for a name that says nothing that can be written, and where an output is an input or
+/// Throws UsageError for a name of which no kind of file is known, or if an output is an input or another output.
+/// Error: a file exists and must be kept.
 /// another output. Fails where something is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
-/// Whether the file is a log by its beginning or by its name, so that one whose beginning is damaged, or that is empty,
-/// counts as a log.
+/// True if the file is a log by its beginning or by its name. So a damaged or empty log counts as one.
 bool isLogOrNamedSo(const std::string& file);
 
-/// On standard error, if the log is the last of several files: where the session's earlier states are.
+/// Says on standard error, if the log is the last of several pieces, where the earlier states are.
 void tellOfEarlierPieces(const std::string& log);
 
-/// Throws UsageError where an output is one of the files that are used.
+/// Throws UsageError if an output is one of the used files.
 void keepFiles(const std::vector<std::filesystem::path>& used, const std::vector<OutputName>& outputs);
-/// The same for files that urls of the scene open; to be called once it is loaded.
+/// The same for files that urls of the scene open. Call it when the scene is loaded.
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 
 }  // namespace rtsg::app

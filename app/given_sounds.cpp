@@ -27,7 +27,7 @@ struct GivenSource {
     std::optional<RawSound> raw;
 };
 
-/// s16@48000x1:REST; nothing if it does not begin like that.
+/// Parses s16@48000x1:REST. Empty if the text begins otherwise.
 std::optional<RawSound> rawFormat(std::string_view& text, const std::string& option) {
     const bool whole = text.starts_with("s16@");
     if (!whole && !text.starts_with("f32@")) return std::nullopt;
@@ -100,7 +100,7 @@ ClipLibrary::Given openSource(const GivenSource& source, bool live, double secon
     return std::make_shared<const SoundBuffer>(std::move(sound));
 }
 
-/// Checks that the scene has nodes with the ID that a sound is given to.
+/// Checks that the scene has nodes with the ID to which the sound is given.
 void checkId(const GivenSource& source, const Scene& scene) {
     const bool stream = source.option == "--stream";
     std::set<std::string> known;
@@ -156,14 +156,14 @@ ClipLibrary::UsersSounds GivenSoundArguments::open(const Scene& scene, bool live
 
 namespace {
 
-/// ID and file; an empty ID: all streams.
+/// Returns ID and file. An empty ID means all streams.
 std::pair<std::string, std::string> parseSent(const std::string& given) {
     const std::size_t split = given.find('=');
     if (split == std::string::npos) return {{}, given};
     return {given.substr(0, split), given.substr(split + 1)};
 }
 
-/// The sum of the streams called `id`, with as many channels as the one that has most.
+/// The sum of the streams called `id`, with as many channels as the one with the most.
 std::optional<SoundBuffer> sumOf(const std::vector<StreamedSound>& streams, const std::string& id) {
     std::optional<SoundBuffer> sum;
     for (const StreamedSound& stream : streams) {

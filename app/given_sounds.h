@@ -1,10 +1,11 @@
-// --microphone and --stream: what the sources of sound that a scene does not bring along hear, as the user says it.
+// --microphone and --stream: the sounds that the user gives to sources which the scene does not bring along.
 //
-// [ID=]SOURCE, where SOURCE is a sound file; a pipe with a name or - (standard input), whose sound is WAV, or raw
-// after s16@RATExCHANNELS: or f32@RATExCHANNELS:; or device, device:NAME. Nothing is opened that was not named here.
-// And --stream-out: where a scene's own streams go.
-// Live, pipes and devices are heard as their sound comes; else as much of a pipe as is needed is read first. Threading:
-// none.
+// [ID=]SOURCE, where SOURCE is a sound file; a named pipe or - (standard input), which has WAV, or raw samples after
+// s16@RATExCHANNELS: or f32@RATExCHANNELS:; or device, device:NAME. Only what is named here is opened. --stream-out
+// says where a scene's own streams go.
+//
+// Live, pipes and devices are heard as their sound arrives. Otherwise a pipe is first read as far as needed.
+// Threading: none.
 #pragma once
 
 #include <optional>
@@ -22,24 +23,25 @@ struct GivenSoundArguments {
     std::vector<std::string> microphones, streams;
 
     void addTo(Command& command);
-    /// Checks what can be checked without opening anything. `inputs` are those of the verb: standard input can be only
+    /// Checks what can be checked without opening anything. `inputs` are the verb's inputs: standard input can be only
     /// one of them. Throws UsageError.
     void check(const std::vector<std::string>& inputs) const;
-    /// Names of files and pipes, which nothing is to be written over. Throws UsageError.
+    /// Names of files and pipes, which must not be overwritten. Throws UsageError.
     std::vector<std::string> files() const;
-    /// `seconds` of pipes are read if it is not live. The IDs are looked for in the scene, unless that is empty as yet.
-    /// Throws UsageError for a device that is not live, InputError for what cannot be opened and for unknown IDs.
+    /// Opens the sources. If not `live`, `seconds` of each pipe are read. IDs are checked in the scene, unless it is
+    /// still empty. Throws UsageError for a device that is not live, InputError for sources that cannot be opened and
+    /// for unknown IDs.
     ClipLibrary::UsersSounds open(const Scene& scene, bool live, double seconds, int sampleRate) const;
 };
 
-/// --stream-out: where what leads into StreamAudioDestinations goes, as the user says it: [ID=]FILE.wav.
+/// --stream-out: the files for what leads into StreamAudioDestinations, as [ID=]FILE.wav.
 struct SentSoundArguments {
     std::vector<std::string> given;
 
     void addTo(Command& command);
-    /// The files, for what looks after them. Throws UsageError.
+    /// The files, for the checks against overwriting. Throws UsageError.
     std::vector<std::string> files() const;
-    /// Writes each file: of the streams with its ID, or of all, the sum. Error: there are none.
+    /// Writes to each file the sum of the streams with its ID, or of all streams. Error: there are none.
     Result<> write(const std::vector<StreamedSound>& streams) const;
 };
 

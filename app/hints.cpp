@@ -1,4 +1,4 @@
-// Tables of usual slips, each with what it is called here.
+// Tables of common mistakes, each with the right word for this program.
 #include "hints.h"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace rtsg::app {
 namespace {
 
 struct Slip {
-    std::string_view typed;  // words between spaces
+    std::string_view typed;  // words separated by spaces
     std::string_view meant;
 };
 
@@ -43,7 +43,7 @@ constexpr Slip kVerbs[] = {
     {"key keygen", "rtsg keys SERVER.key --client CLIENT.key"},
 };
 
-/// Of several lines for one word the first whose option the verb has counts.
+/// If a word has several lines, the first one whose option the verb has counts.
 constexpr Slip kOptions[] = {
     {"-v -version", "--version"},
     {"-? -help /?", "--help"},
@@ -126,7 +126,7 @@ std::string hintForEndpoint(const std::string& typed) {
     const std::string_view port = colon == rest.npos ? "5570" : rest.substr(colon + 1);
     constexpr std::string_view kOfHosts = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-*";
     if (host.find_first_not_of(kOfHosts) != host.npos || (port != "*" && !isPort(port))) return {};
-    // A word alone is more likely something else than a machine.
+    // A single word is more likely something else than a host.
     if (colon == rest.npos && !host.contains('.') && host != "localhost") return {};
     if (host.empty() || host == "localhost") host = "127.0.0.1";
     return fmt::format("tcp://{}:{}", host, port);

@@ -1,4 +1,4 @@
-// --set: parses events with their times, and sends those that are due.
+// --set: parses events with their times, and sends events that are due.
 #include "injections.h"
 
 #include <algorithm>
@@ -150,7 +150,7 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
         all.push_back({parseSeconds(text.substr(at + 1)), text, text.substr(0, equals),
                        text.substr(equals + 1, at - equals - 1)});
     }
-    // Sorted by time, since an event takes what it leaves out from the one before.
+    // Sorted by time, since an event takes omitted values from the one before.
     std::ranges::stable_sort(all, {}, &Given::time);
     for (const Given& one : all) {
         const std::size_t first = result.all_.size();

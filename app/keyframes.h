@@ -1,4 +1,4 @@
-// --keyframe-bytes and --keyframe-seconds: how far apart the keyframes of a log may be, for the verbs that write one.
+// --keyframe-bytes and --keyframe-seconds: the distance between keyframes, for verbs that write a log.
 #pragma once
 
 #include <cstdint>

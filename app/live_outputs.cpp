@@ -1,4 +1,4 @@
-// Two threads that take the newest state of a world whenever they have time for one.
+// Runs two threads that each take the newest state of a world when they are ready.
 #include "live_outputs.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kNoNews{50};  // between looks at a world whose scene stands still
+constexpr milliseconds kNoNews{50};  // between looks at a world whose scene rests
 
 }  // namespace
 
@@ -73,7 +73,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
 
 LiveOutputs::~LiveOutputs() {
     abandoned_ = true;
-    threads_.clear();  // joins
+    threads_.clear();  // joins the threads
 }
 
 void LiveOutputs::fail(const Result<>& why) {
@@ -96,7 +96,7 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
     while (!abandoned_) {
         const bool ending = ending_;
         const auto state = world_.latest(milliseconds(20));
-        if (!state) continue;  // if there will never be one, frame() finds out
+        if (!state) continue;  // if there will never be one, frame() reports it
         const bool last = ending && (*state)->moment >= lastMoment_;
         if ((*state)->moment == moment && !last) {
             std::unique_lock lock(mutex_);
@@ -110,7 +110,7 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
     }
 }
 
-/// On the scene's thread: time may have gone on, or back.
+/// On the scene's thread: notes that time has gone on or back.
 void LiveOutputs::noteTime() {
     const std::lock_guard lock(mutex_);
     elapsed_ = time_.at(scene_.now());
@@ -122,8 +122,8 @@ void LiveOutputs::noteTime() {
     if (std::exchange(stateNow_, scene_.sequence()) != scene_.sequence()) news_.notify_all();
 }
 
-/// Seconds from the start. A state may be of before the scene's time went back, and cannot be later than the scene is;
-/// `stretch` is how often time had gone back in the state before, which was an earlier one.
+/// The state's time in seconds from the start. The state may be from before the scene's time went back, and cannot be
+/// later than the scene. `stretch` is the number of times that time had gone back at the state before.
 double LiveOutputs::elapsedAt(const WorldState& state, std::size_t& stretch) const {
     const std::lock_guard lock(mutex_);
     for (std::size_t i = starts_.size() - 1; i > stretch; --i)
@@ -135,13 +135,13 @@ double LiveOutputs::elapsedAt(const WorldState& state, std::size_t& stretch) con
 double LiveOutputs::dueAt(double elapsed) const {
     return std::floor(elapsed * arguments_.picturesPerSecond + kRounding);
 }
-/// The last due picture of those that are asked for.
+/// The last due picture among those that are asked for.
 double LiveOutputs::lastDueAt(double elapsed) const {
     return std::min(dueAt(elapsed), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
 }
 
 Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
-    // One is made however late this comes to it: who asked for pictures gets one, or the reason why not.
+    // The first one is made however late it is, so that the user gets a picture or an error.
     const bool none = report_.pictureStates.empty();
     const double elapsed = elapsedAt(state, stretchPictured_), k = lastDueAt(elapsed);
     if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(elapsed) && !none) : !last) return {};
@@ -166,12 +166,12 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
 Result<> LiveOutputs::hear(const WorldState& state) {
     const std::size_t before = stretchHeard_;
     const double elapsed = elapsedAt(state, stretchHeard_);
-    // By the time that has gone by: a log that is played again comes to the same states at the same times.
+    // Time elapsed, and not the scene's time, tells: a log that is played again has the same states at the same times.
     const bool again = !heard_.empty() && heard_.back() == std::pair(elapsed, state.sequence);
     if (again || soundMade_ >= arguments_.seconds) return {};
     if (stretchHeard_ != before && elapsed > soundMade_) {
-        // The time between the last state that was heard and the moment when the scene went back is made, too, or sound
-        // would lack it.
+        // Also makes the time between the last state heard and the moment when the scene went back. Otherwise the sound
+        // would be too short.
         WorldState late = state;
         late.time = soundAt_ + (elapsed - soundMade_);
         if (auto ok = hearTo(late); !ok) return ok;
@@ -210,11 +210,11 @@ Result<> LiveOutputs::finish() {
         if (!last) fail(std::unexpected(last.error()));
         lastMoment_ = last ? (*last)->moment : 0;
     }
-    afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
+    afterInterruption_ = interrupted();  // the signal that ended the run does not end the last outputs
     ending_ = true;
     const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
     while (running_ > 0) {
-        (void)frame();  // who asks gets the last state
+        (void)frame();  // whoever asks gets the last state
         if (progress) progress(0, 1);
         std::this_thread::sleep_for(milliseconds(1));
     }
@@ -259,7 +259,7 @@ Result<> LiveOutputs::write() {
                   }});
 }
 
-/// The state from which the sound at this time was made; the last one if several states have that time.
+/// The state of which the sound at this time was made. The last one if several states have that time.
 std::uint64_t LiveOutputs::heardAt(double elapsed) const {
     auto heard = std::ranges::lower_bound(heard_, elapsed, {}, &std::pair<double, std::uint64_t>::first);
     if (heard == heard_.end()) return 0;

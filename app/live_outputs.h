@@ -1,11 +1,11 @@
-// LiveOutputs: pictures and sound of a scene that does not wait for them: each on a thread of its own, of the newest
-// state there is (SharedWorld::latest()), states merged.
+// LiveOutputs: pictures and sound of a scene that does not wait for them. Each has its own thread and takes the newest
+// state (SharedWorld::latest()), so states are merged.
 //
-// Invariant: a picture is of one whole state, taken at times k / F if the one before is made by then, else skipped and
-// counted; files are numbered without holes. Sound is as long as the scene's time: places follow the newest state. If
-// that time goes back (a log that is played again) they go on, as if that took no time. With --listen device it is
-// played instead. One flattening and one BVH serve all. Threading: all calls on the scene's thread, which must call
-// frame() now and then for states to be handed over.
+// Invariant: a picture is of one whole state. It is taken at times k / F if the one before is done by then; otherwise
+// it is skipped and counted. Files are numbered without gaps. Sound is as long as the scene's time, and places follow
+// the newest state. If that time goes back (a log that is played again), both go on as if that took no time. With
+// --listen device the sound is played instead. One flattening and one BVH serve all.
+// Threading: all calls on the scene's thread. Call frame() now and then, so that states are handed over.
 #pragma once
 
 #include <atomic>
@@ -23,14 +23,14 @@ namespace rtsg::app {
 
 class LiveOutputs final : public OutputMaker {
   public:
-    /// The world must outlive this, and its scene be in its first state. Throws as keepResources().
+    /// The world must outlive this, and its scene must be in its first state. Throws like keepResources().
     static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                        const Resources& resources);
     ~LiveOutputs() override;
 
     Result<> frame() override;
     bool failed() const override { return failed_; }
-    /// The picture under way is completed; the last state is heard, and pictured if only one was asked for.
+    /// Completes the picture in progress, hears the last state, and pictures it if only one picture was asked for.
     Result<> finish() override;
     OutputReport report() const override;
 
@@ -58,33 +58,33 @@ class LiveOutputs final : public OutputMaker {
     std::unique_ptr<LiveSound> device_;
     PictureFiles files_;
 
-    // The threads' own until they have ended.
+    // Used by the threads only until they have ended.
     OutputReport report_;
     OutputReport::Live live_;
     double nextPicture_ = 0;  // k of the next time k / F
     std::size_t stretchPictured_ = 0, stretchHeard_ = 0;
-    std::vector<std::pair<double, std::uint64_t>> heard_;  // how long sound was then, and of which state it was made
-    double soundAt_, soundMade_ = 0;                       // the scene time it has come to; its seconds
+    std::vector<std::pair<double, std::uint64_t>> heard_;  // length of the sound, and the state of which it was made
+    double soundAt_, soundMade_ = 0;  // the scene time that it has reached, and its length in seconds
 
     std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
     std::atomic<bool> afterInterruption_{false};  // set before ending_
-    std::atomic<std::uint64_t> lastMoment_{0};    // once ending_
+    std::atomic<std::uint64_t> lastMoment_{0};    // valid after ending_
     std::atomic<int> running_{0};
     mutable std::mutex mutex_;
-    std::condition_variable news_;  // of the scene's state
-    Result<> problem_;              // the first
+    std::condition_variable news_;  // signals a new state of the scene
+    Result<> problem_;              // the first one
     ElapsedTime time_;
-    double elapsed_ = 0;  // of time_, when it was last looked at
+    double elapsed_ = 0;  // from time_ when last looked at
     /// The starts from which times are counted: before time went back for the first time, for the second, and so on.
     std::vector<double> starts_;
 
     std::uint64_t stateNow_;  // guarded by mutex_
-    // The scene's thread's: of this stretch, and how many states there were before it.
+    // For the scene's thread: the first state of this stretch, and the number of states before it.
     std::uint64_t firstState_, statesBefore_ = 0;
     std::vector<std::jthread> threads_;
 };
 
-/// In step with the scene, or live, as the arguments say.
+/// Makes outputs in step with the scene, or live, as the arguments say.
 Result<std::unique_ptr<OutputMaker>> makeOutputs(WorldOnDemand& world, const OutputArguments& arguments,
                                                  const Resources& resources);
 

@@ -1,4 +1,4 @@
-// The man page, made of the program's own tables of verbs and options.
+// Makes the man page from the program's tables of verbs and options.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -8,7 +8,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// Text that roff takes as it is.
+/// Escapes text for roff.
 std::string plain(const std::string& text) {
     std::string out;
     bool lineStart = true;
@@ -25,7 +25,7 @@ std::string plain(const std::string& text) {
     return out;
 }
 
-/// The lines of a footer: those that begin with "Example: " one by one, the others as text.
+/// Formats a footer: lines that begin with "Example: " one by one, the others as text.
 std::string footer(const std::string& text) {
     std::string out;
     for (std::size_t at = 0; at < text.size();) {

@@ -1,4 +1,4 @@
-// Text for HTML and XML.
+// Markup: escapes and encodes text for HTML and XML.
 #pragma once
 
 #include <cstddef>
@@ -8,7 +8,7 @@
 
 namespace rtsg::app {
 
-/// Escaped for content and attributes; control characters, which XML cannot hold, become U+FFFD.
+/// Escapes for content and attributes. Control characters, which XML cannot have, become U+FFFD.
 std::string escapeMarkup(std::string_view text);
 std::string base64(std::span<const std::byte> bytes);
 

@@ -1,5 +1,5 @@
-// The options of what verbs make of a scene: pictures, sound, a log, a document; and the files that these name.
-// Threading: the main thread's.
+// Options for what verbs make of a scene: pictures, sound, a log, a document; and their files.
+// Threading: the main thread.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +23,7 @@ struct PictureSize {
     static PictureSize parse(std::string_view text);
 };
 
-/// --size, --spp and so on; shared by all verbs that make pictures.
+/// --size, --spp and so on, shared by all verbs that make pictures.
 struct PictureArguments {
     std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto",
                 tessellation;
@@ -34,11 +34,11 @@ struct PictureArguments {
     bool caps = false;
 
     void addTo(Command& command);
-    /// Throws UsageError for what is wrong or not built in.
+    /// Throws UsageError for invalid options, and for what is not built in.
     ImageOptions parse() const;
     /// The value of --tessellation. Throws UsageError.
     TessellationError tessellationError() const;
-    /// Throws UsageError if such a picture does not fit into the file's format.
+    /// Throws UsageError if such a picture does not fit the file's format.
     static void checkSize(const std::string& file, const ImageOptions& options);
     ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
 };
@@ -54,12 +54,12 @@ struct SoundArguments {
     bool noAir = false;
     std::string sofa, materials;
     GivenSoundArguments given;
-    std::string document;  // the scene's file, if there is one; set by the verb
+    std::string document;  // the scene's file, if any; set by the verb
 
     void addTo(Command& command);
-    /// Without what is given: GivenSoundArguments::open().
+    /// Parses everything except given sounds: see GivenSoundArguments::open().
     ListenOptions parse() const;
-    /// The files from which the sound is made, besides the scene.
+    /// The files of which the sound is made, apart from the scene.
     std::vector<std::string> files() const;
 };
 
@@ -70,30 +70,30 @@ struct OutputArguments {
     /// Scene time to make pictures and sound of; set by the verb.
     double seconds = std::numeric_limits<double>::infinity();
     bool force = false, live = false, denoise = false;
-    /// No end was stated: an interruption is the regular one. Set by the verb.
+    /// No end was stated, so an interruption is the normal end. Set by the verb.
     bool endsByInterruption = false;
     PictureArguments picture;
     SoundArguments sound;
 
-    /// `run` has an --fps of its own, which is that of its pictures; only `mirror` has --record.
+    /// `run` has its own --fps, which is that of its pictures. Only `mirror` has --record.
     enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
     void addTo(Command& command, Options which);
     bool animated() const;
-    /// --listen names the film of --render.
+    /// True if --listen names the film of --render.
     bool soundInFilm() const;
-    /// Played, not written.
+    /// True if sound is played and not written.
     bool onDevice() const { return listen == "device"; }
     bool isLive() const { return live || onDevice(); }
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     std::vector<OutputName> names() const;
-    /// The files that are asked for, by commas.
+    /// The requested files, separated by commas.
     std::string written() const;
-    /// Interrupted before the end that was stated: what is one file for all of it, or for its end, is not complete.
+    /// True if interrupted before the stated end. Then files of the whole time, or of its end, are incomplete.
     bool isCutShort() const { return !endsByInterruption && interrupted(); }
-    /// These files, not written: an error that names them, if there are any.
+    /// An error that names the files that are not written, if there are any.
     Result<> leftUnwritten() const;
-    /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
-    /// which `more` outputs of the verb go as well). Throws UsageError.
+    /// Checks before any work that everything can be made and nothing would overwrite one of `inputs` (checkFiles(),
+    /// which also checks `more`). Throws UsageError.
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
 };
 

@@ -1,4 +1,4 @@
-// What was made of a scene, and what of it is missing, for the reports of verbs.
+// OutputReport: what was made of a scene and what is missing, for the reports of verbs.
 // Threading: none of its own.
 #pragma once
 
@@ -13,49 +13,49 @@
 
 namespace rtsg::app {
 
-/// The account of what was made, for the reports of verbs.
+/// The account of what was made.
 struct OutputReport {
-    /// The scene's number of the state that each picture shows; of the one that the sound up to the same instant was
-    /// made from (0: there is none); and the instant, in seconds from the start.
+    /// For each picture: the number of the state that it shows, that of the state of which the sound at the same time
+    /// was made (0: none), and the time in seconds from the start.
     std::vector<std::uint64_t> pictureStates, soundStates;
     std::vector<double> pictureTimes;
-    std::vector<double> pictureSamples;  // RenderStats::samples of each
-    double kept = 0;                     // RenderStats::kept, added up over the pictures
-    double unreached = 0;                // RenderStats::unreached, the most of a picture
+    std::vector<double> pictureSamples;  // RenderStats::samples of each picture
+    double kept = 0;                     // RenderStats::kept, summed over the pictures
+    double unreached = 0;                // RenderStats::unreached, the most of any picture
     double soundSeconds = 0;
-    double mostBehind = 0;         // seconds of scene time that the outputs ever were behind the scene
-    std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making
-    std::string missing;           // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if all that was asked for is there
+    double mostBehind = 0;         // the most seconds of scene time that outputs were behind the scene
+    std::uint64_t overlapped = 0;  // frames that came while outputs of the frame before were still being made
+    std::string missing;           // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if nothing is missing
     SharedWorld::Counts world;
     std::optional<Flattener::Cuts> cuts;  // with --tessellation
     struct Live {
         std::uint64_t states = 0;                           // of the scene, while it was followed
-        std::uint64_t statesPictured = 0, statesHeard = 0;  // of them; the others were merged with these
-        std::uint64_t picturesSkipped = 0;  // times k / F that went by while another picture was in the making
+        std::uint64_t statesPictured = 0, statesHeard = 0;  // the other states were merged with these
+        std::uint64_t picturesSkipped = 0;  // times k / F that passed while another picture was being made
         std::optional<LiveReport> device;
     };
     std::optional<Live> live;
 
     void addMissing(std::string_view what);
-    /// Seconds; nothing if it is all there.
+    /// In seconds. Adds nothing if all of it is there.
     void addMissingSound(double made, double wanted);
-    /// The sound that was made has not come into a file, nor have the pictures, if they are one.
+    /// The sound has not been written to a file; nor have the pictures, if they are one file.
     void forget(bool pictures);
     double meanKept() const { return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size()); }
-    /// ,"pictures":… of a JSON object.
+    /// Members ,"pictures":… of a JSON object.
     std::string json() const;
-    /// A line of text.
+    /// One line of text.
     std::string text() const;
 };
 
 /// The text for RenderStats::kept; empty for 0.
 std::string keptText(double share);
 
-/// Says by how much a picture misses --error if the share `unreached` of its pixels ran out of samples; empty if it
+/// Says by how much a picture misses --error if the share `unreached` of its pixels ran out of samples. Empty if it
 /// does not.
 std::string missingError(double error, double unreached);
 
-/// ,"tessellation":… of a JSON object.
+/// Members ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);
 
 }  // namespace rtsg::app

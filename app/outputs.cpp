@@ -1,4 +1,4 @@
-// Makes pictures, sound, a log or a document of a scene that something else drives.
+// Makes pictures, sound, a log or a document of a scene that something else runs.
 #include "outputs.h"
 
 #include <algorithm>
@@ -71,7 +71,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     outputs->elapsed_ = ElapsedTime(world.scene().now());
     outputs->resources_ = resources;
-    // A picture of the end needs no earlier geometry: this is made only then.
+    // A single picture at the end needs no earlier geometry, so that is only made then.
     if (arguments.animated()) {
         if (auto ok = outputs->attachLight(); !ok) return std::unexpected(ok.error());
         world.get().onRestart([o = outputs.get()] { o->keepWhatIs(); });
@@ -149,7 +149,7 @@ void Outputs::work() {
     }
 }
 
-/// Until nothing is in the making: what the worker has is ours then. The first failure.
+/// Waits until nothing is being made, so that the worker's data may be used. Returns the first failure.
 Result<> Outputs::ready() {
     std::unique_lock lock(mutex_);
     if (job_) ++report_.overlapped;
@@ -175,17 +175,17 @@ void Outputs::begin(Job job) {
     changed_.notify_all();
 }
 
-/// A scene that starts over may go on much later (its server was out of reach): pictures until then show what was
-/// known.
+/// A scene that starts over may do so much later, as its server was out of reach. Pictures of the time between show the
+/// last known state.
 void Outputs::keepWhatIs() {
     if (!light_ || !ready()) return;
     if (auto state = light_->prepare()) before_ = std::move(*state);
 }
 
-/// Of the time that ends at `t`, which nobody saw.
+/// Makes the pictures of the time up to `t` in which nothing came.
 Result<> Outputs::pictureWhatWasBefore(double t) {
     const auto state = std::exchange(before_, nullptr);
-    const double until = t - 2 * kRounding;  // what is due at `t` itself shows what came
+    const double until = t - 2 * kRounding;  // a picture due at `t` itself shows the new state
     if (!state || !pictureIsDue(until)) return {};
     begin(Job{state, true, until});
     return ready();
@@ -202,9 +202,9 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::finish() {
-    Result<> made = ready();  // what was interrupted is not waited for
+    Result<> made = ready();  // does not wait for an interrupted picture
     if (arguments_.isCutShort()) return allOf({[&] { return made; }, [&] { return leaveUnwritten(); }});
-    afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
+    afterInterruption_ = interrupted();  // the signal that ended the run does not end the last outputs
     return allOf({[&] { return made; }, [&] { return lastPicture(); },
                   [&]() -> Result<> {
                       if (!sound_) return {};

@@ -1,4 +1,5 @@
-// The page of a replay test: verdict, time line, what differed first and why, curves, pictures side by side.
+// Makes the page of a replay test: verdict, time line, first difference with its cause, curves, and pictures side by
+// side.
 #include "replay_page.h"
 
 #include <algorithm>
@@ -54,7 +55,8 @@ std::string verdict(const ReplayOutcome& o) {
         fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())), RTSG_VERSION,
         escapeMarkup(o.log), o.scene.empty() ? "" : fmt::format(" · scene <code>{}</code>", escapeMarkup(o.scene)));
     for (const ReplayCheck& check : o.checks) {
-        if (check.failure.empty() || (check.name == "states" && r.divergence)) continue;  // that has a place of its own
+        if (check.failure.empty() || (check.name == "states" && r.divergence))
+            continue;  // that has its own place on the page
         text += fmt::format("<p class=\"bad\">{}</p>\n", escapeMarkup(check.failure));
         if (!check.advice.empty()) text += fmt::format("<pre>{}</pre>\n", escapeMarkup(check.advice));
     }
@@ -70,7 +72,7 @@ std::string firstDifference(const ReplayReport& r) {
     return text + "</div>\n";
 }
 
-/// One lane a field: where it differed.
+/// One lane for each field, showing where it differed.
 std::string timeLine(const ReplayReport& r) {
     struct Lane {
         std::string name;
@@ -78,7 +80,7 @@ std::string timeLine(const ReplayReport& r) {
     };
     std::vector<Lane> lanes;
     const double length = r.end - r.start;
-    if (!(length > 0)) return {};  // one instant, or none
+    if (!(length > 0)) return {};  // one time only, or none
     const auto share = [&](double t) { return std::clamp(t / length, 0.0, 1.0); };
     for (const FieldDifference& d : r.differences) {
         if (lanes.size() == 40) break;
@@ -107,7 +109,7 @@ std::string curve(const FieldHistory& h, double start) {
     const double span = high > low ? high - low : 1, t0 = h.samples.front().time;
     const double duration = h.samples.back().time - t0;
     if (!(duration > 0)) return {};
-    // Words beside the curve and not in it: a drawing that shrinks with the page would shrink them too.
+    // The words stand beside the drawing, because they would shrink with it on a narrow page.
     std::string svg = fmt::format(
         "<h3><code>{}.{}</code></h3>\n<p class=\"soft\">{:.4g} to {:.4g}</p>\n<svg viewBox=\"0 0 720 170\" "
         "role=\"img\" "
@@ -180,7 +182,7 @@ std::string pageFigure(const Result<Picture>& picture, std::string_view caption,
     return fmt::format("<figure>{}<figcaption class=\"soft\">{}</figcaption></figure>\n", body, caption);
 }
 
-/// Eight times the difference, so that a small one is seen.
+/// Eight times the difference, so that small ones are visible.
 Result<Picture> difference(const Result<Picture>& a, const Result<Picture>& b) {
     if (!a) return a;
     if (!b) return b;

@@ -1,6 +1,8 @@
-// Writes the results of a replay test: one self-contained HTML page for people, and JUnit XML for machines.
+// Replay page: writes the results of a replay test as a self-contained HTML page for people and as JUnit XML for
+// machines.
 //
-// Invariant: the page needs no other file and no network; all text in it is escaped. Threading: any thread.
+// Invariant: the page needs no other file and no network, and all text in it is escaped.
+// Threading: any thread.
 #pragma once
 
 #include <cstdint>
@@ -17,23 +19,23 @@ namespace rtsg::app {
 struct ReplayCheck {
     std::string name;     // "states", "picture", "sound"
     std::string failure;  // empty: passed
-    std::string advice;   // what to do about it, in lines; empty: nothing is known
+    std::string advice;   // what to do about it, in lines; may be empty
 };
 
-/// The state in which the two scenes first differed, as each has it.
+/// The state in which the two scenes first differed, as a picture of each.
 struct DifferingPictures {
-    std::uint64_t state = 0;  // the log's
+    std::uint64_t state = 0;  // number in the log
     Result<Picture> expected, made;
     ToneMap toneMap;
 };
 
 struct ReplayOutcome {
     std::string name, log, scene;
-    ReplayReport report;  // times counted from the log's start
+    ReplayReport report;  // times are counted from the log's start
     std::vector<ReplayCheck> checks;
-    std::string expectedPicture, madePicture;    // files; empty: none was compared
-    std::optional<DifferingPictures> differing;  // else
-    double seconds = 0;                          // that the test took
+    std::string expectedPicture, madePicture;    // files; empty: no picture was compared
+    std::optional<DifferingPictures> differing;  // otherwise
+    double seconds = 0;                          // duration of the test
 
     bool passed() const;
 };

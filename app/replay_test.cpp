@@ -1,4 +1,4 @@
-// rtsg replay as a test: runs the scene again and compares pictures and sound with those expected.
+// Runs `rtsg replay` as a test: runs the scene again, and compares states, pictures and sound with those expected.
 #include "replay_test.h"
 
 #include <algorithm>
@@ -22,17 +22,16 @@ namespace rtsg::app {
 
 namespace {
 
-/// The name of the file that a test makes beside the reference: it is in the current folder, away from the user's own
-/// files.
+/// The file that a test makes for comparison. It is in the current folder, away from the user's own files.
 std::string actualName(const std::string& reference) {
     const std::filesystem::path path(reference);
     return path.stem().string() + ".actual" + path.extension().string();
 }
 
-/// The picture or sound that is compared with a reference; none, if that is empty.
+/// The picture or sound that is compared with a reference; nothing if that is empty.
 ///
-/// Tests run side by side, in one folder, on references of the same name. So each makes its file under a name of its
-/// own, which nobody else writes while it is compared, and renames it in the end.
+/// Tests may run at the same time in one folder with references of the same name. So each test makes its file under a
+/// name of its own, and renames it at the end.
 class MadeFile {
   public:
     explicit MadeFile(const std::string& reference) {
@@ -42,7 +41,7 @@ class MadeFile {
         file_ = fmt::format("{}.{}{}", path.stem().string(), ::getpid(), path.extension().string());
     }
     ~MadeFile() {
-        std::error_code ignored;  // None was made, and the reason has been told.
+        std::error_code ignored;  // there may be none, and the reason has been reported
         if (!file_.empty()) std::filesystem::rename(file_, shown_, ignored);
     }
     MadeFile(const MadeFile&) = delete;
@@ -179,7 +178,7 @@ void ReplayTestArguments::addTo(Command& command) {
 
 namespace {
 
-/// There is nothing to compare with yet: how to get it.
+/// Tells how to record a log, as there is nothing to compare with yet.
 std::string howToRecord(const std::string& log, const std::string& scene) {
     return fmt::format(
         "record one, with the input that the test is about:\n"
@@ -191,7 +190,7 @@ std::string nameOfTest(const ReplayTestArguments& arguments, const std::string& 
     return arguments.name.empty() ? std::filesystem::path(log).stem().string() : arguments.name;
 }
 
-/// The page of a test that passes would be that of an earlier failure.
+/// Writes the reports of passing tests, too, because otherwise the page of an earlier failure would stay.
 Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome& outcome) {
     const auto write = [](const std::string& file, const std::string& text) {
         return file.empty() ? Result<>{} : writeWholeFile(file, std::as_bytes(std::span(text)));
@@ -249,14 +248,14 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
     fmt::print(stderr, "  and {} more field{}\n", more, more == 1 ? "" : "s");
 }
 
-/// Asks for the outputs that are to be compared. Throws UsageError if arguments contradict each other.
+/// Requests the outputs that are compared. Throws UsageError if arguments contradict each other.
 void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments& outputs) {
     if (arguments.update && arguments.rerun.empty())
         throw UsageError("--update", "needs --rerun SCENE: there is no scene to record");
     check(arguments.compared);
     if (arguments.compared.any() && arguments.rerun.empty())
         throw UsageError("--field", "needs --rerun SCENE: a replay has no values but the log's");
-    // Under the name that the user gave: what is made is called after it.
+    // Errors show the name that the user gave, not that of the file made for comparison.
     const auto checkName = [](const char* option, const std::string& file, const Result<>& ok) {
         if (!ok) throw UsageError(option, file + ": " + ok.error().text);
     };
@@ -272,7 +271,7 @@ void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments&
     }
 }
 
-/// Empty if the log was closed in order.
+/// Says how the log ends. Empty if it was closed in order.
 std::string howItEnds(const std::string& log) {
     auto opened = Replayer::open(log);
     if (!opened) return opened.error().format();
@@ -282,7 +281,7 @@ std::string howItEnds(const std::string& log) {
     return check.first() ? log + ": " + fromStart(check.first(), logStart(log))->format() : "";
 }
 
-/// Why there is nothing of the scene, or, where the whole of it is asked for, what is wrong with it.
+/// Builds the scene. Error: nothing of it is usable, or with `whole` anything is wrong with it.
 Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
                     bool whole) {
     if (load(scene, file, diagnostics, resources) && !(whole && diagnostics.errors() > 0)) return {};
@@ -291,7 +290,7 @@ Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnost
     return fail("nothing usable in it", {}, file);
 }
 
-/// Whether the scene and the log are whole.
+/// Fails the test if the scene or the log is incomplete.
 void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const Diagnostics& diagnostics) {
     if (const std::size_t errors = diagnostics.errors(); errors > 0)
         outcome.checks.push_back({"scene",
@@ -303,17 +302,17 @@ void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, c
 
 DifferingPictures picturesOf(const Scene& recorded, const Scene& now, OutputArguments outputs,
                              const Resources& resources) {
-    // They stand side by side on a page, and the test waits for them.
+    // Smaller, as they stand side by side on a page and the test waits for them.
     if (outputs.picture.size == PictureArguments().size) outputs.picture.size = "640x360";
     return {recorded.sequence(), pictureOf(recorded, outputs, resources), pictureOf(now, outputs, resources),
             outputs.picture.toneMap()};
 }
 
-/// The picture and the sound that were made.
+/// Compares the picture and the sound that were made.
 void compareWithExpected(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const MadeFile& picture,
                          const MadeFile& sound) {
     if (arguments.update) return;
-    // A run that ended at a difference has not come to the state that they are of.
+    // A run that ended at a difference has not reached the state of the references.
     const bool cut = outcome.report.divergence && outcome.report.differences.empty();
     const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
         if (reference.empty() || cut) return;
@@ -337,7 +336,7 @@ ReplayOutcome outcomeOf(const ReplayTestArguments& arguments, const std::string&
     return outcome;
 }
 
-/// A test that could not even run has failed, for whoever reads the reports too.
+/// A test that could not run has failed, in the reports, too.
 int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why,
                   const std::string& advice = {}) {
     ReplayOutcome outcome = outcomeOf(arguments, log);
@@ -377,7 +376,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
-            // For --update a scene with errors is refused: what is left of it is no reference.
+            // --update refuses a scene with errors, because the rest of it is no reference.
             return buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
         };
     test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
@@ -391,14 +390,14 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         following = std::move(*attached);
         return {};
     };
-    // A page without pictures that are expected has those of the first difference.
+    // If no picture is expected, the page shows pictures of the first difference.
     if (!arguments.page.empty() && arguments.expectPicture.empty() && !arguments.update)
         test.differ = [&](const Scene& recorded, const Scene& now) {
             outcome.differing = picturesOf(recorded, now, outputs, resources);
         };
     if (!outputs.render.empty() || !outputs.listen.empty())
         test.frame = [&](const Scene&) { return following->frame(); };
-    // Within the test's run, as the scene goes with it.
+    // Within the test's run, because the scene ends with it.
     test.finish = [&]() -> Result<> {
         if (!following) return {};
         Result<> result = following->finish();
@@ -407,7 +406,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     };
     Result<ReplayReport> report = runReplayTest(test);
     if (!report) {
-        if (diagnostics.errors() == 0) printError(report.error());  // else it has been told
+        if (diagnostics.errors() == 0) printError(report.error());  // otherwise it has been reported
         return reportFailure(arguments, log, report.error().format());
     }
 

@@ -1,5 +1,5 @@
-// The part of `rtsg replay` that is a test: the scene run afresh on the log's input, and pictures and sound compared
-// with those kept beside the log; what came of it as a page and as JUnit XML.
+// `rtsg replay` as a test: runs the scene again on the log's input, compares pictures and sound with references, and
+// writes the results as a page and as JUnit XML.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ struct ReplayTestArguments {
     FieldSelection compared;
     double pictureTolerance = 0.01, soundTolerance = -40;
     bool update = false;
-    bool closed = false;  // the log has to be, too: --verify
+    bool closed = false;  // --verify: the log must be closed, too
 
     void addTo(Command& command);
     bool any() const {
@@ -34,12 +34,12 @@ void warnOf(const std::vector<std::string>& ignoredInVain);
 /// Throws UsageError.
 void check(const FieldSelection& selection);
 
-/// The exit status. Throws UsageError for options that do not go together.
+/// Returns the exit status. Throws UsageError for options that exclude each other.
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
 
-/// Scene time where a log begins; 0 if nothing in it is intact.
+/// The scene time at which a log begins. 0 if nothing in it is intact.
 double logStart(const std::string& log);
-/// With its time counted from there.
+/// The divergence with its time counted from `start`.
 std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double start);
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.

@@ -1,4 +1,4 @@
-// Parses what a mirror's user asks of the origin, sends what is due, and says what came of it.
+// Parses requests of a mirror's user, sends those that are due, and reports the answers.
 #include "requests.h"
 
 #include <algorithm>
@@ -62,7 +62,7 @@ Result<> Requests::parseLocks(const Scene& replica) {
     return {};
 }
 
-/// Those that have the names now.
+/// The nodes that have the names now.
 Result<std::vector<NodeId>> Requests::nodesOf(const Timed& lock, const Scene& replica) {
     std::vector<NodeId> nodes;
     for (const std::string& name : lock.names) {

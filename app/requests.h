@@ -1,7 +1,7 @@
-// Requests: what the user of `rtsg mirror` asks of the origin, each when the replica has come so far since it joined.
+// Requests: what the user of `rtsg mirror` asks of the origin, at times counted from when the replica joined.
 //
 // --set sends events, --edit changes fields, --undo and --redo take the user's edits back and do them again, --lock
-// keeps nodes for the user. Among requests that are due at one time, locks go first, then edits, events, undo and redo.
+// reserves nodes. Of requests that are due at one time, locks are sent first, then edits, events, undo and redo.
 // Threading: the replica's thread.
 #pragma once
 
@@ -23,30 +23,31 @@ struct RequestArguments {
 class Requests {
   public:
     explicit Requests(const RequestArguments& arguments) : arguments_(arguments) {}
-    /// The names are known once there is a replica. Errors name the option and what is wrong with it.
+    /// Call it when there is a replica, so that names can be looked up. Errors name the option and what is wrong with
+    /// it.
     Result<> parse(Scene& replica);
-    /// Sends what is due `since` seconds after the replica joined, whose clock is at `now`.
+    /// Sends what is due `since` seconds after the replica joined; its clock is at `now`.
     void turn(MirrorClient& client, double since, double now);
-    /// Counts the answers. Requests that were refused, or not wholly taken back, are reported on standard error.
+    /// Counts the answers. Reports requests that were refused, or only partly taken back, on standard error.
     void takeVerdicts(MirrorClient& client);
-    /// Verdicts are still to come.
+    /// True while verdicts are missing.
     bool open() const { return accepted + refused < sent; }
-    /// The first, as it was typed, whose time has not come; empty: none.
+    /// The first request that is not due yet, as typed. Empty if there is none.
     std::string firstUnsent() const;
-    std::uint64_t sent = 0, accepted = 0, refused = 0, unsent = 0;  // unsent: too large, say
+    std::uint64_t sent = 0, accepted = 0, refused = 0, unsent = 0;  // unsent: too large, for example
 
   private:
     struct Timed {
         double time = 0;   // seconds
-        std::string text;  // as it was typed, with its option
+        std::string text;  // as typed, with its option
         MirrorRequest request{};
-        std::vector<std::string> names{};  // of the nodes of a lock
+        std::vector<std::string> names{};  // of the nodes to lock
     };
     Result<> parseEdits(Scene& replica);
     Result<> parseLocks(const Scene& replica);
     static Result<std::vector<NodeId>> nodesOf(const Timed& lock, const Scene& replica);
     void sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since);
-    /// `text`: what was asked, with its option.
+    /// `text` is the request with its option.
     void note(const Result<std::uint64_t>& request, std::string text);
 
     const RequestArguments& arguments_;
@@ -54,7 +55,7 @@ class Requests {
     std::vector<Timed> locks_, takenBack_;  // by time
     std::size_t nextLock_ = 0, nextTakenBack_ = 0;
     const Scene* replica_ = nullptr;
-    std::map<std::uint64_t, std::string> asked_;  // requests without an answer yet
+    std::map<std::uint64_t, std::string> asked_;  // requests without an answer
 };
 
 }  // namespace rtsg::app

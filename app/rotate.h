@@ -1,4 +1,4 @@
-// --rotate and --keep: logs in pieces, for the verbs that write long ones.
+// --rotate and --keep: divide logs into pieces, for verbs that write long ones.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +43,7 @@ struct RotateArguments {
         options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
     }
 
-    /// No recording grows onto pieces of another one.
+    /// Refuses to add to the pieces of another recording.
     Result<> checkPieces(const std::string& log, bool force) const {
         if (log.empty() || rotate.empty() || force) return {};
         const auto pieces = recordedPieces(log);

@@ -21,7 +21,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// A scene that nobody points at, and that has no Collision and no pick sensor, is not tessellated for this.
+/// Tessellates the scene only when somebody points at it, or it has a Collision or a pick sensor.
 class LateQueries final : public SpaceQueries {
   public:
     explicit LateQueries(RunningScene& running) : running_(running) {}
@@ -92,7 +92,7 @@ bool RunningScene::load() {
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_, clip_)) return false;
     errorsOfLoading_ = diagnostics.errors();
-    // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
+    // A scene file or a log begins with a state at its own time, from which the scene cannot go back.
     if (startWasGiven_ && scene_.now() > start_) {
         printError(fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now())));
         return false;
@@ -149,7 +149,7 @@ Result<> RunningScene::inject(const std::vector<std::string>& events, double end
     return {};
 }
 
-/// Networks tell of what comes only when they are asked.
+/// Networks must be polled for what arrives.
 double RunningScene::restsUntil() const {
     if (network_->counts().addresses > 0) return -std::numeric_limits<double>::infinity();
     return scene_.restsUntil() - start_;
@@ -160,7 +160,7 @@ std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     injections_.sendUntil(t, start_);
     network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);
-    if (inlines_->update() > 0) scene_.seal();  // a picture of this frame shows them
+    if (inlines_->update() > 0) scene_.seal();  // so that a picture of this frame shows them
     network_->send();
     return set;
 }
@@ -185,7 +185,8 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
         const double t = pace.timeOf(done);
         if (pace.realtime) std::this_thread::sleep_until(start + std::chrono::duration<double>(t));
         goOn = after(done, *frame(t));
-        if (done == 0) start = std::chrono::steady_clock::now();  // what attaches then takes nobody's time
+        if (done == 0)
+            start = std::chrono::steady_clock::now();  // attaching outputs to the first frame does not count as time
         if (progress) progress(done + 1, frames);
     }
     if (progress) progress(1, 1);

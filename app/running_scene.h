@@ -1,9 +1,10 @@
-// A scene file as a verb runs it: the scene, what its urls may open, the Inlines that come and go while it runs, the
-// events of --set, and what all of these have to say.
+// RunningScene: a scene file as a verb runs it, with what its urls may open, the Inlines that load and unload, the
+// events of --set, and all their diagnostics.
 //
-// Invariant: a frame is the same whichever verb runs it: the events that are due, the cascade, then the Inlines that
-// the cascade asked for, whose content is in the scene (and with all subscribers) when the call returns. Times count
-// from the start, which is start() on the scene's own clock. Threading: the scene's thread.
+// Invariant: a frame is the same whichever verb runs it: due events, the cascade, then the Inlines that the cascade
+// asked for. When the call returns, their content is in the scene and with all subscribers. Times count from start(),
+// on the scene's own clock.
+// Threading: the scene's thread.
 #pragma once
 
 #include <cstdint>
@@ -25,36 +26,36 @@
 
 namespace rtsg::app {
 
-/// How far to run, and how.
+/// How long to run, and at which frame rate.
 struct Pace {
     double seconds = 1, framesPerSecond = 60;
     bool realtime = false;
 
-    /// At k / framesPerSecond before `seconds`, and at `seconds`.
+    /// The number of frames: at k / framesPerSecond before `seconds`, and at `seconds`.
     std::uint64_t frames() const;
     double timeOf(std::uint64_t frame) const;
 };
 
 class RunningScene {
   public:
-    /// Throws UsageError as ResourceArguments::ofFile() and StartTime::seconds().
+    /// Throws UsageError like ResourceArguments::ofFile() and StartTime::seconds().
     RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
     /// Ends the scene's programs, and prints the diagnostics of their shutdown().
     ~RunningScene();
     RunningScene(const RunningScene&) = delete;
     RunningScene& operator=(const RunningScene&) = delete;
 
-    /// Before load(): addresses that DIS nodes may use; else none.
+    /// Call it before load(). Sets the addresses that DIS nodes may use; by default none.
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
-    /// Reads the file and prints its diagnostics. False if nothing usable was in it.
+    /// Reads the file and prints its diagnostics. Returns false if nothing in it was usable.
     bool load();
-    /// Errors that load() has printed: the rest of the file is there.
+    /// Number of errors that load() printed; the rest of the file is used.
     std::size_t errorsOfLoading() const { return errorsOfLoading_; }
-    /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
+    /// Call it instead of load() to go on with the session in a log, after its last state. start() is then the log's.
     Result<ResumedSession> resume(const std::string& log);
-    /// From now on all Texts say how large they are, not only those of which something in the scene may hear.
+    /// From now on all Texts are measured, not only those whose size something in the scene uses.
     void measureAllTexts();
-    /// --set; after load(). `end`: seconds, how long it will run.
+    /// --set. Call it after load(). `end` is how long the scene will run, in seconds.
     Result<> inject(const std::vector<std::string>& events, double end);
 
     const std::string& file() const { return file_; }
@@ -62,25 +63,25 @@ class RunningScene {
     const Scene& scene() const { return scene_; }
     const Resources& resources() const { return resources_; }
 
-    /// For pictures, sound and the rays of pointers.
+    /// For pictures, sound and pointer rays.
     WorldOnDemand& world() { return world_; }
 
     double start() const { return start_; }
-    /// When it does something by itself next, as Scene::restsUntil(), but counted from the start.
+    /// When the scene does something by itself next: Scene::restsUntil(), counted from the start.
     double restsUntil() const;
     /// The time of the last frame.
     double time() const { return time_; }
-    /// One frame. Returns its set; Inlines that were loaded are sets of their own, published as well.
+    /// Runs one frame and returns its set. Inlines that it loads are published as sets of their own.
     std::shared_ptr<const ChangeSet> frame(double t);
-    /// The same by the scene's clock.
+    /// The same with a time on the scene's clock.
     void frameAt(double sceneTime) { frame(sceneTime - start_); }
-    /// Frames from the present time to `seconds`, as even as those of `rtsg run`.
+    /// Runs frames from the present time to `seconds`, at the rate of `rtsg run`.
     void runTo(double seconds);
-    /// Frames until `after` (given the frame's number and its set) says false. Returns how many there were.
+    /// Runs frames until `after`, which gets the frame's number and set, returns false. Returns their number.
     std::uint64_t run(const Pace& pace, const std::string& label,
                       const std::function<bool(std::uint64_t, const ChangeSet&)>& after);
 
-    /// Prints the diagnostics since load(). `said` is the failure of a subscriber that the verb reports itself.
+    /// Prints the diagnostics since load(). `said` is a subscriber's failure that the verb reports itself.
     void printDiagnostics(std::string_view said = {});
 
   private:

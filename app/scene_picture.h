@@ -1,4 +1,4 @@
-// A picture of one state of a scene that somebody else drives.
+// Scene picture: one picture of a state of a scene that somebody else runs.
 #pragma once
 
 #include <rtsg/renderers/picture.h>
@@ -7,8 +7,8 @@
 
 namespace rtsg::app {
 
-/// A picture of a copy of the scene, as --render would make it but for its exposure: `scene` itself gets no subscriber.
-/// Errors: those of LightRenderer::picture(); a scene that cannot be copied.
+/// Draws a copy of the scene as --render would, apart from the exposure. `scene` itself gets no subscriber. Errors:
+/// those of LightRenderer::picture(); a scene that cannot be copied.
 Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, const Resources& resources);
 
 }  // namespace rtsg::app

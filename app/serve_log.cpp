@@ -1,4 +1,4 @@
-// Plays a log to mirrors in real time, as commands say.
+// Plays a log to mirrors in real time, and carries out commands.
 #include "serve_log.h"
 
 #include <chrono>
@@ -22,10 +22,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Between two looks: at the clock; while it stands still, at standard input; else until mirrors send something.
+/// Sleeps: while the log plays; while it is paused and standard input may have lines; otherwise until mirrors send
+/// something.
 constexpr std::chrono::milliseconds kPlaying{2}, kLines{50}, kStanding{500};
 
-/// Whole lines of standard input, as they come; never waits.
+/// Reads whole lines of standard input as they come, without waiting.
 class Lines {
   public:
     std::vector<std::string> take() {
@@ -43,7 +44,7 @@ class Lines {
         }
         for (std::size_t end; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
             lines.push_back(text_.substr(0, end));
-        // The last one may have no end of its own.
+        // The last line may lack its line end.
         if (ended_ && !text_.empty()) lines.push_back(std::exchange(text_, {}));
         return lines;
     }
@@ -83,9 +84,9 @@ class Playing {
         }
         played_ = std::chrono::duration<double>(Clock::now() - start).count();
     }
-    /// Seconds by the clock.
+    /// Seconds of real time.
     double played() const { return played_; }
-    /// Something of the log could not be played.
+    /// True if some of the log could not be played.
     bool lacks() const { return lacks_; }
     void print() const {
         const MirrorServerStatistics statistics = server_.statistics();
@@ -102,7 +103,7 @@ class Playing {
         fmt::print(stderr, "{}\n", terminalText(what.format()));
         lacks_ = true;
     }
-    /// Each place once, however often the log goes round; of frames that are missing, the first.
+    /// Reports each damaged place once, even if the log loops; of missing frames only the first.
     void tellOfLacks() {
         const Replayer& replayer = player_.replayer();
         const std::string file = replayer.log().file().string();
@@ -153,7 +154,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!server) return printError(namingOptions(server.error(), "--key", options.keys ? "given" : "")), kBad;
     auto web = Web::start(log.web, **server, options.keys);
     if (!web) return printError(web.error()), kBad;
-    (void)interrupted();  // from here on an interruption ends in order
+    (void)interrupted();  // from here on an interruption ends the program in order
     sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json);
     Playing playing(**player, **server, log.json);
     playing.run(log.seconds, log.arguments.control, [&] { web->service((*player)->scene(), log.resources); });

@@ -1,4 +1,4 @@
-// `rtsg serve LOG`: a log played to mirrors, with commands by standard input and by those mirrors that may send.
+// `rtsg serve LOG`: plays a log to mirrors. Standard input, and mirrors that may send, give commands.
 #pragma once
 
 #include <string>
@@ -21,13 +21,13 @@ struct ServedLog {
     std::string file, endpoint;
     ServeLogArguments arguments;
     WebArguments web;
-    Resources resources;  // what urls of the log open for browsers
+    Resources resources;  // the files that browsers may load
     double seconds = 0;   // how long to serve; may be infinite
-    double linger = 0;    // how long mirrors may catch up then
+    double linger = 0;    // how long mirrors may catch up after that
     bool json = false;
 };
 
-/// The exit status.
+/// Returns the exit status.
 int serveLog(const ServedLog& log, const MirrorServerOptions& server);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// rtsg bench: the benches by name, and their lines as JSON.
+// rtsg bench: runs benches by name, and prints their lines as JSON.
 #include <algorithm>
 #include <memory>
 #include <type_traits>
@@ -18,19 +18,19 @@ namespace {
 
 struct Bench {
     const char* name;
-    const char* group;  // whose name runs all of it but those that run only by their own
+    const char* group;  // the name of the group, which runs all but onlyByName
     const char* about;
     bool (*run)(const bench::Report& report, bool quick);
-    bool onlyByName = false;  // takes minutes and gigabytes
+    bool onlyByName = false;  // it takes minutes and gigabytes
 };
 
-/// A bench that cannot fail as one that can.
+/// Wraps a bench that cannot fail.
 template <void (*Run)(const bench::Report&, bool)>
 bool always(const bench::Report& report, bool quick) {
     Run(report, quick);
     return true;
 }
-/// One of sync's, in the size asked for.
+/// Wraps one of sync's benches in the requested size.
 template <auto Run>
 bool synced(const bench::Report& report, bool quick) {
     bench::SyncSizes sizes;
@@ -71,6 +71,7 @@ constexpr Bench kBenches[] = {
     {"sound", "audio", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
     {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",
      always<bench::deform>},
+    {"touch", "world", "a tick of touch on a mesh of 100,352 triangles, still and moving", always<bench::touch>},
     {"codec", "sync", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "sync", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "sync", "transform changes a second over loopback TCP, hash equal each frame",

@@ -1,4 +1,4 @@
-// rtsg chart: measures, and writes what was measured as CSV and SVG.
+// rtsg chart: measures, and writes the results as CSV and SVG.
 #include <algorithm>
 #include <memory>
 #include <vector>
@@ -42,6 +42,8 @@ constexpr Source kSources[] = {
          return bench::chartMirror(sink, quick) && coded;
      }},
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
+    {"touch", "the stiffest surface that does not ring, and the error of forces, against the rate of touch",
+     bench::chartTouch},
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
 };
 

@@ -1,5 +1,5 @@
-// rtsg convert: a document from one encoding to another, through filters, without a scene; to .rtsgb and to
-// other programs' meshes, and from .rtsgb, with one.
+// rtsg convert: converts a document from one encoding to another, through filters and without a scene. Only .rtsgb and
+// other programs' meshes need a scene.
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
@@ -27,7 +27,7 @@ namespace rtsg::app {
 
 namespace {
 
-constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, who know geometry
+constexpr std::string_view kTriangulate = "triangulate";  // belongs to the renderers, which know geometry
 
 struct ConvertArguments {
     std::string in, out, encoding, clip;
@@ -40,7 +40,7 @@ bool isBinaryName(const std::string& file) {
     return std::filesystem::path(file).extension() == ".rtsgb";
 }
 
-/// Of standard output: its name says nothing.
+/// The encoding for standard output, whose name says nothing.
 Encoding encodingOf(const ConvertArguments& options) {
     Encoding encoding = Encoding::classicVrml;
     bool gzip = false;
@@ -48,7 +48,7 @@ Encoding encodingOf(const ConvertArguments& options) {
     return encoding;
 }
 
-/// Filters, as they are named, before `last`: `chain` owns them.
+/// Puts the named filters before `last`; `chain` owns them.
 DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
                           std::vector<std::unique_ptr<DocumentHandler>>& chain) {
     const std::string file = options.in == "-" ? "" : options.in;
@@ -64,7 +64,7 @@ DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last
     return first;
 }
 
-/// Before anything is written: throws for a filter that there is not.
+/// Throws for an unknown filter, before anything is written.
 void checkFilters(const ConvertArguments& options) {
     Filter nowhere;
     Diagnostics unheard;
@@ -72,7 +72,7 @@ void checkFilters(const ConvertArguments& options) {
     (void)filtered(options, nowhere, unheard, chain);
 }
 
-/// The state of a scene rather than its text: through a scene.
+/// Converts the state of a scene rather than the text of a document.
 int convertBinary(const ConvertArguments& options) {
     Diagnostics diagnostics(options.in);
     Scene scene;
@@ -135,14 +135,14 @@ int convert(const ConvertArguments& options) {
         (options.in != "-" && isSceneFile(options.in)))
         return convertBinary(options);
     Diagnostics diagnostics(options.in);
-    (void)interrupted();  // from here on an interruption ends in order: no half file stays
+    (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options));
     if (!writer) return printError(writer.error()), kBad;
     const Progress bar = progressBar("converting " + options.in);
     const Progress progress = [&](std::uint64_t done, std::uint64_t total) {
         if (bar) bar(done, total);
         if (!interrupted()) return;
-        // The readers cannot be stopped from here; without close() there is no file.
+        // The readers cannot be stopped from here. Without close() there is no file.
         writer->reset();
         printError("interrupted: " + options.out + " was not written");
         std::exit(kBad);

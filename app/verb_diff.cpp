@@ -1,4 +1,4 @@
-// rtsg diff: two logs or two scenes compared, and what differs named.
+// rtsg diff: compares two logs or two scenes, and names the differences.
 #include <cmath>
 #include <memory>
 
@@ -22,7 +22,7 @@ struct DiffArguments {
     bool json = false;
 };
 
-/// One line for each difference, or one object, with `counts` as its last members.
+/// Prints one line for each difference, or one JSON object with `counts` as its last members.
 int report(const DiffArguments& options, const std::vector<Divergence>& found, const std::string& compared,
            const std::string& counts = {}) {
     const std::size_t shown = std::min<std::size_t>(found.size(), options.most);

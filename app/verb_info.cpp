@@ -81,7 +81,8 @@ int describeScene(const InfoArguments& options) {
     const Resources resources = options.resources.ofFile(options.file);
     const bool ok = load(scene, options.file, diagnostics, resources);
     std::error_code error;
-    if (!ok && options.file != "-" && !std::filesystem::exists(options.file, error)) return kBad;  // that was said
+    if (!ok && options.file != "-" && !std::filesystem::exists(options.file, error))
+        return kBad;  // load() has reported that
     Counts c = count(scene);
     countTriangles(scene, resources, c);
     const std::string profile = scene.node(scene.root()).get(x3d::RtsgScene::profile).str();
@@ -102,7 +103,7 @@ int describeScene(const InfoArguments& options) {
     return ok ? kDone : kBad;
 }
 
-/// How much is missing, and what stands in another order.
+/// Says how many frames are missing, and how many are in the wrong order.
 std::string gapsText(const LogSummary& log) {
     std::string text = log.gaps > 0 ? fmt::format(", {} missing", framesText(log.missingFrames)) : "";
     if (log.framesBehind > 0)

@@ -1,4 +1,4 @@
-// rtsg keys: makes the key files of a server and of those who may follow it.
+// rtsg keys: makes the key files of a server and of its clients.
 #include <filesystem>
 #include <memory>
 

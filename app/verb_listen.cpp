@@ -43,7 +43,7 @@ struct ListenArguments {
     }
 };
 
-/// Plays what is heard while the scene runs in real time.
+/// Plays the sound while the scene runs in real time.
 int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
         !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
@@ -62,12 +62,12 @@ int listenLive(const ListenArguments& options) {
         options.sound.given.open(running.scene(), true, parseSeconds(options.duration), live.render.sampleRate);
     live.device = options.device;
     SharedWorld& world = running.world().get();
-    // What is heard first is the scene of the first frame: in the file nothing is where behaviours put it.
+    // The sound begins with the first frame, because in the file things are not yet where behaviours put them.
     Result<std::unique_ptr<LiveSound>> sound;
     Pace pace;
     pace.seconds = parseSeconds(options.duration);
     pace.realtime = true;
-    (void)interrupted();  // from here on an interruption ends in order
+    (void)interrupted();  // from here on an interruption ends the program in order
     running.run(pace, "listening to " + options.scene, [&](std::uint64_t, const ChangeSet&) {
         if (sound && !*sound) sound = LiveSound::start(world, live);
         if (!sound) return false;
@@ -90,7 +90,7 @@ int listenLive(const ListenArguments& options) {
     return kBad;
 }
 
-/// "X Y Z", with or without commas.
+/// Parses "X Y Z", with or without commas.
 ListeningPlace parsePlace(const std::string& text) {
     ListeningPlace place{text, {}, {}};
     std::string plain = text;
@@ -107,7 +107,7 @@ bool isSofa(const std::string& file) {
     return std::filesystem::path(file).extension() == ".sofa";
 }
 
-/// Measures the room at many places, in the forms that the files' names ask for.
+/// Measures the room at many places, and writes the forms that the files' names ask for.
 Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
     std::vector<ListeningPlace> places;
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
@@ -208,7 +208,7 @@ void checkListening(const ListenArguments& options) {
         throw UsageError("--place is of --report and of --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     checkMaps(options);
-    // All of the sound is kept until its end.
+    // All of the sound is kept in memory until its end.
     constexpr double kLongest = 24 * 3600;
     if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
 }
@@ -246,7 +246,7 @@ int listenTo(const ListenArguments& options) {
     if (progress) progress(1, 1);
     if (interrupted()) return printError("interrupted: nothing was written"), kBad;
     if (!report) return printError(report.error()), kBad;
-    // A program may have had other clips played since.
+    // A script may have loaded other clips since.
     keepResources(running.scene(), running.resources(), outputs);
     running.printDiagnostics();
     print(report->diagnostics);
@@ -255,7 +255,7 @@ int listenTo(const ListenArguments& options) {
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
     if (auto ok = options.sent.write(report->streams); !ok) return printError(ok.error()), kBad;
-    // A response at one metre may exceed full scale: kept as it is, in floating point.
+    // A response at one metre may exceed full scale, so it is written in floating point.
     if (!options.ir.empty() && !isSofa(options.ir))
         if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
             return printError(ok.error()), kBad;

@@ -1,4 +1,4 @@
-// rtsg measure: how much light falls on places of a scene, with intervals.
+// rtsg measure: computes how much light falls on places of a scene, with intervals.
 #include "verb_measure.h"
 
 #include <algorithm>
@@ -30,7 +30,7 @@ struct MeasureArguments {
     bool json = false;
 };
 
-/// X,Y,Z,NX,NY,NZ. Throws UsageError.
+/// Parses X,Y,Z,NX,NY,NZ. Throws UsageError.
 std::array<double, 6> parseProbe(const std::string& text) {
     std::array<double, 6> numbers{};
     const char *at = text.data(), *end = at + text.size();
@@ -47,11 +47,11 @@ std::array<double, 6> parseProbe(const std::string& text) {
     return numbers;
 }
 
-/// How finely curved geometry is cut, for an interval of `error`: what its lamps may lack by that, which is in the
-/// interval, is a sixth of it at most for a lamp head-on (CurvedLamps in irradiance.cpp).
+/// How finely curved geometry is cut for an interval of `error`. What its lamps lack because of it is part of the
+/// interval: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
 struct Cut {
     double wanted;  // chordError
-    double made;    // that of the level which gives it
+    double made;    // that of the level that is used
     explicit Cut(double error) : wanted(std::min(.0025, error / 32)) {
         int level = 0;
         const auto chordError = [&] { return double{Tessellator::levelOptions(level).chordError}; };
@@ -80,7 +80,7 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
                i.y, v.z, i.z, found.samples, found.reached ? "" : ": fewer than the error needs");
 }
 
-/// Lights that shine elsewhere.
+/// Warns of lights that shine elsewhere.
 void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into) {
     for (const NodeId id : lightsLeftOut(state)) {
         const std::string_view name = scene.name(id);
@@ -91,7 +91,7 @@ void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into
     }
 }
 
-/// Whether a value is whole; warns of what it lacks.
+/// Returns whether a value is complete, and warns of what it lacks.
 bool isWhole(const MeasureArguments& options, const std::string& place, const Irradiance& found) {
     constexpr double kOfError = .1;
     if (found.missing > kOfError * options.error)

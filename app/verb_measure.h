@@ -1,4 +1,4 @@
-// rtsg measure, for main.cpp.
+// rtsg measure: its declaration for main.cpp.
 #pragma once
 
 #include "cli.h"

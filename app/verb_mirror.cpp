@@ -1,4 +1,4 @@
-// rtsg mirror: a replica of a served scene, and what is made of it.
+// rtsg mirror: keeps a replica of a served scene and makes outputs of it.
 #include <algorithm>
 #include <charconv>
 #include <chrono>
@@ -42,13 +42,13 @@ struct MirrorArguments {
     bool json = false;
 };
 
-/// Names that nothing in the replica has; a number begins with #.
+/// The names that no node of the replica has; a number begins with #.
 std::vector<std::string> missingParts(const Scene& replica, const std::vector<std::string>& parts) {
     std::vector<std::string> missing;
     for (const std::string& part : parts) {
         std::uint32_t number = 0;
         if (constexpr std::string_view region = "region:"; part.starts_with(region)) {
-            // A region is missing if it names a node as its centre that is not there.
+            // A region is missing if its centre node does not exist.
             const std::string name = part.substr(region.size(), part.find(',') - region.size());
             double radius = 0;
             const bool isName = std::from_chars(name.data(), name.data() + name.size(), radius).ec != std::errc();
@@ -67,7 +67,7 @@ double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// At a lower rate the messages of the session itself would fill the link.
+/// At a lower rate the session's own messages would fill the link.
 constexpr std::uint64_t kLeastRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
@@ -91,7 +91,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     result.framesPerSecond = options.fps;
     result.maxRecord = options.maxRecord;
     result.mostBytesPerSecond = options.maxRate;
-    // Outputs that are made of every frame need every frame, however late.
+    // Outputs of every frame need every frame, however late.
     const bool everyFrame = options.outputs.any() && !options.outputs.isLive();
     const std::string lag = !options.maxLag.empty() ? options.maxLag : everyFrame ? "0" : "250ms";
     result.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(lag)));
@@ -106,8 +106,8 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     return result;
 }
 
-/// The outputs of the replica: a log of every frame; pictures and sound of every frame on a thread of their own, or
-/// with --live of the newest state.
+/// The outputs of the replica: a log of every frame, and pictures and sound of every frame on a thread of their own, or
+/// of the newest state with --live.
 class Made {
   public:
     Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
@@ -142,8 +142,8 @@ class Made {
         if (log_) log_->add(replica_, step);
         if (behind_) behind_->step(step);
     }
-    /// In every turn of the mirror's loop. What fails costs the others nothing. False: there is no sense in going on,
-    /// as nothing that was asked for can still be made.
+    /// Called in every turn of the mirror's loop. One failure does not affect other outputs. Returns false if nothing
+    /// that was asked for can still be made.
     bool frame() {
         if (!problem_) return false;
         if (log_ && !logFailed_ && !log_->failure().empty()) {
@@ -166,11 +166,11 @@ class Made {
             report.addMissing(log_ ? fmt::format("the log beyond state {}", log_->acknowledged()) : "the log");
         return report;
     }
-    /// Frames that were encoded here, as no record came that would do.
+    /// Number of frames encoded here, because no usable record came.
     std::uint64_t encoded() const { return (log_ ? log_->encoded() : 0) + (behind_ ? behind_->encoded() : 0); }
 
   private:
-    /// That it failed has been said, if it did so earlier.
+    /// A log that failed earlier has been reported.
     Result<> finishLog() {
         if (!log_ || logFailed_) return {};
         const Result<> done = log_->stop();
@@ -179,13 +179,13 @@ class Made {
     }
 
     Scene& replica_;
-    const bool makesMore_;  // than a log
+    const bool makesMore_;  // outputs other than a log
     bool logFailed_ = false, outputsFailed_ = false;
     Result<> problem_;
     std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<RecordLog> log_;
     std::unique_ptr<OutputMaker> outputs_;
-    OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that kind
+    OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that type
 };
 
 class Mirroring {
@@ -201,43 +201,43 @@ class Mirroring {
     int run();
 
   private:
-    /// Scene time since it joined, rounded to a microsecond: times since 1970 are exact to a quarter of that.
+    /// Scene time since joining, rounded to a microsecond; doubles of times since 1970 are exact to a quarter of that.
     double since() const { return std::round(since_ * 1e6) / 1e6; }
-    /// The replica may have gone on, or back.
+    /// Notes whether the replica has gone on or back.
     void noteTime() {
         if (std::exchange(time_, replica_.now()) != replica_.now()) movedAt_ = Clock::now();
         since_ = elapsed_.at(replica_.now());
     }
-    /// Whether an output's length is that of the scene's time that goes by.
+    /// True if an output is as long as the scene time that passes.
     bool hasLength() const {
         const OutputArguments& outputs = options_.outputs;
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
     }
     bool joined() const { return made_ != nullptr; }
     const MirrorStatistics& statistics() const { return client_ ? client_->statistics() : last_; }
-    /// In order: the server need not wonder what became of us while outputs are still being made.
+    /// Leaves in order, so that the server does not take us for lost while outputs are still being made.
     void leave() {
         last_ = client_->statistics();
         client_.reset();
     }
     /// In step with a scene that has stood still for a while.
     bool standsStill() const { return secondsSince(movedAt_) >= std::min(duration_, 1.0) && client_->inStep(); }
-    /// Since it joined, in scene time; by the clock where the scene stands still and nothing is made that has a length.
+    /// Scene time since joining; real time if the scene stands still and no output has a length.
     double reached() const {
         return !hasLength() && standsStill() ? std::max(since(), secondsSince(joinedAt_)) : since();
     }
-    /// Since it joined.
+    /// Average since joining.
     double framesPerSecond() const {
         const auto frames = static_cast<double>(statistics().frames - framesBefore_);
         return joined() && seconds_ > 0 ? frames / seconds_ : 0;
     }
-    /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
-    /// the server had kept goes by in no time. False ends it with status_.
+    /// Joins when the replica is in the state that the origin had when we came, or as near as it will get. Earlier
+    /// states from the server's history pass at once. Returns false if it failed with status_.
     bool join();
     bool mayJoin();
     void follow();
     std::chrono::milliseconds longestPoll() const;
-    /// --control, once, and what the player says to it.
+    /// Sends each --control once, and prints the player's replies.
     void control(MirrorClient& client) {
         while (controls_ < options_.control.size() && client.control(options_.control[controls_])) ++controls_;
         for (const std::string& reply : client.takeReplies()) {
@@ -251,9 +251,9 @@ class Mirroring {
     bool isOver(std::size_t applied);
     bool bringsOnlyGarbage(std::size_t applied);
     void sayWhetherHeard();
-    /// The state to catch up with; of another session, which may have begun since, it is that one's.
+    /// The state to catch up with. If another session has begun since, it is that session's.
     std::uint64_t wanted() const { return std::min(known_, statistics().originSequence); }
-    /// The origin was in this state when we had seen enough, or in that which the replica has got to since.
+    /// The origin's state when --for was over, or a later one that the replica has reached.
     std::uint64_t origin() const { return std::max(wanted(), statistics().sequence); }
     void catchUp();
     void awaitAnswers();
@@ -272,23 +272,23 @@ class Mirroring {
     const Resources resources_;
     Scene replica_;
     Requests requests_;
-    std::size_t controls_ = 0, replies_ = 0;  // sent, answered
-    std::unique_ptr<MirrorClient> client_;    // until it has left
+    std::size_t controls_ = 0, replies_ = 0;  // commands sent and answered
+    std::unique_ptr<MirrorClient> client_;    // null after leaving
     MirrorStatistics last_;
     std::unique_ptr<Made> made_;
-    std::optional<std::uint64_t> firstState_;  // that counts as joined
-    std::uint64_t known_ = 0;                  // the origin's state when we had seen enough
+    std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
+    std::uint64_t known_ = 0;                  // the origin's state when --for was over
     ElapsedTime elapsed_;
-    std::uint64_t framesBefore_ = 0;  // it joined: what the server had kept
+    std::uint64_t framesBefore_ = 0;  // frames before joining, from the server's history
     double since_ = 0, time_ = 0, seconds_ = 0;
-    Clock::time_point firstAt_;  // a state came
+    Clock::time_point firstAt_;  // when the first state came
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
-    Clock::time_point lostAt_ = Clock::now();  // it was heard until then
-    Clock::time_point useful_ = Clock::now();  // what came was, until then
-    std::uint64_t garbageThen_ = 0;            // messages that were not, by then
+    Clock::time_point lostAt_ = Clock::now();  // when it was last heard
+    Clock::time_point useful_ = Clock::now();  // when something useful last came
+    std::uint64_t garbageThen_ = 0;            // useless messages until then
     bool good_ = true, equal_ = false, stoodStill_ = false, saidLost_ = false;
     int status_ = kDone;
-    OutputReport report_;  // of the outputs, in the end
+    OutputReport report_;  // of the outputs, at the end
 };
 
 bool Mirroring::join() {
@@ -316,8 +316,8 @@ bool Mirroring::mayJoin() {
         firstState_ = statistics.originSequence;
         firstAt_ = Clock::now();
     }
-    // What the server says is not believed for ever: on a link so slow, or of a server so wrong, the outputs begin with
-    // the state that is here.
+    // The server is not believed for ever. On a very slow link, or with a faulty server, outputs begin with the state
+    // that is here.
     return statistics.sequence >= *firstState_ || client_->serverLeft() ||
            secondsSince(firstAt_) > patience_ + latency_;
 }
@@ -328,12 +328,12 @@ bool Mirroring::isOver(std::size_t applied) {
     if (client.serverLeft() && applied == 0) return true;
     if (applied > 0 || client.inStep() || client.receiving()) heard_ = Clock::now();
     if (joined() && reached() >= duration_) return true;
-    // A log that is paused, or at its end, may do so for good; a scene that is held up for a moment goes on.
+    // A log that is paused or at its end may stand still for ever. A scene that is only held up goes on.
     stoodStill_ = joined() && client.inStep() && secondsSince(movedAt_) >= std::max(duration_, patience_) + latency_;
     if (stoodStill_) return true;
     if (bringsOnlyGarbage(applied)) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
-    // A server that ends in order says goodbye; a relay that has lost its origin says so.
+    // A server that ends in order says goodbye, and a relay says that it has lost its origin.
     const MirrorStatistics& statistics = client.statistics();
     const bool heard = joined() || statistics.messages > 0;
     fail(fmt::format("{}: {} for {} s", options_.endpoint,
@@ -348,7 +348,8 @@ bool Mirroring::isOver(std::size_t applied) {
     return true;
 }
 
-/// For as long as we wait nothing that came was of use, and more than by chance: what comes next will be no better.
+/// True if only useless messages came for our whole patience, and more than by chance. Then later ones will not be
+/// better.
 bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
     constexpr std::uint64_t kByChance = 8;
     const std::uint64_t garbage = client_->statistics().garbage;
@@ -362,7 +363,7 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
     return true;
 }
 
-/// Where nothing is to be done by the clock, until something comes.
+/// How long to wait if the clock needs nothing: until something comes.
 std::chrono::milliseconds Mirroring::longestPoll() const {
     constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
     const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
@@ -379,7 +380,7 @@ void Mirroring::follow() {
         const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
-        // A server that has no room for us now may have some in a while.
+        // A server without room may have some in a while.
         if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
             break;
@@ -397,7 +398,7 @@ void Mirroring::follow() {
     if (progress) progress(1, 1);
 }
 
-/// A server that plays a log makes us join anew where it jumps: that is no loss.
+/// A server that plays a log makes us join anew at jumps, which is no loss.
 void Mirroring::sayWhetherHeard() {
     const bool lost = client_->originLost() && !client_->serverLeft();
     if (!lost) lostAt_ = Clock::now();
@@ -407,10 +408,9 @@ void Mirroring::sayWhetherHeard() {
                lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again");
 }
 
-/// Waits for records that are known to be missing: on a slow link they may be on their way for long, while the origin
-/// goes on.
+/// Waits for records that are known to be missing. On a slow link they may take long, while the origin goes on.
 void Mirroring::catchUp() {
-    constexpr double kMost = 10;  // times the patience
+    constexpr double kMost = 10;  // factor on the patience
     MirrorClient& client = *client_;
     known_ = client.statistics().originSequence;
     const auto end = Clock::now();
@@ -420,7 +420,7 @@ void Mirroring::catchUp() {
         if (client.poll(std::chrono::milliseconds(50)) > 0 || client.receiving()) came = Clock::now();
 }
 
-/// Waits for answers: a request may be carried out after the time of --for.
+/// Waits for answers, because a request may be carried out after the time of --for.
 void Mirroring::awaitAnswers() {
     if (!joined()) return;
     const auto end = Clock::now();
@@ -469,7 +469,7 @@ void Mirroring::finish() {
     good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused + requests_.unsent == 0;
 }
 
-/// Compares the hashes if both are in the same state.
+/// Compares the hashes if both sides are in the same state.
 std::string Mirroring::comparison() const {
     const MirrorStatistics& statistics = this->statistics();
     if (statistics.equal && !equal_)

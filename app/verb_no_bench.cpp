@@ -1,4 +1,4 @@
-// rtsg bench and rtsg chart in a build without them: they say so.
+// Says that this build has no rtsg bench and rtsg chart.
 #include "cli.h"
 
 namespace rtsg::app {

@@ -1,4 +1,4 @@
-// rtsg pick: what a ray, a point or a moving ball meets in a scene.
+// rtsg pick: finds what a ray, a point or a moving ball meets in a scene.
 #include <memory>
 
 #include <fmt/format.h>

@@ -27,7 +27,7 @@ struct RecordArguments {
     bool realtime = false, json = false, inputs = false, force = false;
 };
 
-/// The log of a scene: on a thread of its own, but for logs with inputs, which need the running scene itself.
+/// The log of a scene. It has a thread of its own, except with inputs, which need the running scene itself.
 class Recording {
   public:
     static Result<std::unique_ptr<Recording>> start(Scene& scene, const std::string& file, const LogOptions& options) {
@@ -98,7 +98,7 @@ int record(const RecordArguments& options) {
         lossy = std::move(*followed);
     }
     scene.setInputRecording(options.inputs || wanted.mode.mode == Mode::input);
-    (void)interrupted();  // from here on an interruption ends in order: no half file stays
+    (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     auto log = Recording::start(lossy ? lossy->scene() : scene, options.out, wanted);
     if (!log) return printError(log.error()), kBad;
     const auto follow = [&](std::uint64_t, const ChangeSet&) { return (*log)->failure().empty() && !interrupted(); };

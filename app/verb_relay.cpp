@@ -1,4 +1,4 @@
-// rtsg relay: passes a served session on to mirrors of its own, requests and verdicts too.
+// rtsg relay: passes a served session on to mirrors of its own, with requests and verdicts.
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -39,7 +39,7 @@ void printNews(Source& source) {
         if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
-/// Between two looks at what is to be told, while nothing comes.
+/// The wait between two looks at what to report, if nothing comes.
 constexpr std::chrono::milliseconds kTurn{500};
 
 class Relaying {
@@ -84,7 +84,7 @@ class Relaying {
         to.upstream = *mirrorUpstreamFromName(options_.upstream);
         to.maximumPeers = options_.peers;
         to.maximumParts = options_.parts;
-        (void)interrupted();  // from here on an interruption ends in order
+        (void)interrupted();  // from here on an interruption ends the program in order
         auto relay = MirrorRelay::connect(replica_, options_.origin, options_.endpoint, std::move(from), std::move(to));
         if (!relay) return std::unexpected(relay.error());
         relay_ = std::move(*relay);
@@ -104,7 +104,7 @@ class Relaying {
         if (!client.originLost()) heard_ = Clock::now();
         const bool left = client.serverLeft(), refused = !client.refusal().empty() && !client.turnedAway();
         if (refused) fail(fmt::format("{} refused: {}", options_.origin, client.refusal()));
-        if (left) over_ = true;  // in order: so does the relay
+        if (left) over_ = true;  // the origin has ended in order, so the relay does
         if (!over_ && seconds(heard_) > patience_)
             fail(client.turnedAway() ? fmt::format("{} refused: {}", options_.origin, client.refusal())
                                      : fmt::format("{}: no origin for {} s", options_.origin, patience_));
@@ -143,7 +143,7 @@ class Relaying {
     std::unique_ptr<MirrorRelay> relay_;
     Clock::time_point start_ = Clock::now(), heard_ = Clock::now();
     bool over_ = false, good_ = true;
-    bool serves_ = true;  // nothing keeps it from that
+    bool serves_ = true;  // nothing prevents it from serving
 };
 
 int relay(const RelayArguments& options) {

@@ -34,7 +34,7 @@ constexpr LayerName kLayers[] = {{"depth", kDepth},   {"position", kPosition}, {
                                  {"albedo", kAlbedo}, {"node", kNode},         {"names", kObjects | kMaterials},
                                  {"motion", kMotion}, {"all", kAllLayers}};
 
-/// DataLayers of a list of names. Throws UsageError.
+/// Parses a list of names to DataLayers. Throws UsageError.
 std::uint32_t parseLayers(std::string_view list) {
     std::uint32_t bits = 0;
     for (std::size_t at = 0; at < list.size();) {
@@ -53,7 +53,7 @@ std::uint32_t parseLayers(std::string_view list) {
     return bits;
 }
 
-/// The eye: lens, panorama, stereo. Throws UsageError.
+/// Adds the options of the eye: lens, panorama, stereo. Throws UsageError.
 void addEye(const RenderArguments& options, ImageOptions& image) {
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
         throw UsageError("--panorama", "is of one eye without a lens");
@@ -70,7 +70,7 @@ double noiseOverMean(const RenderStats& stats) {
     return stats.mean > 0 ? stats.noise / stats.mean : 0;
 }
 
-/// `all` has, over the frames, the largest missing light, error and noise, and the means of samples and of kept pixels.
+/// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
@@ -122,10 +122,10 @@ int render(const RenderArguments& options) {
         return printError(ok.error()), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
-    // The picture before the first one is not made; what things have moved from since must be known all the same.
+    // No picture is made of the frame before the first one, but its state is needed to know what has moved since.
     const double before = time - 1 / options.fps;
     const bool remembers = (image.settings.shutter > 0 || (image.settings.layers & kMotion)) && before >= 0;
-    // Geometry is made from the first state that is seen, since nothing is drawn of earlier ones.
+    // Geometry is made from the first state that is seen, as earlier ones are not drawn.
     running.runTo(remembers ? before : time);
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));

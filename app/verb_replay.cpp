@@ -1,4 +1,4 @@
-// rtsg replay: a log played back, verified, compared, shortened, exported, or run as a test.
+// rtsg replay: plays a log back, verifies, compares, shortens or exports it, or runs it as a test.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -54,7 +54,7 @@ int diff(const ReplayArguments& options) {
     return first ? kBad : kDone;
 }
 
-/// `seek`: as it was typed; empty: nothing was.
+/// `seek` is the option as typed; empty if it was not given.
 Result<> reaches(const std::string& log, double time, const std::string& seek) {
     if (seek.empty()) return {};
     const auto summary = summariseLog(log);
@@ -65,14 +65,14 @@ Result<> reaches(const std::string& log, double time, const std::string& seek) {
         {}, log);
 }
 
-/// "2 of 5 s of the log, which ends at t = 3 s"; empty if it goes as far as was asked for.
+/// Says "2 of 5 s of the log, which ends at t = 3 s". Empty if the log is long enough.
 std::string missingOfLog(double there, double wanted, double end) {
-    constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
+    constexpr double kRounding = 1e-6;  // doubles of times since 1970 are exact to a quarter of that
     if (there >= wanted - kRounding) return {};
     return fmt::format("{:.6g} of {:.6g} s of the log, which ends at t = {:.6g} s", wanted - there, wanted, end);
 }
 
-/// What --compact keeps is shorter than --for.
+/// Says so if what --compact keeps is shorter than --for.
 Result<std::string> missingOfCompacted(const ReplayArguments& options) {
     if (options.duration.empty()) return std::string();
     const auto summary = summariseLog(options.log);
@@ -117,7 +117,7 @@ int compact(const ReplayArguments& options) {
     return report->lacks.empty() && missing->empty() ? kDone : kBad;
 }
 
-/// A log played from its start, or from --seek on, with what is made of it.
+/// Plays a log from its start or from --seek on, and makes the outputs.
 class Replaying {
   public:
     Replaying(const ReplayArguments& options, Replayer& replayer)
@@ -146,10 +146,11 @@ class Replaying {
 
   private:
     bool seeks() const { return !options_.seek.empty(); }
-    /// Since the log's start, to a microsecond: times since 1970 are exact to a quarter of that.
+    /// Seconds since the log's start, rounded to a microsecond; doubles of times since 1970 are exact to a quarter of
+    /// that.
     double time() const { return microseconds(time_); }
     static double microseconds(double seconds) { return std::round(seconds * 1e6) / 1e6; }
-    /// After a step or a seek. Another session within the log may begin with an earlier time.
+    /// Call it after a step or a seek. Another session in the log may begin with an earlier time.
     void noteTime() { time_ = replayer_.frames() == 0 ? 0 : replayer_.time() - start_; }
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
 
@@ -179,7 +180,7 @@ class Replaying {
         OutputMaker& outputs = **attached;
         auto exported = startExport(world);
         if (!exported) return std::unexpected(exported.error());
-        // A state that was asked for by its time is what is shown or saved; anything that has a length plays on.
+        // With --seek alone the state at that time is shown or saved. Anything that has a length plays on.
         if (!seeks() || !options_.duration.empty() || options_.verify || *exported ||
             !options_.outputs.listen.empty() || options_.outputs.animated())
             step(outputs);
@@ -197,7 +198,7 @@ class Replaying {
         return {};
     }
 
-    /// What is missing, and which files lack it.
+    /// Says what is missing, and which files lack it.
     void tell(OutputReport report, const OutputArguments& wanted) {
         const std::string ofLog =
             options_.duration.empty() || cut_ ? std::string() : missingOfLog(time() - begun_, length_, time());
@@ -215,7 +216,7 @@ class Replaying {
         made_ = report.json();
     }
 
-    /// Null if there is none to be made.
+    /// Null if no export was asked for.
     Result<std::unique_ptr<McapExport>> startExport(WorldOnDemand& world) {
         if (options_.exported.empty()) return nullptr;
         McapOptions mcap;
@@ -230,7 +231,7 @@ class Replaying {
         const auto begun = std::chrono::steady_clock::now() - std::chrono::duration<double>(time());
         const bool looks = !options_.outputs.render.empty() || !options_.outputs.listen.empty();
         while (more_ && !interrupted() && !outputs.failed()) {
-            // All sets of one instant make one frame: an Inline that it loaded is a set of its own. To look ahead costs
+            // All sets of one time make one frame: an Inline that it loaded is a set of its own. Looking ahead costs
             // about as much as the states themselves.
             const std::optional<double> next = looks ? replayer_.nextTime() : std::nullopt;
             if (!next || *next != replayer_.scene().now()) {
@@ -239,7 +240,7 @@ class Replaying {
                     wait(outputs,
                          begun + std::chrono::duration<double>(time_ + std::max(0.0, *next - replayer_.scene().now())));
             }
-            more_ = check_.step().value_or(true);  // it goes on with the next keyframe
+            more_ = check_.step().value_or(true);  // after an error it goes on at the next keyframe
             noteTime();
             if (progress) progress(replayer_.log().position(), replayer_.log().size());
         }
@@ -251,7 +252,7 @@ class Replaying {
                        : fmt::format("interrupted: what is written holds {} to t = {} s", options_.log, time()));
     }
 
-    /// Until then nothing comes; who asks for the newest state gets it.
+    /// Waits until that time. Nothing comes meanwhile, so whoever asks gets the newest state.
     template <class Moment>
     static void wait(OutputMaker& outputs, Moment until) {
         while (!interrupted() && outputs.frame() && std::chrono::steady_clock::now() < until)
@@ -259,7 +260,7 @@ class Replaying {
                 std::chrono::milliseconds(20), until - std::chrono::steady_clock::now()));
     }
 
-    /// Names the log's format, if it is not this program's own: the states' hashes were compared by that.
+    /// Names the log's format if it is not this program's own, because hashes are then compared in that format.
     std::string format() const {
         const unsigned version = replayer_.head().formatVersion;
         return version == kFormatVersion ? std::string()
@@ -271,12 +272,12 @@ class Replaying {
                                    piece->format())
                      : std::string();
     }
-    /// Another session follows, and what came between is nowhere.
+    /// Says that another session follows, and that it is unknown what came between.
     std::string unclosed() const {
         const std::uint64_t ends = replayer_.unclosedSessions();
         return ends ? fmt::format("; {} session{} within it not closed", ends, ends == 1 ? "" : "s") : std::string();
     }
-    /// Read to its end; what came after that is nowhere.
+    /// Says that the log was read to its end, and that it is unknown what came after that.
     std::string openEnd() const {
         const LogReader& log = replayer_.log();
         if (more_ || cut_ || log.closed() || log.beingWritten()) return "";
@@ -315,7 +316,7 @@ class Replaying {
     Replayer& replayer_;
     LogCheck check_;
     const double start_;
-    double time_ = 0, begun_ = 0;  // now; when it began to play
+    double time_ = 0, begun_ = 0;  // the present time, and when playing began
     const double length_;
     const Resources resources_;
     bool more_ = false, cut_ = false;
@@ -328,14 +329,14 @@ bool holds(const OptionNames& names, std::string_view option) {
     return std::ranges::find(names, option) != names.end();
 }
 
-/// Something that `replay` does with a log, and the options that have a meaning then.
+/// Something that `replay` does with a log, and the options that make sense with it.
 struct ReplayMode {
-    OptionNames asks;  // any of these asks for it
+    OptionNames asks;  // any of these requests it
     OptionNames takes;
-    bool makesOutputs = false;  // --render, --listen, --save and what they take
+    bool makesOutputs = false;  // takes --render, --listen, --save and their options
 };
 
-/// The first that is asked for holds; the last one needs not be.
+/// The first mode that is requested counts. The last one needs no request.
 const std::vector<ReplayMode>& replayModes() {
     static const std::vector<ReplayMode> modes = {
         {{"--diff"}, {}},
@@ -349,7 +350,7 @@ const std::vector<ReplayMode>& replayModes() {
     return modes;
 }
 
-/// The option, as it was typed, that asks for the mode; empty if none does.
+/// The typed option that requests the mode. Empty if none does.
 std::string_view askingFor(const ReplayMode& mode, const OptionNames& given) {
     const auto found = std::ranges::find_if(given, [&](std::string_view option) { return holds(mode.asks, option); });
     return found == given.end() ? std::string_view() : *found;
@@ -361,7 +362,7 @@ const ReplayMode& modeOf(const OptionNames& given) {
     return replayModes().back();
 }
 
-/// Throws UsageError for an option that goes with others alone.
+/// Throws UsageError for an option that needs another one.
 void checkNeeded(const OptionNames& given) {
     static const std::pair<std::string_view, OptionNames> needed[] = {{"--every", {"--compact"}},
                                                                       {"--interval", {"--compact"}},
@@ -374,12 +375,12 @@ void checkNeeded(const OptionNames& given) {
             throw UsageError(std::string(option), fmt::format("goes with {}", fmt::join(others, " or ")));
 }
 
-/// Throws UsageError for what was asked for and would not be done.
+/// Throws UsageError for options that would have no effect.
 void checkTogether(const std::vector<std::string>& typed) {
     const OptionNames given(typed.begin(), typed.end());
     checkNeeded(given);
     const ReplayMode& mode = modeOf(given);
-    // These say what may be done, not what is to be.
+    // These options permit something rather than request it.
     static const OptionNames always = {"LOG", "--json", "--force", "--base", "--allow", "--limit"};
     for (const std::string_view option : given) {
         if (holds(mode.asks, option) || holds(mode.takes, option) || holds(always, option)) continue;
@@ -401,7 +402,7 @@ int replay(const Command& command, const ReplayArguments& options) {
         !ok)
         return printError(ok.error()), kBad;
     if (!options.diff.empty()) return diff(options);
-    (void)interrupted();  // from here on an interruption ends in order: no half file stays
+    (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     if (!options.compact.empty()) return compact(options);
     if (!options.blamed.empty()) return blame(options.log, options.blamed, options.json);
     if (options.test.any()) {
@@ -409,7 +410,7 @@ int replay(const Command& command, const ReplayArguments& options) {
         test.closed = options.verify;
         return runReplayTest(options.log, test, options.outputs, options.json);
     }
-    if (!options.seek.empty()) parseSeconds(options.seek);  // before anything is opened
+    if (!options.seek.empty()) parseSeconds(options.seek);  // checked before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
     tellOfEarlierPieces(options.log);

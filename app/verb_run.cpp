@@ -1,4 +1,4 @@
-// rtsg run: the cascade of a scene in simulated time, with events sent and watched.
+// rtsg run: runs a scene in simulated time, sends events to it, and prints watched ones.
 #include <algorithm>
 #include <memory>
 #include <optional>
@@ -27,7 +27,7 @@ struct RunArguments {
     bool realtime = false, hash = false, json = false;
 };
 
-/// "DEF.field", "DEF.*" or "*"; empty field: all of the node's.
+/// "DEF.field", "DEF.*" or "*". With an empty field all fields of the node.
 struct Watch {
     NodeId node;
     FieldIndex field = kNoField;
@@ -55,7 +55,7 @@ Result<std::vector<Watch>> parseWatches(const Scene& scene, const std::vector<st
     return watches;
 }
 
-/// Whether this is about events that a Text sends by itself.
+/// True if it watches events that a Text sends by itself.
 bool isOfTexts(const Scene& scene, const Watch& watch) {
     using T = x3d::Text;
     const auto isOne = [&](auto... fields) { return ((watch.field == fields.index) || ...); };
@@ -77,14 +77,14 @@ void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
     });
 }
 
-/// Pictures, sound and the saved scene, of the frames from the first on.
+/// Makes pictures, sound and the saved scene, from the first frame on.
 class RunMade {
   public:
     RunMade(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
         arguments_.picturesPerSecond = options.fps;
         arguments_.seconds = parseSeconds(options.duration);
     }
-    /// To be called after each frame; false if it is useless to go on.
+    /// Call it after each frame. Returns false if going on is useless.
     bool follow(std::uint64_t frame) {
         if (!arguments_.any()) return !interrupted();
         if (frame == 0) {
@@ -98,7 +98,7 @@ class RunMade {
         }
         return outputs_->frame() && !interrupted();
     }
-    /// False, and said, if not all that was asked for is there.
+    /// Returns false, after reporting it, if something that was asked for is missing.
     bool finish(bool complete) {
         if (!complete && interrupted() && !(outputs_ && outputs_->failed()))
             printError(fmt::format("interrupted after {} of {} s", running_.time(), arguments_.seconds));
@@ -125,7 +125,7 @@ class RunMade {
     std::optional<OutputReport> report_;
 };
 
-/// Checks the viewpoint of pictures. False if it is not there and cannot come any more.
+/// Checks the viewpoint of pictures. Returns false if it does not exist and cannot come later.
 bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
     const std::string& name = outputs.picture.viewpoint;
     if (name.empty() || outputs.render.empty()) return true;
@@ -163,14 +163,14 @@ int runScene(const RunArguments& options) {
     if (!watches) return printError(watches.error()), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
     RunMade made(running, options);
-    (void)interrupted();  // from here on an interruption ends in order: no line is cut
+    (void)interrupted();  // from here on an interruption ends the program in order and cuts no line
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
         return made.follow(k);
     });
     running.printDiagnostics();
     const bool good = made.finish(frames == pace.frames());
-    // Text would be in the way of whoever reads the events; a summary in JSON is one line more.
+    // Readers of the events do not want other text; a summary in JSON is one more line for them.
     if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, running.time(), scene.hash().hex(),
                    made.json());

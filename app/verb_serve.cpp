@@ -1,4 +1,4 @@
-// rtsg serve: a scene in real time, mirrored and recorded.
+// rtsg serve: runs a scene in real time, and mirrors and records it.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -32,8 +32,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Of a scene that rests mirrors get a frame each so many seconds, which tells them the time and that the server lives:
-/// a little more often than it would have to ping them.
+/// While a scene rests, mirrors get a frame after so many seconds. It tells them the time and that the server lives,
+/// slightly more often than the server would have to ping them.
 constexpr double kTimeIsTold = 1.4;
 
 struct ServeArguments {
@@ -53,7 +53,7 @@ struct ServeArguments {
     bool insecure = false, json = false, force = false;
 };
 
-/// A key file that is not there yet is made: the client is given a copy.
+/// Makes a missing key file; the client gets a copy.
 Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     if (file.empty()) return std::nullopt;
     if (!std::filesystem::exists(file)) {
@@ -70,7 +70,7 @@ void printServerNews(MirrorServer& server) {
     for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
-/// Until so many mirrors have the scene's first state, which is then that of all of them.
+/// Waits until so many mirrors have the scene's first state, so that all of them have it.
 void await(MirrorServer& server, std::size_t mirrors) {
     for (bool there = false; !there && !interrupted();) {
         server.service();
@@ -80,7 +80,7 @@ void await(MirrorServer& server, std::size_t mirrors) {
     }
 }
 
-/// From its file, or as the log of the session has it.
+/// Begins with the scene's file, or with the session of the log.
 Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeArguments& options) {
     if (options.resume.empty()) {
         if (!running.load()) return fail("nothing usable in it", {}, options.scene);
@@ -124,7 +124,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
     return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(duration)));
 }
 
-/// All but what depends on the scene.
+/// Sets all options that do not depend on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     checkEndpoint("--bind", options.endpoint);
     MirrorServerOptions result;
@@ -160,7 +160,7 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
                     *serverOptions);
 }
 
-/// The bytes that mirrors get; of a lossy session, which sends them other values, the scene's own.
+/// Has the bytes that mirrors get. A lossy session sends them other values, so its log is of the scene itself.
 struct SessionLog {
     std::shared_ptr<RecordLog> sent;
     std::unique_ptr<LogRecorder> own;
@@ -173,7 +173,7 @@ struct SessionLog {
     Result<> stop() { return sent ? sent->stop() : own ? own->stop() : Result<>(); }
 };
 
-/// One session: a scene, those who follow it, and its log.
+/// One session: a scene, its followers, and its log.
 class Session {
   public:
     Session(const ServeArguments& options, double duration)
@@ -182,7 +182,7 @@ class Session {
           linger_(millisecondsFrom(options.linger)),
           running_(options.scene.empty() ? options.resume : options.scene, options.resources, options.start) {}
 
-    /// Each gives what the program ends with if it is not kDone.
+    /// Each returns kDone, or the status with which the program ends.
     int open();
     int startServer();
     int startLog();
@@ -190,7 +190,7 @@ class Session {
     int close();
 
   private:
-    /// The name of what is served, without the folder that urls start from.
+    /// The name of what is served, apart from the folder from which urls start.
     const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();
@@ -211,9 +211,9 @@ class Session {
     SessionLog log_;
     std::uint64_t frames_ = 0;
     Clock::time_point start_;
-    double from_ = 0;  // the first frame's time
+    double from_ = 0;  // time of the first frame
     double seconds_ = 0;
-    bool failed_ = false;  // the log has ended early, or the session
+    bool failed_ = false;  // the log or the session ended early
 };
 
 int Session::open() {
@@ -269,21 +269,21 @@ int Session::startLog() {
         auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
         if (!created) return printError(created.error()), kBad;
         log_.own = std::move(*created);
-        // The state that there is, before the first new one. Else the recorder begins with whatever is newest once it
-        // has its file.
+        // Waits until the present state is in the log, before the first new one. Otherwise the recorder would begin
+        // with the newest state when its file is ready.
         log_.own->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
         return kDone;
     }
-    // It begins with the state that there is: that of the document, or the one that the log ends with, again.
+    // It begins with the present state: that of the document, or again the last one of the log.
     auto created = RecordLog::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
     log_.sent = std::move(*created);
-    // Nobody is ahead of the log, should this program be killed.
+    // If this program is killed, no mirror is ahead of the log.
     server_->recordTo(log_.sent);
     return kDone;
 }
 
-/// A recording that fails ends, but those who follow go on.
+/// If the recording fails it ends, but mirrors go on.
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_.failure().empty()) return;
     printError(log_.failure());
@@ -299,12 +299,12 @@ void Session::run() {
     if (options_.await > 0) await(*server_, options_.await);
 
     start_ = Clock::now();
-    // A session that goes on does so with the frame after its last one.
+    // A resumed session goes on with the frame after its last one.
     if (resumed_) from_ = running_.time() + 1 / options_.fps;
     const auto last = static_cast<std::uint64_t>(std::floor(duration_ * options_.fps + 1e-9));
     const Progress progress = options_.duration.empty() ? Progress{} : progressBar("serving " + name());
     for (std::uint64_t slot = 0; !interrupted() && slot <= last;) {
-        server_->service();  // what mirrors have sent takes effect in this frame
+        server_->service();  // requests of mirrors take effect in this frame
         frame(slot);
         printServerNews(*server_);
         web_.service(running_.scene(), running_.resources());
@@ -318,7 +318,7 @@ void Session::run() {
     seconds_ = std::chrono::duration<double>(Clock::now() - start_).count();
 }
 
-/// Frames are at even times; those that there was no time for are left out, the clock never lags behind.
+/// Frames have even times. Those for which there was no time are left out, so the clock never lags.
 void Session::frame(std::uint64_t slot) {
     running_.frame(from_ + static_cast<double>(slot) / options_.fps);
     ++frames_;
@@ -331,9 +331,9 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
                         std::chrono::duration<double>(static_cast<double>(slot) / options_.fps));
 }
 
-/// Sleeps through frames that would change nothing: until a mirror sends something, the frame before the next in which
-/// something happens, or the time is to be told. Returns the frame that comes then, `slot` if there is none to sleep
-/// through. What was before the sleep holds until the frame before the one that ends it: that one says so.
+/// Sleeps through frames that would change nothing, until a mirror sends something, the frame before the next change,
+/// or the time must be told. Returns the next frame, or `slot` if there is nothing to sleep through. The state before
+/// the sleep lasts until the frame before the one that ends it, so that frame is run, too.
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
     const double until = (running_.restsUntil() - from_) * options_.fps;
     const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
@@ -366,7 +366,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 
 int Session::close() {
     running_.printDiagnostics(log_.failure());
-    // Mirrors that are behind, with a picture say, may still catch up.
+    // Mirrors that are behind, say because of a picture, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) fmt::print(stderr, "not all mirrors have caught up\n");
     const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);
@@ -399,7 +399,7 @@ int serve(const ServeArguments& options, const std::vector<std::string>& given) 
     Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
     if (const int status = session.open(); status != kDone) return status;
     if (const int status = session.startServer(); status != kDone) return status;
-    (void)interrupted();  // from here on an interruption ends in order: no half file stays
+    (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     if (const int status = session.startLog(); status != kDone) return status;
     session.run();
     return session.close();

@@ -1,4 +1,4 @@
-// rtsg validate: errors and warnings of files, with positions.
+// rtsg validate: reports errors and warnings of files, with positions.
 #include <memory>
 #include <set>
 #include <string>
@@ -55,8 +55,7 @@ std::string asSarif(const std::vector<Diagnostics>& files) {
         rules, results);
 }
 
-/// Does what load() does, and checks the document as a whole. Files that Inlines load are checked when they are
-/// validated themselves.
+/// Does what load() does, and checks the document as a whole. Files that Inlines load are not checked here.
 bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     bool usable = false;
     Diagnostics missing(diagnostics.file());

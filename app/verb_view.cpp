@@ -1,4 +1,4 @@
-// rtsg view: a window onto a scene: look, walk, point, click, hear.
+// rtsg view: a window onto a scene, to look, walk, point, click and listen.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -26,8 +26,8 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
-constexpr double kAnyAspect = 16. / 9;     // pictures take their own
-constexpr milliseconds kLongestTurn{200};  // Ctrl-C is noticed then
+constexpr double kAnyAspect = 16. / 9;     // pictures use their own aspect
+constexpr milliseconds kLongestTurn{200};  // so that Ctrl-C is noticed
 
 struct ViewArguments {
     ViewSourceArguments source;
@@ -88,7 +88,7 @@ class Viewing {
         return {};
     }
 
-    /// Without a device there are pictures all the same.
+    /// Plays sound. Without a device there are still pictures.
     void listen() {
         if (options_.mute || !hasSound()) return;
         LiveOptions live;
@@ -111,7 +111,7 @@ class Viewing {
 
     void loop() {
         const double begun = clock();
-        double paused = 0;  // seconds that did not count
+        double paused = 0;  // seconds of pauses, which do not count
         double due = 0;
         std::uint64_t events = 0;
         time_ = 0;
@@ -133,7 +133,7 @@ class Viewing {
             seek();
             if (const std::string status = source_->status(); status != status_)
                 window_->setTitle(fmt::format("{} - {} - rtsg", shown_.name, status_ = status));
-            // The next frame is due a sixtieth after the last one, or when something happens.
+            // The next frame is due a sixtieth of a second after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
             const double rests = window_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
             const double wait = std::min(rests - t, duration_ - clock());
@@ -142,7 +142,7 @@ class Viewing {
         }
     }
 
-    /// As Ctrl and an arrow say.
+    /// Skips when the user presses Ctrl and an arrow.
     void seek() {
         const double seconds = window_->takeSkip();
         if (seconds == 0) return;
@@ -156,8 +156,8 @@ class Viewing {
         return error ? std::nullopt : std::optional(time);
     }
 
-    /// What was dropped on the window, or the file itself if --watch finds it edited. What cannot be opened leaves what
-    /// is shown.
+    /// Opens what was dropped on the window, or the same file if --watch finds it edited. If it cannot be opened, the
+    /// present one stays.
     bool opensNext() {
         ViewSourceArguments next = shown_;
         const std::vector<std::string> dropped = window_->takeDropped();
@@ -171,7 +171,7 @@ class Viewing {
         next.mayHaveErrors = !dropped.empty();
         auto source = openViewSource(next);
         if (!source) return printError(source.error()), false;
-        // The same scene, edited, is seen from where its viewer is.
+        // An edited version of the same scene is seen from where its viewer was.
         if (dropped.empty()) (void)moveViewer((*source)->scene(), viewerPose(source_->scene()), false);
         next_ = std::move(*source);
         shown_ = next;
@@ -213,7 +213,7 @@ class Viewing {
     const double duration_;
     const Clock::time_point start_ = Clock::now();
     ViewSourceArguments shown_;
-    std::optional<std::filesystem::file_time_type> written_;  // the file that is shown
+    std::optional<std::filesystem::file_time_type> written_;  // time of the file that is shown
     std::unique_ptr<ViewSource> source_, next_;
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;

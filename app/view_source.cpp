@@ -1,4 +1,4 @@
-// What `rtsg view` shows, opened by its name.
+// Opens what `rtsg view` shows, by its name.
 #include "view_source.h"
 
 #include <algorithm>
@@ -59,7 +59,7 @@ class RunningSource final : public ViewSource {
 
 using Clock = std::chrono::steady_clock;
 
-/// The replica of a scene that is served. The viewer is one's own; pointers and keys reach the origin, if it lets them.
+/// The replica of a served scene. The viewer is the user's own. Pointers and keys reach the origin, if it allows them.
 class MirrorSource final : public ViewSource {
   public:
     explicit MirrorSource(const ViewSourceArguments& arguments)
@@ -107,7 +107,7 @@ class MirrorSource final : public ViewSource {
         left_ = client_->serverLeft() || silence() > patience_;
         return !left_;
     }
-    /// It is asked what has come.
+    /// It must be polled.
     double restsUntil() const override { return -std::numeric_limits<double>::infinity(); }
     Result<> send(FieldIndex field, Value value) override {
         using Root = x3d::RtsgScene;
@@ -153,7 +153,7 @@ class MirrorSource final : public ViewSource {
     bool mayAct_ = true, left_ = false;
 };
 
-/// A log, which is played. The viewer is one's own.
+/// A log that is played. The viewer is the user's own.
 class LogSource final : public ViewSource {
   public:
     explicit LogSource(const ViewSourceArguments& arguments)

@@ -1,4 +1,4 @@
-// ViewSource: whatever `rtsg view` shows: a scene that runs here, the replica of one that is served, or a log.
+// ViewSource: what `rtsg view` shows: a scene that runs here, a replica of a served scene, or a log.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -19,7 +19,7 @@ namespace rtsg::app {
 struct ViewSourceArguments {
     std::string name, key, author, patience = "5s";
     std::vector<std::string> set;
-    bool mayHaveErrors = true;  // the file: what is left is shown
+    bool mayHaveErrors = true;  // a file with errors is shown as far as possible
     ResourceArguments resources;
     StartTime start;
     NetworkArguments network;
@@ -35,23 +35,24 @@ class ViewSource {
     virtual Scene& scene() = 0;
     virtual SharedWorld& world() = 0;
     virtual const Resources& resources() const = 0;
-    /// Brings the scene to `t` seconds after the start; `acts`: somebody has done something. False: it has ended.
+    /// Brings the scene to `t` seconds after the start. `acts` means that the user has done something. Returns false at
+    /// the end.
     virtual bool advance(double t, bool acts) = 0;
-    /// Nothing will change by itself before this time, in seconds from the start, as far as is known.
+    /// As far as is known, nothing changes by itself before this time, in seconds from the start.
     virtual double restsUntil() const = 0;
-    /// An event for a field of the scene's root, as SceneWindowOptions::send.
+    /// Sends an event to a field of the scene's root: see SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
-    /// Where to look from, if it is not the bound viewpoint.
+    /// The camera, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;
-    /// Seconds to skip, back or ahead. Error: its time cannot be chosen.
+    /// Skips so many seconds, back or ahead. Error: the source's time cannot be chosen.
     virtual Result<> seek(double seconds) = 0;
-    /// For the title: what is worth knowing.
+    /// Text for the title.
     virtual std::string status() const { return {}; }
-    /// At the end: what went wrong; and says what there is to say.
+    /// Reports at the end. Error: something went wrong.
     virtual Result<> finish() = 0;
 };
 
-/// A scene's file, by what the name says; ENDPOINT or LOG else. Errors: it cannot be opened.
+/// Opens a scene's file if the name says that it is one, else an endpoint or a log. Errors: it cannot be opened.
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// Starts the gateway for browsers and says where the page is.
+// Starts the gateway for browsers, and prints the page's address.
 #include "web.h"
 
 #include <cstdio>
@@ -32,7 +32,7 @@ void WebArguments::check() const {
         if (!privateKey.empty()) throw UsageError("--web-key", "only together with --web");
         return;
     }
-    // One after the other, so that the option is named that is wrong.
+    // Tests one option after the other, so that the error names the wrong one.
     WebGatewayOptions options;
     const auto expect = [&](const char* option) {
         if (auto ok = options.check(); !ok) throw UsageError(option, ok.error().text);

@@ -1,4 +1,4 @@
-// --web: a page that follows what a verb serves, for browsers.
+// --web: lets browsers follow what a verb serves, on a page.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -18,29 +18,29 @@ struct WebArguments {
 
     void addTo(Command& command);
     bool wanted() const { return !listen.empty(); }
-    /// Before anything starts. Throws UsageError for what cannot be served anywhere, or does not go together.
+    /// Call it before anything starts. Throws UsageError for options that are invalid anywhere or exclude each other.
     void check() const;
 };
 
-/// The gateway of a verb, if it was asked for.
+/// The gateway of a verb, if one was asked for.
 class Web {
   public:
-    /// `arguments`: checked. `keys`: those of the server, with a client's among them.
+    /// `arguments` must be checked. `keys` are the server's and include a client's.
     static Result<Web> start(const WebArguments& arguments, const MirrorServer& server,
                              const std::optional<MirrorKeys>& keys);
 
-    /// The address of the page; empty if none was asked for.
+    /// The address of the page. Empty if there is none.
     std::string url() const { return gateway_ ? gateway_->url() : std::string(); }
-    /// Serves what browsers wait for, and prints what is to be said about them.
+    /// Serves what browsers wait for, and prints the gateway's diagnostics.
     void service(const Scene& scene, const Resources& resources);
-    /// After the server's end, so that its goodbye gets through.
+    /// Call it after the server's end, so that browsers get its goodbye.
     void end() { gateway_.reset(); }
 
   private:
     std::unique_ptr<WebGateway> gateway_;
 };
 
-/// The first lines that a verb prints: {"endpoint":…,"web":…}, or as `words` endpoint, and the page's.
+/// Prints the first lines of a verb: {"endpoint":…,"web":…}, or `words` with the endpoint and then the page's address.
 void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// The one flattening and the one BVH of a scene that a verb runs, made when first asked for.
+// WorldOnDemand: the one flattening and BVH of a scene that a verb runs, made when first needed.
 // Threading: the scene's thread.
 #pragma once
 
@@ -10,21 +10,21 @@
 
 namespace rtsg::app {
 
-/// How a scene whose urls these are is flattened: with as many instances as their policy lets.
+/// Options for flattening a scene with these resources: as many instances as their policy allows.
 SharedWorld::Options worldOptions(const Resources& resources);
 
-/// The one flattening and the one BVH of a scene, for its pictures, sound, export and the rays of pointers; built when
-/// first asked for. The scene must outlive this.
+/// The one flattening and BVH of a scene, for its pictures, sound, export and pointer rays. The scene must outlive
+/// this.
 class WorldOnDemand {
   public:
     WorldOnDemand(Scene& scene, const Resources& resources) : scene_(scene), options_(worldOptions(resources)) {}
     Scene& scene() { return scene_; }
     SharedWorld& get();
-    /// How finely what is curved is cut. Error: the world is there, cut otherwise.
+    /// Sets how finely curved geometry is cut. Error: the world exists already and is cut differently.
     Result<> cut(const TessellationError& error);
-    /// Null if nobody asked for it.
+    /// Null if it was not needed.
     const SharedWorld* built() const { return world_.get(); }
-    /// Nothing if nobody asked for it, or for another error than usual.
+    /// Empty if it was not needed, or has the default error.
     std::optional<Flattener::Cuts> cuts() const;
 
   private:

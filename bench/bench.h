@@ -41,6 +41,8 @@ void features(const Report& report, bool quick);
 /// False if a scene cannot be made.
 bool sound(const Report& report, bool quick);
 
+void touch(const Report& report, bool quick);
+
 /// CPU time of this process in seconds.
 double cpuSeconds();
 double wallSeconds();

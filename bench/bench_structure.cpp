@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include <fmt/format.h>
-#include <malloc.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -23,11 +22,6 @@ struct StructureReader final : Subscriber {
         return {};
     }
 };
-
-std::size_t heapBytes() {
-    const auto info = mallinfo2();
-    return info.uordblks + info.hblkhd;
-}
 
 constexpr int kEdits = 200;
 
@@ -123,7 +117,7 @@ void structure(const Report& report, bool quick) {
     for (const std::size_t count : {1000u, quick ? 100'000u : 1'000'000u}) edits(report, count);
     const std::size_t nodes = quick ? 100'000 : 1'000'000;
     for (const TypeIndex type : {x3d::Transform::type, x3d::Shape::type, x3d::Material::type, x3d::TimeSensor::type}) {
-        const std::size_t before = heapBytes();
+        const double before = residentBytes();
         Scene scene;
         const NodeId group = scene.createNode(G::type);
         for (std::size_t i = 0; i < nodes; ++i) (void)scene.insertChild(group, G::children, scene.createNode(type));
@@ -132,7 +126,7 @@ void structure(const Report& report, bool quick) {
             (void)scene.set(group, G::bboxDisplay, i % 2 == 0);
             scene.newFrame(10.0 * i);
         }
-        const double each = static_cast<double>(heapBytes() - before) / static_cast<double>(nodes);
+        const double each = (residentBytes() - before) / static_cast<double>(nodes);
         std::size_t own = 0;
         for (const FieldDef& field : scene.type(type).fields)
             if (field.readable()) own += info(field.type).size;

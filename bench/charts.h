@@ -20,6 +20,8 @@ bool chartSound(const ChartSink& sink, bool quick);
 bool chartSoundParts(const ChartSink& sink, bool quick);
 /// Work of one change against the size of the scene. False: something could not be measured.
 bool chartScale(const ChartSink& sink, bool quick);
+/// The largest stiffness of a surface that does not ring, and the error of forces, against the rate of the touch.
+bool chartTouch(const ChartSink& sink, bool quick);
 /// Speed of rays through deforming meshes against meshes built afresh.
 bool chartDeform(const ChartSink& sink, bool quick);
 

@@ -14,7 +14,15 @@ function(rtsg_library name)
   foreach(source IN LISTS ARG_LEAVE_OUT)
     list(REMOVE_ITEM sources "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
   endforeach()
-  add_library(rtsg_${name} STATIC ${sources})
+  # Static or shared, as BUILD_SHARED_LIBS says, of the same objects.
+  add_library(rtsg_${name} ${sources})
+  set_target_properties(rtsg_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON DEFINE_SYMBOL "" VERSION ${PROJECT_VERSION}
+                                                SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+  if(BUILD_SHARED_LIBS)
+    target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/exported.map")
+    # A library finds the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
+    set_target_properties(rtsg_${name} PROPERTIES INSTALL_RPATH "$ORIGIN/rtsg;$ORIGIN/../../rtsg")
+  endif()
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
   # Headers need it, so programs that use an installed copy need not name a standard.

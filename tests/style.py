@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Six rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository and in the change log.
+"""Seven rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository and in the change log.
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
 from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+Tables that functions keep in core, documents, scripts and sync are lasting() (rtsg/core/lasting.h), as threads read them until the process is gone.
 What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
 Exit status 1 and a line for each file or function that breaks one.
 """
@@ -12,7 +13,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "app", "bench", "examples", "tests"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "haptics", "app", "bench", "examples", "tests"]
 MOST, MOST_OPENING, MOST_ITEM = 80, 15, 120
 
 # Comments, strings and characters; raw strings first.
@@ -59,7 +60,7 @@ def functions(text):
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
 PROGRAMS = ["app", "sync/web_module", "bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
-                                                              "scripts", "stability", "sync")]
+                                                              "scripts", "stability", "sync", "haptics")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
 
@@ -75,6 +76,10 @@ def own_names(text):
                 yield name
 
 
+# Statics of functions that exit() would destroy.
+PERISHING = re.compile(r"^ +static (?:const )?(?:std::(?:vector|map|set|string|unordered_\w+|function|unique_ptr|shared_ptr)\b[^&*;=({]* \w+(?: =|;|\{)"
+                       r"|auto \w+ = (?:\[\]|std::make_))", re.M)
+READ_BY_THREADS = ("core/src/", "documents/src/", "scripts/src/", "sync/src/")
 MATCHERS = re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\(")
 
 
@@ -114,6 +119,8 @@ def main():
             problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
         if MATCHERS.search(text) and "<gmock/gmock.h>" not in text:
             problems.append(f"{name}:1: uses gmock's matchers without <gmock/gmock.h>")
+        for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) else ():
+            problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see lasting()")
         for function, first, lines in functions(text):
             count += 1
             if lines > MOST:

@@ -1,4 +1,4 @@
-// Names of nodes.
+// Formats the names of nodes.
 #include "labels.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,5 @@
-// Names of nodes in reports. Threading: the scene's thread.
+// Labels: names of nodes in reports.
+// Threading: the scene's thread.
 #pragma once
 
 #include <string>
@@ -9,7 +10,7 @@
 
 namespace rtsg::app {
 
-/// Its name, or # and its number; as it is: for a terminal it has to go through terminalText().
+/// The node's DEF name, or # and its number. It is not escaped: for a terminal, pass it through terminalText().
 std::string nodeLabel(const Scene& scene, NodeId id);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// A scene as MCAP: frames, shapes and changes as viewers of robots' recordings read them.
+// Exports a scene as MCAP: frames, shapes and changes, for viewers of robots' recordings.
 #include "mcap_export.h"
 
 #include <cmath>
@@ -19,10 +19,10 @@ namespace rtsg::app {
 
 namespace {
 
-/// Messages up to these sizes are always whole; of longer ones, only after so many seconds.
+/// Messages up to these sizes are always complete. Longer ones are complete only after so many seconds.
 constexpr std::size_t kWholeFrames = 256, kWholeSceneBytes = 256 << 10;
 constexpr double kWholeFramesEvery = 1, kWholeSceneEvery = 10;
-/// Values whose text is longer are left out of /rtsg/changes: meshes would be most of the file.
+/// Values with longer text are left out of /rtsg/changes, because meshes would fill most of the file.
 constexpr std::size_t kLongestValue = 4096;
 
 std::string number(double value) {
@@ -45,7 +45,7 @@ std::string pose(const glm::dquat& turn = {1, 0, 0, 0}) {
     return fmt::format(R"({{"position":{},"orientation":{}}})", vector(0, 0, 0), quaternion(turn));
 }
 
-/// A place in the world: where, turned how, and what is left of the linear part after that.
+/// A place in the world: position, rotation, and the rest of the linear part.
 struct Place {
     glm::dvec3 position{0};
     glm::dquat rotation{1, 0, 0, 0};
@@ -57,7 +57,7 @@ struct Place {
         glm::dvec3 x = linear[0] / a, y = linear[1] - x * glm::dot(x, linear[1]);
         const double b = glm::length(y);
         if (!(a > 0) || !(b > 0) || !std::isfinite(a * b)) {
-            rest = linear;  // flat: no direction to turn to
+            rest = linear;  // flat: there is no direction to turn to
             return;
         }
         y /= b;
@@ -73,7 +73,7 @@ struct Place {
         }
         return difference <= 1e-6 * size;
     }
-    /// Scales along the axes, if that is all there is.
+    /// Scales along the axes, if the rest is nothing else.
     std::optional<glm::dvec3> scale() const {
         const glm::dvec3 s(rest[0][0], rest[1][1], rest[2][2]);
         const double largest = std::max({s.x, s.y, s.z}), slack = 1e-6 * largest;
@@ -85,7 +85,7 @@ struct Place {
     }
 };
 
-/// The one colour that the viewer shows for an appearance.
+/// The one colour in which the viewer shows an appearance.
 std::string colorOf(const Scene& scene, NodeId appearance) {
     Color color{1, 1, 1};
     float opacity = 1;
@@ -156,8 +156,8 @@ struct McapExport::Impl : InstanceSubscriber {
     struct Thing {
         std::string frame;
         Place place;
-        Instance instance;   // of shapes
-        std::string entity;  // as JSON, without its beginning, of shapes
+        Instance instance;   // only for shapes
+        std::string entity;  // JSON without its beginning, only for shapes
         bool moved = false, changed = false;
     };
     using Things = std::unordered_map<std::uint32_t, Thing>;  // by slot
@@ -165,9 +165,9 @@ struct McapExport::Impl : InstanceSubscriber {
     std::uint16_t frames = 0, entities = 0, changes = 0;
     SharedWorld& world;
     Things shapes, placed;
-    std::vector<std::uint32_t> movedShapes, movedPlaced, changedShapes;  // what a message is due of, each once
-    /// Geometries and appearances, and the shapes that use them.
-    double latest = 0, shift = 0;  // of the messages' times
+    std::vector<std::uint32_t> movedShapes, movedPlaced, changedShapes;  // things for which a message is due, each once
+    double latest = 0, shift = 0;                                        // of the messages' times
+    /// The shapes that use each geometry and appearance.
     std::unordered_map<std::uint32_t, std::unordered_set<std::uint32_t>> users;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::unordered_set<std::string> names;
@@ -220,7 +220,7 @@ struct McapExport::Impl : InstanceSubscriber {
             body = fmt::format(R"("{}":[{{"pose":{},"size":{},{}"color":{}}}])", list, pose(turn), vector(size), more,
                                color);
         };
-        // Their axis is y, the viewer's z.
+        // X3D's cylinders have the axis y, the viewer's have z.
         const glm::dquat upright(std::sqrt(.5), -std::sqrt(.5), 0, 0);
         const glm::dquat none(1, 0, 0, 0);
         if (geometry && scale && geometry->is(x3d::Box::type)) {
@@ -264,7 +264,8 @@ struct McapExport::Impl : InstanceSubscriber {
         entityBytes += thing.entity.size();
     }
 
-    /// Another session of a log may begin with an earlier time: it goes on, as Replayer::time().
+    /// Another session of a log may begin with an earlier time. It then goes on from the last one, as in
+    /// Replayer::time().
     double inOrder(double time) {
         shift += std::max(0., latest - (time + shift));
         return latest = time + shift;
@@ -275,7 +276,7 @@ struct McapExport::Impl : InstanceSubscriber {
         const double t = inOrder(std::max(0., scene.now()));
         if (auto ok = writeFrames(t); !ok) return ok;
         if (auto ok = writeScene(t); !ok) return ok;
-        if (set.from == set.to) return {};  // a moved viewer, no state of its own
+        if (set.from == set.to) return {};  // a moved viewer is no state of its own
         std::string text = fmt::format(R"({{"frame":{},"from":{},"t":{},"hash":"{}","changes":[)", set.to, set.from,
                                        set.time, set.hash.hex());
         for (const Change& change : set.changes) {
@@ -314,7 +315,7 @@ struct McapExport::Impl : InstanceSubscriber {
         }
         for (const auto& moved : delta.moved) {
             const auto shape = shapes.find(moved.id.slot);
-            if (shape == shapes.end()) continue;  // a bounding box
+            if (shape == shapes.end()) continue;  // it is a bounding box
             Thing& thing = shape->second;
             const Place place(moved.worldFromLocal);
             if (!place.sameShape(thing.place)) mark(thing.changed, changedShapes, moved.id.slot);
@@ -338,7 +339,7 @@ struct McapExport::Impl : InstanceSubscriber {
         for (const NodeId id : delta.geometriesRemoved) meshes.erase(id.value);
     }
 
-    /// Calls `each` for the things on `list` that still exist and are due; for all things if `whole`.
+    /// Calls `each` for the due things on `list` that still exist, or with `whole` for all things.
     static void visit(Things& things, std::vector<std::uint32_t>& list, bool Thing::* due, bool whole,
                       const auto& each) {
         if (whole)

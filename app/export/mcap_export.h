@@ -1,14 +1,15 @@
-// A scene that something else drives, written as an MCAP file for Foxglove and other viewers:
+// McapExport: writes a scene that something else runs as an MCAP file, for Foxglove and other viewers:
 //
 //   /tf            foxglove.FrameTransforms: where each shape, light, viewpoint and sound is, as a frame below "world"
 //   /scene         foxglove.SceneUpdate: each shape in its frame, as a cube, sphere, cylinder or triangles, in its
 //                  colour
 //   /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
 //
-// A frame costs what changed in it; past some hundred shapes, a whole message once a second of scene time is all that
-// grows with the scene. Invariant: time stamps are scene time. Scale and shear are in /scene, since frames only turn
-// and move. Viewers that jump get the last message of each topic: one that holds only what has changed is followed by a
-// whole one within seconds. Threading: the scene's thread.
+// A frame costs what changed in it. Only a complete message once a second of scene time, for more than some hundred
+// shapes, grows with the scene.
+// Invariant: time stamps are scene time. Scale and shear are in /scene, because frames only turn and move. Viewers that
+// jump get the last message of each topic, so an incomplete message is followed by a complete one within seconds.
+// Threading: the scene's thread.
 #pragma once
 
 #include <memory>
@@ -27,7 +28,7 @@ class McapExport {
                                                       McapOptions options = {});
     ~McapExport();
 
-    /// Why it follows no longer; empty if it does.
+    /// Why it no longer follows; empty if it does.
     std::string failure() const;
     Result<> finish();
 

@@ -1,4 +1,5 @@
-// The JSON Schemas of what is exported. Foxglove knows its own by their names; fields that we leave out are optional.
+// MCAP schemas: the JSON Schemas of exported topics. Foxglove knows its own by name; fields that we leave out are
+// optional.
 #pragma once
 
 #include <string>

@@ -11,7 +11,7 @@ namespace rtsg {
 
 namespace {
 
-/// Which names something refers to, whatever the scope: too many are no harm.
+/// Finds names that something refers to, in any scope. Too many names do no harm.
 class NameScan final : public Filter {
   public:
     std::unordered_set<std::string> linked, used;
@@ -56,7 +56,7 @@ class Rewrite final : public Filter {
     }
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
         if (depth_ == 0) return Filter::useNode(def, field, where);
-        mustStay_ = true;  // what it uses stays where it is, for the same reason
+        mustStay_ = true;  // a node that uses others stays as it is, for the same reason
         held_.useNode(def, field, where);
     }
     void setField(std::string_view name, Value value, SourceLocation where) override {
@@ -83,10 +83,10 @@ class Rewrite final : public Filter {
     }
 
   private:
-    /// False, and nothing is sent, for what has no triangles.
+    /// Returns false, and sends nothing, for geometry without triangles.
     bool sendTriangles(SourceLocation where) {
         Scene scene;
-        Diagnostics unheard;  // what is wrong with a value was said by the reader
+        Diagnostics unheard;  // the reader has reported invalid values
         BuildOptions options;
         options.resources = Resources();
         SceneBuilder builder(scene, unheard, options);
@@ -133,7 +133,7 @@ class Rewrite final : public Filter {
     const TessellationOptions options_;
     std::unordered_set<std::string> protos_;
     CommandList held_;
-    std::size_t depth_ = 0;  // within the geometry that is held back
+    std::size_t depth_ = 0;  // depth within the geometry that is held back
     bool mustStay_ = false;
     std::string def_;
 };

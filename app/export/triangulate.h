@@ -1,8 +1,10 @@
-// A filter of documents that turns geometry into triangles: boxes, spheres, faces, grids, extrusions, NURBS, text.
+// Triangulate: a filter of documents that turns geometry into triangles: boxes, spheres, faces, grids, extrusions,
+// NURBS, text.
 //
-// Each geometry node becomes an IndexedTriangleSet with normals, texture coordinates and colours. Nodes that a ROUTE
-// moves, that are connected with a PROTO's interface, or whose coordinates others use stay as they are, and so do lines
-// and points. The document is in memory until it ends. Threading: one thread a stream.
+// Each geometry node becomes an IndexedTriangleSet with normals, texture coordinates and colours. Left as they are:
+// nodes that a ROUTE moves, that are connected with a PROTO's interface, or whose coordinates others use; and lines and
+// points. The document is in memory until it ends.
+// Threading: one thread a stream.
 #pragma once
 
 #include <memory>

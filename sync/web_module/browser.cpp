@@ -1,4 +1,4 @@
-// Passes messages between a WebSocket and the mirror server, at the pace of the slower.
+// Passes messages between a WebSocket and the mirror server at the pace of the slower one.
 #include "browser.h"
 
 #include <chrono>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kMostQueued = std::size_t{1} << 20;
 constexpr auto kFarewell = std::chrono::seconds(1);
-constexpr std::size_t kLongestIncoming = 10 << 10;  // a part of a submission is the longest message there is
+constexpr std::size_t kLongestIncoming = 10 << 10;  // the longest message is a part of a submission
 
 }  // namespace
 
@@ -27,7 +27,7 @@ Browser::Browser(Gateway& gateway, Stream&& stream, std::string source)
 
 Browser::~Browser() {
     leave();
-    descriptor_.release();  // it is ZeroMQ's
+    descriptor_.release();  // it belongs to ZeroMQ
 }
 
 void Browser::begin(Request request) {
@@ -58,13 +58,13 @@ void Browser::read() {
             return self->leave();
         }
         self->incoming_.consume(bytes.size());
-        self->pump();  // sending may have taken notice of what has come
+        self->pump();  // sending may have lost the notice of incoming messages
         self->read();
     });
 }
 
 void Browser::pump() {
-    if (gone_ || !accepted_) return;  // end() may come while the answer to the browser is still being written
+    if (gone_ || !accepted_) return;  // end() may be called while the answer to the browser is still being written
     std::string message;
     while (queued_ < kMostQueued && link_.receive(message)) {
         queued_ += message.size();
@@ -109,7 +109,7 @@ void Browser::end() {
     pump();
 }
 
-/// A browser that says it closes, and then does not, is not waited for.
+/// Does not wait for a browser that says that it closes and then does not.
 void Browser::leaveSoon() {
     farewell_.expires_after(kFarewell);
     farewell_.async_wait([weak = weak_from_this()](beast::error_code error) {

@@ -1,7 +1,8 @@
-// One browser that follows: its WebSocket, and what it says and is told.
+// Browser: one browser that follows the scene, with its WebSocket and its messages.
 //
-// Invariant: of what the server sends at most kMostQueued bytes and a message wait here; the rest waits at the server,
-// within the client's window. Threading: the gateway's thread.
+// Invariant: of what the server sends, at most kMostQueued bytes and one message wait here. The rest waits at the
+// server, within the client's window.
+// Threading: the gateway's thread.
 #pragma once
 
 #include <chrono>
@@ -24,12 +25,12 @@ class Browser : public std::enable_shared_from_this<Browser> {
     Browser(Gateway& gateway, Stream&& stream, std::string source);
     ~Browser();
     void begin(Request request);
-    /// What the server has said goes out, then a proper end.
+    /// Sends what the server has said, then ends the connection properly.
     void end();
-    /// At once.
+    /// Ends the connection at once.
     void leave();
     std::chrono::steady_clock::time_point since() const { return since_; }
-    /// It has been there that long, and has said nothing.
+    /// True if it has been connected that long and has said nothing.
     bool isSilentFor(std::chrono::steady_clock::duration time) const {
         return !spoke_ && std::chrono::steady_clock::now() - since_ >= time;
     }

@@ -1,4 +1,4 @@
-// Listens for browsers, and says who may follow.
+// Listens for browsers, and decides who may follow.
 #include "gateway.h"
 
 #include <algorithm>
@@ -20,18 +20,18 @@ namespace rtsg::web {
 
 namespace {
 
-constexpr std::size_t kMostVisits = 256;           // connections that have not become browsers
-constexpr std::size_t kMostOfSource = 64;          // of them, of one address of another machine
-constexpr std::size_t kQuarters = 3;               // of the WebSockets, for such an address
-constexpr auto kSlow = std::chrono::seconds(5);    // an answer that takes longer gives its place up
+constexpr std::size_t kMostVisits = 256;           // connections without a WebSocket
+constexpr std::size_t kMostOfSource = 64;          // the same, for one address of another machine
+constexpr std::size_t kQuarters = 3;               // share of the WebSockets for such an address
+constexpr auto kSlow = std::chrono::seconds(5);    // answers that take longer may be cut off
 constexpr auto kSilent = std::chrono::seconds(2);  // a browser says at once who it is
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
-constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
+constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
 constexpr std::size_t kMostNews = 100;
-constexpr std::size_t kMostWishes = 64;  // files that wait for the scene
+constexpr std::size_t kMostWishes = 64;  // files that wait for the scene's thread
 constexpr std::size_t kWorthPacking = 1 << 10;
 
-/// Takes as long for the first wrong letter as for the last.
+/// Takes equally long wherever the first wrong letter is.
 bool sameToken(const std::string& given, const std::string& wanted) {
     unsigned difference = given.size() == wanted.size() ? 0 : 1;
     for (std::size_t i = 0; i < given.size() && i < wanted.size(); ++i)
@@ -51,7 +51,7 @@ std::string tokenIn(const std::string& target) {
     return {};
 }
 
-/// Beside the module as it is installed, or where it was built from.
+/// The folder beside the installed module, or where it was built.
 std::string pageFolder() {
     Dl_info about{};
     std::error_code ignored;
@@ -91,7 +91,7 @@ std::string Gateway::start() {
 }
 
 namespace {
-/// Why a file of TLS cannot be read, which OpenSSL's own errors do not tell; else what these say.
+/// Why a TLS file cannot be read, which OpenSSL does not tell; otherwise OpenSSL's error.
 std::string tlsProblem(const std::string& file, const beast::error_code& error) {
     std::error_code unreadable;
     if (std::filesystem::is_directory(file, unreadable)) return "it is a folder";
@@ -100,7 +100,7 @@ std::string tlsProblem(const std::string& file, const beast::error_code& error) 
 }
 }  // namespace
 
-/// Both files whole and of one pair, before anything is served.
+/// Checks before serving that both files are complete and belong together.
 std::string Gateway::readCertificate() {
     if (settings_.certificate.empty()) return {};
     auto tls = std::make_unique<net::ssl::context>(net::ssl::context::tls_server);
@@ -143,15 +143,15 @@ void Gateway::accept() {
     });
 }
 
-/// On loopback, and behind a proxy on this machine, one address is everybody's.
+/// On loopback, and behind a proxy on this machine, all users have one address.
 bool Gateway::isShared(const std::string& source) const {
     beast::error_code error;
     const auto address = net::ip::make_address(source, error);
     return settings_.loopback || (!error && address.is_loopback());
 }
 
-/// Of too many connections one goes that has asked for nothing yet, else one that waits for what its browser may want
-/// next, else one that takes its answer slowly: the oldest of the address that has most. False: all are at work.
+/// Closes a connection if there are too many: the oldest of the address that has most. First choice is one without a
+/// request yet, then an idle one, then one that takes its answer slowly. Returns false if all are busy.
 bool Gateway::makeRoomFor(const std::string& source) {
     std::map<std::string, std::size_t> bySource;
     for (const Visit* visit : visits_) ++bySource[visit->source()];
@@ -210,7 +210,7 @@ WebCounts Gateway::counts() const {
     return {connections_, opened_, requests, refused};
 }
 
-/// Who is refused may ask again for as long as it is left to: of many only each that doubles their number is told.
+/// Refused clients may ask again for ever. So of many messages only each that doubles their number is reported.
 void Gateway::news(std::string text) {
     constexpr std::uint64_t kAllTold = 8;
     const std::scoped_lock lock(mutex_);
@@ -299,7 +299,7 @@ bool Gateway::knowsHost(const Request& request) const {
     if (!settings_.loopback) return true;
     const std::string host = hostOf(request).value_or("");
     beast::error_code error;
-    const auto address = net::ip::make_address(host, error);  // a name that only begins like one is another's
+    const auto address = net::ip::make_address(host, error);  // a name may begin like an address
     return host == "localhost" || (!error && address.is_loopback());
 }
 
@@ -334,7 +334,7 @@ std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std
 
 }  // namespace
 
-/// What the program looks up: the function above.
+/// The program looks this symbol up and calls it to get the function above.
 extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_4() {
     return startWeb;
 }

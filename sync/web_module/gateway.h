@@ -1,6 +1,6 @@
-// The gateway's inside: who listens, and what it counts. Browsers and visits hold it by reference; it outlives them.
+// Gateway: the inside of the web gateway, which listens and counts. Browsers and visits refer to it; it outlives them.
 //
-// Invariant: everything but the counts and the news belongs to the one thread that runs the io_context.
+// Invariant: everything except the counts and the news belongs to the one thread that runs the io_context.
 #pragma once
 
 #include <atomic>
@@ -39,17 +39,18 @@ inline std::string textOf(beast::string_view text) {
 class Browser;
 class Visit;
 
-/// Whom a connection counts for: its address, of IPv6 the first half, as one customer has all of the other.
+/// The address for which a connection counts. For IPv6 the first half, because one customer has all addresses of the
+/// other half.
 std::string sourceOf(const Tcp::socket& socket);
-/// The host in the request's one Host field, without its port; nothing if there is none, or several, or no host's name
-/// (RFC 9112, 3.2). HTTP/1.0 knows requests without: "".
+/// The host in the request's one Host field, without its port. Empty if there are none or several, or it is no host
+/// name (RFC 9112, 3.2). HTTP/1.0 requests may lack it: "".
 std::optional<std::string> hostOf(const Request& request);
 
 class Gateway : public WebModule {
   public:
     explicit Gateway(WebSettings settings);
     ~Gateway() override;
-    /// Binds, finds the page, starts the thread. Not empty: why not.
+    /// Binds, finds the page and starts the thread. Returns the problem, or an empty text.
     std::string start();
 
     std::uint16_t port() const override { return port_; }
@@ -58,27 +59,27 @@ class Gateway : public WebModule {
     std::vector<FileWish> takeWishes() override;
     void answer(std::uint64_t wish, std::string bytes, std::string type) override;
 
-    // For browsers and visits.
+    // Used by browsers and visits.
     const WebSettings& settings() const { return settings_; }
     net::io_context& io() { return io_; }
-    /// Null: in the clear.
+    /// Null without encryption.
     net::ssl::context* tls() { return tls_.get(); }
     void* context() { return context_.get(); }
     void news(std::string text);
-    /// Why who asks so may not follow, nor have files that the scene names; empty if he may.
+    /// Why this request may not follow, nor load files that the scene names. Empty if it may.
     std::string refusal(const Request& request, const std::string& source) const;
-    /// The host that the request names is one of ours, so that no other site's name leads here. Precondition: hostOf()
-    /// gives one.
+    /// True if the request's host is one of ours, so that no other site's name leads here. Precondition: hostOf()
+    /// returns one.
     bool knowsHost(const Request& request) const;
     void came(Browser* browser);
     void went(Browser* browser);
     void came(Visit* visit) { visits_.push_back(visit); }
     void went(Visit* visit) { std::erase(visits_, visit); }
-    /// Ends a WebSocket that has said nothing yet, if there are as many as may be.
+    /// Closes a WebSocket that has said nothing yet, if the maximum is reached.
     void makeRoomForBrowser();
-    /// `visit` is answered by the scene's thread; false when too many wait.
+    /// The scene's thread answers `visit`. Returns false if too many wait.
     bool wish(FileWish wish, std::weak_ptr<Visit> visit);
-    /// The file as gzip, packed once for all who ask; empty where that is not worth it: on loopback, or small.
+    /// The file as gzip, packed once for all. Empty on loopback and for small files, where it does not pay.
     std::string packedPage(const PageFile& file, const std::string& text);
 
     std::atomic<std::uint64_t> requests{0}, refused{0};
@@ -100,19 +101,19 @@ class Gateway : public WebModule {
 
     WebSettings settings_;
     std::uint16_t port_ = 0;
-    Context context_;  // outlives the sockets, which die with the io_context
+    Context context_;  // outlives the sockets, which are destroyed with the io_context
     std::set<Browser*> browsers_;
     std::atomic<std::size_t> connections_{0};
     std::atomic<std::uint64_t> opened_{0};
-    std::vector<Visit*> visits_;  // the oldest first
+    std::vector<Visit*> visits_;  // oldest first
     bool stopping_ = false;
     mutable std::mutex mutex_;
     std::vector<std::string> news_;
     std::uint64_t newsCount_ = 0;
     std::vector<FileWish> wishes_;
-    std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
+    std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // used by the thread only
     std::uint64_t wishNumber_ = 0;
-    std::map<std::string, std::pair<std::string, std::string>> packed_;  // by path: tag, and bytes
+    std::map<std::string, std::pair<std::string, std::string>> packed_;  // by path: tag and bytes
     std::unique_ptr<net::ssl::context> tls_;
     net::io_context io_{1};
     Tcp::acceptor acceptor_{io_};

@@ -23,7 +23,7 @@ void set(void* socket, int option, const std::string& value) {
 Link::Link(void* context, const WebSettings& settings) : socket_(zmq_socket(context, ZMQ_DEALER)) {
     set(socket_, ZMQ_LINGER, 100);
     set(socket_, ZMQ_RECONNECT_IVL, 10);
-    set(socket_, ZMQ_RCVHWM, 16);  // the rest waits where the server counts it
+    set(socket_, ZMQ_RCVHWM, 16);  // the rest waits at the server, which counts it
     if (!settings.serverKey.empty()) {
         set(socket_, ZMQ_CURVE_SERVERKEY, settings.serverKey);
         set(socket_, ZMQ_CURVE_PUBLICKEY, settings.publicKey);

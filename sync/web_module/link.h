@@ -1,7 +1,8 @@
-// One browser's connection to the mirror server, and how messages of two parts travel as one.
+// Link: one browser's connection to the mirror server. Messages of two parts travel as one.
 //
-// Invariant: what a browser says has a first part, behind u32 its length, and perhaps a second; anything else is
-// refused before it gets here. Threading: the gateway's thread.
+// Invariant: a browser's message has the length of its first part (u32), that part, and perhaps a second one. Other
+// messages are refused before they get here.
+// Threading: the gateway's thread.
 #pragma once
 
 #include <string>
@@ -20,13 +21,13 @@ class Link {
     Link(const Link&) = delete;
     Link& operator=(const Link&) = delete;
 
-    /// Readable when something may have come; only a hint (ZMQ_FD).
+    /// Readable when something may have come; this is only a hint (ZMQ_FD).
     int descriptor() const;
-    /// False when nothing is there. `message`: as a browser gets it.
+    /// Returns false if there is none. `message` has the form for browsers.
     bool receive(std::string& message);
-    /// False when it makes no sense, or the server takes no more.
+    /// Returns false if the message makes no sense, or the server takes no more.
     bool send(std::string_view message);
-    /// So that the server need not wait for a sign of this client.
+    /// Says goodbye, so that the server need not wait for this client.
     void bye();
 
   private:

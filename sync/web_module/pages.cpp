@@ -1,4 +1,4 @@
-// Finds the page's files by the names in requests.
+// Finds files of the page by the names in requests.
 #include "pages.h"
 
 #include <algorithm>

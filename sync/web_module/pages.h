@@ -1,6 +1,6 @@
-// The files of the page: which a browser may have, and as what.
+// Pages: which files of the page a browser may have, and their types.
 //
-// Invariant: a path is a row of plain names below one of the folders listed, so nothing else of the disk can be named.
+// Invariant: a path consists of plain names below one of the listed folders, so it can name nothing else on the disk.
 // Threading: pure functions of the file system.
 #pragma once
 
@@ -16,12 +16,13 @@ struct PageFile {
     std::string tag;  // changes when the file does
 };
 
-/// `target`: of the request, as it came, without what follows '?'. Nothing for what is not served or not there.
+/// `target` is that of the request, unchanged, without the part from '?' on. Empty if the file does not exist or is not
+/// served.
 std::optional<PageFile> findPage(const std::string& folder, std::string_view target);
 std::optional<std::string> readPage(const PageFile& file);
-/// Text worth packing on its way; pictures and fonts are packed as they are.
+/// True for text; pictures and fonts are compressed already.
 bool isWorthPacking(const PageFile& file);
-/// As gzip (RFC 1952); empty if that cannot be done.
+/// Compresses to gzip (RFC 1952). Empty if that fails.
 std::string packed(const std::string& text);
 
 }  // namespace rtsg::web

@@ -1,6 +1,7 @@
-// A browser's connection, in the clear or by TLS, as Boost.Beast wants streams.
+// Stream: a browser's connection, with or without TLS, in the form that Boost.Beast expects.
 //
-// Invariant: one or the other for good. Threading: the gateway's.
+// Invariant: TLS never changes during a connection.
+// Threading: the gateway's thread.
 #pragma once
 
 #include <optional>
@@ -16,14 +17,14 @@
 
 namespace rtsg::web {
 
-// Some of the names are those by which Beast looks for them.
+// Beast looks for some of these names.
 // NOLINTBEGIN(readability-identifier-naming)
 class Stream {
   public:
     using Tls = beast::ssl_stream<beast::tcp_stream>;
     using executor_type = beast::tcp_stream::executor_type;
 
-    /// `context`: null for none.
+    /// With `context` null there is no TLS.
     Stream(Tcp::socket&& socket, net::ssl::context* context) {
         if (context)
             tls_.emplace(std::move(socket), *context);
@@ -33,7 +34,7 @@ class Stream {
     executor_type get_executor() { return tcp().get_executor(); }
     beast::tcp_stream& tcp() { return tls_ ? tls_->next_layer() : *plain_; }
 
-    /// `done(error)`. Precondition: by TLS.
+    /// Calls `done(error)`. Precondition: the stream has TLS.
     template <class Done>
     void handshake(Done&& done) {
         tls_->async_handshake(net::ssl::stream_base::server, std::forward<Done>(done));
@@ -60,7 +61,7 @@ class Stream {
             },
             handler, buffers);
     }
-    /// What was written goes out, then nothing more is said. `done(error)`.
+    /// Sends what was written and ends the connection; then calls `done(error)`.
     template <class Done>
     void shutdown(Done&& done) {
         if (tls_) return tls_->async_shutdown(std::forward<Done>(done));
@@ -69,7 +70,7 @@ class Stream {
         net::post(get_executor(), [done = std::forward<Done>(done), error]() mutable { done(error); });
     }
 
-    // How a WebSocket ends its connection; Beast looks for these by their arguments.
+    // Beast calls these to end a WebSocket's connection; it finds them by their arguments.
     friend void teardown(beast::role_type role, Stream& stream, beast::error_code& error) {
         using beast::websocket::teardown;
         if (stream.tls_)

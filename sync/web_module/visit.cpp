@@ -1,4 +1,4 @@
-// Answers requests for the page's files, and hands over to a Browser.
+// Answers requests for files of the page, and hands over to a Browser.
 #include "visit.h"
 
 #include <charconv>
@@ -22,7 +22,7 @@ constexpr std::pair<std::string_view, FileWish::Kind> kNamed[] = {{"/picture/", 
 
 using Response = http::response<http::string_body>;
 
-/// Of one answer: scripts written into the page carry it, and no others run.
+/// A nonce for one answer. Only scripts of the page that carry it may run.
 std::string freshNonce() {
     std::random_device device;
     std::string result;
@@ -38,14 +38,14 @@ Response refused(const Request& request, http::status status, std::string why) {
     return response;
 }
 
-/// The row above for what is asked for below one of these names; null for anything else.
+/// The row of kNamed for this request. Null if there is none.
 const std::pair<std::string_view, FileWish::Kind>* namedIn(const Request& request) {
     for (const auto& row : kNamed)
         if (request.target().starts_with(beast::string_view(row.first.data(), row.first.size()))) return &row;
     return nullptr;
 }
 
-/// What the page may load and run: its own files, WebAssembly, and pictures that it makes itself.
+/// The content security policy: the page may load its own files, WebAssembly, and pictures that it makes itself.
 std::string policyWith(const std::string& nonce) {
     return "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'" +
            (nonce.empty() ? "" : " 'nonce-" + nonce + "'") +
@@ -60,7 +60,7 @@ bool takesGzip(const Request& request) {
     return at != std::string::npos && coding.compare(at + 4, 4, ";q=0") != 0;
 }
 
-/// Of the same file as gzip, which is another representation.
+/// The tag of the same file as gzip, which is another representation.
 std::string tagOfPacked(const std::string& tag) {
     return tag.substr(0, tag.size() - 1) + "-gzip\"";
 }
@@ -135,7 +135,7 @@ void Visit::read() {
     });
 }
 
-/// What was read is no request, or none came.
+/// The request was invalid, or none came.
 void Visit::refuse(beast::error_code error) {
     if (error == http::error::end_of_stream || error == beast::error::timeout || error == net::error::eof ||
         error == net::error::operation_aborted || error == net::error::connection_reset ||
@@ -151,8 +151,7 @@ void Visit::refuse(beast::error_code error) {
     say(refused({}, http::status::bad_request, "This is no request of HTTP/1.1."));
 }
 
-/// `/picture/NODE/INDEX`, and sounds likewise. Who asks for something else under such a name is told that there is
-/// none.
+/// Handles `/picture/NODE/INDEX` and `/sound/NODE/INDEX`. Other paths under these names do not exist.
 bool Visit::wish(const Request& request) {
     const std::string target = textOf(request.target());
     const auto& [name, kind] = *namedIn(request);
@@ -206,7 +205,7 @@ void Visit::answer(Request request) {
         return say(refused(request, http::status::method_not_allowed, "Only GET and HEAD are answered."));
     if (wantsNamed) {
         if (!wish(request)) return say(refused(request, http::status::not_found, "There is no such file."));
-        // Kept alive until the scene's thread answers, or for as long as anybody would wait.
+        // Stays alive until the scene's thread answers, or until the request times out.
         stream_.tcp().expires_after(gateway_.settings().requestTimeout);
         waiting_.expires_after(gateway_.settings().requestTimeout);
         waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
@@ -225,7 +224,7 @@ void Visit::say(Response response) {
     response.set("Cross-Origin-Resource-Policy", "same-origin");
     if (!response.has_content_length()) response.prepare_payload();
     response_ = std::move(response);
-    // Whoever takes it slowly has the time that the slowest links need, and not for ever.
+    // A slow reader gets the time that the slowest links need, but not longer.
     stream_.tcp().expires_after(gateway_.settings().requestTimeout +
                                 std::chrono::seconds(response_.body().size() / kSlowestReader));
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {

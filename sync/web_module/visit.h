@@ -1,6 +1,7 @@
-// One connection by HTTP: files of the page, one after the other, until it asks for a WebSocket.
+// Visit: one HTTP connection that loads files of the page, one after the other, until it asks for a WebSocket.
 //
-// Invariant: a request is at most kLongestHead bytes long and has no body worth mention. Threading: the gateway's.
+// Invariant: a request has at most kLongestHead bytes and almost no body.
+// Threading: the gateway's thread.
 #pragma once
 
 #include <chrono>
@@ -18,22 +19,22 @@ class Visit : public std::enable_shared_from_this<Visit> {
   public:
     Visit(Gateway& gateway, Tcp::socket&& socket);
     ~Visit() { gateway_.went(this); }
-    /// What it waits for.
+    /// What the connection waits for.
     enum class State : std::uint8_t {
         silent,  // its first request
-        idle,    // another one
+        idle,    // another request
         busy,    // its answer
     };
     State state() const { return state_; }
     const std::string& source() const { return source_; }
     /// When its last request came.
     std::chrono::steady_clock::time_point since() const { return since_; }
-    /// Ends the connection, which counts no more from now on.
+    /// Ends the connection, which no longer counts.
     void end();
-    /// Agrees on encryption where there is any, then reads.
+    /// Does the TLS handshake, if any, then reads.
     void begin();
     void read();
-    /// The file that was asked for; `type` empty: there is none.
+    /// Sends the file that was asked for. With `type` empty there is none.
     void show(std::string bytes, const std::string& type);
 
   private:

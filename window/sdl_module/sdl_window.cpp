@@ -1,4 +1,4 @@
-// A window by SDL 2, whose pixels the processor writes: no graphics card is needed.
+// A window by SDL 2. The processor writes its pixels, so it needs no graphics card.
 #include <algorithm>
 #include <cstring>
 #include <memory>
@@ -22,12 +22,13 @@ class SdlWindow final : public WindowModule {
     }
 
     bool open(const WindowSettings& settings, std::string& problem) {
-        // By OpenGL, which SDL would take by itself, a picture costs ten times as much where there is no card.
+        // SDL would take OpenGL by itself, with which a picture costs ten times as much on a machine without a graphics
+        // card.
         SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
         SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "1");
         SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
         if (SDL_Init(SDL_INIT_VIDEO) != 0) return problem = SDL_GetError(), false;
-        // Where there is no display SDL takes one that nobody sees; who wants that says so.
+        // Without a display SDL uses an invisible one. That is only wanted if the user asks for it.
         const std::string driver = SDL_GetCurrentVideoDriver();
         if ((driver == "offscreen" || driver == "dummy") && !SDL_getenv("SDL_VIDEODRIVER"))
             return problem = "there is no display (SDL_VIDEODRIVER=offscreen does without one)", false;
@@ -52,11 +53,11 @@ class SdlWindow final : public WindowModule {
     bool present(const std::uint8_t* pixels, int width, int height) override {
         SDL_Surface* screen = SDL_GetWindowSurface(window_);
         if (!screen) return false;
-        auto* const bytes = const_cast<std::uint8_t*>(pixels);  // SDL reads them only
+        auto* const bytes = const_cast<std::uint8_t*>(pixels);  // SDL only reads them
         SDL_Surface* picture =
             SDL_CreateRGBSurfaceWithFormatFrom(bytes, width, height, 32, 4 * width, SDL_PIXELFORMAT_RGB888);
         if (!picture) return false;
-        // What is enlarged is interpolated, where the display's format allows it.
+        // Enlarged pictures are interpolated if the display's format allows it.
         const bool linear = screen->format->format == SDL_PIXELFORMAT_RGB888;
         int failed = 0;
         if (screen->w == width && screen->h == height)

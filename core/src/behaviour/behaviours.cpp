@@ -1,12 +1,13 @@
 // The table of built-in behaviours by node type.
 #include "behaviours.h"
 
+#include <rtsg/core/lasting.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg {
 
 std::span<const BuiltinBehaviour> builtinBehaviours() {
-    static const std::vector<BuiltinBehaviour> table = [] {
+    static const auto& table = lasting([] {
         using namespace behaviours;
         std::vector<BuiltinBehaviour> t;
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime, .last = true}});
@@ -32,7 +33,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendDis(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
-    }();
+    });
     return table;
 }
 

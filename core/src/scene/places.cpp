@@ -8,6 +8,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/geospatial.h>
+#include <rtsg/core/lasting.h>
 #include <rtsg/core/x3d.h>
 
 #include "view_pose.h"
@@ -44,11 +45,11 @@ PlaceFields findPlaceFields(const NodeType& type) {
 }
 
 PlaceFields placeFields(const Node& node) {
-    static const std::vector<PlaceFields> builtin = [] {
+    static const auto& builtin = lasting([] {
         std::vector<PlaceFields> all;
         for (const auto& type : builtinTypes()) all.push_back(findPlaceFields(*type));
         return all;
-    }();
+    });
     const std::size_t index = node.typeIndex().value;
     return index < builtin.size() ? builtin[index] : findPlaceFields(node.type());
 }

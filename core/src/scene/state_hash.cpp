@@ -1,6 +1,8 @@
 // Computes single terms of the state hash from canonical bytes.
 #include "plain_term.h"
 
+#include <rtsg/core/lasting.h>
+
 namespace rtsg::detail {
 
 std::vector<FieldKey> fieldKeys(const NodeType& type) {
@@ -11,11 +13,11 @@ std::vector<FieldKey> fieldKeys(const NodeType& type) {
 }
 
 const FieldKey* builtinFieldKeys(TypeIndex type) {
-    static const std::vector<std::vector<FieldKey>> all = [] {
+    static const auto& all = lasting([] {
         std::vector<std::vector<FieldKey>> made;
         for (const auto& builtin : builtinTypes()) made.push_back(fieldKeys(*builtin));
         return made;
-    }();
+    });
     return all[type.value].data();
 }
 

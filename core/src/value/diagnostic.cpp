@@ -68,6 +68,8 @@ constexpr FileCode kFileCodes[] = {
     {"/sync/src/server/", DiagnosticCode("mirror")},
     {"/sync/src/sockets/", DiagnosticCode("mirror")},
     {"/physics/src/", DiagnosticCode("physics")},
+    {"/haptics/src/", DiagnosticCode("touch")},
+    {"/window/src/", DiagnosticCode("window")},
     {"/dis/src/", DiagnosticCode("dis")},
     {"/app/export/", DiagnosticCode("mcap")},
     {"/app/files", DiagnosticCode("output")},

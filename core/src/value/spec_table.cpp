@@ -7,6 +7,8 @@
 #include <type_traits>
 #include <unordered_map>
 
+#include <rtsg/core/lasting.h>
+
 namespace rtsg {
 
 namespace {
@@ -127,17 +129,16 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
 }
 
 std::span<const std::unique_ptr<NodeType>> builtinTypes() {
-    static const std::vector<std::unique_ptr<NodeType>> types =
-        makeNodeTypes(builtinSpecTable(), NodeType::Kind::builtin);
+    static const auto& types = lasting([] { return makeNodeTypes(builtinSpecTable(), NodeType::Kind::builtin); });
     return types;
 }
 
 const NodeType* findBuiltinType(std::string_view name) {
-    static const auto byName = [] {
+    static const auto& byName = lasting([] {
         std::unordered_map<std::string_view, const NodeType*> result;
         for (const auto& type : builtinTypes()) result.emplace(type->name, type.get());
         return result;
-    }();
+    });
     const auto found = byName.find(name);
     return found == byName.end() ? nullptr : found->second;
 }

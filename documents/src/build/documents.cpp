@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/lasting.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/scene_builder.h>
@@ -292,7 +293,7 @@ std::vector<DocumentServices::ProfileParts> Documents::profiles() const {
 // --------------------------------------------------------------------------------------------------------------------
 
 void registerDocuments(Scene& scene) {
-    static const auto documents = std::make_shared<const Documents>();
+    static const auto& documents = lasting([] { return std::make_shared<const Documents>(); });
     if (&scene.documents() != documents.get()) scene.setDocuments(documents);
 }
 

@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/lasting.h>
+
 #include "builder_state.h"
 
 namespace rtsg {
@@ -247,7 +249,8 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     if (target == kNoField) return refuse("the node has no such field");
     const FieldDef& def = node.type->fields[target];
     // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
-    static const InterfaceField metadata{{Access::inputOutput, FieldType::SFNode, "metadata"}, {}, {}, {}};
+    static const auto& metadata =
+        lasting([] { return InterfaceField{{Access::inputOutput, FieldType::SFNode, "metadata"}, {}, {}, {}}; });
     const InterfaceField* declared = in.proto->findField(request.protoField);
     if (!declared && request.protoField == "metadata") declared = &metadata;
     const FieldIndex source = instance.type().find(request.protoField);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include <rtsg/core/lasting.h>
+
 #include "versions.h"
 
 namespace rtsg::detail {
@@ -101,7 +103,7 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
     if (!shape.proto) return {};
     if (const FieldRef declared = findField(shape.proto->fields, name)) return declared;
     // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
-    static const NodeShape anyNode{findBuiltinType("Group"), {}, {}, {}};
+    static const auto& anyNode = lasting([] { return NodeShape{findBuiltinType("Group"), {}, {}, {}}; });
     const FieldRef metadata = findField(anyNode, name);
     return metadata.name == "metadata" ? metadata : FieldRef{};
 }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/lasting.h>
+
 namespace rtsg::detail {
 
 using nlohmann::json;
@@ -123,7 +125,7 @@ Vec3f GltfMaterials::emission(const json* material) {
 
 void GltfMaterials::writeAppearance(std::size_t number, const json* material, bool strokes) {
     GltfNode appearance(out_, "Appearance", "appearance");
-    static const json kEmpty = json::object();
+    static const json& kEmpty = lasting([] { return json::object(); });
     const json& it = material ? *material : kEmpty;
     const std::string mode = GltfFile::text(it, "alphaMode");
     appearance.set("alphaMode", String(mode.empty() ? "OPAQUE" : mode));

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <unordered_map>
 
+#include <rtsg/core/lasting.h>
 #include <rtsg/core/node_type.h>
 
 namespace rtsg::detail {
@@ -38,7 +39,7 @@ std::size_t findTag(std::string_view text, std::string_view tag, std::size_t fro
 
 /// The names in X3D's spelling, by their lower case.
 const std::unordered_map<std::string, std::string>& elementNames() {
-    static const std::unordered_map<std::string, std::string> names = [] {
+    static const auto& names = lasting([] {
         std::unordered_map<std::string, std::string> result;
         for (const auto& type : builtinTypes()) result.emplace(lower(type->name), type->name);
         for (const char* name : {"X3D", "Scene", "ROUTE", "ProtoDeclare", "ProtoInterface", "ProtoBody",
@@ -46,7 +47,7 @@ const std::unordered_map<std::string, std::string>& elementNames() {
                                  "fieldValue", "head", "meta", "component", "unit"})
             result.emplace(lower(name), name);
         return result;
-    }();
+    });
     return names;
 }
 

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/lasting.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/script_url.h>
 #include <rtsg/core/x3d.h>
@@ -34,7 +35,7 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
         const auto start = text.find_first_not_of(" \t\r\n");
         if (start == text.npos) continue;
         if (const auto program = programInUrl(text)) return std::string(*program);
-        static const Resources nothing;
+        static const auto& nothing = lasting([] { return Resources(); });
         const Resources& resources = options.resources ? *options.resources : nothing;
         auto file = resources.open(scene, node, x3d::Script::url.index, text.substr(start));
         auto program = file ? file->read() : Result<std::string>(std::unexpected(file.error()));
@@ -460,7 +461,7 @@ class EcmaScript final : public ScriptLanguage {
 }  // namespace
 
 std::shared_ptr<const ScriptLanguage> ecmaScript() {
-    static const auto language = std::make_shared<const EcmaScript>();
+    static const auto& language = lasting([] { return std::make_shared<const EcmaScript>(); });
     return language;
 }
 

@@ -1,4 +1,5 @@
-// The page: follows the server that it came from, shows the replica, and says in every frame whether its hash is the origin's.
+// The page: follows the server from which it was loaded, shows the replica, and tells in every frame whether its hash
+// is the origin's.
 
 import {followWebSocket} from '/src/index.js';
 import {PagePointer} from '/page/pointer.js';
@@ -7,15 +8,16 @@ import {SceneSound} from '/page/sound.js';
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
 
-/** Behind the #, which browsers do not send: token, quality=low or full, slow=merge. */
+/** The page's options stand behind the #, which browsers do not send: token, quality=low or full, slow=merge. */
 const settings = new URLSearchParams(location.hash.slice(1));
 const token = settings.get('token') ?? '';
 const url = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/mirror${token ? `?token=${encodeURIComponent(token)}` : ''}`;
 
-/** X_ITE takes the page's only thread for a while when it begins: the state, if it is near, is fetched before. ms. */
+/** X_ITE blocks the page's only thread when it starts. So the state is fetched first, if that takes less than this, in
+ * ms. */
 const kStateWithin = 150;
 
-const arrivals = [];  // of the last states: when, and which
+const arrivals = [];  // time and number of the last states
 let begin;
 const firstState = new Promise((done) => { begin = done; });
 let view = null, chosen = '', originsView = 0, first, reached = false, left = false;
@@ -23,18 +25,18 @@ let view = null, chosen = '', originsView = 0, first, reached = false, left = fa
 function connection(state, words) {
   $('connection').dataset.state = state;
   text('connection', words ?? state);
-  // What was compared last says nothing of what the origin is now.
+  // The last comparison says nothing about the origin's present state.
   if (state === 'following' || !$('equality').dataset.equal) return;
   $('equality').dataset.equal = 'past';
   text('verdict', 'not compared now');
 }
 function notice(words) { text('notice', words); }
 
-/** Of what a url of a node names. The state is there so that one that has changed is fetched anew. */
+/** The address of what a node's url names. It contains the state, so that a changed url is loaded anew. */
 function fileUrl(kind, id, index) {
   return `/${kind}/${id}/${index}?state=${mirror.scene.state}${token ? `&token=${encodeURIComponent(token)}` : ''}`;
 }
-/** Pictures that are on their way since the first state came, while X_ITE begins; each is asked for once. */
+/** Pictures that are loading since the first state came, while X_ITE starts. Each is loaded once. */
 const early = new Map();
 function askForPictures() {
   for (const {id, type, values} of mirror.scene.nodes.values()) {
@@ -75,10 +77,10 @@ async function rebuild() {
   notice('');
   listViewpoints();
   followView(true);
-  // It has been drawn in this frame, and is shown when the next one begins.
+  // The picture is drawn in this frame and shown when the next one begins.
   requestAnimationFrame(() => {
     $('picture').dataset.ready = 'true';
-    $('picture').dataset.after ??= `${Math.round(performance.now())}`;  // ms from the url, for who measures
+    $('picture').dataset.after ??= `${Math.round(performance.now())}`;  // ms since navigation, for measurements
   });
 }
 
@@ -117,7 +119,8 @@ function say(words) {
   hush = setTimeout(() => text('said', ''), 8000);
 }
 
-// ---- what is said --------------------------------------------------------------------------------------------------------
+// ---- status
+// --------------------------------------------------------------------------------------------------------------
 
 function onState(record, equal, afresh) {
   begin();
@@ -137,7 +140,7 @@ function onState(record, equal, afresh) {
   sound.update();
 }
 
-/** A WebSocket that is refused does not say why; a picture that is does. */
+/** A refused WebSocket gives no reason; a refused picture does. */
 async function askWhy() {
   const answer = await fetch(`/picture/0/0${token ? `?token=${encodeURIComponent(token)}` : ''}`).catch(() => null);
   if (answer?.status !== 403) return;
@@ -160,11 +163,11 @@ const follower = followWebSocket(url, {
     sound.pace = 1;
     connection('following');
     if (!mirror.hasState) notice('');
-    commands = [];  // what was asked before may have got no answer
+    commands = [];  // earlier commands may have got no reply
     command('status');
   },
   onBye() {
-    left = true;  // until there is another
+    left = true;  // until another connection is there
     connection('left', 'the server has left');
   },
   onRefused(reason) { connection('refused', reason); },
@@ -173,7 +176,7 @@ const follower = followWebSocket(url, {
   },
   onTrouble(words) { console.warn(words); },
   onVerdict(verdict) {
-    // Who looks around asks for nothing.
+    // Moving the viewer asks nothing of the origin.
     if (pointer.answered(verdict) && !view?.isOverSensor()) return;
     if (verdict.reason) say(`The origin refuses: ${verdict.reason}.`);
   },
@@ -206,13 +209,13 @@ $('sound').onclick = async () => {
   }
   $('sound').setAttribute('aria-pressed', `${sound.isOn}`);
 };
-// Who looks around hears from elsewhere, also in a scene that stands still.
+// A viewer who moves hears from another place, even if the scene rests.
 setInterval(() => sound.update(), 50);
 
 // ---- a log that is played ------------------------------------------------------------------------------------------------
 
 let paused = false, dragging = false;
-let commands = [];  // that have no answer yet: answers come in their order
+let commands = [];  // without a reply yet; replies come in the order of the commands
 function command(words) {
   commands.push(words);
   mirror.control(words);
@@ -220,7 +223,7 @@ function command(words) {
 function playerSays(reply) {
   const asked = commands.shift();
   if (reply.startsWith('refused')) {
-    if (asked === 'status') $('player').hidden = true;  // it was a log's before: now the server has a scene
+    if (asked === 'status') $('player').hidden = true;  // the server has a scene now, and no log
     return;
   }
   const status = JSON.parse(reply);
@@ -240,12 +243,12 @@ $('line').onchange = () => {
 };
 setInterval(() => { if (!$('player').hidden && mirror.connected) command('status'); }, 500);
 
-/** States a second that came, and if some of them were merged on the way, of how many that the origin went through: over the last
- * two seconds or so, from when each came. */
+/** States that came per second and, if some were merged, how many the origin had. Measured over about the last two
+ * seconds, by the times at which they came. */
 function showRate(now = performance.now()) {
-  // One from before stays: after a pause of the page many come at once, and belong to all of it.
+  // Keeps one earlier state: after a pause of the page many come at once, and count for all of the pause.
   while (arrivals.length > 2 && arrivals[1].at < now - 2000) arrivals.shift();
-  // Nothing for a while: the last one is as old as it is.
+  // If nothing came for a while, the last state ages.
   const [first] = arrivals, last = arrivals.at(-1), span = Math.max(last?.at - first?.at, now - last?.at - 500) / 1000;
   if (!(span > 0.2)) return;
   const say = (x) => x.toFixed(x < 9.95 ? 1 : 0), here = say((arrivals.length - 1) / span), there = say((last.state - first.state) / span);
@@ -257,5 +260,5 @@ addEventListener('pagehide', () => {
   follower.close();
 });
 
-/** For tests, and for people with a console. */
+/** For tests, and for people at a console. */
 window.rtsg = {mirror, follower, pointer, sound, get view() { return view; }};

@@ -1,14 +1,15 @@
-// Where things of a replica stand in the world: one way from the root for each place of a node (USE makes several), and the
-// transforms on it. Ways are found anew when nodes have moved from one parent to another; where they lead is computed when asked.
+// Positions of a replica's nodes in the world. Each place of a node has its own way from the root (USE makes several)
+// with the transforms on it. Ways are searched again when nodes get other parents; positions are computed when needed.
 //
-// Matrices are 16 numbers, column after column, that take columns: what stands at (x, y, z) below is at m (x, y, z, 1).
+// Matrices are 16 numbers in column order and transform column vectors: (x, y, z) below is at m (x, y, z, 1).
 
 const SFNODE = 12, MFNODE = 13;
-const kMostDeep = 64, kMostVisits = 100_000;  // a few lines of USE repeat without end
-/** What holds further nodes of the world; of a Collision not its proxy, of a Switch one child, of an LOD the first. */
+const kMostDeep = 64, kMostVisits = 100_000;  // a few lines of USE may repeat without end
+/** The fields with further nodes of the world: without the proxy of a Collision, with one child of a Switch, and the
+ * first level of an LOD. */
 const kHolding = ['children', 'layers', 'skeleton'];
 
-/** A field's value by name, or `otherwise` where the type has no such field, or not this kind of value. */
+/** Returns a field's value by name, or `otherwise` if the type has no such field or another kind of value. */
 export function fieldOr(node, name, otherwise) {
   const index = node.type.fields.findIndex((f) => f.name === name && !f.hidden);
   const value = index >= 0 ? node.values[index] ?? node.type.fields[index].default : undefined;
@@ -21,7 +22,7 @@ export function childrenOf(node, name, hidden = false) {
   const value = index >= 0 ? node.values[index] : undefined;
   return typeof value === 'number' ? [value] : value ?? [];
 }
-/** What stands for a node: itself, or for a PROTO's instance the first node of its body. */
+/** Returns the node itself, or for a PROTO's instance the first node of its body. */
 export function standIn(scene, id) {
   for (let depth = 0; depth < kMostDeep; ++depth) {
     const node = scene.nodes.get(id);
@@ -48,7 +49,7 @@ function turned([x, y, z, angle], sign = 1) {
   return [t * x * x + c, t * x * y + s * z, t * x * z - s * y, 0, t * x * y - s * z, t * y * y + c, t * y * z + s * x, 0,
     t * x * z + s * y, t * y * z - s * x, t * z * z + c, 0, 0, 0, 0, 1];
 }
-/** Of a Transform, and whatever has its fields (19775-1, 10.4.4); null for what moves nothing. */
+/** The matrix of a Transform or a node with the same fields (19775-1, 10.4.4); null for nodes that move nothing. */
 export function transformOf(node) {
   const translation = fieldOr(node, 'translation', null), rotation = fieldOr(node, 'rotation', null), scale = fieldOr(node, 'scale', null);
   if (translation?.length !== 3 || rotation?.length !== 4 || scale?.length !== 3) return null;
@@ -64,7 +65,7 @@ export function transformOf(node) {
 export function pointThrough(m, [x, y, z]) {
   return [0, 1, 2].map((row) => m[row] * x + m[4 + row] * y + m[8 + row] * z + m[12 + row]);
 }
-/** What lands at `point`; null if nothing or everything does. */
+/** The point that is mapped to `point`; null if there is none, or all are. */
 export function pointBefore(m, point) {
   const [a, b, c] = [0, 4, 8].map((at) => [m[at], m[at + 1], m[at + 2]]), p = point.map((x, i) => x - m[12 + i]);
   const cross = (u, v) => [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -74,21 +75,22 @@ export function pointBefore(m, point) {
 }
 
 export class Places {
-  /** Of nodes of these types. */
+  /** Finds the places of nodes of these types. */
   constructor(scene, types) {
     this.scene = scene;
     this.types = new Set(types);
     this.ways = [];
     this.isStale = true;
   }
-  /** `changed`: what a listener of Scene is given. */
+  /** `changed` is the argument of a Scene's listener. */
   change(changed) {
     for (let i = 0; i < changed.length && !this.isStale; i += 2) {
       const def = changed[i].type.fields[changed[i + 1]];
       this.isStale = def.type === SFNODE || def.type === MFNODE || def.name === 'whichChoice' || def.name === 'visible';
     }
   }
-  /** this.ways: [{key, node, way}], `way` the nodes above that may move it; `key` is the same for the same place. */
+  /** Sets this.ways: [{key, node, way}]. `way` has the nodes above that may move it; `key` is always the same for the
+   * same place. */
   find() {
     this.isStale = false;
     this.ways = [];

@@ -1,8 +1,8 @@
-// What a mouse, a pen or a finger does in the picture, as a pointer of the origin: rays in world space, which are cast there
-// (rtsg/core/device_input.h). So every sensor that acts at the origin acts from here.
+// Makes a mouse, a pen or a finger on the picture a pointer of the origin. The origin gets rays in world space and
+// casts them (rtsg/core/device_input.h), so every sensor of the origin works from here.
 //
-// One finger points, two navigate. Moves go one a frame, and wait while the origin is slow to answer; presses and releases
-// always go, in their order. Who leaves, or is cut off, lets go.
+// One finger points, two navigate. Moves are sent once a frame, and wait while the origin is slow to answer. Presses
+// and releases are always sent, in order. A pointer that leaves, or whose connection ends, releases what it holds.
 
 const ABSENT = 0, RAY = 1;  // kinds of PointerInput
 const MFDOUBLE = 7;
@@ -10,24 +10,25 @@ const kDevices = 64, kRow = 9;  // of RtsgScene::_pointers: device, buttons, kin
 const kMostUnanswered = 16;
 
 export class PagePointer {
-  /** `element` is what shows the picture; `ray(event)` gives {origin, direction} of a place on the page, or null. */
+  /** `element` shows the picture; `ray(event)` returns {origin, direction} for a place on the page, or null. */
   constructor(element, mirror, ray) {
     this.element = element;
     this.mirror = mirror;
     this.ray = ray;
     this.device = 1 + Math.floor(Math.random() * (kDevices - 1));  // 0 moves the origin's viewer
     this.present = false;
-    this.held = null;        // which of the browser's pointers is down
+    this.held = null;  // the browser's pointer that is down
     this.fingers = new Set();
-    this.waiting = null;     // the last move, not sent yet
+    this.waiting = null;  // the last move that was not sent yet
     this.requests = new Set();
-    this.isRefused = false;  // the origin takes nothing from here: moves are not worth the asking
+    this.isRefused = false;  // the origin accepts nothing from here, so moves are not sent
     const on = (target, ...kinds) => kinds.forEach((kind) => target.addEventListener(kind, (event) => this[kind](event), true));
     on(element, 'pointerdown', 'pointerleave');
     on(window, 'pointermove', 'pointerup', 'pointercancel', 'blur');
   }
 
-  // ---- what the browser says -------------------------------------------------------------------------------------------
+  // ---- events of the browser
+  // -------------------------------------------------------------------------------------------
 
   pointerdown(event) {
     if (event.pointerType === 'touch') {
@@ -50,7 +51,7 @@ export class PagePointer {
     if (event.pointerId !== this.held) return;
     this.held = null;
     this.send(0, this.ray(event));
-    // A finger is then nowhere; nor is a mouse that was let go beside the picture over anything in it.
+    // A finger is then nowhere. A mouse that was released outside the picture is not over anything in it.
     if (event.pointerType === 'touch' || !this.element.contains(event.target)) this.leave();
   }
   pointercancel(event) {
@@ -62,9 +63,10 @@ export class PagePointer {
   }
   blur() { this.leave(); }
 
-  // ---- what the origin is told -----------------------------------------------------------------------------------------
+  // ---- events for the origin
+  // -------------------------------------------------------------------------------------------
 
-  /** The pointer is nowhere, and holds nothing. */
+  /** Leaves: the pointer is nowhere and holds nothing. */
   leave() {
     this.held = this.waiting = null;
     if (this.present) this.send(0, null);
@@ -85,10 +87,10 @@ export class PagePointer {
     if (!this.present) this.chooseDevice();
     this.present = ray !== null;
     const bearing = ray ? [...ray.origin, ...ray.direction] : [0, 0, 0, 0, 0, 0];
-    const value = [this.device, buttons, ray ? RAY : ABSENT, ...bearing, 0];  // 0: what is met the origin finds out
+    const value = [this.device, buttons, ray ? RAY : ABSENT, ...bearing, 0];  // 0: the origin finds out what is hit
     this.requests.add(this.mirror.submitEvents([{node: 1, field, type: MFDOUBLE, value}]));
   }
-  /** One that nobody else points with, as far as the replica knows. */
+  /** Takes a device number that nobody else uses, as far as the replica knows. */
   chooseDevice() {
     const {root} = this.mirror.scene, index = root.type.fields.findIndex((f) => f.name === '_pointers');
     const rows = root.values[index] ?? [], taken = new Set();
@@ -96,13 +98,14 @@ export class PagePointer {
     if (taken.size < kDevices) while (taken.has(this.device)) this.device = (this.device + 1) % kDevices;
   }
 
-  /** True if that was an answer to this pointer. */
+  /** Returns true if that was an answer to this pointer. */
   answered({request, reason}) {
     if (!this.requests.delete(request)) return false;
     this.isRefused = reason !== '';
     return true;
   }
-  /** There is a server, perhaps another one: it may take what the last one refused, and has no answers for the last one's. */
+  /** Call it when a server is there, perhaps another one. It may accept what the last one refused, and does not answer
+   * earlier requests. */
   welcome() {
     this.isRefused = false;
     for (const request of this.requests) if (!this.mirror.requests.has(request)) this.requests.delete(request);

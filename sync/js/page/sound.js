@@ -1,20 +1,20 @@
-// The replica's sounds, by the browser's own means (Web Audio): clips and tones that are active at the origin, where they are,
-// as loud as X3D says at the ear of who looks at the page. Direct sound only: no walls, no delay on the way.
+// Plays the replica's sounds with the browser's Web Audio: clips and tones that are active at the origin, at their
+// positions, as loud as X3D says at the ear of the page's viewer. Only direct sound: no walls and no delay.
 //
-// When something sounds is the origin's to say: isActive, isPaused and elapsedTime travel as all fields do. So who comes late is
-// in the middle of a clip, and a scene that stands still is silent. Source: ISO/IEC 19775-1 V4.0, 16.4.
+// The origin decides when something sounds: isActive, isPaused and elapsedTime arrive like all fields. So a late page
+// starts in the middle of a clip, and a scene that rests is silent. Source: ISO/IEC 19775-1 V4.0, 16.4.
 
 import {Places, childrenOf, fieldOr, pointBefore, pointThrough, standIn} from './places.js';
 
 const kMostPlaying = 32, kMostPaths = 1000, kMostDeep = 32;
 const kMostSamples = 2 ** 26;  // of all clips, decoded: 256 MiB
-const kSmooth = 0.015;         // s, of changes of loudness
-const kFar = 0.25;             // s that a clip may be beside the origin's clock, which comes in steps
-const kSilence = 1;            // s without a state, after which the scene is taken to stand still
+const kSmooth = 0.015;  // s, for changes of loudness
+const kFar = 0.25;  // s by which a clip may differ from the origin's clock, which advances in steps
+const kSilence = 1;  // s without a state after which the scene counts as resting
 const kFindAgain = 0.1;        // s
 
-/** As X3D has it: an ellipsoid within which all is heard, one beyond which nothing is, 20 dB between (16.4.17), or a law of
- * distance and a cone (16.4.18). `ear`: in the sound's own space. */
+/** Loudness in X3D: full within one ellipsoid, none beyond another, 20 dB between them (16.4.17); or a law of distance
+ * and a cone (16.4.18). `ear` is in the sound's own space. */
 export function loudness(node, ear) {
   const at = fieldOr(node, 'location', [0, 0, 0]), axis = fieldOr(node, 'direction', [0, 0, 1]);
   const to = ear.map((x, i) => x - at[i]), distance = Math.hypot(...to), length = Math.hypot(...axis);
@@ -42,7 +42,7 @@ export function loudness(node, ear) {
 }
 
 const detuned = (node) => 2 ** (fieldOr(node, 'detune', 0) / 1200);
-/** How fast a clip runs. */
+/** The speed of a clip. */
 const speedOf = (node) => Math.min(1e3, Math.max(1e-3,
   node.type.name === 'AudioClip' ? fieldOr(node, 'pitch', 1) : fieldOr(node, 'playbackRate', 1) * detuned(node)));
 const isClip = (node) => node.type.name === 'AudioClip' || node.type.name === 'BufferAudioSource';
@@ -50,23 +50,23 @@ const isTone = (node) => node.type.name === 'OscillatorSource';
 const kWaves = {SINE: 'sine', SQUARE: 'square', SAWTOOTH: 'sawtooth', TRIANGLE: 'triangle'};
 
 export class SceneSound {
-  /** `soundUrl(id, index)`: of a source's url of that index. `ear()`: where the page sees from, as rows right, up, back and
-   * position of four numbers each; null while nobody knows. `onFound(any)`: whether the scene has sounds. */
+  /** `soundUrl(id, index)` is the address of a source's url. `ear()` is the viewer's pose as rows right, up, back and
+   * position of four numbers each; null while unknown. `onFound(any)` tells whether the scene has sounds. */
   constructor(scene, {soundUrl, ear, onFound = () => {}, load = fetch.bind(globalThis)}) {
     Object.assign(this, {scene, soundUrl, ear, onFound, load});
     this.places = new Places(scene, ['Sound', 'SpatialSound', 'AudioDestination']);
     this.context = null;
-    this.output = null;         // what all that is heard goes through
+    this.output = null;  // everything heard goes through it
     this.emitters = new Map();  // by place: {gain, panner, voices by path}
-    this.clips = new Map();     // by node and urls: {buffer}, null while it comes
+    this.clips = new Map();  // by node and urls: {buffer}; null while it loads
     this.samples = 0;
-    this.pace = 1;              // of a log that is played
+    this.pace = 1;  // of a log that is played
     this.seen = -1;
     this.foundAt = -Infinity;
   }
   get isOn() { return this.context !== null; }
 
-  /** Browsers ask for a user's gesture first. */
+  /** Browsers need a user's gesture first. */
   start(context = new AudioContext()) {
     this.context = context;
     this.output = context.createGain();
@@ -82,9 +82,9 @@ export class SceneSound {
     return context?.close();
   }
 
-  /** `changed`: what a listener of Scene is given. */
+  /** `changed` is the argument of a Scene's listener. */
   change(changed) { this.places.change(changed); }
-  /** The scene begins anew. In another run of the server its numbers mean other nodes. */
+  /** Call it when the scene begins anew. In another run of the server its numbers mean other nodes. */
   restart(epoch) {
     this.places.isStale = true;
     if (epoch === this.epoch) return;
@@ -119,9 +119,10 @@ export class SceneSound {
     for (const emitter of wanted.values()) this.play(emitter, heard);
   }
 
-  // ---- what the scene says -----------------------------------------------------------------------------------------------
+  // ---- from the scene
+  // ----------------------------------------------------------------------------------------------------
 
-  /** What sounds now, and is loud enough to be heard: [{key, node, level, at, priority, sources}]. */
+  /** Finds what sounds now and is loud enough to be heard: [{key, node, level, at, priority, sources}]. */
   listen(ear) {
     const result = [];
     for (const place of this.places.ways) {
@@ -136,7 +137,7 @@ export class SceneSound {
       const isDirect = node.type.name === 'AudioDestination';
       const level = (isDirect ? 1 : loudness(node, own) * fieldOr(node, 'intensity', 1)) * fieldOr(node, 'gain', 1);
       if (!(Math.abs(level) > 1e-4) || !stands.every(Number.isFinite)) continue;
-      // As the ear has it: right, up, back.
+      // In the ear's frame: right, up, back.
       const at = [0, 4, 8].map((row) => {
         const length = Math.hypot(ear[row], ear[row + 1], ear[row + 2]);
         return [0, 1, 2].reduce((sum, i) => sum + (stands[i] - ear[12 + i]) * ear[row + i], 0) / (length || 1);
@@ -146,14 +147,14 @@ export class SceneSound {
     }
     return result;
   }
-  /** By the path to each: what leads to a sound, and with what gain. */
+  /** Finds the sources that lead to a sound, by path, and their gain. */
   sourcesOf(sound) {
     const sources = new Map();
     let visits = 0;
     const down = (id, gain, path) => {
       const node = standIn(this.scene, id);
       if (!node || path.length > 8 * kMostDeep || ++visits > kMostPaths || !fieldOr(node, 'enabled', true)) return;
-      // Of shelves and peaks the gain is the filter's own, in decibels.
+      // The gain of shelf and peaking filters is a parameter of the filter, in decibels.
       const own = node.type.name === 'BiquadFilter' && /SHELF|PEAKING/.test(fieldOr(node, 'type', '')) ? 1 : fieldOr(node, 'gain', 1);
       if (isClip(node) || isTone(node)) sources.set(path, {source: node, gain: gain * own});
       else for (const child of childrenOf(node, 'children')) down(child, gain * own, `${path}/${child}`);
@@ -202,7 +203,8 @@ export class SceneSound {
     throw new Error(`silent: ${why}`);
   }
 
-  // ---- what is heard -----------------------------------------------------------------------------------------------------
+  // ---- playing
+  // -----------------------------------------------------------------------------------------------------------
 
   play({key, level, at, sources}, heard) {
     if (!this.emitters.has(key)) this.emitters.set(key, this.makeEmitter(at !== null));
@@ -211,7 +213,7 @@ export class SceneSound {
     for (const path of [...voices.keys()]) if (!sources.has(path)) this.silence(voices, path);
     for (const [path, {source, gain}] of sources) this.voice(voices, path, panner, source, level * gain, heard);
   }
-  /** Placed by the ears of a head; how loud it is the scene says. */
+  /** Pans by HRTF; the scene decides the loudness. */
   makeEmitter(isPlaced) {
     const panner = isPlaced ? placedBy(this.context) : this.context.createGain();
     panner.connect(this.output);
@@ -261,7 +263,7 @@ export class SceneSound {
     voice.player.start(0, voice.player.loop ? voice.position % clip.buffer.duration : voice.position);
     return voice;
   }
-  /** Whether what is played is where the origin's is; asked when there is something new from there. */
+  /** Returns whether the clip is where the origin's is; asked when there is news from the origin. */
   isInStep(voice, source, elapsed, heard) {
     if (isTone(source)) return true;
     if (voice.clip !== this.clipOf(source)) return false;
@@ -287,7 +289,7 @@ export class SceneSound {
   }
 }
 
-/** A panner by HRTF that leaves the loudness alone. */
+/** Makes a panner by HRTF that does not change the loudness. */
 function placedBy(context) {
   const panner = context.createPanner();
   panner.panningModel = 'HRTF';

@@ -1,4 +1,4 @@
-// Starts the page, or says what it lacks: what it is made of is fetched where the server runs.
+// Starts the page, or says which module is missing on the server.
 
 import('/page/page.js').catch((error) => {
   console.warn(error);

@@ -1,7 +1,8 @@
-// Shows a replica by X_ITE: every node that can be seen has a node there, and every change is made there too.
+// Shows a replica in X_ITE: every visible node has a counterpart there, and every change is made there, too.
 //
-// What acts at the origin does not act here: sensors of time, interpolators, scripts and ROUTEs have no counterpart, as what
-// they do arrives as changes. A PROTO's instance is shown by the first node of its body, an Inline by a Group of its own.
+// Nodes that act at the origin do not act here: time sensors, interpolators, scripts and ROUTEs have no counterpart,
+// because their effects arrive as changes. A PROTO's instance is shown by the first node of its body, an Inline by a
+// Group of its own.
 
 import X3D from 'x_ite';
 
@@ -10,42 +11,43 @@ const NAMES = ['Bool', 'Int32', 'Float', 'Double', 'Time', 'String', 'Node', 'Co
   'Vec3d', 'Vec4f', 'Vec4d', 'Rotation', 'Matrix3f', 'Matrix3d', 'Matrix4f', 'Matrix4d'];
 const kPlain = new Set([0, 1, 2, 3, 4, 5]);
 
-/** Types whose doings come from the origin. */
+/** Types whose behaviour comes from the origin. */
 const kActing = ['X3DTimeDependentNode', 'X3DInterpolatorNode', 'X3DScriptNode', 'X3DSequencerNode', 'X3DTriggerNode', 'X3DFollowerNode',
   'X3DEnvironmentalSensorNode', 'X3DKeyDeviceSensorNode', 'X3DNetworkSensorNode', 'X3DPickSensorNode', 'X3DSoundNode',
   'X3DSoundSourceNode', 'X3DSoundProcessingNode', 'X3DSoundChannelNode', 'X3DInfoNode', 'X3DMetadataObject', 'X3DPhysicsModelNode'];
 const kShown = new Set(['MovieTexture']);
-/** Shown by a Group: X_ITE's own would load files, and leave the page. */
+/** Shown as a Group, because X_ITE's own nodes would load files and leave the page. */
 const kGroups = new Set(['Inline', 'Anchor']);
 const kLeftOut = new Set(['BooleanFilter', 'BooleanToggle', 'BooleanTrigger', 'IntegerTrigger', 'TimeTrigger', 'Script', 'CollisionSensor',
   'RigidBodyCollection', 'LoadSensor']);
 
-/** Outputs say what happened at the origin; here nothing follows from them. */
+/** Outputs tell what happened at the origin; they have no effect here. */
 const isKept = (def) => !def.hidden && (def.access === 'initializeOnly' || def.access === 'inputOutput');
 
-/** Of pictures that shall come fast: a quarter of the pixels, and no shadows, which cost more than all the rest. */
+/** For fast pictures: a quarter of the pixels, and no shadows, which cost more than everything else. */
 const kCoarse = {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5};
 const kNoTangents = new Error('there are no maps of normals');
-/** How long the first picture waits for those in the scene, ms. */
+/** How long the first picture waits for the scene's textures, in ms. */
 const kPicturesWithin = 700;
-/** What draws where there is no GPU. */
+/** Names of renderers that draw without a GPU. */
 const kSoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export class X3dView {
-  /** `pictureUrl(id, index)`: of a texture's url of that index. `quality`: low, full, or else low where there is no GPU. */
+  /** `pictureUrl(id, index)` is the address of a texture's url. `quality`: low, full, or by default low without a GPU.
+   * */
   constructor(element, scene, {pictureUrl, quality}) {
     this.scene = scene;
     this.pictureUrl = pictureUrl;
-    this.nodes = new Map();  // of X_ITE, by the replica's numbers
+    this.nodes = new Map();  // X_ITE's nodes by the replica's numbers
     this.canvas = X3D.createBrowser();
     this.browser = X3D.getBrowser(this.canvas);
-    // As attributes, which show what is below the splash screen as well; before anything of it is laid out.
+    // Set as attributes, so that they hold before anything is laid out. They also show what is below the splash screen.
     this.canvas.setAttribute('splashScreen', 'false');
     this.canvas.setAttribute('contextMenu', 'false');
     this.canvas.setAttribute('notifications', 'false');
-    this.canvas.style.visibility = 'hidden';  // until there is a picture: what is shown is composed, which takes its time without a GPU
+    this.canvas.style.visibility = 'hidden';  // until there is a picture, because composing what is shown takes time without a GPU
     element.append(this.canvas);
-    // Its own fonts are those of its menus and splash screen, of which nothing is shown.
+    // X_ITE's own fonts are for its menus and splash screen, which are not shown.
     for (const face of [...document.fonts]) if (face.family.includes('X_ITE')) document.fonts.delete(face);
     this.drawnByCpu = kSoftware.test(this.browser.getRenderer());
     this.coarse = quality === 'low' || (quality !== 'full' && this.drawnByCpu);
@@ -63,7 +65,7 @@ export class X3dView {
     const index = node.type.fields.findIndex((f) => f.name === name && f.hidden);
     return index >= 0 && index in node.values ? node.values[index] : [];
   }
-  /** What stands for a node here: itself, or for a PROTO's instance the first node of its body. */
+  /** Returns the node itself, or for a PROTO's instance the first node of its body. */
   standIn(id) {
     for (let depth = 0; depth < 64; ++depth) {
       const node = this.scene.nodes.get(id);
@@ -75,7 +77,8 @@ export class X3dView {
 
   // ---- from the replica to X_ITE ---------------------------------------------------------------------------------
 
-  /** All anew; false if another rebuild overtook this one. Nothing waits between reading the replica and following it. */
+  /** Builds everything anew; false if another rebuild overtook this one. It reads the replica and begins to follow it
+   * without a wait between. */
   async rebuild() {
     const own = this.building = {};
     const needed = new Set();
@@ -95,27 +98,27 @@ export class X3dView {
     world.rootNodes = new X3D.MFNode(...roots);
     await this.pictures();
     if (world !== this.world) return false;
-    // X_ITE says that it is done when everything has come, on a slow link much later: the frame after the one that it waits for is
-    // the first of this world.
+    // X_ITE reports when everything has loaded, which is much later on a slow link. The frame after the one that it
+    // waits for is the first of this world.
     const replaced = this.browser.replaceWorld(world), drawn = this.browser.nextFrame().then(() => this.browser.nextFrame());
-    replaced.catch(() => {});  // by another one: so be it
+    replaced.catch(() => {});  // replaced by another world, which is fine
     await Promise.race([replaced, drawn]);
     if (world !== this.world) return false;
     this.canvas.style.visibility = '';
     return true;
   }
-  /** X_ITE makes tangents of every geometry, by a library that it fetches meanwhile: what was drawn before is then made again, with
-   * other shaders. Only maps of normals need any. */
+  /** X_ITE makes tangents for every geometry with a library that it has to load. What was drawn before is then made
+   * again with other shaders. Only normal maps need tangents. */
   chooseTangents() {
     const maker = X3D.require('MikkTSpace'), kMap = 'normalTexture';
     if (!maker) return;
-    delete maker.isInitialized;  // as its class has it
+    delete maker.isInitialized;  // back to that of its class
     for (const {type, values} of this.scene.nodes.values())
       if (values[type.fields.findIndex((f) => f.name === kMap)]) return;
-    maker.isInitialized = () => { throw kNoTangents; };  // caught where they would be made
+    maker.isInitialized = () => { throw kNoTangents; };  // caught where tangents would be made
   }
-  /** Until the scene's pictures have come, or for a while: a first picture without them would take as long as the one with them,
-   * and shaders of its own. What changes meanwhile is followed. */
+  /** Waits for the scene's pictures, up to a limit. A first picture without them would take as long as one with them,
+   * and needs its own shaders. Changes meanwhile are followed. */
   async pictures() {
     const coming = [...this.nodes.values()].map((made) => made.getValue())
       .filter((base) => base.checkLoadState?.() === X3D.X3DConstants.IN_PROGRESS_STATE);
@@ -132,7 +135,7 @@ export class X3dView {
     return result;
   }
 
-  /** X_ITE's node for this one, as an SFNode; null if it is none that is shown. */
+  /** Returns X_ITE's node for this one as an SFNode; null if it is not shown. */
   make(id) {
     if (!id) return null;
     if (this.nodes.has(id)) return this.nodes.get(id);
@@ -184,9 +187,9 @@ export class X3dView {
     }
   }
 
-  /** `changed`: what a listener of Scene is given. */
+  /** `changed` is the argument of a Scene's listener. */
   change(changed) {
-    if (this.building || !this.world) return;  // what is built will be as it is then
+    if (this.building || !this.world) return;  // the new world will have the state of when it is built
     if (this.nodes.size > this.scene.nodes.size + 1000) this.prune();
     for (let i = 0; i < changed.length; i += 2) {
       const node = changed[i], index = changed[i + 1], def = node.type.fields[index];
@@ -204,7 +207,8 @@ export class X3dView {
       }
     }
   }
-  /** A body came or went: of an Inline that is its Group's content; of a PROTO's instance everything that shows it. */
+  /** Call it when a body came or went. It is the content of an Inline's Group, or everything that shows a PROTO's
+   * instance. */
   rewire(node) {
     if (node.type.name !== 'Inline') {
       this.rebuild();
@@ -214,14 +218,14 @@ export class X3dView {
     if (made) this.setChildren(made.getValue(), 'children', this.hidden(node, 'body'));
     return false;
   }
-  /** Numbers are never used again; what is gone need not be kept. */
+  /** Numbers are never used again, so entries of destroyed nodes are dropped. */
   prune() {
     for (const id of this.nodes.keys()) if (!this.scene.nodes.has(id)) this.nodes.delete(id);
   }
 
   // ---- viewpoints and pointers -------------------------------------------------------------------------------------
 
-  /** [{id, name}], in the order of the document. */
+  /** Returns [{id, name}] in the order of the document. */
   viewpoints() {
     const result = [];
     for (const [id, node] of this.scene.nodes)
@@ -229,7 +233,7 @@ export class X3dView {
         result.push({id, name: node.get('description') || node.name || `${node.type.name} ${id}`});
     return result;
   }
-  /** That of the origin: the top of its active layer's stack. */
+  /** Returns the origin's viewpoint: the top of its active layer's stack. */
   originsViewpoint() {
     const {root} = this.scene;
     return this.hidden(this.scene.nodes.get(this.hidden(root, '_activeLayer')) ?? root, '_viewpointStack')[0] ?? 0;
@@ -239,17 +243,20 @@ export class X3dView {
     if (made) made.set_bind = true;
   }
 
-  /** Where it is seen from: sixteen numbers, the rows right, up, back and position; null while there is no picture. */
+  /** Returns the viewer's pose as sixteen numbers, the rows right, up, back and position; null while there is no
+   * picture. */
   camera() {
     const view = this.building ? null : this.browser.getActiveLayer()?.getViewpoint();
     return view ? Array.from(view.getCameraSpaceMatrix()) : null;
   }
-  /** The ray through a place on the page, as {origin, direction} in world space; null while there is no picture. */
+  /** Returns the ray through a place on the page as {origin, direction} in world space; null while there is no picture.
+   * */
   ray({pageX, pageY}) {
     const layer = this.building ? null : this.browser.getActiveLayer(), view = layer?.getViewpoint();
     if (!view) return null;
     const viewport = layer.getViewport().getRectangle(), near = view.getNearDistance(layer.getNavigationInfo());
-    // Sixteen numbers, row by row: a place in the picture as a row, from -1 to 1 each way, times this is one in the world.
+    // Sixteen numbers in row order. A row vector of a place in the picture, from -1 to 1 each way, times this gives one
+    // in the world.
     const m = view.getProjectionMatrixWithLimits(near, 1000 * near, viewport).copy().inverse().multRight(view.getCameraSpaceMatrix());
     const at = this.browser.getPointerFromEvent({pageX, pageY});
     const x = (at.x - viewport.x) / viewport.z * 2 - 1, y = (at.y - viewport.y) / viewport.w * 2 - 1;
@@ -260,6 +267,6 @@ export class X3dView {
     const origin = point(-1), direction = point(0).map((c, i) => c - origin[i]), length = Math.hypot(...direction);
     return length > 0 && Number.isFinite(length) ? {origin, direction: direction.map((c) => c / length)} : null;
   }
-  /** Whether the pointer was last seen over something that a sensor is for. */
+  /** Returns whether the pointer was last over something with a sensor. */
   isOverSensor() { return this.browser.getHit().sensors.size > 0; }
 }

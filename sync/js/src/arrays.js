@@ -1,15 +1,15 @@
-// Packed arrays (PROTOCOL.md, "Arrays"): columns of coding 3, as scene files have them.
+// Packed arrays (PROTOCOL.md, "Arrays"): columns of coding 3, which scene files have.
 import {FormatError} from './reader.js';
 
 const kBlock = 1024, kDecimal = 128, kSmallestLane = 10;
-const kLanes = new Map([[3, 1], [5, 1], [21, 2], [25, 3], [15, 3], [29, 4], [17, 4], [33, 4]]);  // of value types
+const kLanes = new Map([[3, 1], [5, 1], [21, 2], [25, 3], [15, 3], [29, 4], [17, 4], [33, 4]]);  // by value type
 const kMfInt32 = 3;
 const kPowers = [1, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
 const float = new Float32Array(1), bitsOfFloat = new Uint32Array(float.buffer);
 
-/** `bits` of each of the numbers from `first` on, least significant first. */
+/** Reads `bits` bits of each number from `first` on, least significant first. */
 function unpack(bytes, bits, numbers, first) {
-  let word = 0, filled = 0, at = 0;  // up to 39 bits: no 32-bit arithmetic
+  let word = 0, filled = 0, at = 0;  // up to 39 bits, so no 32-bit arithmetic
   const scale = 2 ** bits;
   for (let i = first; i < numbers.length; ++i) {
     while (filled < bits) {
@@ -22,7 +22,7 @@ function unpack(bytes, bits, numbers, first) {
   }
 }
 
-/** One component of a block, into every `stride`-th word from `to` on. */
+/** Writes one component of a block into every `stride`-th word from `to` on. */
 function readLane(reader, size, isFloat, words, to, stride) {
   const form = reader.u8(), lag = reader.u8(), base = reader.u32(), bits = form % kDecimal, decimal = form >= kDecimal;
   if (bits > 32 || lag < 1 || lag > 8 || (decimal && !isFloat)) throw new FormatError('unknown packing');
@@ -47,7 +47,7 @@ function readLane(reader, size, isFloat, words, to, stride) {
   for (const [at, bits32] of odds) words[to + at * stride] = bits32;
 }
 
-/** The bytes of an array as a state hash has them. */
+/** The bytes of an array as a state hash takes them. */
 export function readPacked(reader, type) {
   const lanes = kLanes.get(type), size = reader.varint();
   if (!lanes) throw new FormatError(`packed values of type ${type}`);

@@ -1,6 +1,7 @@
-// The blocks of a frame or keyframe (PROTOCOL.md, "Changes"), handed one by one to whoever follows.
+// Decodes the blocks of a frame or keyframe (PROTOCOL.md, "Changes") and calls a sink for each change.
 //
-// A sink has the methods of Scene in scene.js. What is malformed is a FormatError; the sink's state then means nothing.
+// A sink has the methods of Scene in scene.js. Malformed input throws a FormatError; the sink's state is then
+// undefined.
 
 import {FormatError, Reader, addDelta} from './reader.js';
 import {Memory} from './prediction.js';
@@ -12,8 +13,8 @@ const kMostChanges = 1 << 26, kMostInflated = 2 ** 30;
 
 let inflateRaw = globalThis.process?.getBuiltinModule?.('node:zlib')?.inflateRawSync;  // Node 20.16 and later
 
-/** Scene files have deflated blocks. `inflate(bytes, {maxOutputLength, dictionary})` gives what a raw deflate stream holds, as
- * node:zlib's inflateRawSync does; other environments name theirs here. */
+/** Sets the function that inflates the deflated blocks of scene files: `inflate(bytes, {maxOutputLength, dictionary})`
+ * inflates a raw deflate stream like inflateRawSync of node:zlib, which Node uses by default. */
 export function setInflate(inflate) { inflateRaw = inflate; }
 
 function inflated(body, dictionary) {
@@ -27,19 +28,19 @@ function inflated(body, dictionary) {
     throw new FormatError(`a deflated block is damaged: ${problem.message}`);
   }
   if (bytes.length !== size) throw new FormatError(`a deflated block of ${bytes.length} bytes instead of ${size}`);
-  return new Reader(new Uint8Array(bytes));  // in memory of its own, whose words are aligned
+  return new Reader(new Uint8Array(bytes));  // its own memory, so that words are aligned
 }
 
 export class Decoder {
   constructor() { this.restart(); }
-  /** Another epoch. */
+  /** Begins another epoch. */
   restart() {
     this.types = new Map();
     this.catalogued = 0;  // types below this are the catalogue's
     this.memory = new Memory();
   }
 
-  /** `record`: of kind frame, keyframe or scene. */
+  /** `record` must be of kind frame, keyframe or scene. */
   decode(record, sink) {
     this.memory.begin(record.kind === 'frame' ? record.flags : 4);
     this.remembers = record.kind === 'frame' && (record.flags & 1) !== 0;
@@ -49,7 +50,7 @@ export class Decoder {
     this.blocks(reader, sink, true);
   }
 
-  /** What a scene record has before its blocks. */
+  /** Reads what a scene record has before its blocks. */
   startScene(reader, sink) {
     const version = reader.u16();
     if (version !== 1) throw new FormatError(`a scene of version ${version}; this reader knows 1`);
@@ -71,7 +72,7 @@ export class Decoder {
   block(kind, count, b, sink) {
     let node = 0, other = 0;
     if (kind === 4) return this.column(count, b, sink);
-    if (kind > 8) return undefined;  // of a later version, or filler
+    if (kind > 8) return undefined;  // of a later version, or a filler
     for (let i = 0; i < count; ++i) {
       if (kind === 0 || kind === 1) {
         const number = kind === 0 ? b.varint() : Math.floor(b.varint() / 2);
@@ -134,7 +135,7 @@ export class Decoder {
 
   column(count, b, sink) {
     const coding = b.u8();
-    b.u8();  // where it came from
+    b.u8();  // flags: the origin
     const type = b.u8(), field = b.varint();
     if (coding > 3) return;  // of a later version
     if (!isKnown(type) || type === SFNODE || type === MFNODE) throw new FormatError(`a column of value type ${type}`);

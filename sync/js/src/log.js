@@ -1,4 +1,4 @@
-// A log, read to its end whatever is wrong with it (PROTOCOL.md, "Log").
+// Reads a log to its end, whatever is damaged (PROTOCOL.md, "Log").
 
 import {FormatError} from './reader.js';
 import {findRecord, readRecord} from './record.js';
@@ -6,7 +6,7 @@ import {readHead} from './types.js';
 import {Decoder} from './decoder.js';
 import {Scene} from './scene.js';
 
-/** Every intact record; `damage` is told {offset, length} of the bytes between. */
+/** Returns every intact record. Calls `damage` with {offset, length} of the bytes between. */
 export function* records(bytes, damage = () => {}) {
   let lostAt = -1;
   for (let at = 0; at < bytes.length;) {
@@ -37,14 +37,14 @@ export class Replay {
     this.states = this.verified = this.gaps = 0;
     this.damage = [];
     this.closed = false;
-    this.goesOn = false;  // it ends with a piece that another one follows
-    this.ended = false;  // the last record that is no head was an index, and not of a piece that another follows: the session is whole
-    this.unclosedSessions = 0;  // times that nothing tells what lies between one and the next
+    this.goesOn = false;  // it ends with a piece that has a later piece
+    this.ended = false;  // the last record other than heads was an index without a later piece, so the session is complete
+    this.unclosedSessions = 0;  // times that it is unknown what lies between one session and the next
     this.lost = true;  // waiting for a keyframe
-    this.told = false;  // that frames are missing until then
+    this.told = false;  // missing frames have been counted until the next keyframe
     this.source = records(bytes, (place) => this.damage.push(place));
   }
-  /** The record that led to the next state; null at the end. */
+  /** Returns the record that led to the next state; null at the end. */
   step() {
     for (let next = this.source.next(); !next.done; next = this.source.next()) {
       const record = next.value;
@@ -72,7 +72,7 @@ export class Replay {
     this.lost = true;
     this.told = false;
   }
-  /** All of a scene file. */
+  /** Reads a whole scene file. */
   takeScene(record) {
     this.head = null;
     this.scene.countsFields = false;
@@ -90,7 +90,7 @@ export class Replay {
     if (record.kind === 'frame') this.missFrames();
     return record.kind === 'keyframe';
   }
-  /** A frame that nothing leads to: counted once until the next keyframe. */
+  /** Notes a frame that does not follow from the scene's state. Counts it once until the next keyframe. */
   missFrames() {
     this.lost = true;
     if (!this.told) ++this.gaps;

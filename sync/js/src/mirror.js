@@ -1,6 +1,6 @@
-// A client of a mirror server (PROTOCOL.md, "Mirror"), whatever carries its messages: `send(first, second)` takes them, and
-// receive(first, second) is called with what comes. Follows the stream, compares the hash after every record, acknowledges,
-// comes back without a snapshot where it can, and sends events.
+// A client of a mirror server (PROTOCOL.md, "Mirror") for any transport: it calls `send(first, second)`, and
+// receive(first, second) must be called with what comes. It follows the stream, compares the hash after every record,
+// acknowledges, reconnects without a snapshot if possible, and sends events.
 
 import {FormatError, Reader} from './reader.js';
 import {readRecord} from './record.js';
@@ -43,7 +43,7 @@ export class Mirror {
     this.hasState = false;
     this.connected = false;
     this.originLost = false;
-    this.unanswered = 0;  // hellos, since something was answered
+    this.unanswered = 0;  // hellos since the last answer
     this.gone = false;  // the server said goodbye
     this.nextRequest = 1;
     this.requests = new Map();
@@ -53,7 +53,7 @@ export class Mirror {
   }
   tell(name, ...given) { this.options[name]?.(...given); }
 
-  /** There is a way to the server, or a new one. */
+  /** Call it when a connection to the server is there. */
   hello(afresh = false) {
     ++this.session;
     this.session &= 0xFFFFFFFFFFFFFFFFn;
@@ -70,21 +70,21 @@ export class Mirror {
     ++this.unanswered;
     this.greeted = performance.now();
   }
-  /** Another hello makes the answer to the last one void, and on a slow and long way that may take seconds. */
+  /** Another hello makes the answer to the last one void. On a slow link that answer may take seconds. */
   mayGreet(now) {
     return now - this.greeted > (this.unanswered ? kHelloLost * 2 ** Math.min(this.unanswered - 1, kMostDoublings) : kHelloAgain);
   }
   bye() { this.send(message(BYE).done()); }
 
-  /** The way is gone; the next hello goes on from here. */
+  /** Call it when the connection is lost. The next hello goes on from the present state. */
   cut() {
     this.connected = false;
     this.unanswered = 0;
   }
 
-  /** Call it a few times a second. True while the server is heard. */
+  /** Call it a few times a second. Returns true while the server is heard. */
   tick(now = performance.now()) {
-    // Who has been asleep has not listened: the silence may be its own.
+    // After this program has slept, the silence may be its own.
     if (now - this.ticked > kTimeout / 2) this.heard = now;
     this.ticked = now;
     if (!this.connected) {
@@ -114,7 +114,7 @@ export class Mirror {
       if (!(error instanceof FormatError)) throw error;
       ++this.count.garbage;
       this.tell('onTrouble', error.message);
-      // What was half applied is no state of anybody's.
+      // A half applied record leaves no valid state.
       if (this.applying) this.hello(true);
       this.applying = false;
     }
@@ -153,7 +153,7 @@ export class Mirror {
     }
   }
 
-  /** Relays tell whether they hear the origin themselves. */
+  /** A relay tells whether it hears its origin. */
   takeOrigin(lost) {
     if (lost !== this.originLost) this.tell('onOrigin', this.originLost = lost);
   }
@@ -233,12 +233,12 @@ export class Mirror {
     if (record.kind !== 'frame' && record.kind !== 'keyframe') return undefined;
     const keyframe = record.kind === 'keyframe', follows = this.hasState && record.from === this.scene.state;
     if (!follows && !keyframe) {
-      if (this.hasState && record.to <= this.scene.state) return undefined;  // seen already
+      if (this.hasState && record.to <= this.scene.state) return undefined;  // applied already
       ++this.count.gaps;
       return this.hello(!this.hasState);
     }
     if (!follows) this.scene.reset();
-    this.afresh = !follows || keyframe;  // for who listens to the scene: all of it is new
+    this.afresh = !follows || keyframe;  // tells listeners that everything in the scene is new
     this.applying = true;
     const equal = this.scene.apply(record, this.decoder);
     this.applying = false;
@@ -257,14 +257,15 @@ export class Mirror {
 
   // ---- upstream ----------------------------------------------------------------------------------------------------
 
-  /** Input events: [{node, field, type, value}] with numbers of nodes and fields. Returns the request's number. */
+  /** Sends input events, [{node, field, type, value}] with node and field numbers. Returns the request's number. */
   submitEvents(events) { return this.submit(eventRecord(events)); }
-  /** Fields to be set, likewise. */
+  /** Sends edits of fields, in the same form. */
   submitEdits(edits) { return this.submit(editRecord(edits)); }
-  /** Takes back what this author asked for last, or brings it back; the verdict's `kept` names what was left as it is, and why. */
+  /** Takes back this author's last request, or does it again. The verdict's `kept` says what was left unchanged, and
+   * why. */
   undo() { return this.submit(undoRecord()); }
   redo() { return this.submit(redoRecord()); }
-  /** Keeps nodes, by their numbers, from other authors for so many ms, 60,000 at most; 0 lets go. */
+  /** Reserves nodes, by number, for this author for so many ms, at most 60,000; 0 releases them. */
   lock(nodes, lease) { return this.submit(lockRecord(nodes, lease)); }
   submit(bytes) {
     const number = this.nextRequest++;
@@ -284,13 +285,13 @@ export class Mirror {
     if (r.u64() !== this.session) return;
     const request = Number(r.u64()), state = Number(r.u64()), reason = r.text();
     for (let n = r.left ? r.varint() : 0; n > 0; --n) {
-      r.varint();  // the numbers of nodes that it created: nothing here asks for any
+      r.varint();  // numbers of created nodes, which this client never asks for
       r.varint();
     }
     const kept = r.left ? r.text() : '';
     if (this.requests.delete(request)) this.tell('onVerdict', {request, state, reason, kept});
   }
-  /** Of a log that is played: "pause", "seek 3", ... */
+  /** Sends a command to the player of a log: "pause", "seek 3", ... */
   control(command) {
     this.send(message(CONTROL).u64(this.session).text(command).done());
   }

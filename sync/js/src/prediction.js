@@ -1,5 +1,5 @@
-// Values foretold from the ones before (PROTOCOL.md, "Prediction"). Numbers are 32-bit integers that grow with the f32 they
-// stand for, or places on a grid; all arithmetic on them is modulo 2^32.
+// Predicts values from earlier ones (PROTOCOL.md, "Prediction"). Numbers are 32-bit integers that grow with the f32
+// they represent, or positions on a grid. All arithmetic on them is modulo 2^32.
 
 import {FormatError} from './reader.js';
 import {SFROTATION, lanesOf} from './values.js';
@@ -7,7 +7,7 @@ import {SFROTATION, lanesOf} from './values.js';
 const UNKNOWN = -1;
 const LARGEST = 3.4028234663852886e38;
 const bits = new Int32Array(1), float = new Float32Array(bits.buffer);
-const flipped = (n) => n < 0 ? n ^ 0x7FFFFFFF : n;  // its own inverse: f32 bits to number and back
+const flipped = (n) => n < 0 ? n ^ 0x7FFFFFFF : n;  // maps f32 bits to numbers and back; it is its own inverse
 function toFloat(n) {
   bits[0] = flipped(n);
   return float[0];
@@ -18,7 +18,7 @@ function ofFloat(x) {
 }
 const sizeOf = (d) => d === -0x80000000 ? 32 : 32 - Math.clz32(Math.abs(d));
 
-/** Nearest whole number, ties to even; 0 from 2^21 on. */
+/** Rounds to the nearest whole number, ties to even; 0 from 2^21 on. */
 function toPlace(x) {
   if (!(Math.abs(x) < 2 ** 21)) return 0;
   let n = Math.round(x);
@@ -47,7 +47,7 @@ class Past {
     this.orders = [0, 0, 0, 0];
     this.sizes = [UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN];
   }
-  /** Its values become numbers of the kind that a column has: on a grid of this width, or off it. */
+  /** Converts the values to the numbers of a column: on a grid of this width, or without a grid. */
   bring(type, width) {
     if (this.width === width) return;
     if (this.width) this.values = this.values.map((n) => fromGrid(type, n, this.width));
@@ -62,7 +62,7 @@ class Past {
     const next = order === 1 ? 2 * x - y : 3 * (x - y) + toFloat(c[lane]);
     return Math.abs(next) <= LARGEST ? ofFloat(next) : a[lane];
   }
-  /** `residual(lane, foretold)` reads or makes them. Returns the new numbers, and learns from them. */
+  /** `residual(lane, foretold)` reads or makes the residuals. Returns the new numbers and learns from them. */
   code(type, residual) {
     const lanes = type === SFROTATION && this.width ? 3 : lanesOf(type);
     const depth = this.values.length;
@@ -76,7 +76,7 @@ class Past {
     for (let lane = 0; lane < lanes; ++lane)
       if (lane !== last) take(lane, this.forecast(lane, Math.min(this.orders[lane], depth - 1)));
     if (last >= 0) {
-      // The axis has length 1: its longest component follows from the others.
+      // The axis has length 1, so its longest component follows from the others.
       const p = toFloat(now[last === 0 ? 1 : 0]), q = toFloat(now[last === 2 ? 1 : 2]);
       const square = 1 - p * p - q * q, size = square > 0 ? Math.sqrt(square) : 0;
       take(last, ofFloat(toFloat(this.values[0][last]) < 0 ? -size : size));
@@ -157,7 +157,7 @@ class RangeCoder {
     }
     return bit;
   }
-  /** `plain`: where the lower bits are. */
+  /** `plain` has the lower bits. */
   number(plain, model, size) {
     const c = size === UNKNOWN ? 0 : CLASSES[size];
     if (!this.decide(`z${model} ${c}`)) return 0;
@@ -179,7 +179,7 @@ export class Memory {
     this.syncs = 0;
     this.before = new Uint32Array(0);
   }
-  /** Before a frame with these flags; 4 before a keyframe. */
+  /** Call it before a frame with these flags, and with 4 before a keyframe. */
   begin(flags) {
     if (flags & 4) this.pasts.clear();
     if (flags & 6) {
@@ -197,7 +197,7 @@ export class Memory {
     }
     return past;
   }
-  /** A raw value, whose f32 are words[at] and on. */
+  /** Learns from a raw value, whose f32 start at words[at]. */
   remember(node, field, type, words, at) {
     const lanes = lanesOf(type), now = new Int32Array(4);
     for (let lane = 0; lane < lanes; ++lane) now[lane] = flipped(words[at + lane]);
@@ -210,7 +210,7 @@ export class Memory {
     past.bring(type, 0);
     past.code(type, (lane, foretold) => now[lane] - foretold);
   }
-  /** The rest of a column with coding 1 or 2: its nodes, and their values as f32 bits. */
+  /** Reads the rest of a column with coding 1 or 2: its nodes and their values as f32 bits. */
   column(reader, count, coding, type, field) {
     const lanes = lanesOf(type), form = reader.u8();
     const width = form & 1 ? reader.f64() : 0, how = form >> 1 & 3;

@@ -1,5 +1,5 @@
-// Reads the primitives of the format (PROTOCOL.md, "Primitives") from a Uint8Array. What is cut short or malformed is a
-// FormatError, never a wrong value.
+// Reads the primitives of the format (PROTOCOL.md, "Primitives") from a Uint8Array. Truncated or malformed input throws
+// a FormatError; it never gives a wrong value.
 
 export class FormatError extends Error {}
 
@@ -12,7 +12,7 @@ export class Reader {
     this.at = 0;
   }
   get left() { return this.bytes.length - this.at; }
-  /** Where the next `count` bytes begin. */
+  /** Skips `count` bytes and returns where they begin. */
   skip(count) {
     if (!(count <= this.left)) throw new FormatError(`cut short: ${count} bytes at ${this.at} of ${this.bytes.length}`);
     this.at += count;
@@ -29,7 +29,7 @@ export class Reader {
   f32() { return this.view.getFloat32(this.skip(4), true); }
   f64() { return this.view.getFloat64(this.skip(8), true); }
   u64() { return this.view.getBigUint64(this.skip(8), true); }
-  /** Counts, lengths and node numbers: up to 2^53, which is more than there can be bytes. */
+  /** Reads counts, lengths and node numbers up to 2^53, which is more than any number of bytes. */
   varint() {
     let result = 0;
     let scale = 1;
@@ -44,7 +44,8 @@ export class Reader {
     }
     throw new FormatError(`a varint without end at ${this.at}`);
   }
-  /** A count of things that take at least `least` bytes each: no memory is taken for what cannot be there. */
+  /** Reads a count of things that take at least `least` bytes each, so that no memory is allocated for impossible
+   * counts. */
   count(least) {
     const n = this.varint();
     if (n * least > this.left) throw new FormatError(`${n} elements in ${this.left} bytes`);
@@ -54,7 +55,7 @@ export class Reader {
     const coded = this.varint();
     return coded % 2 ? -(coded + 1) / 2 : coded / 2;
   }
-  /** A node number relative to `previous`. */
+  /** Reads a node number relative to `previous`. */
   node(previous) { return addDelta(previous, this.varint()); }
   text() { return decoder.decode(this.take(this.varint())); }
   texts() { return Array.from({length: this.count(1)}, () => this.text()); }

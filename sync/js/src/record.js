@@ -1,4 +1,4 @@
-// Records (PROTOCOL.md, "Records"): the unit of log and wire.
+// Records (PROTOCOL.md, "Records"), the unit of log and wire.
 
 import {FormatError} from './reader.js';
 import {xxh64} from './xxh3.js';
@@ -7,8 +7,8 @@ export const HEADER = 64;
 const MAGIC = Uint8Array.from('RTSGrec1', (c) => c.charCodeAt(0));
 const KINDS = {1: 'head', 2: 'frame', 3: 'keyframe', 4: 'index', 5: 'input', 6: 'request', 7: 'scene'};
 
-/** The record that begins at `at`, its checksum right; throws a FormatError that says what is wrong with it. States are
- * numbers, up to 2^53. */
+/** Returns the record at `at` after checking its checksum. Throws a FormatError that says what is wrong. State numbers
+ * may be up to 2^53. */
 export function readRecord(bytes, at = 0, mostPayload = 2 ** 30) {
   const fail = (why) => { throw new FormatError(`at byte ${at}: ${why}`); };
   if (bytes.length - at < HEADER) fail('a record cut short');
@@ -28,7 +28,7 @@ export function readRecord(bytes, at = 0, mostPayload = 2 ** 30) {
   };
 }
 
-/** Where the next magic is from `at` on; the end if there is none. */
+/** Finds the next magic from `at` on; returns the end if there is none. */
 export function findRecord(bytes, at) {
   for (let i = bytes.indexOf(MAGIC[0], at); i >= 0; i = bytes.indexOf(MAGIC[0], i + 1))
     if (MAGIC.every((byte, k) => bytes[i + k] === byte)) return i;

@@ -1,5 +1,5 @@
-// A replica of a scene: nodes, values, names, routes, and the state hash of all of it (PROTOCOL.md, "State hash"), kept up
-// to date change by change.
+// A replica of a scene: nodes, values, names and routes. Its state hash (PROTOCOL.md, "State hash") is updated with
+// each change.
 
 import {FormatError} from './reader.js';
 import {MFNODE, SFNODE, valueOf} from './values.js';
@@ -10,11 +10,11 @@ const utf8 = new TextDecoder('utf-8');
 const term = new Uint32Array(4);
 const scratch = new Uint8Array(16), scratchView = new DataView(scratch.buffer);
 const empty = new Uint32Array(0), noKey = [0, 0];
-let seedLow = 0, seedHigh = 0;  // of the term at hand
+let seedLow = 0, seedHigh = 0;  // of the present term
 
 const sameBytes = (a, b) => a.length === b.length && a.every((x, i) => x === b[i]);
 
-/** The sum of terms modulo 2^128, in four parts of which each may be out of range until it is read. */
+/** The sum of terms modulo 2^128, in four parts. Each may be out of range until it is read. */
 class StateHash {
   constructor() { this.sum = new Float64Array(4); }
   add(t, at, sign) {
@@ -34,7 +34,7 @@ class StateHash {
       this.sum[i] = x - over * 2 ** 32;
     }
   }
-  /** As the program prints it: high half first. */
+  /** In the program's form: high half first. */
   hex() {
     this.carry();
     return [...this.sum].reverse().map((x) => x.toString(16).padStart(8, '0')).join('');
@@ -48,26 +48,26 @@ export class Node {
     this.spread = times(id, 0x7F4A7C15, 0x9E3779B9);
     this.type = type;
     this.scope = scope;
-    this.values = [];   // by field; what is missing has its default
-    this.terms = null;  // of these, four numbers each; made when there is one
+    this.values = [];  // by field; missing ones have their default
+    this.terms = null;  // hash terms of the values, four numbers each; null until there is one
     this.name = '';
-    this.routes = [];   // that it sends
+    this.routes = [];  // the routes that it sends
   }
-  /** A field's value by its name or number. */
+  /** Returns a field's value by name or number. */
   get(field) {
     const index = typeof field === 'number' ? field : this.type.fields.findIndex((f) => f.name === field);
     if (!(index in this.type.fields)) throw new RangeError(`${this.type.name} has no field ${field}`);
     const value = index in this.values ? this.values[index] : this.type.fields[index].default;
-    return Array.isArray(value) ? value.slice() : value;  // the scene goes on in its own
+    return Array.isArray(value) ? value.slice() : value;  // a copy, because the scene changes its own
   }
 }
 
 export class Scene {
   constructor() {
-    /** `change(node, field)` for every value that is set, once the record is applied; null: nobody listens. */
+    /** `change(node, field)` is called for each value that was set, once the record is applied; null for none. */
     this.listener = null;
     this.changed = null;
-    /** Streams of version 2 had hashes that name fields by number. */
+    /** In streams of version 2, hashes use the numbers of fields. */
     this.countsFields = false;
     this.reset();
   }
@@ -86,12 +86,12 @@ export class Scene {
     if (!node) throw new FormatError(`there is no node ${id}`);
     return node;
   }
-  /** By its DEF name; of several in different scopes any. */
+  /** Finds a node by DEF name. If several scopes have the name, it returns any of them. */
   find(name) { return this.nodes.get(this.names.get(name)); }
 
   // ---- terms -------------------------------------------------------------------------------------------------
 
-  /** To seedLow and seedHigh. */
+  /** Sets seedLow and seedHigh. */
   seed(node, field, t) {
     if (this.countsFields) {
       seedLow = (field << 16 | t) >>> 0;
@@ -109,11 +109,11 @@ export class Scene {
     if (type !== undefined && def.type !== type) throw new FormatError(`${node.type.name}.${def.name} is of another type`);
     return def;
   }
-  /** The term of a field is `term` from now on, or none. */
+  /** Replaces the term of a field by `term`, or by none. */
   replaceTerm(node, field, isDefault) {
     const terms = node.terms ??= new Uint32Array(4 * node.type.fields.length);
     const at = 4 * field;
-    this.hash.add(terms, at, -1);  // four zeros where there is none
+    this.hash.add(terms, at, -1);  // four zeros if there is none
     for (let i = 0; i < 4; ++i) terms[at + i] = isDefault ? 0 : term[i];
     if (!isDefault) this.hash.add(term, 0, 1);
   }
@@ -157,7 +157,7 @@ export class Scene {
     this.hash.add(term, 0, sign);
   }
 
-  // ---- what a decoder says -------------------------------------------------------------------------------------
+  // ---- called by a decoder -------------------------------------------------------------------------------------
 
   defineType(number, type) {
     if (type.name === 'RtsgScene') this.root.type = type;
@@ -211,10 +211,10 @@ export class Scene {
     node.values[field] = Uint32Array.from(children);
     this.changed?.push(node, field);
   }
-  /** Values of 1 to 4 f32, as their bits, one after the other. */
+  /** Sets values of 1 to 4 f32, given as bits, one after the other. */
   setWords(nodes, field, type, lanes, words) {
     const {hash, changed} = this, all = this.nodes, numbers = new Float32Array(words.buffer, words.byteOffset, words.length);
-    let known = null, defaults = null;  // most columns are of one type of node
+    let known = null, defaults = null;  // most columns are for one type of node
     for (let i = 0, at = 0; i < nodes.length; ++i, at += lanes) {
       const node = all.get(nodes[i]) ?? this.node(nodes[i]);
       if (node.type !== known) {
@@ -224,7 +224,7 @@ export class Scene {
       let isDefault = true;
       for (let k = 0; k < lanes; ++k) if (words[at + k] !== defaults[k]) isDefault = false;
       const terms = node.terms ??= new Uint32Array(4 * known.fields.length), own = 4 * field;
-      hash.add(terms, own, -1);  // four zeros where there is none
+      hash.add(terms, own, -1);  // four zeros if there is none
       if (isDefault) {
         terms.fill(0, own, own + 4);
       } else {
@@ -236,7 +236,8 @@ export class Scene {
       if (changed !== null) changed.push(node, field);
     }
   }
-  /** Into the array that is there, if one is: a value that moves makes no garbage. Who keeps values gets copies (Node.get). */
+  /** Writes into the existing array, if there is one, so that moving values make no garbage. Node.get returns copies
+   * for those who keep values. */
   setNumbers(node, field, lanes, numbers, at) {
     if (lanes === 1) {
       node.values[field] = numbers[at];
@@ -293,8 +294,8 @@ export class Scene {
   }
   event() {}
 
-  /** Applies a frame, or a keyframe or scene, that leads on from this state; a keyframe that does not begins anew. Returns whether the
-   * state hash is then the record's. */
+  /** Applies a frame that follows from this state, or a keyframe or scene. A keyframe that does not follow begins anew.
+   * Returns whether the state hash is then the record's. */
   apply(record, decoder) {
     if (record.kind !== 'frame' && !(record.from === this.state && this.nodes.size === 1)) {
       const {listener} = this;
@@ -312,7 +313,7 @@ export class Scene {
     return this.hash.hex() === record.hash;
   }
 
-  /** All that differs from a scene of defaults, as JSON can hold it; for tests and people. */
+  /** Everything that differs from a scene of defaults, in a form for JSON; for tests and people. */
   dump() {
     const nodes = {};
     const label = (def, value) => Array.isArray(value) || ArrayBuffer.isView(value) ? Array.from(value) : value;

@@ -6,7 +6,7 @@ import {isKnown, readHashBytes, valueOf, zeroBytes} from './values.js';
 
 const utf8 = new TextEncoder();
 
-/** A name as the state hash has it: XXH3-64, low half first. */
+/** Hashes a name for the state hash: XXH3-64, low half first. */
 function nameHash(name) {
   const hash = xxh64(utf8.encode(name));
   return [Number(hash & 0xFFFFFFFFn), Number(hash >> 32n)];
@@ -41,8 +41,8 @@ export function readType(reader) {
 const fs = globalThis.process?.getBuiltinModule?.('node:fs');  // Node 20.16 and later
 let catalogue = null, words = null;
 
-/** Scene files name built-in types by their places in a catalogue, and what is deflated in them refers to words: the bytes of
- * sync/catalogue.bin and sync/words.bin. With a new enough Node these files are found beside this folder. */
+/** Sets the bytes of sync/catalogue.bin and sync/words.bin. Scene files name built-in types by their numbers in the
+ * catalogue, and their deflated blocks refer to the words. A new enough Node finds these files beside this folder. */
 export function setCatalogue(bytes, wordBytes) {
   words = wordBytes;
   catalogue = [];
@@ -70,7 +70,7 @@ export function typeOfCatalogue(number) {
   return readType(new Reader(catalogue[number]));
 }
 
-/** A head record's payload. */
+/** Reads a head record's payload. */
 export function readHead(payload) {
   const r = new Reader(payload);
   const version = r.u16(), oldest = r.u16();
@@ -79,6 +79,6 @@ export function readHead(payload) {
   const head = {version, epoch: r.u64(), dictionary: r.u64(), builtin: r.u16(), mode: ['state', 'input', 'lossy'][r.u8()],
     coding: r.u8(), maxError: r.f64(), creator: r.text()};
   if (!head.mode) throw new FormatError('a stream of an unknown mode');
-  if (r.left >= 8) head.start = r.f64();  // of the session: in later pieces of a log
+  if (r.left >= 8) head.start = r.f64();  // of the session, in later pieces of a log
   return head;
 }

@@ -10,7 +10,7 @@ export const NAMES = ['Bool', 'Int32', 'Float', 'Double', 'Time', 'String', 'Nod
 const kBool = 0, kString = 5, kNode = 6, kImage = 9, kRotation = 16;
 export const SFNODE = 2 * kNode, MFNODE = SFNODE + 1, SFROTATION = 2 * kRotation;
 
-/** Numbers in an element, and how each is stored. */
+/** The numbers of an element, and how each is stored. */
 const LAYOUT = [[1, 'u8'], [1, 'i32'], [1, 'f32'], [1, 'f64'], [1, 'f64'], null, [1, 'u32'], [3, 'f32'], [4, 'f32'], null,
   [2, 'f32'], [2, 'f64'], [3, 'f32'], [3, 'f64'], [4, 'f32'], [4, 'f64'], [4, 'f32'], [9, 'f32'], [9, 'f64'], [16, 'f32'],
   [16, 'f64']];
@@ -19,18 +19,18 @@ const ARRAY = {u8: Uint8Array, i32: Int32Array, u32: Uint32Array, f32: Float32Ar
 
 export const typeName = (type) => `${type % 2 ? 'MF' : 'SF'}${NAMES[type >> 1]}`;
 export const isKnown = (type) => type >> 1 < NAMES.length;
-/** Components of the types that can be predicted, 1 to 4 of f32; else 0. */
+/** Number of components for types that can be predicted, 1 to 4 f32; 0 for others. */
 export function lanesOf(type) {
   const layout = type % 2 ? null : LAYOUT[type >> 1];
   return layout && layout[1] === 'f32' && layout[0] <= 4 ? layout[0] : 0;
 }
-/** Bytes of an SF value; 0 where they vary. */
+/** Bytes of an SF value; 0 if they vary. */
 export const fixedSize = (type) => LAYOUT[type >> 1] ? LAYOUT[type >> 1][0] * SIZE[LAYOUT[type >> 1][1]] : 0;
 
 const sf = (numbers) => numbers.length === 1 ? numbers[0] : Array.from(numbers);
 const aligned = (bytes, kind) => new ARRAY[kind](bytes.slice().buffer);
 
-/** A value of this type, as it is written in files: zero, empty, NULL, identity or no rotation. */
+/** The default value of a type: zero, empty, NULL, identity or no rotation. */
 export function zero(type) {
   const k = type >> 1;
   if (type % 2) return LAYOUT[k] ? new ARRAY[LAYOUT[k][1]](0) : [];
@@ -43,8 +43,8 @@ export function zero(type) {
   return n === 1 ? 0 : new Array(n).fill(0);
 }
 
-/** The bytes that a value has in a term of the state hash: as on the wire, but sizes only in front of each string and image
- * of an MF value, of 8 bytes. Reads a value; returns those bytes. */
+/** Reads a value and returns its bytes for a term of the state hash. They are those of the wire, but with sizes (of 8
+ * bytes) only before each string and image of an MF value. */
 export function readHashBytes(reader, type) {
   const k = type >> 1;
   const checked = (bytes) => {
@@ -70,7 +70,7 @@ export function readHashBytes(reader, type) {
 
 const utf8 = new TextDecoder('utf-8');
 
-/** A value from the bytes that readHashBytes gives. */
+/** Makes a value of the bytes from readHashBytes. */
 export function valueOf(type, bytes) {
   const k = type >> 1, layout = LAYOUT[k];
   if (layout) {
@@ -90,7 +90,7 @@ export function valueOf(type, bytes) {
   return result;
 }
 
-/** And back, for defaults that are not given. */
+/** Makes the bytes of a value, for defaults that are not given. */
 export function zeroBytes(type) {
   const value = zero(type);
   if (type % 2 || typeof value === 'string' || type >> 1 === kImage) return new Uint8Array(0);

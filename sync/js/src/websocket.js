@@ -1,4 +1,5 @@
-// A mirror by a WebSocket of `rtsg serve --web` (PROTOCOL.md, "Browsers"), tried again whenever it ends.
+// Follows a mirror by a WebSocket of `rtsg serve --web` (PROTOCOL.md, "Browsers"). It reconnects whenever the
+// connection ends.
 
 import {Mirror} from './mirror.js';
 
@@ -12,7 +13,7 @@ function pack(first, second) {
   return bytes;
 }
 
-/** `options` as Mirror's; onConnection('connecting' | 'open' | 'lost') too. `close()` ends it. */
+/** `options` are Mirror's, and onConnection('connecting' | 'open' | 'lost'). `close()` ends it. */
 export function followWebSocket(url, options = {}, Socket = WebSocket) {
   let socket = null, wait = kFirstWait, ended = false;
   const empty = new Uint8Array(0);
@@ -47,13 +48,13 @@ export function followWebSocket(url, options = {}, Socket = WebSocket) {
   const timer = setInterval(() => {
     if (socket?.readyState !== 1) return;
     const was = mirror.connected;
-    if (!mirror.tick() && was) socket.close();  // silent for too long: another connection may do better
+    if (!mirror.tick() && was) socket.close();  // after a long silence another connection may work better
   }, kTick);
   timer.unref?.();
   connect();
   return {
     mirror,
-    /** As if the network had: for tests. */
+    /** Drops the connection as the network might; for tests. */
     cut() { socket?.close(); },
     close() {
       ended = true;

@@ -1,4 +1,4 @@
-// Writes the primitives of the format, and the few messages and records that a client sends (PROTOCOL.md, "Mirror").
+// Writes the primitives of the format, and the messages and records that a client sends (PROTOCOL.md, "Mirror").
 
 import {xxh64} from './xxh3.js';
 import {SFNODE, fixedSize, typeName} from './values.js';
@@ -51,7 +51,7 @@ export class Writer {
 
 const kNumber = {0: 'u8', 1: 'i32', 2: 'f32', 3: 'f64', 4: 'f64', 6: 'u32', 11: 'f64', 13: 'f64', 15: 'f64', 18: 'f64', 20: 'f64'};
 
-/** A value of the value type, in the shape that values.js gives. */
+/** Writes a value of a value type, in the form of values.js. */
 export function writeValue(w, type, value) {
   if (type === kStrings) return w.text(value);
   if (type === kStrings + 1) return w.texts(value);
@@ -69,7 +69,7 @@ export function writeValue(w, type, value) {
 const FRAME = 2, REQUEST = 6;
 const UNDO = 1, REDO = 2, LOCK = 3;
 
-/** A record with these blocks, or what a request has in their place, as clients send it: its states mean nothing. */
+/** A record of a client with these blocks, or with a request's content in their place. Its states have no meaning. */
 export function record(blocks, kind = FRAME) {
   const w = new Writer();
   w.raw(utf8.encode('RTSGrec1')).u64(0).u8(kind).u8(0).u32(0).u16(0).u64(1).u64(1).f64(0).u64(0).u64(0).raw(blocks);
@@ -82,14 +82,14 @@ export function record(blocks, kind = FRAME) {
 export const undoRecord = () => record(new Writer().u8(UNDO).done(), REQUEST);
 export const redoRecord = () => record(new Writer().u8(REDO).done(), REQUEST);
 
-/** Keeps nodes for the author for so many ms (60,000 at most); 0 lets go. */
+/** Reserves nodes for the author for so many ms (at most 60,000); 0 releases them. */
 export function lockRecord(nodes, lease) {
   const w = new Writer().u8(LOCK).varint(lease).varint(nodes.length);
   nodes.forEach((node, i) => w.delta(node - (nodes[i - 1] ?? 0)));
   return record(w.done(), REQUEST);
 }
 
-/** Fields set to values (none that refer to nodes), [{node, field, type, value}], as one record. */
+/** Sets fields to values (not to nodes), [{node, field, type, value}], as one record. */
 export function editRecord(edits) {
   const blocks = new Writer();
   for (const {node, field, type, value} of edits) {
@@ -101,7 +101,7 @@ export function editRecord(edits) {
   return record(blocks.done());
 }
 
-/** Input events, [{node, field, type, value}], as one record. */
+/** Sends input events, [{node, field, type, value}], as one record. */
 export function eventRecord(events) {
   const body = new Writer();
   let node = 0;

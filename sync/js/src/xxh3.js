@@ -1,13 +1,14 @@
-// XXH3 with 64 and 128 bits. Long inputs go through hash-wasm. Terms of a state hash are mostly of 1 to 16 bytes, each with
-// a seed of its own, for which a call into WebAssembly costs several times what the hash does: these are computed here.
-// Source: xxHash 0.8, XXH3_128bits_withSeed. Numbers of 64 bits are pairs of unsigned 32-bit halves, low one first.
+// XXH3 with 64 and 128 bits. Long inputs are hashed by hash-wasm. Terms of a state hash mostly have 1 to 16 bytes and a
+// seed of their own, for which a call into WebAssembly would cost several times as much as the hash. These are computed
+// here. Numbers of 64 bits are pairs of unsigned 32-bit halves, low one first. Source: xxHash 0.8,
+// XXH3_128bits_withSeed.
 
 import {createXXHash128, createXXHash3} from 'hash-wasm';
 
 const sum64 = await createXXHash3(0, 0);
 const sum128 = await createXXHash128(1, 0);
 
-/** Where hash-wasm's saved state has the secret that is made of the seed, and the seed. */
+/** Where the saved state of hash-wasm has the secret made of the seed, and the seed. */
 const kSecretAt = 68, kSeedAt = 548, kSecretSize = 192;
 const saved = (() => {
   sum128.init();
@@ -16,7 +17,7 @@ const saved = (() => {
   return state;
 })();
 const savedView = new DataView(saved.buffer, saved.byteOffset, saved.byteLength);
-/** XXH3's secret, as it is without a seed. */
+/** XXH3's secret without a seed. */
 const secret = (() => {
   const words = new BigUint64Array(kSecretSize / 8);
   for (let i = 0; i < words.length; ++i)
@@ -30,7 +31,7 @@ const flip = (i) => { const f = secret[i] ^ secret[i + 1]; return [low(f), high(
 const [F4l, F4h] = flip(2), [F9l, F9h] = flip(4), [F9Hl, F9Hh] = flip(6);
 const F1 = (low(secret[0]) ^ high(secret[0])) >>> 0, F1H = (low(secret[1]) ^ high(secret[1])) >>> 0;
 
-/** XXH3-64, seed 0, of a whole record: as a BigInt. */
+/** XXH3-64 of a whole record with seed 0, as a BigInt. */
 export function xxh64(bytes) {
   sum64.init();
   sum64.update(bytes);
@@ -38,8 +39,8 @@ export function xxh64(bytes) {
   return new DataView(digest.buffer, digest.byteOffset, 8).getBigUint64(0, false);
 }
 
-// What a multiplication gives: up to four halves, low one first. In a typed array, as a variable would have to hold each number
-// over 2^31 as an object of its own; and numbers are kept below 2^32 throughout, so that they are computed as whole ones.
+// The result of a multiplication: up to four halves, low one first. A variable would need an object for each number
+// above 2^31, so it is a typed array. All numbers are kept below 2^32, so that the engine computes with integers.
 const m = new Uint32Array(4);
 
 /** The 64 bits of a * b. */
@@ -89,7 +90,7 @@ function avalanche(l, h) {
   multiplyLow((l ^ (h >>> 5)) >>> 0, h, 0x9E3779F9, 0x16566791);  // h >> 37
   m[0] ^= m[1];  // h >> 32
 }
-/** XXH64's. */
+/** XXH64's last mixing. */
 function avalanche64(l, h) {
   multiplyLow((l ^ (h >>> 1)) >>> 0, h, 0x27D4EB4F, 0xC2B2AE3D);  // h >> 33
   const x = m[0], y = m[1];
@@ -104,7 +105,7 @@ function finish(into, at, l0, l1) {
   into[at + 3] = m[1];
 }
 
-/** Of 9 to 16 bytes, whose first eight are (a, b) and whose last eight are (c, d). */
+/** Hashes 9 to 16 bytes, with the first eight in (a, b) and the last eight in (c, d). */
 function hash9to16(into, at, a, b, c, d, length, seedLow, seedHigh) {
   let l = (F9l - seedLow) >>> 0, h = (F9h - seedHigh - (F9l < seedLow ? 1 : 0)) >>> 0;
   multiply((a ^ c ^ l) >>> 0, (b ^ d ^ h) >>> 0, 0x85EBCA87, 0x9E3779B1);
@@ -125,7 +126,7 @@ function hash9to16(into, at, a, b, c, d, length, seedLow, seedHigh) {
   finish(into, at, r0, r1);
 }
 
-/** Of 4 to 8 bytes, whose first four are `a` and whose last four are `b`. */
+/** Hashes 4 to 8 bytes, with the first four in `a` and the last four in `b`. */
 function hash4to8(into, at, a, b, length, seedLow, seedHigh) {
   const turned = (seedHigh ^ swap(seedLow)) >>> 0;
   const l = (F4l + seedLow) >>> 0, h = (F4h + turned + (l < seedLow ? 1 : 0)) >>> 0;
@@ -167,7 +168,8 @@ function hashLong(into, at, bytes, seedLow, seedHigh) {
   for (let i = 0; i < 4; ++i) into[at + i] = view.getUint32(12 - 4 * i);
 }
 
-/** XXH3-128 of `length` bytes from `from` on: four numbers into[at], low one first. The seed is not 0. */
+/** XXH3-128 of `length` bytes from `from` on. Writes four numbers to into[at], low one first. The seed must not be 0.
+ * */
 export function xxh128(into, at, bytes, view, from, length, seedLow, seedHigh) {
   if (length > 16 || length === 0)
     hashLong(into, at, bytes.subarray(from, from + length), seedLow, seedHigh);
@@ -181,7 +183,7 @@ export function xxh128(into, at, bytes, view, from, length, seedLow, seedHigh) {
     hash1to3(into, at, bytes, from, length, seedLow, seedHigh);
 }
 
-/** The same of 4 × n bytes, 1 to 4 numbers w[i] of 32 bits. */
+/** The same for 1 to 4 numbers w[i] of 32 bits. */
 export function xxh128OfWords(into, at, w, i, n, seedLow, seedHigh) {
   if (n === 1) hash4to8(into, at, w[i] >>> 0, w[i] >>> 0, 4, seedLow, seedHigh);
   else if (n === 2) hash4to8(into, at, w[i] >>> 0, w[i + 1] >>> 0, 8, seedLow, seedHigh);

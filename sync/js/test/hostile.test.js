@@ -1,5 +1,5 @@
-// Logs with bytes changed at random: a reader says what is wrong, or reads on; it never hangs, and never takes memory for
-// what is not there. With checksums put right, so that what is behind them is reached.
+// Logs with random changes, some with corrected checksums to reach what is behind them. A reader reports the problem or
+// reads on. It never hangs, and never allocates memory for what is not there.
 import assert from 'node:assert/strict';
 import {readFileSync, readdirSync} from 'node:fs';
 import {test} from 'node:test';

@@ -1,4 +1,4 @@
-// The command rtsg-log: what it prints of a log, and with which status it ends.
+// The command rtsg-log: what it prints about a log, and its exit status.
 import assert from 'node:assert/strict';
 import {spawnSync} from 'node:child_process';
 import {mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
@@ -36,7 +36,7 @@ test('a log that ends without having been closed has no good status', () => {
   const scratch = mkdtempSync(path.join(tmpdir(), 'rtsg-'));
   try {
     const bytes = readFileSync(new URL('raw.rlog', folder)), file = path.join(scratch, 'cut.rlog');
-    writeFileSync(file, bytes.subarray(0, bytes.lastIndexOf('RTSGrec1')));  // at a record's boundary: nothing is damaged
+    writeFileSync(file, bytes.subarray(0, bytes.lastIndexOf('RTSGrec1')));  // at a record's boundary, so nothing is damaged
     const {status, stdout} = spawnSync(process.execPath, [command, file], {encoding: 'utf8'});
     const outcome = JSON.parse(stdout);
     assert.equal(outcomeOf('raw.rlog').closed, true);

@@ -1,5 +1,5 @@
-// The client of a mirror, against a server that is played here: records of the conformance set in messages as PROTOCOL.md has
-// them.
+// The client of a mirror, against a server that is simulated here: records of the conformance set in messages as in
+// PROTOCOL.md.
 import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import {test} from 'node:test';
@@ -91,7 +91,7 @@ test('comes back with the state and hash that it has', () => {
   assert.deepEqual(s.states.at(-1), [frames[1].to, true]);
   assert.equal(s.mirror.count.resumed, 1);
   assert.equal(s.mirror.count.keyframes, 1);
-  // Another run: nothing of before counts.
+  // In another run nothing from before counts.
   s.mirror.hello();
   s.welcome(EPOCH + 1n);
   s.send(frames[2]);

@@ -1,5 +1,5 @@
-// The page's document asks at once for every module that the page is made of: found one behind the other, each would cost a
-// round trip of its own.
+// The page's document requests every module at once. If each were found only through another one, it would cost a round
+// trip more.
 import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import path from 'node:path';
@@ -24,7 +24,7 @@ function reached(name, found = new Set()) {
 test('every module of the page is asked for at once, and no other', () => {
   const preloaded = [...html.matchAll(/<link rel="modulepreload" href="([^"]+)">/g)].map(([, href]) => href);
   const main = html.match(/<script type="module" src="([^"]+)">/)[1];
-  // Those two are asked for by import(): the page has to say what is missing.
+  // import() loads those two, so that the page can say what is missing.
   const all = reached('/page/x3d_view.js', reached('/page/page.js', reached(main)));
   assert.ok(all.has('/src/decoder.js') && all.has(map.x_ite), `${[...all]}`);
   all.delete(main);

@@ -1,5 +1,5 @@
-// What the page plays of a scene: where sounds stand, how loud they are, and what of a clip is heard when. The browser's part is
-// played here by a context that notes what it is told; tests/web/page_test.mjs listens to a real one.
+// What the page plays of a scene: where sounds are, how loud they are, and which part of a clip is heard when. A
+// context that takes notes stands in for the browser; tests/web/page_test.mjs listens to a real one.
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {Places, pointBefore, pointThrough, times, transformOf} from '../page/places.js';
@@ -28,7 +28,7 @@ test('a Transform moves points as its clause says', () => {
   const m = transformOf(make('Transform', {...still, translation: [0, 1, 0], rotation: [0, 2, 0, Math.PI / 2], scale: [2, 3, 4], center: [1, 0, 0]}));
   close(pointThrough(m, [2, 1, 0]), [1, 4, -2]);
   close(pointBefore(m, [1, 4, -2]), [2, 1, 0]);
-  // Stretched along the diagonal of x and y: what stands across it stays.
+  // The space is stretched along the diagonal of x and y. The distance across it stays the same.
   const slanted = transformOf(make('Transform', {...still, scale: [3, 1, 1], scaleOrientation: [0, 0, 1, Math.PI / 4]}));
   close(pointThrough(slanted, [1, 1, 0]), [3, 3, 0]);
   close(pointThrough(slanted, [-1, 1, 5]), [-1, 1, 5]);
@@ -59,7 +59,7 @@ test('each way to a node is a place; what is not chosen has none', () => {
   set(choice, 'whichChoice', -1);
   places.find();
   assert.equal(places.ways.length, 3);
-  // A scene within itself ends.
+  // A scene that contains itself ends.
   set(left, 'children', [left.id, sound.id]);
   places.find();
   assert.ok(places.ways.length > 3 && places.ways.length < 100);
@@ -70,7 +70,7 @@ test('loudness falls as X3D says', () => {
   assert.equal(loudness(sound, [1, 0, 2]), 1);
   assert.ok(Math.abs(loudness(sound, [1, 7, 0]) - 10 ** -0.5) < 1e-12);  // half way: 10 dB
   assert.equal(loudness(sound, [1, 0, -12]), 0);
-  // In front further than behind.
+  // The range is longer in front than behind.
   const ahead = make('Sound', {minFront: 10, minBack: 1, maxFront: 20, maxBack: 2});
   assert.equal(loudness(ahead, [0, 0, 9.9]), 1);
   assert.equal(loudness(ahead, [0, 0, -0.99]), 1);
@@ -168,14 +168,14 @@ test('a clip starts and stops with its isActive, and who comes late is in the mi
   l.step();
   assert.equal(l.playing.length, 0);
 
-  // Twice as fast, and round and round: of 3.25 s, 6.5 of a clip of 2.
+  // Twice as fast, in a loop: 3.25 s play 6.5 s of a clip of 2 s.
   const late = clipAt({isActive: true, elapsedTime: 3.25, pitch: 2, loop: true}), other = new Listener(make('SpatialSound', {children: [late]}));
   await other.come();
   other.step();
   assert.equal(other.playing[0].offset, 0.5);
   assert.equal(other.playing[0].playbackRate.value, 2);
   assert.equal(other.playing[0].loop, true);
-  // Of one that is over nothing is heard.
+  // After the end of a clip nothing is heard.
   const over = new Listener(make('Sound', {source: clipAt({isActive: true, elapsedTime: 2.5})}));
   await over.come();
   over.step();
@@ -197,12 +197,12 @@ test('a clip that is elsewhere than the origin\'s begins there; one whose pitch 
   l.step();
   assert.equal(l.context.made.filter((n) => n.kind === 'clip').length, 2);
   assert.ok(Math.abs(l.playing[0].offset - elapsed * 0.5 % 2) < 1e-9);
-  // One that begins again does so here, however short it was.
+  // A clip that begins again at the origin does so here, however short it was.
   elapsed -= 0.1;
   go(0);
   l.step();
   assert.equal(l.context.made.filter((n) => n.kind === 'clip').length, 3);
-  // A log that is played at twice the pace.
+  // A log is played at twice the pace.
   l.sound.pace = 2;
   for (let i = 0; i < 20; ++i) { go(0.2); l.step(0.1); }
   assert.equal(l.context.made.filter((n) => n.kind === 'clip').length, 3);
@@ -240,11 +240,11 @@ test('what is heard is where it stands and as loud as all on the way says', asyn
   assert.equal(panner().rolloffFactor, 0);
   close([panner().positionX.value, panner().positionY.value, panner().positionZ.value], [3, 1, -4]);
   assert.equal(l.playing[0].to[0].gain.value, 0.25);
-  // Who turns to the left by a quarter has it behind to the right; rows are right, up, back, place.
+  // After a quarter turn to the left it is behind to the right. Rows are right, up, back and position.
   l.ear = [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 1, 1, -2, 1];
   l.step();
   close([panner().positionX.value, panner().positionY.value, panner().positionZ.value], [2, 0, 2]);
-  // Twice the inner radius away, at the edge: none at all.
+  // At twice the inner radius, which is the outer one, nothing is heard.
   l.ear = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 3, 1, 16, 1];
   l.step();
   assert.equal(l.playing.length, 0);

@@ -1,4 +1,4 @@
-// Hashes that are stated in PROTOCOL.md and in tests/core/scene/state_hash_test.cpp: both programs have them, for ever.
+// Hashes that PROTOCOL.md and tests/core/scene/state_hash_test.cpp state. They must stay the same in both programs.
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {Scene} from '../src/scene.js';
@@ -40,7 +40,7 @@ test('the example of PROTOCOL.md has its hash, whatever other fields its types h
 });
 
 test('a route from one node is not that from its neighbour to a neighbouring field', () => {
-  // With small numbers side by side in the seed of a term and in its bytes, one could make up for the other.
+  // Numbers in a term's seed and in its bytes must not compensate each other.
   const many = typeOf('Many', Array.from({length: 16}, (_, i) => [`in${i}`, SFVEC3F]));
   const hashOf = (from, field) => {
     const scene = new Scene();

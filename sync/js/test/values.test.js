@@ -1,4 +1,4 @@
-// What a reader of values may count on.
+// What users of the value reader can rely on.
 import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import {test} from 'node:test';

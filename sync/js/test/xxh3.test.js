@@ -1,4 +1,4 @@
-// The short hashes that are computed here against hash-wasm's, seed by seed and length by length.
+// Compares the short hashes computed here with those of hash-wasm, for several seeds and lengths.
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {createXXHash128} from 'hash-wasm';

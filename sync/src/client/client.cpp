@@ -1,4 +1,4 @@
-// The public face of a mirror's client: what it does is in client_connection.cpp and client_replica.cpp.
+// The public functions of a mirror's client; client_connection.cpp and client_replica.cpp do the work.
 #include <rtsg/sync/mirror_client.h>
 
 #include <thread>

@@ -1,4 +1,4 @@
-// The connection of a mirror's client: greeting, staying in touch, messages in and out, credit.
+// The connection of a mirror's client: hello, pings, messages in and out, credit.
 #include <algorithm>
 #include <cstring>
 #include <random>
@@ -18,24 +18,24 @@ namespace {
 
 constexpr int kLinger = 100;                                // ms, for the goodbye
 constexpr int kReconnect = 10;                              // ms between attempts
-constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
-constexpr auto kAttemptsFor = 2s;                           // with one such time, at first; then longer,
-constexpr int kMostAttemptsFor = 8;                         // up to so many times
+constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms for an attempt, at most and at least
+constexpr auto kAttemptsFor = 2s;                           // attempts with one such time at first; then longer,
+constexpr int kMostAttemptsFor = 8;                         // up to this many times
 constexpr auto kHelloAgain = 500ms;                         // after a refusal or a goodbye
-constexpr auto kHelloLost = 2s;                             // without any answer at first, and twice as long each time
+constexpr auto kHelloLost = 2s;                             // without any answer at first; doubled each time
 constexpr int kMostDoublings = 4;
-constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
-constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
-constexpr auto kStreams = 250ms;     // between records that come one upon the other;
-constexpr auto kStreamEnds = 500ms;  // after them: the server is asked whether it is there
+constexpr auto kLongestTurn = 20ms;  // the most that poll() exceeds its timeout while frames keep coming
+constexpr auto kQuiet = 400ms;       // after a heartbeat: then the server counts as lost, but may come back
+constexpr auto kStreams = 250ms;     // longest pause between records that follow each other closely
+constexpr auto kStreamEnds = 500ms;  // after such records: the server is asked whether it is there
 constexpr auto kLookAtBytes = 250ms;
-constexpr double kMoreThanPings = 1000;  // bytes a second
-constexpr auto kPingAtFirst = 20ms;      // until there are a few samples of the clock; from then on ever more seldom,
-constexpr auto kPingLater = 3000ms;      // up to this: each wakes four threads
+constexpr double kMoreThanPings = 1000;  // bytes a second; the connection brings more than pings
+constexpr auto kPingAtFirst = 20ms;      // until there are some samples of the clock; then ever more rarely,
+constexpr auto kPingLater = 3000ms;      // up to this, as each ping wakes four threads
 constexpr std::uint64_t kFewSamples = 4, kDoublings = 7;
-constexpr int kPortion = 64;        // messages at a time: time passes while a long run of frames is applied
-constexpr auto kRequestAgain = 1s;  // without a verdict
-constexpr auto kAnswerWithin = 3s;  // to a question about hashes
+constexpr int kPortion = 64;        // messages at a time, because applying a long run of frames takes time
+constexpr auto kRequestAgain = 1s;  // if there is no verdict
+constexpr auto kAnswerWithin = 3s;  // for a question about hashes
 
 std::uint64_t randomNumber() {
     std::random_device device;
@@ -60,7 +60,7 @@ MirrorClient::Impl::~Impl() {
     zmq_socket_monitor(socket_.get(), nullptr, 0);
 }
 
-/// Nothing is handed to ZeroMQ without a connection: it would keep it for the next one, where it means nothing.
+/// Sends only if there is a connection. ZeroMQ would keep the message for the next connection, where it has no meaning.
 bool MirrorClient::Impl::send() {
     if (!linked()) return false;
     ZmqMessage out(message_.bytes());
@@ -69,7 +69,7 @@ bool MirrorClient::Impl::send() {
 
 bool MirrorClient::Impl::control(std::string_view command) {
     if (!connected_) return false;
-    if (command.size() > mirror::kLongestControl) {  // a part of it might mean something else
+    if (command.size() > mirror::kLongestControl) {  // cut off, it might mean something else
         replies_.push_back(fmt::format("refused: a command has at most {} bytes", mirror::kLongestControl));
         return true;
     }
@@ -79,7 +79,7 @@ bool MirrorClient::Impl::control(std::string_view command) {
     return true;
 }
 
-/// Replies come in the order of the commands. Their session may be over: a seek ends it.
+/// Replies come in the order of the commands. Their session may have ended, for example by a seek.
 void MirrorClient::Impl::answered(const mirror::Words& reply) {
     const auto asked = std::ranges::find(commands_, reply.session);
     if (asked == commands_.end()) return;
@@ -88,7 +88,7 @@ void MirrorClient::Impl::answered(const mirror::Words& reply) {
     replies_.push_back(reply.text);
 }
 
-/// The first `count` will have no answer any more.
+/// The first `count` commands will get no reply any more.
 void MirrorClient::Impl::loseCommands(std::ptrdiff_t count) {
     commands_.erase(commands_.begin(), commands_.begin() + count);
     for (; count > 0; --count)
@@ -121,7 +121,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     socket_.set(ZMQ_LINGER, kLinger);
     socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
     socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
-    // Not ZMQ_IMMEDIATE: with it, libzmq 4.3 drops what has not been read when a connection ends, and ends the process
+    // ZMQ_IMMEDIATE is not set. With it libzmq 4.3 drops unread messages when a connection ends, and aborts the process
     // (an assertion in fq.cpp) if that happens between two parts of a message.
     socket_.set(ZMQ_RCVHWM, 0);  // bounded by the window
     socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
@@ -135,7 +135,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
-    watchConnection();  // nobody is woken by it who has not found it empty before
+    watchConnection();  // its descriptor wakes only those who have read it until empty
     if (auto ok = checkPort(endpoint); !ok) return ok;
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
@@ -144,9 +144,9 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     return {};
 }
 
-/// `afresh`: whatever state the replica is in, begin with a keyframe.
+/// With `afresh` the server begins with a keyframe, whatever state the replica is in.
 void MirrorClient::Impl::hello(bool afresh) {
-    ++session_;  // what is still under way of the last one is ignored
+    ++session_;  // messages of the last session that are still under way are ignored
     received_ = acknowledged_ = 0;
     partial_.clear();
     playout_.clear();
@@ -178,14 +178,14 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeted_ = Clock::now();
 }
 
-/// Another hello makes the answer to the last one void, and on a slow and long way that may take seconds.
+/// Another hello makes the answer to the last one void. On a slow link that answer may take seconds.
 bool MirrorClient::Impl::mayGreet(Clock::time_point now) const {
     const Clock::duration after =
         unanswered_ > 0 ? Clock::duration(kHelloLost) * (1 << std::min(unanswered_ - 1, kMostDoublings)) : kHelloAgain;
     return helloPending_ || (!connected_ && now - greeted_ > after);
 }
 
-/// A lost connection is known at once, not after a silence; the next hello goes out when there is another one.
+/// A lost connection is known at once and not only by silence. The next hello is sent when there is another connection.
 void MirrorClient::Impl::watchConnection() {
     while (true) {
         ZmqMessage event;
@@ -209,7 +209,7 @@ void MirrorClient::Impl::watchConnection() {
     }
 }
 
-/// Once all that came by the lost connection has been read: its last message may be a goodbye.
+/// Call it when all messages of the lost connection have been read, because the last one may be a goodbye.
 void MirrorClient::Impl::connectionLost() {
     cut_ = false;
     connected_ = false;
@@ -219,7 +219,7 @@ void MirrorClient::Impl::connectionLost() {
     loseCommands(std::ssize(commands_));
 }
 
-/// ZeroMQ hands a message over once all of it is there, which takes seconds where a link is slow.
+/// True if bytes are arriving. ZeroMQ hands over a message when it is complete, which takes seconds on a slow link.
 bool MirrorClient::Impl::bringsBytes(Clock::time_point now) {
     const std::chrono::duration<double> since = now - lookedAt_;
     if (since < kLookAtBytes) return false;
@@ -234,11 +234,11 @@ bool MirrorClient::Impl::receiving() const {
     return connected_ && !relayLost_ && Clock::now() - coming_ <= heartbeat_ + kQuiet;
 }
 
-/// `idle`: nothing that has come waits to be read, so that a silence is the server's and not ours.
+/// With `idle` no message waits to be read, so a silence is the server's and not ours.
 void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
     if (idle && connected_ && linked() && bringsBytes(now)) heard_ = coming_ = now;
-    // Frames came one upon the other: the scene rests now, or the server is lost. It is asked, once.
+    // Frames came in close sequence and then stopped. The scene rests or the server is lost, so it is asked once.
     if (idle && linked() && streams_ && now - heard_ > kStreamEnds) {
         streams_ = false;
         ping(now);
@@ -272,9 +272,8 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
     scrub(now);
 }
 
-/// TCP tries a link that was silent again only after as long as it has been silent. A connection of its own, tried
-/// every few round trips, is there as soon as the link is; every other time more slowly, as the way may have become
-/// longer.
+/// After a silence TCP waits as long again before it retries. A new connection, tried every few round trips, works as
+/// soon as the link does. Every other attempt waits longer, because the delay may have grown.
 void MirrorClient::Impl::reconnect(Clock::time_point now) {
     reconnected_ = now;
     up_ = false;
@@ -295,18 +294,18 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
 void MirrorClient::Impl::ping(Clock::time_point now) {
     pinged_ = now;
     if (askedSince_ <= heard_) askedSince_ = now;
-    if (received_ != acknowledged_) acknowledge();  // by the same packet, and nobody needs to ask for it
+    if (received_ != acknowledged_) acknowledge();  // in the same packet, so nobody needs to ask for it
     const std::uint64_t token[] = {mirror::clockNow()};
     mirror::write(message_, Message::ping, token);
     send();
 }
 
-/// At most so long for something to come, and whether it may have. A ZeroMQ socket's descriptor tells that something
-/// has come since the socket was last found empty, and sending may take that note away: so whoever has sent looks into
-/// the socket, and whoever has found it empty waits at the descriptor. Asking zmq_poll() would be several system calls
-/// more for each frame. The monitor's socket is read until it is empty and nothing is ever sent on it.
+/// Waits at most so long, and returns whether something may have come. A ZeroMQ socket's descriptor tells what came
+/// since the socket was last found empty, but sending may lose that notice. So after sending the socket is read, and
+/// only if it is empty we wait at the descriptor. zmq_poll() would take several more system calls for each frame. The
+/// monitor's socket is always read until it is empty, and nothing is sent on it.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
-    if (!socket_.foundEmpty()) return true;  // what became of the connection has its turn after what came by it
+    if (!socket_.foundEmpty()) return true;  // events of the connection are read after its messages
     pollfd items[] = {
         {socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}, {std::max(wakes_, 0), POLLIN, 0}};
     const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(untilDue(most).count()));
@@ -315,7 +314,7 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
     return ready > 0;
 }
 
-/// Until there is something to say though nothing has come; little is due while all is well.
+/// How long to sleep if nothing comes. While all is well little is due.
 std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
     if (!settled) return 100ms;
@@ -336,11 +335,11 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     while (true) {
         auto most = std::clamp<std::chrono::milliseconds>(std::chrono::ceil<std::chrono::milliseconds>(timeout - spent),
                                                           0ms, longestSleep());
-        // There is something to be done, or what came may go on, as a keyframe and the frames behind it.
+        // There is something to do, or more may follow, as frames follow a keyframe.
         if (more || cut_ || (helloPending_ && linked())) most = 0ms;
         const int messages = wait(most) ? receivePortion() : 0;
         statistics_.messages += static_cast<std::uint64_t>(messages);
-        // Everything that came before an event of the connection was there when the event was read.
+        // Everything that came before the connection's event was there when the event was read.
         if (messages == 0 && cut_) connectionLost();
         keepInTouch(messages == 0);
         playDue();
@@ -355,8 +354,8 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     return applied_;
 }
 
-/// Messages that have come, for a while: whoever makes pictures of each state takes long for a few of them, and the
-/// server has to hear something meanwhile.
+/// Receives messages for a limited time. A user who makes a picture of each state takes long for a few of them, and the
+/// server must hear from us meanwhile.
 int MirrorClient::Impl::receivePortion() {
     const Clock::time_point start = Clock::now();
     int messages = 0;
@@ -387,7 +386,7 @@ bool MirrorClient::Impl::receiveOne() {
         return true;
     }
     heard_ = Clock::now();
-    // Answers to what was under way may follow a goodbye; only a new welcome takes it back.
+    // Answers may still follow a goodbye. Only a new welcome cancels it.
     if (*type == Message::bye) serverLeft_ = true;
     receive(*type, in, first, second);
     return true;
@@ -422,7 +421,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             mirror::begin(message_, Message::bye);
             send();
             loseCommands(std::ssize(commands_));
-            connected_ = false;  // and hello again in a while
+            connected_ = false;  // says hello again in a while
             if (!lostAt_) lostAt_ = heard_;
             unanswered_ = 0;
             greeted_ = Clock::now();
@@ -452,7 +451,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
     }
 }
 
-/// What a server appends to a ping or a goodbye: the state it is in, which it may not have sent us yet, and whether it
+/// Reads what a server appends to a ping or goodbye: the scene's state, which it may not have sent yet, and whether it
 /// is a relay that has lost its origin.
 void MirrorClient::Impl::hearOrigin(wire::Reader& in) {
     std::uint64_t numbers[1];
@@ -484,7 +483,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         refusal_ = ok.error().text;
         return;
     }
-    inputsFit_ = inputDecoder_.setHead(*head).has_value();  // else the server sends none
+    inputsFit_ = inputDecoder_.setHead(*head).has_value();  // if they do not fit, the server sends none
     if (decoder_.exact()) dictionaryHash_ = decoder_.localHash();
     originTypes_ = head->dictionaryHash;
     const auto misfits = [&](const Request& request) { return request.types != originTypes_; };
@@ -499,7 +498,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         if (epoch_ != 0) {
             ++statistics_.restarts;
             report(Severity::note, "the server is another run of the scene");
-            // Its numbers of nodes mean others now, and what was carried out of these nobody knows.
+            // Node numbers have another meaning now, and nobody knows which requests were carried out.
             for (const Request& request : requests_)
                 verdicts_.push_back({request.number, "the server started over", 0, {}});
             requests_.clear();
@@ -520,8 +519,8 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     acknowledge();  // tells the server that everything before has been read
 }
 
-/// Of what was sent last no frame may follow that would show a gap, nor credit come for what was lost: the server
-/// waits.
+/// A record that was sent did not arrive, and no later frame or credit will show it, so the server waits for us. Says
+/// hello again.
 void MirrorClient::Impl::noticeLoss(std::uint64_t sent) {
     const std::uint64_t here = haveState_ ? state_ : 0;
     if (!connected_ || sent <= here || sent > originAt_ || !partial_.empty() || !playout_.empty()) return;
@@ -563,7 +562,7 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
         return hello(false);
     }
     partial_.append(part);
-    // Credit for the next parts while this record is still incomplete.
+    // Gives credit for the next parts while this record is incomplete.
     if (received_ - acknowledged_ > options_.window / 4) acknowledge();
     if (partial_.size() < size) return;
     ByteBuffer whole;
@@ -581,13 +580,13 @@ void MirrorClient::Impl::acknowledge() {
     awaited_ = false;
 }
 
-/// False when the socket takes no more for now.
+/// Returns false if the socket takes no more for now.
 bool MirrorClient::Impl::sendRequests() {
     if (!linked()) return false;
     const Clock::time_point now = Clock::now();
     for (Request& request : requests_) {
         const std::span<const std::byte> whole = request.record.bytes();
-        // Again, as the answer may have been lost; the server does none twice.
+        // The answer may have been lost, so it is sent again. The server carries out none twice.
         if (request.sent == whole.size() && now - request.sentAt > kRequestAgain) request.sent = 0;
         while (request.sent < whole.size()) {
             const auto part = whole.subspan(request.sent, std::min(mirror::kSubmitPart, whole.size() - request.sent));

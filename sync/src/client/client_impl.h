@@ -1,8 +1,9 @@
-// The inside of MirrorClient: connection and messages in client_connection.cpp, what they do to the replica in
-// client_replica.cpp.
+// MirrorClient::Impl: the inside of MirrorClient. client_connection.cpp has the connection and its messages,
+// client_replica.cpp their effect on the replica.
 //
-// Invariant: `state_` is the origin's state that the replica was brought to; if the replica's own number is another,
-// its owner has edited it. Threading: the replica's thread.
+// Invariant: `state_` is the state of the origin to which the replica was brought. If the replica's own number differs,
+// its owner has edited it.
+// Threading: the replica's thread.
 #pragma once
 
 #include <atomic>
@@ -39,9 +40,9 @@ class MirrorClient::Impl {
     }
     bool originLost() const;
     bool receiving() const;
-    /// poll() was called on another thread; nothing else is touched there.
+    /// poll() was called on another thread. It touches nothing else there.
     void refuseThread() { foreignPolls_.fetch_add(1, std::memory_order_relaxed); }
-    /// That since the last call some of these were refused.
+    /// A diagnostic if such calls were refused since the last time.
     std::optional<Diagnostic> takeRefusedPolls();
     Result<std::uint64_t> submit(MirrorRequest request);
     Value presented(NodeId node, FieldIndex field) const;
@@ -51,7 +52,7 @@ class MirrorClient::Impl {
     std::vector<Diagnostic> diagnostics_;
     std::vector<MirrorVerdict> verdicts_;
     std::vector<std::string> replies_;
-    std::deque<std::uint64_t> commands_;  // without an answer yet: the session in which each was sent
+    std::deque<std::uint64_t> commands_;  // commands without a reply: the session in which each was sent
     bool control(std::string_view command);
     std::string refusal_;
     bool serverLeft_ = false, turnedAway_ = false;
@@ -62,9 +63,9 @@ class MirrorClient::Impl {
         std::string author;
         std::size_t sent = 0;
         Clock::time_point sentAt{};
-        std::uint64_t types = 0;  // the origin's dictionary hash that it was written for
+        std::uint64_t types = 0;  // the origin's dictionary hash for which it was written
     };
-    std::deque<Request> requests_;  // without an answer yet
+    std::deque<Request> requests_;  // requests without a verdict
 
   private:
     // Connection.
@@ -131,58 +132,59 @@ class MirrorClient::Impl {
     wire::RepeatedColumns repeated_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;
-    std::uint64_t dictionaryHash_;  // for hellos; 0 once something has been asked of an origin with other types
-    std::uint64_t originTypes_;     // its dictionary hash
+    std::uint64_t dictionaryHash_;  // for hellos; 0 once an origin with other types was asked for something
+    std::uint64_t originTypes_;     // the origin's dictionary hash
     ByteBuffer message_;
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
     bool helloPending_ = true, connected_ = false;
-    int unanswered_ = 0;              // hellos by this connection since something was answered
-    bool up_ = false;                 // there is a connection, by the last event of it that was read
-    bool cut_ = false;                // one has ended; what came by it is still being read
+    int unanswered_ = 0;              // hellos of this connection since the last answer
+    bool up_ = false;                 // there is a connection, by its last event that was read
+    bool cut_ = false;                // a connection has ended, and its messages are still being read
     int descriptor_ = -1;             // of the newest connection
-    bool relayLost_ = false;          // the server is a relay without an origin
-    int wakes_ = -1;                  // a descriptor that ends poll() when it is readable
-    bool called_ = false;             // it was, or a signal has come
-    bool moreWaits_ = false;          // not all that has come has been received
-    bool quiet_ = false;              // nothing has been heard for longer than a heartbeat, or no answer
+    bool relayLost_ = false;          // the server is a relay that has lost its origin
+    int wakes_ = -1;                  // a descriptor that ends poll() when readable
+    bool called_ = false;             // it was readable, or a signal has come
+    bool moreWaits_ = false;          // some messages have not been received yet
+    bool quiet_ = false;              // nothing was heard for longer than a heartbeat, or no answer came
     Clock::time_point askedSince_{};  // the first ping since the server was heard
-    bool streams_ = false;            // records come one upon the other
+    bool streams_ = false;            // records follow each other closely
     std::chrono::milliseconds heartbeat_{500};
     bool haveState_ = false;      // the replica is in a state of this epoch
-    bool touched_ = false;        // something was applied to the replica: it has to be reset before a keyframe
-    Clock::time_point coming_{};  // when last a part of a record came, or bytes that may be one
-    std::uint64_t brought_ = 0;   // bytes of the connection, when looked at last
+    bool touched_ = false;        // something was applied to the replica, so it must be reset before a keyframe
+    Clock::time_point coming_{};  // when a part of a record, or bytes of one, came last
+    std::uint64_t brought_ = 0;   // bytes of the connection at the last look
     Clock::time_point lookedAt_{};
     std::uint64_t state_ = 0, newestHeard_ = 0;
     Hash128 stateHash_;                              // of `state_`, as the server says
-    std::uint64_t originAt_ = 0;                     // as the server says without sending it
-    std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes of this session
-    bool awaited_ = false;                           // the server waits to hear of them
+    std::uint64_t originAt_ = 0;                     // the newest state that the server has named
+    std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes in this session
+    bool awaited_ = false;                           // the server waits for the acknowledgement
     ByteBuffer partial_;                             // a record that comes in several parts
     std::uint64_t partialSize_ = 0;
-    std::uint64_t heldEpoch_ = 0;              // of `state_`
-    std::optional<Clock::time_point> lostAt_;  // since the last state the origin was out of reach; heard until then
-    Clock::time_point relayLostAt_{};          // the relay said so of its own origin
-    std::uint64_t relayMissed_ = 0;            // holes of the relay's, as it says
-    int attempts_ = 0;                         // to reconnect, since the server was heard
+    std::uint64_t heldEpoch_ = 0;  // the epoch of `state_`
+    std::optional<Clock::time_point>
+        lostAt_;  // set if the origin was out of reach since the last state: when it was last heard
+    Clock::time_point relayLostAt_{};  // when the relay said that its own origin is lost
+    std::uint64_t relayMissed_ = 0;    // times that the relay missed states, as it says
+    int attempts_ = 0;                 // attempts to reconnect since the server was heard
     Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, dataAt_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
-    std::size_t applied_ = 0;  // in this turn of poll()
+    std::size_t applied_ = 0;  // sets applied in this poll()
     std::function<void(const RecordStep&)> onStep_;
 
-    bool inputsFit_ = false;      // they are of this program's node types
-    bool running_ = false;        // from a run state on; inputs can be run
-    unsigned inputTroubles_ = 0;  // so many that it is left be
+    bool inputsFit_ = false;      // inputs are of this program's node types
+    bool running_ = false;        // it has a run state, so inputs can be run
+    unsigned inputTroubles_ = 0;  // after some of these, inputs are not asked for any more
     static constexpr unsigned kMostInputTroubles = 3;
     bool diverged_ = false;
     mirror::Bisection bisection_;
-    std::size_t lastChanges_ = 0;  // of the frame after which the hash was found to differ
+    std::size_t lastChanges_ = 0;  // of the frame after which the hash differed
     std::uint32_t scrubAt_ = 0;
 
     MirrorClock clock_;
     MirrorPlayout playout_;
-    std::uint64_t shownAt_ = 0;  // server's clock, of the frame last applied
+    std::uint64_t shownAt_ = 0;  // the server's time of the frame applied last
 };
 
 }  // namespace rtsg

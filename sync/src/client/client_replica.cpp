@@ -1,5 +1,5 @@
-// What a mirror's client does to its replica: records in their turn and time, hashes compared, differences named and
-// repaired, requests made.
+// The replica of a mirror's client: applies records in order and in time, compares hashes, names and repairs
+// differences, and makes requests.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -19,9 +19,9 @@ using mirror::Message;
 
 namespace {
 
-constexpr auto kRepairAgain = 1000ms;       // between two snapshots asked for because of a divergence
+constexpr auto kRepairAgain = 1000ms;       // between two snapshots that a divergence asks for
 constexpr unsigned kScrubBits = 12;         // nodes compared at once, as a power of two
-constexpr std::size_t kMostAnnounced = 20;  // culprits of one divergence that are reported
+constexpr std::size_t kMostAnnounced = 20;  // differences of one divergence that are reported
 
 }  // namespace
 
@@ -39,10 +39,10 @@ void MirrorClient::Impl::arrived(std::span<const std::byte> bytes, bool isRecord
     item.bytes.assign(bytes.begin(), bytes.end());
     item.isRecord = isRecord;
     item.published = published;
-    const bool first = !haveState_ && playout_.empty();  // until it is here there is nothing to show at all
+    const bool first = !haveState_ && playout_.empty();  // until the first state there is nothing to show
     if (published != 0 && clock_.known() && !first) {
         item.due = clock_.here(published) + static_cast<std::uint64_t>(options_.latency.count()) * 1000000;
-        // What was published before this client came, or a longer hold than asked for, is nothing to wait for.
+        // There is no use in waiting for frames from before this client came, or with a longer delay than asked for.
         if (item.due < now) {
             if (haveState_) ++statistics_.late;
             item.due = 0;
@@ -85,7 +85,7 @@ void MirrorClient::Impl::take(std::span<const std::byte> bytes, bool isRecord) {
     answer(bytes);
 }
 
-/// What its owner did to the replica is noticed before the next frame, and named.
+/// Notices and reports, before the next frame, if the replica's owner has edited it.
 bool MirrorClient::Impl::editedByItsOwner() {
     if (!haveState_) return false;
     const std::shared_ptr<const ChangeSet> edits = replica_.seal();
@@ -120,7 +120,7 @@ void MirrorClient::Impl::record(std::span<const std::byte> bytes) {
     const bool follows = haveState_ && header->from == state_;
     if (follows && header->from == header->to && header->from != 0) return repair(bytes, *header);
     if (!follows && haveState_ && header->kind == RecordKind::frame) {
-        if (header->to <= state_) return;  // seen already
+        if (header->to <= state_) return;  // applied already
         ++statistics_.gaps;
         report(Severity::note, fmt::format("frames {} to {} are missing", state_ + 1, header->from));
         return hello(false);
@@ -146,8 +146,8 @@ std::shared_ptr<ChangeSet> MirrorClient::Impl::freshSet() {
     return sets_.emplace_back(std::make_shared<ChangeSet>());
 }
 
-/// True if the frame gave anew what the last one did, and nobody wants to see the set: most frames of a scene in
-/// motion.
+/// Returns true if the frame changes the same fields as the last one, and nobody wants to see the set. Most frames of a
+/// scene in motion are like that.
 bool MirrorClient::Impl::applyAgain(std::span<const std::byte> bytes, const RecordHeader& header) {
     if (!decoder_.exact()) return false;
     const auto columns = repeated_.match(bytes, header);
@@ -159,7 +159,7 @@ bool MirrorClient::Impl::applyAgain(std::span<const std::byte> bytes, const Reco
 
 Result<std::shared_ptr<ChangeSet>> MirrorClient::Impl::applySet(std::span<const std::byte> bytes,
                                                                 const RecordHeader& header) {
-    // A snapshot's memory is not kept for frames.
+    // The memory of a snapshot is not kept for frames.
     std::shared_ptr<ChangeSet> set = header.kind == RecordKind::keyframe ? std::make_shared<ChangeSet>() : freshSet();
     repeated_.forget();
     Result<> ok = decoder_.decode(bytes, *set);
@@ -171,7 +171,7 @@ Result<std::shared_ptr<ChangeSet>> MirrorClient::Impl::applySet(std::span<const 
     return set;
 }
 
-/// The record itself is of use to others where its values stand for themselves, in our own numbers of fields.
+/// Others can use the record itself if its values are complete and its field numbers are ours.
 void MirrorClient::Impl::tellStep(std::span<const std::byte> bytes, const RecordHeader& header,
                                   std::shared_ptr<ChangeSet> set) {
     if (!onStep_) return;
@@ -190,9 +190,9 @@ void MirrorClient::Impl::tellStep(std::span<const std::byte> bytes, const Record
     onStep_(step);
 }
 
-/// The origin was out of reach. What comes now tells whether it went on meanwhile, and without us.
+/// The origin was out of reach. The next record tells whether it went on without us meanwhile.
 void MirrorClient::Impl::noteHole(const RecordHeader& header, bool afresh) {
-    constexpr double kMerged = 1;  // seconds: a merge of less is what slow links bring
+    constexpr double kMerged = 1;  // in seconds; shorter merges are normal on slow links
     const std::optional<Clock::time_point> lost = std::exchange(lostAt_, std::nullopt);
     if (!lost || heldEpoch_ == 0) return;
     const bool everyFrame = options_.framesPerSecond == 0 && options_.maxLag.count() == 0;
@@ -239,7 +239,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
     compare(header);
 }
 
-/// Of the frame that has just been applied, as good as the clocks' offset is known.
+/// Notes the age of the frame that was just applied, as exactly as the clocks' offset is known.
 void MirrorClient::Impl::noteLag() {
     if (shownAt_ == 0 || !clock_.known()) return;
     statistics_.lag =
@@ -247,7 +247,7 @@ void MirrorClient::Impl::noteLag() {
     statistics_.mostLag = std::max(statistics_.mostLag, statistics_.lag);
 }
 
-/// What came into a frame, to be run here; or how things go on, from which inputs can be.
+/// Takes the input of a frame, which is run here, or a run state from which inputs can be run.
 void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHeader& header) {
     if (editedByItsOwner()) return;
     const bool isRunState = header.from == header.to;
@@ -288,7 +288,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
     stopRunning(fmt::format("hash {} here, {} at the origin", replica_.hash().hex(), header.hash.hex()));
 }
 
-/// Back to a state of the origin's; after a few times of this, changes will do.
+/// Asks for a state of the origin. After a few such troubles it asks for changes instead of inputs.
 void MirrorClient::Impl::stopRunning(const std::string& why) {
     ++inputTroubles_;
     report(Severity::warning,
@@ -304,7 +304,7 @@ void MirrorClient::Impl::compare(const RecordHeader& header) {
     statistics_.originHash = header.hash;
     statistics_.equal = statistics_.hash == statistics_.originHash;
     if (statistics_.equal || !decoder_.exact()) {
-        // A difference that only its memory shows stays one until it is repaired.
+        // A difference that only the memory shows, and not the running hash, counts until it is repaired.
         if (statistics_.equal && diverged_ && !bisection_.running()) diverged_ = false;
         return;
     }
@@ -344,12 +344,12 @@ void MirrorClient::Impl::scrub(Clock::time_point now) {
 void MirrorClient::Impl::giveUpRepair(const std::string& why) {
     bisection_.stop();
     report(Severity::note, fmt::format("state {}: {}: a snapshot instead of a repair", state_, why));
-    if (Clock::now() - repaired_ < kRepairAgain) return doubt({});  // not one after the other
+    if (Clock::now() - repaired_ < kRepairAgain) return doubt({});  // not too soon after the last one
     repaired_ = Clock::now();
     hello(true);
 }
 
-/// Answers to questions and to requests, in their place among the records.
+/// Takes answers to questions and requests, in their order among the records.
 void MirrorClient::Impl::answer(std::span<const std::byte> message) {
     wire::Reader in(message);
     const std::optional<Message> type = mirror::readPrologue(in);
@@ -371,7 +371,7 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
     const Bisection::Step step = type == Message::digest ? bisection_.digest(replica_, in, message_)
                                                          : bisection_.anatomy(replica_, in, message_);
     if (step != Bisection::Step::same && step != Bisection::Step::malformed && !diverged_) {
-        // Found by a scrub: the running hash knows nothing of it.
+        // A scrub found it; the running hash does not show it.
         diverged_ = true;
         statistics_.equal = false;
         ++statistics_.divergences;
@@ -398,8 +398,8 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
     }
 }
 
-/// The stored values are the origin's. If the running hash is not, one was changed behind it and has been written
-/// since.
+/// The stored values are the origin's. If the running hash is not, a value was changed behind it and has been
+/// overwritten since.
 void MirrorClient::Impl::nothingDiffers() {
     bisection_.stop();
     if (!diverged_) return;
@@ -465,7 +465,7 @@ Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
         mirror::writeRequest(encoder_, std::move(asked), state, request.record);
     } else {
         if (auto ok = toOriginsNumbers(asked.changes); !ok) return std::unexpected(ok.error());
-        ChangeEncoder describing;  // each request stands for itself
+        ChangeEncoder describing;  // each request is decoded on its own
         mirror::writeRequest(describing, std::move(asked), state, request.record);
     }
     if (request.record.size() > mirror::kLongestSubmission)
@@ -475,13 +475,13 @@ Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
     const std::uint64_t number = request.number;
     requests_.push_back(std::move(request));
     if (!decoder_.exact() && std::exchange(dictionaryHash_, 0) != 0)
-        hello(false);  // as who says: describe, and so do I
+        hello(false);  // tells the server that types must be described
     if (connected_) sendRequests();
     return number;
 }
 
-/// Fields of nodes that are there have the numbers of the origin; those of nodes that the request creates are found by
-/// name, as their types are described in it.
+/// Fields of existing nodes get the origin's numbers. Fields of nodes that the request creates are found by name,
+/// because the request describes their types.
 Result<> MirrorClient::Impl::toOriginsNumbers(std::vector<Change>& changes) const {
     const auto map = [&](NodeId node, FieldIndex& field) -> Result<> {
         if (node.value >= mirror::kFirstProvisional || field == kNoField) return {};

@@ -1,4 +1,4 @@
-// Follows a replica, leaves out what its user has changed and waits for, and puts that right when the answer is there.
+// Follows a replica except for the fields that its user has edited, and settles those when the answers come.
 #include <rtsg/sync/optimistic_scene.h>
 
 #include <algorithm>
@@ -13,7 +13,7 @@ OptimisticScene::OptimisticScene(MirrorClient& client, Scene& replica) : client_
 }
 OptimisticScene::~OptimisticScene() = default;
 
-/// As the next state of the scene shown; its hash is its own.
+/// Applies the set as the next state of the scene shown, whose hash is its own.
 Result<> OptimisticScene::show(ChangeSet set) {
     set.from = shown_.sequence();
     set.to = set.from + 1;
@@ -77,7 +77,7 @@ Result<std::uint64_t> OptimisticScene::edit(NodeId id, FieldIndex field, Value v
     return request;
 }
 
-/// What the origin has counts again.
+/// From now on the origin's value counts.
 void OptimisticScene::settle(const Place& place) {
     const Node *there = replica_.find(NodeId{place.first}), *here = shown_.find(NodeId{place.first});
     if (!there || !here || there->value(place.second) == here->value(place.second)) return;
@@ -92,7 +92,7 @@ void OptimisticScene::settle(const Place& place) {
 std::size_t OptimisticScene::poll(std::chrono::milliseconds timeout) {
     const std::size_t applied = client_.poll(timeout);
     std::vector<MirrorVerdict> verdicts = client_.takeVerdicts();
-    // With another run of the origin, requests end without an answer.
+    // If the origin is another run, requests end without an answer.
     const bool noneLeft = client_.unanswered() == 0;
     std::vector<Place> answered;
     for (const auto& [place, mine] : ours_)

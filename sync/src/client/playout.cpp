@@ -103,7 +103,7 @@ void MirrorPlayout::clear() {
 
 const Value* MirrorPlayout::next(ChangeDecoder& decoder, NodeId node, FieldIndex field) const {
     if (items_.empty() || !items_.front().isRecord) return nullptr;
-    // A predicted record can be decoded once only, in its turn: then the value is held.
+    // A predicted record can only be decoded once, in its turn. So the value stays until then.
     const std::span<const std::byte> first = items_.front().bytes;
     if (const auto header = parseRecordHeader(first); !header || header->flags & kRemember) return nullptr;
     if (!peeked_) {

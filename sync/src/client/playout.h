@@ -1,7 +1,7 @@
-// What a client has received and not applied yet: everything in the order in which it came, frames held until their
-// time.
+// MirrorPlayout: what a client has received and not applied yet, in order. Frames are held until they are due.
 //
-// Invariant: an item never overtakes another. Threading: the replica's thread.
+// Invariant: an item never overtakes another.
+// Threading: the replica's thread.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace rtsg {
 
-/// Between two values of one type: linear, rotations along the shorter arc; other types jump at the end.
+/// Interpolates linearly between two values of one type; rotations take the shorter arc. Other types jump at the end.
 Value interpolate(const Value& from, const Value& to, double fraction);
 
 class MirrorPlayout {
@@ -26,7 +26,7 @@ class MirrorPlayout {
         std::vector<std::byte> bytes;  // a record, or a message with its prologue
         bool isRecord = true;
         std::uint64_t due = 0;        // ns on our clock; 0: as soon as it is the first
-        std::uint64_t published = 0;  // on the server's
+        std::uint64_t published = 0;  // on the server's clock
     };
     void push(Item item);
     bool empty() const { return items_.empty(); }
@@ -35,7 +35,7 @@ class MirrorPlayout {
     Item pop();
     void clear();
 
-    /// The value that the first frame in store gives the field, and that frame; nothing if it does not touch it.
+    /// The value that the first waiting frame gives the field. Null if the frame does not change it.
     const Value* next(ChangeDecoder& decoder, NodeId node, FieldIndex field) const;
 
   private:

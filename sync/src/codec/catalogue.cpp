@@ -1,14 +1,16 @@
-// Finds entries in the catalogue's bytes, which are a run of descriptions of types.
+// Finds entries in the catalogue's bytes, which are type descriptions one after the other.
 #include "catalogue.h"
 
 #include <algorithm>
 #include <vector>
 
+#include <rtsg/core/lasting.h>
+
 #include "columns/wire.h"
 
 namespace rtsg::wire {
 
-/// In a source that the build makes of sync/catalogue.bin and sync/words.bin.
+/// The build makes the source of these from sync/catalogue.bin and sync/words.bin.
 std::span<const unsigned char> catalogueBytes();
 std::span<const unsigned char> wordsBytes();
 
@@ -17,7 +19,7 @@ namespace {
 using Entries = std::vector<std::span<const std::byte>>;
 
 const Entries& catalogueEntries() {
-    static const Entries entries = [] {
+    static const Entries& entries = lasting([] {
         Entries result;
         for (Reader in(std::as_bytes(catalogueBytes())); in.left() && !in.problem;) {
             const std::byte* start = in.at;
@@ -25,7 +27,7 @@ const Entries& catalogueEntries() {
             result.emplace_back(start, in.at);
         }
         return result;
-    }();
+    });
     return entries;
 }
 

@@ -1,7 +1,7 @@
-// Catalogue: descriptions of built-in node types under numbers that never change, so that a scene file need not hold
-// them (PROTOCOL.md, "Catalogue"). Its bytes are sync/catalogue.bin.
+// Catalogue: descriptions of built-in node types under numbers that never change. So a scene file need not hold
+// descriptions (PROTOCOL.md, "Catalogue"). Its bytes are sync/catalogue.bin.
 //
-// Invariant: an entry that was given out stays what it is; a type that has changed since has one more at the end.
+// Invariant: an entry never changes once it is published; a type that has changed gets another entry at the end.
 // Threading: constant data.
 #pragma once
 
@@ -17,15 +17,15 @@
 
 namespace rtsg::wire {
 
-/// How many entries this program knows.
+/// Number of entries that this program knows.
 std::size_t catalogueSize();
-/// Null beyond the last one.
+/// Null if the number is beyond the last entry.
 std::unique_ptr<NodeType> catalogueType(std::size_t number);
-/// Of words.bin: what deflated blocks of scene records may refer to.
+/// The bytes of words.bin, to which deflated blocks of scene records may refer.
 std::span<const std::byte> sceneWords();
-/// The newest entry that describes the type just as it is; nothing if there is none.
+/// The number of the newest entry that describes the type exactly. Empty if there is none.
 std::optional<std::uint16_t> catalogueNumber(const NodeType& type);
-/// The catalogue's bytes with an entry more for each of `types` that it does not have as it is.
+/// The catalogue's bytes, with a new entry for each of `types` that has no exact entry yet.
 ByteBuffer catalogueWith(TypeTable types);
 
 }  // namespace rtsg::wire

@@ -1,4 +1,4 @@
-// Records to change sets: block by block, each row checked and charged before memory is taken for it.
+// Decodes records to change sets, block by block. Each row is checked and charged before memory is allocated for it.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
@@ -25,20 +25,20 @@ using wire::Reader;
 
 namespace {
 
-/// The changes of a record, read over those of the record before: most frames have as many as the last one, and to take
-/// these down and put up new ones takes as long as to read them.
+/// Overwrites the changes of the last record with those of this one. Most frames have as many changes as the last, and
+/// destroying and constructing them would take as long as reading them.
 class ChangesAnew {
   public:
     explicit ChangesAnew(ChangeSet& set) : set_(set), stale_(set.changes.size()) {}
     ~ChangesAnew() { set(); }
     ChangesAnew(const ChangesAnew&) = delete;
     ChangesAnew& operator=(const ChangesAnew&) = delete;
-    /// What has been read, and nothing behind it: to be added to in any way.
+    /// The set without changes that are left of the last record. It may then be added to in any way.
     ChangeSet& set() {
         if (stale_ > 0) set_.changes.resize(set_.changes.size() - std::exchange(stale_, 0));
         return set_;
     }
-    /// So many more, of which all is to be set: they may be of the record before.
+    /// Adds so many changes. They may still have the content of the last record, so the caller sets everything in them.
     Change* add(std::size_t count) {
         const std::size_t first = set_.changes.size() - stale_;
         if (count > stale_) set_.changes.resize(first + count);
@@ -49,14 +49,14 @@ class ChangesAnew {
 
   private:
     ChangeSet& set_;
-    std::size_t stale_;  // at the end
+    std::size_t stale_;  // number of changes at the end that are left of the last record
 };
 
 FieldIndex readField(Reader& in) {
     return static_cast<FieldIndex>(in.bounded(0xFFFF));
 }
 
-/// A node number and the origin bit, packed into one varint by the simpler rows.
+/// Reads a node number and the origin bit, which the simpler rows pack into one varint.
 NodeId readNode(Reader& in, std::uint32_t& last, bool& external) {
     const std::uint64_t coded = in.varint();
     external = coded & 1;
@@ -65,7 +65,7 @@ NodeId readNode(Reader& in, std::uint32_t& last, bool& external) {
 }
 
 void readDescriptions(Reader& in, std::size_t count, TypeMapping* mapping, OriginHash* hash) {
-    if (!mapping) {  // the same types here
+    if (!mapping) {  // both sides have the same types
         in.at = in.end;
         return;
     }
@@ -91,8 +91,8 @@ void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
     }
 }
 
-/// Calls `fill(row, rows)` for each of so many changes in turn, with what the rows are read from. In portions, each of
-/// which is made and filled while it is in the nearest memory.
+/// Calls `fill(row, reader)` for each of so many new changes. They are made and filled in portions, so that each
+/// portion is still in the nearest cache.
 template <class Fill>
 [[gnu::always_inline]] inline void readRows(Reader& in, std::size_t count, ChangesAnew& changes, const Fill& fill) {
     constexpr std::size_t kAtOnce = 256;
@@ -100,13 +100,13 @@ template <class Fill>
         const std::size_t rows = std::min(left, kAtOnce);
         left -= rows;
         Change* const portion = changes.add(rows);
-        Reader own = in;  // in registers, whatever is written in between
+        Reader own = in;  // a local copy can stay in registers while changes are written
         for (std::size_t i = 0; i < rows; ++i) fill(portion[i], own);
         in = own;
     }
 }
 
-/// All but the value, which is to be set.
+/// Sets everything but the value.
 [[gnu::always_inline]] inline void setRow(Change& change, ChangeKind kind, NodeId node, FieldIndex field,
                                           bool external) {
     change.node = node;
@@ -230,11 +230,12 @@ void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
     if (!in.problem && count > 0) set.authors = std::move(authors);
 }
 
-/// Rows of values of at most 16 bytes: the hot path, running pointers and no branch on the type inside the loop.
+/// Reads rows of values of at most 16 bytes. This is the hot path: running pointers, and no branch on the type inside
+/// the loop.
 template <class T>
 void readPlainRows(Reader& in, std::size_t count, const std::byte* values, FieldIndex field, bool external,
                    ChangesAnew& changes) {
-    constexpr std::size_t kAhead = 1024;  // bytes: where many replicas take turns, the changes lie far away
+    constexpr std::size_t kAhead = 1024;  // bytes to prefetch; with many replicas, changes are not cached
     std::uint32_t last = 0;
     readRows(in, count, changes, [&](Change& change, Reader& rows) {
         __builtin_prefetch(reinterpret_cast<const std::byte*>(&change) + kAhead, 1);
@@ -245,7 +246,7 @@ void readPlainRows(Reader& in, std::size_t count, const std::byte* values, Field
     });
 }
 
-/// Values of one size.
+/// Reads values of one fixed size.
 template <class T>
 void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, ChangesAnew& changes) {
     if (in.left() / (sizeof(T) + 1) < count) return in.refuse("column cut short");
@@ -311,25 +312,27 @@ void readPackedColumn(Reader& in, std::size_t count, const wire::ColumnHead& hea
 
 /// More fields than this in one stream's memory are taken for an attack.
 constexpr std::size_t kMostFields = std::size_t{1} << 22;
-/// Up to here the memory of a set doubles, as it grows from record to record; beyond, it is just what is needed.
+/// Up to this many changes the capacity of a set doubles as it grows from record to record. Above, it is only as large
+/// as needed.
 constexpr std::size_t kDoubleUpTo = 32768;
 
-/// A million changes are 40 MB that the system gives out anew: in small pages that takes as long as reading them.
+/// A million changes are 40 MB of fresh memory. The system's page faults for small pages would take as long as reading
+/// them.
 void askForLargePages(void* memory, std::size_t size) {
 #ifdef MADV_HUGEPAGE
     constexpr std::size_t kPays = std::size_t{4} << 20;
     if (size < kPays) return;
     const auto page = static_cast<std::uintptr_t>(::sysconf(_SC_PAGESIZE));
     const std::uintptr_t into = reinterpret_cast<std::uintptr_t>(memory) % page;
-    // Of whole pages within; advice: without it all is well, only slower.
+    // Only whole pages can be advised. Without the advice the program is only slower.
     (void)::madvise(static_cast<std::byte*>(memory) + (page - into) % page, size - page, MADV_HUGEPAGE);
 #else
     (void)memory, (void)size;
 #endif
 }
 
-/// Memory for all rows at once: as they come it would be held twice while it grows. Rows of predicted columns are
-/// charged to nobody, as the fields that they are of have been given before: their number has its own limit.
+/// Reserves memory for all rows at once, as a growing vector would hold them twice. Rows of predicted columns are not
+/// charged, because their fields have been given before, and the number of those has its own limit.
 void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
     std::uint64_t rows = 0, predicted = 0;
     Reader blocks = in;
@@ -345,7 +348,7 @@ void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
         else
             predicted += std::min<std::uint64_t>(count, remembered);
     }
-    if (blocks.problem) return;  // who reads the blocks says where
+    if (blocks.problem) return;  // whoever reads the blocks reports the place
     if (!in.charge(rows * wire::kChangeCost)) return;
     const std::size_t all = rows + std::min<std::uint64_t>(predicted, remembered);
     if (all <= changes.capacity()) return;
@@ -356,7 +359,8 @@ void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
     askForLargePages(set.changes.data(), set.changes.capacity() * sizeof(Change));
 }
 
-/// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
+/// Returns false if the column's coding is unknown; the column is then skipped. `columns` is null if nothing is
+/// remembered.
 bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangesAnew& changes) {
     const auto coding = in.number<std::uint8_t>();
     if (coding > wire::kCodingArrays) return in.problem != nullptr;
@@ -397,7 +401,7 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
     return true;
 }
 
-/// False for a column in a coding of a later format.
+/// Returns false for a column in a coding of a later format.
 bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader* columns, ChangesAnew& changes) {
     if (kind == wire::kValues) return readValues(in, count, columns, changes);
     if (kind == wire::kCreate) return readCreates(in, count, changes), true;
@@ -451,7 +455,7 @@ ChangeDecoder::~ChangeDecoder() = default;
 
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
     columns_.reset();
-    // A stream that goes on describes no type again, and nodes stay what they were.
+    // A stream that goes on does not describe its types again, and its nodes keep their types.
     const std::array<std::uint64_t, 4> stream{head.epoch, head.dictionaryHash, head.builtinTypes, head.formatVersion};
     const bool counts = counting_ && (mapping_ || head.formatVersion < kFormatVersion);
     if (std::exchange(stream_, stream) == stream && counts == (origin_ != nullptr)) return {};
@@ -478,7 +482,7 @@ void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
     columns_->history() = other.columns_->history().clone();
 }
 
-/// Null if the record remembers nothing.
+/// Returns null if the record has no effect on remembered values.
 wire::ColumnReader* ChangeDecoder::columnsFor(const RecordHeader& header) {
     if (header.kind != RecordKind::frame) {
         if (columns_) columns_->history().clear();
@@ -506,7 +510,7 @@ Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, Chan
         }
         if (any && (kind < previous || (kind == previous && kind != wire::kValues)))
             block.refuse("blocks out of order");
-        // A predicted value may take less than a byte; their columns have another bound.
+        // A predicted value may take less than a byte, so columns have another bound.
         if (kind != wire::kValues && count > block.left()) block.refuse("count exceeds the bytes that follow");
         previous = kind;
         any = true;
@@ -523,7 +527,7 @@ Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, Chan
     return {};
 }
 
-/// What a scene record has before its blocks; then the numbers of types are the catalogue's.
+/// Reads what a scene record has before its blocks. From then on type numbers are the catalogue's.
 void ChangeDecoder::readSceneStart(Reader& in) {
     const auto version = in.number<std::uint16_t>(), builtins = in.number<std::uint16_t>(),
                root = in.number<std::uint16_t>();
@@ -536,7 +540,7 @@ void ChangeDecoder::readSceneStart(Reader& in) {
     if (!describeFromCatalogue(root, *in.budget)) in.refuse("a root whose type is not in the catalogue");
 }
 
-/// False if there is no such entry here.
+/// Returns false if this program has no such entry.
 bool ChangeDecoder::describeFromCatalogue(std::uint16_t number, wire::Budget& budget) {
     const std::shared_ptr<const NodeType> type = wire::catalogueType(number);
     if (!type || !budget.take(wire::costOf(*type)) || !mapping_->describe(number, *type)) return false;
@@ -575,7 +579,7 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     in.budget = &budget;
     const bool isScene = header->kind == RecordKind::scene;
-    if (header->kind != RecordKind::frame) set.changes.clear();  // frames are read over what is there
+    if (header->kind != RecordKind::frame) set.changes.clear();  // frames overwrite the changes that are there
     if (isScene) readSceneStart(in);
     if (in.problem) return std::unexpected(wire::describe(in, "scene"));
     const std::optional<std::vector<std::byte>> inflated =

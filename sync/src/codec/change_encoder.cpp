@@ -1,4 +1,4 @@
-// Change sets to records: rows sorted into blocks, values into columns, some of them predicted.
+// Encodes change sets as records: sorts rows into blocks and values into columns, and predicts some of the values.
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ using wire::zigzag;
 
 namespace {
 
-/// Rows of one kind of change, in order.
+/// The encoded rows of one kind of change, in order.
 struct Rows {
     ByteBuffer bytes;
     std::uint64_t count = 0;
@@ -39,31 +39,32 @@ struct Rows {
     }
 };
 
-/// A frame in so many lets readers in who do not know the ones before (kSync).
+/// One frame in so many has kSync, so that readers can start there without the frames before.
 constexpr unsigned kSyncEvery = 32;
-/// Fields remembered before the writer forgets them all, unless that many change in one frame.
+/// The writer forgets all fields when it remembers this many, unless a single frame has as many.
 constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
-/// Of a frame with more changes nothing is predicted: readers remember so many fields at most, and a few frames' more.
+/// Frames with more changes are not predicted, because readers remember only this many fields and those of a few
+/// frames.
 constexpr std::size_t kMostPredicted = std::size_t{1} << 20;
 
-/// Arrays of fewer elements stay as they are: what says how they are packed is longer than what it saves.
+/// Shorter arrays are not packed, because the description of the packing takes more bytes than it saves.
 constexpr std::size_t kFewest = 8;
-/// Bytes of packed arrays that are deflated as well.
+/// Up to this many bytes, packed arrays are deflated as well.
 constexpr std::size_t kMostDeflated = std::size_t{1} << 20;
 
-/// Of a column's key, beside wire::kValueExternal.
+/// A bit of a column's key, beside wire::kValueExternal.
 constexpr unsigned kPackedKey = 2;
 
-/// Value changes of one (field, type, origin); of arrays the packed ones and the others apart.
+/// Value changes of one (field, type, origin). Packed arrays have a column apart from other arrays.
 struct Column {
-    std::uint32_t key = 0;  // the field's number, the type, then bits
+    std::uint32_t key = 0;  // field number, type, and bits
     FieldType type = FieldType::SFBool;
-    std::uint8_t elementSize = 0;  // 0 when values vary in size
+    std::uint8_t elementSize = 0;  // 0 if values vary in size
     std::uint32_t lastNode = 0;
     std::uint64_t count = 0;
-    bool predicted = false;  // then `numbers` holds the nodes, else `nodes`
-    bool packed = false;     // arrays
-    std::size_t lead = 0;    // bytes of its block before the values, when it was last written in place
+    bool predicted = false;  // if true, `numbers` holds the nodes, else `nodes`
+    bool packed = false;     // its values are packed arrays
+    std::size_t lead = 0;    // bytes before the values in its block, when writeRun() last wrote it
     std::vector<std::uint32_t> numbers;
     ByteBuffer nodes, values;
 
@@ -109,20 +110,20 @@ struct ChangeEncoder::Parts {
     StreamMode mode;
     TypeTable types;
     std::size_t rootType = 0;
-    std::vector<bool> described;  // since the last keyframe
+    std::vector<bool> described;  // by type, since the last keyframe
     wire::ColumnWriter writer;
-    bool forget = true;  // with the next frame
+    bool forget = true;  // the next frame has kForget
     unsigned sinceSync = 0;
-    std::size_t predicted = 0;  // values of the last frame
-    bool predicting = false;    // in this one
+    std::size_t predicted = 0;  // number of predicted values in the last frame
+    bool predicting = false;    // this frame has predicted values
     bool makesSmall = false;
-    std::vector<std::uint16_t> catalogued;  // in a scene file: the catalogue's number by that of a built-in type
-    std::uint64_t descriptions = 0;         // what the set's descriptions charge a reader
+    std::vector<std::uint16_t> catalogued;  // in a scene file: the catalogue's number of each built-in type
+    std::uint64_t descriptions = 0;         // what a reader is charged for the set's descriptions
     std::array<Rows, wire::kBlockEnd> rows;
-    std::vector<std::string_view> authors;  // of the set at hand
-    std::vector<Column> columns;            // the first `used` belong to the set at hand
+    std::vector<std::string_view> authors;  // of the present set
+    std::vector<Column> columns;            // the first `used` belong to the present set
     std::size_t used = 0;
-    std::array<std::uint16_t, 64> recent{};  // key's hash -> column, a guess to be checked
+    std::array<std::uint16_t, 64> recent{};  // maps hashes of keys to columns; a guess to be checked
 
     void clear() {
         for (Rows& r : rows) r.clear();
@@ -130,16 +131,16 @@ struct ChangeEncoder::Parts {
         descriptions = 0;
         authors.clear();
     }
-    /// What a snapshot took is not kept for frames.
+    /// Frees the memory that a snapshot took, as frames do not need it.
     void release() {
         for (Rows& r : rows) r = Rows();
         columns = std::vector<Column>();
         used = 0;
     }
 
-    /// What decoding the set at hand charges; at most, and quickly, if that cannot matter.
+    /// What decoding the present set charges. If it is far below the limit, this is a quick upper bound.
     std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
-        constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes 6 bytes at least, a text 1
+        constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes at least 6 bytes, a text at least 1
         const std::uint64_t changes =
             (set.changes.size() + (set.authors ? set.authors->size() : 0)) * wire::kChangeCost;
         const std::uint64_t most = changes + recordSize * kMostForAByte;
@@ -184,12 +185,12 @@ struct ChangeEncoder::Parts {
         wire::putType(r.bytes, *types[type]);
     }
 
-    /// The number that a type of this program has in the record.
+    /// The number that the record uses for a type of this program.
     std::uint64_t numberOf(std::uint32_t type) const {
         if (catalogued.empty()) return type;
         return type < catalogued.size() ? catalogued[type] : type - catalogued.size() + wire::catalogueSize();
     }
-    /// False if a built-in type of the snapshot is not in the catalogue.
+    /// Returns false if the catalogue lacks a built-in type of the snapshot.
     bool takeNumbersOfCatalogue(const ChangeSet& snapshot) {
         constexpr std::uint16_t kUnknown = 0xFFFF;
         std::vector<std::uint16_t> numbers(types.size(), kUnknown);
@@ -218,7 +219,7 @@ struct ChangeEncoder::Parts {
         if (c.packed) return wire::putPacked(c.values, change.value);
         if (c.elementSize == 0) return wire::putValue(c.values, change.value);
         std::byte* target = c.values.room(c.elementSize < 16 ? 16u : c.elementSize);
-        // A value has 16 readable bytes whatever its type (those above 16 are padded); a fixed count copies fastest.
+        // 16 bytes of storage are readable for every type (longer ones are padded); copying a fixed count is fastest.
         if (c.elementSize <= 16)
             std::memcpy(target, change.value.storage(), 16);
         else
@@ -226,28 +227,29 @@ struct ChangeEncoder::Parts {
         c.values.advance(c.elementSize);
     }
 
-    /// The column of the plain values that come first; null if there are none.
+    /// The column of the first change, if that is a plain value; else null.
     Column* columnOfRun(const Change& first) {
         const FieldType type = first.value.type();
         if (first.kind != ChangeKind::setField || !wire::fixedSize(type) || type == FieldType::SFNode) return nullptr;
         Column& c = column(keyOf(first, false), type);
         return c.predicted ? nullptr : &c;
     }
-    /// Of the plain values of one column that come first; returns how many, 0 if there are none.
+    /// Adds the plain values at the front that belong to one column. Returns how many there are, possibly 0.
     std::size_t addValuesRun(std::span<const Change> changes) {
         Column* const c = columnOfRun(changes.front());
         return c ? fillColumn(*c, changes, c->values) : 0;
     }
-    static constexpr std::size_t kAtOnce = 256;  // values between looks at the room there is
-    /// Where its first and its last change are of one column, those between them mostly are, too.
+    static constexpr std::size_t kAtOnce = 256;  // values between two checks of the free room
+    /// A quick guess: if the first and the last change belong to one column, those between mostly do, too.
     bool mayBeOneRun(const ChangeSet& set) const {
         if (set.isSnapshot() || makesSmall || set.authors || set.changes.empty()) return false;
         const Change &first = set.changes.front(), &last = set.changes.back();
         return first.kind == last.kind && keyOf(first, false) == keyOf(last, false);
     }
-    /// In place: a frame of nothing but values of one column. They go to where they are in the record at once, which is
-    /// where they were in the last one; if what comes before them turns out to be of another length, they are moved.
-    /// Returns how many changes have been taken: all of them, or those that are in the column as by addValuesRun().
+    /// Writes a frame whose changes are all values of one column straight into the record. It guesses that the values
+    /// start where they did in the last frame, and moves them if the bytes before them turn out to have another length.
+    /// Returns how many changes were taken: all of them, or only the first ones, which are then in the column as after
+    /// addValuesRun().
     std::size_t writeRun(std::span<const Change> changes, ByteBuffer& record) {
         Column* const c = columnOfRun(changes.front());
         if (!c) return 0;
@@ -273,7 +275,7 @@ struct ChangeEncoder::Parts {
         return taken;
     }
 
-    /// Returns how many values of the column come first; they go to the end of `to`.
+    /// Appends to `to` the values at the front that belong to the column, and returns how many there are.
     static std::size_t fillColumn(Column& c, std::span<const Change> changes, ByteBuffer& to) {
         switch (c.elementSize) {
             case 1:
@@ -290,7 +292,7 @@ struct ChangeEncoder::Parts {
                 return 0;
         }
     }
-    /// All in locals: the bytes written might be anything, for all a compiler knows.
+    /// Works on local variables only, because the compiler must assume that the written bytes alias everything else.
     template <std::size_t size>
     static std::size_t fillColumn(Column& c, std::span<const Change> changes, ByteBuffer& to) {
         constexpr std::size_t kLongestStep = 5, kAhead = 1024;
@@ -403,7 +405,7 @@ struct ChangeEncoder::Parts {
         putLead(c, c.values.size(), out);
         out.append(c.values.bytes());
     }
-    /// Of a block that is no predicted column's, in bytes: all but the values, and all of it from behind its length on.
+    /// Bytes of an unpredicted column's block behind the block's length; `values` is the size of its values.
     static std::size_t lengthOf(const Column& c, std::size_t values) {
         return 3 + wire::varintSize(c.key >> 16) + c.nodes.size() + values;
     }
@@ -426,8 +428,8 @@ struct ChangeEncoder::Parts {
         }
         return 0;
     }
-    /// Deflates all but packed arrays that are many: those take longer to deflate than to read. Returns the bytes that
-    /// a reader inflates.
+    /// Deflates everything, except packed arrays if they are large: inflating those takes longer than reading them
+    /// packed. Returns the bytes that a reader inflates.
     std::uint64_t putSmall(ByteBuffer& out) {
         ByteBuffer before, after;
         std::size_t packed = 0;
@@ -446,7 +448,7 @@ struct ChangeEncoder::Parts {
         return inflated + wire::putDeflated(after.bytes(), out, words);
     }
 
-    /// Once all blocks are there.
+    /// Call it when all blocks are written.
     void seal(const ChangeSet& set, std::uint8_t flags, std::uint64_t inflated, ByteBuffer& record) const {
         wire::fillUp(record, cost(set, record.size(), inflated));
         RecordHeader header;
@@ -467,7 +469,7 @@ struct ChangeEncoder::Parts {
             case ChangeKind::defineType: {
                 const auto defined = std::ranges::find_if(
                     set.types, [&](const DefinedType& d) { return d.index.value == change.index; });
-                if (defined == set.types.end() || !defined->type) break;  // nothing that could be applied
+                if (defined == set.types.end() || !defined->type) break;  // the set cannot be applied
                 Rows& r = rows[wire::kTypes];
                 ++r.count;
                 r.bytes.putVarint(numberOf(change.index) << 1 | external);

@@ -1,4 +1,4 @@
-// Deflates runs of blocks with zlib, and inflates them into as much memory as they say and may have.
+// Deflates runs of blocks with zlib. Inflates them into as much memory as they state, within the budget.
 #include "deflated_blocks.h"
 
 #include <limits>
@@ -11,13 +11,13 @@ namespace rtsg::wire {
 
 namespace {
 
-constexpr int kRaw = -MAX_WBITS;    // no header, no sum of its own: the record has one
+constexpr int kRaw = -MAX_WBITS;    // no header and no checksum, as the record has one
 constexpr int kMemory = 8;          // zlib's default
-constexpr std::size_t kWorth = 64;  // fewer bytes are not looked at
-/// zlib counts in 32 bits.
+constexpr std::size_t kWorth = 64;  // shorter runs are not deflated
+/// The longest input, because zlib counts in 32 bits.
 constexpr std::size_t kLongest = std::numeric_limits<uInt>::max();
 
-/// Empty if it is not shorter.
+/// Returns nothing if the result is not shorter.
 std::vector<std::byte> deflated(std::span<const std::byte> bytes, std::span<const std::byte> words) {
     std::vector<std::byte> out(bytes.size());
     z_stream stream{};
@@ -34,7 +34,7 @@ std::vector<std::byte> deflated(std::span<const std::byte> bytes, std::span<cons
     return out;
 }
 
-/// False if the stream is damaged or holds another number of bytes.
+/// Returns false if the stream is damaged or holds another number of bytes.
 bool inflateInto(std::span<const std::byte> bytes, std::span<std::byte> out, std::span<const std::byte> words) {
     z_stream stream{};
     if (inflateInit2(&stream, kRaw) != Z_OK) return false;
@@ -73,7 +73,7 @@ std::optional<std::vector<std::byte>> inflateBlocks(Reader& payload, std::span<c
             const auto kind = in.number<std::uint8_t>();
             (void)in.varint();
             Reader block = in.part(in.count(1));
-            if (in.problem) return;  // who reads the blocks says what it is
+            if (in.problem) return;  // whoever reads the blocks reports the problem
             take(kind, std::span(start, in.at), block);
         }
     };

@@ -1,7 +1,8 @@
-// Blocks of a record in fewer bytes: runs of them as a deflate stream (PROTOCOL.md, "Deflated").
+// Deflated blocks: runs of a record's blocks as one deflate stream (PROTOCOL.md, "Deflated").
 //
-// Invariant: what is read is what was written, or a problem with its place; nothing is made that the record's budget
-// does not allow. Threading: pure functions.
+// Invariant: reading gives what was written, or a problem with its place. It allocates no more than the record's budget
+// allows.
+// Threading: pure functions.
 #pragma once
 
 #include <cstddef>
@@ -15,12 +16,12 @@
 
 namespace rtsg::wire {
 
-/// Appends the blocks, as one deflated block if that is shorter. Returns the bytes that a reader has to make of it.
-/// `words`: what the stream may refer to as if it had come before.
+/// Appends the blocks, as one deflated block if that is shorter. Returns the bytes that a reader inflates. The stream
+/// may refer to `words` as if they had come before it.
 std::size_t putDeflated(std::span<const std::byte> blocks, ByteBuffer& record, std::span<const std::byte> words = {});
 
-/// The blocks of a payload with deflated ones replaced by what they hold; nothing if there are none. What is made is
-/// charged; after a problem what is returned means nothing. `words`: as they were written with.
+/// The blocks of a payload, with deflated blocks replaced by their content; nothing if there are none. Inflated bytes
+/// are charged. After a problem the result has no meaning. `words` must be those of the writer.
 std::optional<std::vector<std::byte>> inflateBlocks(Reader& payload, std::span<const std::byte> words = {});
 
 }  // namespace rtsg::wire

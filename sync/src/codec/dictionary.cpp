@@ -1,4 +1,4 @@
-// The head of a stream: who writes, how, and with which built-in types.
+// Encodes and decodes the head of a stream: its writer, mode and built-in types.
 #include <rtsg/sync/dictionary.h>
 
 #include <cmath>
@@ -53,7 +53,7 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     if (mode == static_cast<unsigned>(Mode::lossy) && !(head.mode.maxError > 0 && std::isfinite(head.mode.maxError)))
         in.refuse("lossy without a bound of the error");
     head.mode.mode = static_cast<Mode>(mode);
-    // Only what the writer preferred: columns say themselves how they are coded.
+    // This is only the writer's preference; every column says how it is coded.
     head.mode.coding =
         coding <= static_cast<unsigned>(Coding::smallest) ? static_cast<Coding>(coding) : Coding::smallest;
     head.creator = in.text();
@@ -65,7 +65,7 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
         const auto from = in.number<double>();
         if (std::isfinite(from)) head.keptFrom = from;
     }
-    // What a later version appends is left unread.
+    // Anything that a later version appends is left unread.
     if (in.problem) return std::unexpected(wire::describe(in, "head"));
     return head;
 }

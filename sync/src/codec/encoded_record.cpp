@@ -1,11 +1,12 @@
-// What encoded records hold of memory, and how little they need.
+// Counts the memory that encoded records hold, and trims it.
 #include <rtsg/sync/encoded_record.h>
 
 namespace rtsg {
 
 namespace {
 
-// Its places in lists, the block that counts its references, and what the allocator adds to each of the three.
+// The record, its entries in lists, its reference count, and the allocator's overhead for all of them.
+// overhead.
 constexpr std::uint64_t kRecordCost = sizeof(EncodedRecord) + 176;
 
 }  // namespace

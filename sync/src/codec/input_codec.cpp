@@ -1,4 +1,4 @@
-// What came into a frame, and what a scene runs on from: to records and back.
+// Encodes and decodes the input of a frame, and the run state that a scene runs on from.
 #include <rtsg/sync/input_codec.h>
 
 #include <algorithm>
@@ -31,8 +31,8 @@ enum InputBlock : std::uint8_t {
     kInputEnd = 22,
 };
 constexpr unsigned kSealedOnly = 1, kFirst = 2, kBehavioursOff = 4, kNextId = 8;
-constexpr unsigned kRefused = 4, kAgainNow = 8, kAgainAt = 16;  // a call's tag, beside its kind
-constexpr unsigned kEffectElsewhere = 4;                        // an effect's tag, beside its kind
+constexpr unsigned kRefused = 4, kAgainNow = 8, kAgainAt = 16;  // bits of a call's tag, beside its kind
+constexpr unsigned kEffectElsewhere = 4;                        // a bit of an effect's tag, beside its kind
 constexpr std::uint64_t kCallCost = sizeof(BehaviourCall), kEffectCost = sizeof(BehaviourEffect) + 16;  // charges
 constexpr unsigned kDeterministic = 1, kHasAccepts = 2, kHasOnEvent = 4, kHasOnTime = 8, kComesLast = 16;
 
@@ -77,7 +77,7 @@ void putCalls(BlockWriter& out, double now, const std::vector<BehaviourCall>& ca
     std::uint32_t last = 0;
     for (const BehaviourCall& call : calls) {
         const bool timed = call.kind == BehaviourCall::Kind::onTime;
-        // Now or earlier is all the same to the cascade.
+        // The cascade makes no difference between now and earlier.
         const unsigned again = !timed || call.next == kNever ? 0u : call.next <= now ? kAgainNow : kAgainAt;
         body.put(static_cast<std::uint8_t>(static_cast<unsigned>(call.kind) | (call.accepted ? 0u : kRefused) | again));
         body.putVarint(zigzag(call.node.value, std::exchange(last, call.node.value)));
@@ -155,9 +155,9 @@ std::vector<BehaviourUse> readUses(Reader& in, std::size_t count) {
     return uses;
 }
 
-/// What decoding the input charges; a run state is longer than what it becomes.
+/// What decoding the input charges. A run state is not charged, because it is longer encoded than decoded.
 std::uint64_t costOf(const FrameInput& input) {
-    // Edits and events are held twice while they find their place; the first time is in the frame's own account.
+    // Edits and events are held twice while they are sorted in; the first copy is in the frame's own account.
     std::uint64_t cost = (input.edits.size() + input.events.size()) * wire::kChangeCost +
                          input.woken.size() * sizeof(NodeId) + input.behaviours.size() * sizeof(BehaviourUse);
     for (const BehaviourCall& call : input.calls) {
@@ -188,7 +188,7 @@ bool needsState(const ChangeSet& set) {
 struct InputEncoder::Parts {
     std::unique_ptr<ChangeEncoder> encoder = std::make_unique<ChangeEncoder>();
     ChangeSet edits;
-    std::uint32_t nextId = 0;  // as a reader knows it
+    std::uint32_t nextId = 0;  // the next id as a reader counts it
 };
 
 InputEncoder::InputEncoder() : parts_(std::make_unique<Parts>()) {}
@@ -206,7 +206,7 @@ void InputEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
         parts.edits.from = set.from;
         parts.edits.to = set.to;
         parts.encoder->encode(parts.edits, record);
-        parts.edits.clear();  // holds on to no values
+        parts.edits.clear();  // releases the values
     } else {
         record.room(kRecordHeaderSize);
         record.advance(kRecordHeaderSize);
@@ -299,7 +299,7 @@ void readSleepers(Reader& in, std::size_t count, RunState& state) {
     }
 }
 
-/// `state`: null in the input of a frame, where blocks of a run state mean nothing.
+/// `state` is null for the input of a frame, which skips blocks of a run state.
 void readBlock(Reader& in, unsigned kind, std::size_t count, double time, FrameInput& input, RunState* state) {
     switch (kind) {
         case kRun:
@@ -324,7 +324,7 @@ void readBlock(Reader& in, unsigned kind, std::size_t count, double time, FrameI
     }
 }
 
-/// The blocks of an input; `ownBlocks` becomes the bytes of those before them, which a frame has too.
+/// Reads the blocks of an input. `ownBlocks` becomes the bytes of the blocks before them, whose kinds frames have too.
 Result<> readBlocks(Reader& in, double time, FrameInput& input, RunState* state, std::size_t& ownBlocks) {
     unsigned previous = kRun - 1;
     while (in.left() && !in.problem) {
@@ -350,7 +350,7 @@ Result<> readBlocks(Reader& in, double time, FrameInput& input, RunState* state,
 
 }  // namespace
 
-/// The edits and events in the blocks that a frame has too.
+/// Decodes the edits and events, which are blocks as in a frame.
 Result<> InputDecoder::decodeEdits(std::span<const std::byte> blocks, FrameInput& input, ChangeSet& set) {
     scratch_.clear();
     scratch_.append(blocks);

@@ -1,4 +1,4 @@
-// Runs a scene from what came into its frames, and plays back what cannot be run.
+// Runs a scene from the inputs of its frames, and applies changes where a frame cannot be run.
 #include <rtsg/sync/input_replica.h>
 
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ Result<bool> InputReplica::take(std::shared_ptr<const ChangeSet> set) {
     } else if (set->from != set->to || set->isSnapshot()) {
         done = applyChanges(set);
     } else if (!input || !input->runState || scene_.sequence() != set->to || scene_.hash() != set->hash) {
-        // A run state of a state that this scene is not in: nothing to be done with it.
+        // The run state belongs to another state than the scene's, so it is useless.
         return lost(fmt::format("the run state of state {} does not belong to the scene's", set->to));
     } else if (auto resumed = scene_.resumeFrom(*input->runState); !resumed) {
         return lost(resumed.error().text);
@@ -64,7 +64,7 @@ Result<bool> InputReplica::applyChanges(std::shared_ptr<const ChangeSet> set) {
         return lost(fmt::format("state {} has another hash than the origin's", set->to));
     }
     why_.clear();
-    exact_ = set->input && set->input->runState;  // else it is still to come
+    exact_ = set->input && set->input->runState;  // else the run state is still to come
     return true;
 }
 

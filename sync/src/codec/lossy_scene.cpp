@@ -1,4 +1,4 @@
-// Keeps a second scene whose moving values lie on a grid, so that they cost fewer bits.
+// Keeps a second scene whose moving values lie on a grid, so that they take fewer bits.
 #include <rtsg/sync/lossy_scene.h>
 
 #include <algorithm>
@@ -10,11 +10,11 @@ namespace rtsg {
 
 namespace {
 
-/// Frames without a change after which a value counts as resting.
+/// A value counts as resting after so many frames without a change.
 constexpr std::uint32_t kRest = 2;
 constexpr std::size_t kMostValues = std::size_t{1} << 20;
 
-/// Of what both values mean, whatever their bits.
+/// The distance between what two values mean, whatever their bits.
 double distance(FieldType type, const float* a, const float* b) {
     double x[4] = {}, y[4] = {};
     const int lanes = wire::gridLanesOf(type);
@@ -30,7 +30,7 @@ double distance(FieldType type, const float* a, const float* b) {
     read(b, y);
     double square = 0;
     for (int l = 0; l < lanes; ++l) square += (x[l] - y[l]) * (x[l] - y[l]);
-    return std::sqrt(square);  // of rotation vectors: never less than the angle between the rotations
+    return std::sqrt(square);  // distance of rotation vectors, which is never less than the angle between the rotations
 }
 
 }  // namespace
@@ -38,7 +38,8 @@ double distance(FieldType type, const float* a, const float* b) {
 struct LossyScene::State {
     explicit State(double error) : maxError(error), sealer(*this) { scene.setBehavioursEnabled(false); }
 
-    /// First on the scene's bus: the set that is being published gets the hash of the state it leads to.
+    /// The first subscriber on the scene's bus. It gives the set that is being published the hash of the state that it
+    /// leads to.
     struct Sealer : Subscriber {
         explicit Sealer(State& owner) : state(owner) {}
         Result<> apply(const Scene& shown, const ChangeSet&) override {
@@ -54,7 +55,8 @@ struct LossyScene::State {
         std::uint32_t slot;
     };
 
-    /// Slot::stamp: frame of the last change; onGrid: not exact; depth: 1 once changed, 2 while listed in `rounded`.
+    /// Meaning of the slot: stamp is the frame of the last change; onGrid means not exact; depth is 1 after a change,
+    /// and 2 while the slot is listed in `rounded`.
     bool roundInMotion(Change& change, wire::Table& table, std::uint32_t at) {
         wire::Slot& slot = table.slots[at];
         const bool moving = slot.depth > 0 && frame - slot.stamp <= kRest;
@@ -70,7 +72,7 @@ struct LossyScene::State {
         wire::toGrid(type, exact, step, grid);
         wire::fromGrid(type, grid, step, nearest);
         wire::toGrid(type, nearest, step, again);
-        // Also out: no numbers, values beyond the grid's end, axes without a direction.
+        // This also excludes values that are not finite or beyond the grid's end, and axes without a direction.
         if (!(distance(type, exact, nearest) <= maxError) || !std::equal(grid, grid + 4, again)) return false;
         if (std::memcmp(exact, nearest, info(type).elementSize) == 0) return true;
         change.value = Value::fromStorage(type, nearest);
@@ -108,7 +110,7 @@ struct LossyScene::State {
     std::uint32_t frame = 0;
     std::shared_ptr<ChangeSet> set;
     Sealer sealer;
-    Attachment sealed, following;  // the last to be made, the first to go
+    Attachment sealed, following;  // destroyed in reverse order
 };
 
 LossyScene::LossyScene(double maxError) : state_(std::make_unique<State>(maxError)) {
@@ -137,7 +139,7 @@ const LossyStatistics& LossyScene::statistics() const {
 Result<> LossyScene::apply(const Scene& origin, const ChangeSet& changes) {
     State& s = *state_;
     s.set = std::make_shared<ChangeSet>(changes);
-    s.set->input.reset();  // what came in does not lead to this state
+    s.set->input.reset();  // the input does not lead to this scene's state
     ++s.frame;
     if (changes.isSnapshot()) {
         s.fields.clear();
@@ -157,7 +159,7 @@ Result<> LossyScene::apply(const Scene& origin, const ChangeSet& changes) {
             }
         }
         s.settle(origin);
-        // Of nodes long gone, too; forgetting only makes the next changes exact.
+        // Drops fields of destroyed nodes, too. Dropping a field only makes its next change exact.
         if (s.rounded.empty() && s.fields.slots() > kMostValues) s.fields.clear();
     }
     const Result<> applied = s.scene.apply(s.set);

@@ -1,4 +1,4 @@
-// Counts the state hash of a stream from its changes alone.
+// Computes the state hash of a stream from its changes alone.
 #include "origin_hash.h"
 
 #include <rtsg/core/partial_hash.h>
@@ -11,7 +11,7 @@ Hash128 operator-(Hash128 a, Hash128 b) {
     return {a.low - b.low, a.high - b.high - (a.low < b.low ? 1 : 0)};
 }
 
-/// Of two neighbours in a list; 0 at its ends.
+/// The hash term of two neighbours in a list; 0 stands for a node beyond either end.
 Hash128 pairTerm(NodeId a, NodeId b, std::uint64_t seed) {
     const std::uint32_t pair[2] = {a.value, b.value};
     return hashOfBytes(pair, sizeof(pair), seed);
@@ -21,7 +21,7 @@ Hash128 pairTerm(NodeId a, NodeId b, std::uint64_t seed) {
 
 OriginHash::OriginHash(const StreamHead& head, TypeTable own)
     : byNumber_(head.formatVersion < 3), builtins_(head.builtinTypes), types_(builtins_) {
-    for (std::size_t i = 0; i < std::min(own.size(), builtins_); ++i)  // which outlive this
+    for (std::size_t i = 0; i < std::min(own.size(), builtins_); ++i)  // the types outlive this
         define(i, std::shared_ptr<const NodeType>(std::shared_ptr<const NodeType>(), own[i].get()));
     restart();
 }
@@ -46,7 +46,7 @@ void OriginHash::describe(std::uint16_t number, std::shared_ptr<const NodeType> 
     if (number < builtins_ && !types_[number].type) define(number, std::move(type));
 }
 
-/// Null if there is none, or it holds nothing.
+/// Returns null if there is no such type or field.
 const FieldDef* OriginHash::fieldOf(const Node& node, FieldIndex field) const {
     if (node.type >= types_.size() || !types_[node.type].type) return nullptr;
     const std::vector<FieldDef>& fields = types_[node.type].type->fields;
@@ -117,7 +117,7 @@ void OriginHash::changeChildren(Node& node, const Change& change) {
     const NodeId after = next < children.size() ? children[next] : NodeId{};
     const NodeId child = inserts ? change.other : children[at];
     const Hash128 with = pairTerm(before, child, s) + pairTerm(child, after, s);
-    // Between nothing and nothing there is no pair: the list is empty.
+    // No neighbours on either side means that the list is empty, so there is no pair.
     const Hash128 without = before || after ? pairTerm(before, after, s) : Hash128{};
     replace(field.term, inserts ? field.term - without + with : field.term - with + without);
     const auto place = children.begin() + static_cast<std::ptrdiff_t>(at);

@@ -1,8 +1,9 @@
-// OriginHash: the state hash of a stream as its writer counts it, with the writer's node types and version of the hash.
+// OriginHash: computes the state hash of a stream as its writer does, with the writer's node types and version of the
+// hash.
 //
-// Invariant: value() is the hash of the record that was followed last, if the stream is what was written. So a log says
-// whether it is whole in every later program, whatever fields, types and defaults that has. Cost per set as for a
-// scene. Threading: one thread an object. Source: PROTOCOL.md, "State hash".
+// Invariant: value() is the hash of the last record followed, if the stream is as it was written. So every later
+// program can check a log, whatever fields, types and defaults it has itself. A set costs as much as for a scene.
+// Threading: one thread an object. Source: PROTOCOL.md, "State hash".
 #pragma once
 
 #include <map>
@@ -18,11 +19,11 @@ namespace rtsg {
 
 class OriginHash {
   public:
-    /// `own`: the writer's built-in types, or none if they come by describe().
+    /// `own` are the writer's built-in types. It is empty if describe() gives them.
     OriginHash(const StreamHead& head, TypeTable own);
 
     void describe(std::uint16_t number, std::shared_ptr<const NodeType> type);
-    /// Each set in turn, as it was decoded: with the stream's numbers. What makes no sense in it is passed over.
+    /// Call it with each set in turn, as decoded, with the stream's numbers. Changes that make no sense are skipped.
     void follow(const ChangeSet& set);
     Hash128 value() const { return sum_; }
 
@@ -39,7 +40,7 @@ class OriginHash {
     struct Node {
         std::uint16_t type = 0;
         Hash128 own, name;
-        std::map<FieldIndex, Field> fields;  // that differ from their defaults
+        std::map<FieldIndex, Field> fields;  // only fields that differ from their defaults
     };
 
     void restart();
@@ -56,9 +57,9 @@ class OriginHash {
     Hash128 listTerm(NodeId node, const Type& type, FieldIndex field, const std::vector<NodeId>& children) const;
     void replace(Hash128& term, Hash128 by);
 
-    const bool byNumber_;  // format 2: terms have the number of a field, and not its name
+    const bool byNumber_;  // format 2: terms contain a field's number instead of its name
     const std::size_t builtins_;
-    std::vector<Type> types_;  // by the stream's numbers
+    std::vector<Type> types_;  // by the stream's type numbers
     std::uint16_t rootType_ = 0xFFFF;
     std::unordered_map<std::uint32_t, Node> nodes_;
     Hash128 sum_;

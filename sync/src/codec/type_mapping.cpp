@@ -1,4 +1,4 @@
-// Follows the types of a stream of another build, and rewrites its sets to the numbers that they have here.
+// Keeps track of the types in a stream of another build, and rewrites its sets to the numbers of this program.
 #include "type_mapping.h"
 
 #include <algorithm>
@@ -80,10 +80,10 @@ void TypeMapping::defineHere(Type& type, std::shared_ptr<const NodeType> definit
     set.types.push_back({TypeIndex{type.local}, std::move(definition)});
 }
 
-/// False when the field has no counterpart.
+/// Returns false if the field has no counterpart here.
 bool TypeMapping::mapField(NodeId node, FieldIndex& field, DecoderLosses& losses) const {
     const auto found = typeOfNode_.find(node.value);
-    if (found == typeOfNode_.end() || found->second >= types_.size()) return true;  // the scene will judge
+    if (found == typeOfNode_.end() || found->second >= types_.size()) return true;  // the scene will check
     const Type& type = types_[found->second];
     if (type.identity) return true;
     if (field >= type.fields.size() || type.fields[field] == kNoField) {
@@ -105,7 +105,7 @@ FieldIndex TypeMapping::fieldAtOrigin(NodeId node, FieldIndex field) const {
 
 void TypeMapping::mapAuthors(ChangeSet& set) const {
     auto mapped = std::make_shared<std::vector<Authored>>();
-    DecoderLosses ignored;  // the field's own change has been counted
+    DecoderLosses ignored;  // the change itself has been counted as lost already
     for (Authored one : *set.authors)
         if (one.field == kNoField || mapField(one.node, one.field, ignored)) mapped->push_back(std::move(one));
     set.authors = std::move(mapped);
@@ -115,7 +115,7 @@ Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosse
     if (set.isSnapshot()) restart();
     std::vector<Change> adjusted;
     defined_.clear();
-    std::size_t kept = 0;  // of set.changes, moved to its front
+    std::size_t kept = 0;  // changes that stay; they are moved to the front of set.changes
     const std::vector<DefinedType> originTypes = std::exchange(set.types, {});
     std::size_t nextType = 0;
     for (Change& change : set.changes) {
@@ -135,7 +135,7 @@ Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosse
                 typeOfNode_[change.node.value] = static_cast<std::uint16_t>(change.index);
                 if (type.local == kNowhere) defineHere(type, type.definition, change.external, set);
                 change.index = type.local;
-                if (!budget.take(4 * type.defaults.size() * sizeof(Change)))  // here, in the set, and as both grow
+                if (!budget.take(4 * type.defaults.size() * sizeof(Change)))  // in both vectors, as they grow
                     return fail("nodes whose defaults differ here take more memory than a record of this length may");
                 for (const auto& [field, value] : type.defaults) {
                     adjusted.push_back(blankChange(ChangeKind::setField, change.node, field, change.external));
@@ -169,7 +169,7 @@ Result<> TypeMapping::toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosse
     changes.resize(kept);
     if (set.authors) mapAuthors(set);
     if (adjusted.empty() && defined_.empty()) return {};
-    if (!budget.take((kept + defined_.size()) * sizeof(Change)))  // twice for a moment
+    if (!budget.take((kept + defined_.size()) * sizeof(Change)))  // held twice for a moment
         return fail("types that are unknown here take more memory than a record of this length may");
     const std::size_t creates = static_cast<std::size_t>(
         std::ranges::find_if(changes, [](const Change& c) { return c.kind != ChangeKind::createNode; }) -

@@ -1,7 +1,8 @@
-// TypeMapping: where the types and fields of a stream of another build are in this program.
+// TypeMapping: maps the types and fields of a stream of another build to those of this program.
 //
-// Invariant: numbers of the stream never reach a scene unmapped. Keeps the type of every node, which the wire does not
-// repeat. Threading: one thread an object.
+// Invariant: no number of the stream reaches a scene unmapped. It keeps the type of every node, which the wire does not
+// repeat.
+// Threading: one thread an object.
 #pragma once
 
 #include <memory>
@@ -18,20 +19,21 @@ namespace rtsg {
 
 class TypeMapping {
   public:
-    /// `local`: this program's built-in types; they must outlive this. `originBuiltins`: how many the writer has.
+    /// `local` are this program's built-in types and must outlive this. `originBuiltins` is the writer's number of
+    /// built-in types.
     TypeMapping(TypeTable local, std::size_t originBuiltins);
 
-    /// False when `number` is none of the writer's built-in types. Describing a type again changes nothing.
+    /// Returns false if `number` is not one of the writer's built-in types. Describing a type again has no effect.
     bool describe(std::uint16_t number, const NodeType& origin);
     bool isBuiltin(std::uint32_t number) const { return number < originBuiltins_; }
     bool knows(std::uint32_t number) const { return number < types_.size() && types_[number].known; }
-    /// Whether every type that was described is the same here, but for its number.
+    /// True if every described type is the same here, apart from its number.
     bool sameHere() const { return same_; }
-    /// Then this does, at the cost of new nodes alone.
+    /// If sameHere(), call this instead of toLocal(). It costs work for new nodes only.
     Result<> renumber(ChangeSet& set) const;
-    /// The writer's number of a field that has this one here; kNoField where it has none.
+    /// The writer's number of a field whose number here is `field`. kNoField if the writer lacks it.
     FieldIndex fieldAtOrigin(NodeId node, FieldIndex field) const;
-    /// Rewrites a decoded set; counts what has no counterpart here. What it adds is charged.
+    /// Rewrites a decoded set, and counts what has no counterpart here. Changes that it adds are charged.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses);
 
   private:
@@ -40,9 +42,9 @@ class TypeMapping {
         bool known = false;              // described, or defined by the scene
         std::uint16_t local = kNowhere;  // kNowhere: unknown here and not yet defined in the scene
         bool identity = false;
-        std::shared_ptr<const NodeType> definition;          // of those unknown here
-        std::vector<FieldIndex> fields;                      // to local ones; kNoField: not here
-        std::vector<std::pair<FieldIndex, Value>> defaults;  // that differ here
+        std::shared_ptr<const NodeType> definition;          // of types that are unknown here
+        std::vector<FieldIndex> fields;                      // local field numbers; kNoField if there is none
+        std::vector<std::pair<FieldIndex, Value>> defaults;  // defaults that differ here
     };
 
     void restart();
@@ -51,7 +53,7 @@ class TypeMapping {
     bool mapField(NodeId node, FieldIndex& field, DecoderLosses& losses) const;
 
     TypeTable local_;
-    std::vector<Type> types_;  // by the origin's index
+    std::vector<Type> types_;  // by the origin's type index
     std::size_t originBuiltins_ = 0;
     bool same_ = true;
     std::uint16_t nextLocal_ = 0, rootType_ = kNowhere;
@@ -59,7 +61,7 @@ class TypeMapping {
     std::vector<Change> defined_;
 };
 
-/// A change of `kind` with nothing else filled in.
+/// Returns a change of `kind` with nothing else filled in.
 inline Change blankChange(ChangeKind kind, NodeId node, FieldIndex field, bool external) {
     Change change;
     change.node = node;

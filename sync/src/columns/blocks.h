@@ -1,4 +1,4 @@
-// Numbers of the blocks inside a frame or keyframe (PROTOCOL.md, "Changes"), shared by encoder and decoder.
+// Block numbers within a frame or keyframe (PROTOCOL.md, "Changes"), shared by encoder and decoder.
 #pragma once
 
 #include <cstdint>
@@ -15,16 +15,16 @@ enum Block : std::uint8_t {
     kRoutes = 6,        // addRoute, removeRoute, in order
     kDestroy = 7,       // destroyNode
     kEvents = 8,        // event, in order
-    kAuthors = 9,       // whose wishes the changes from outside were
+    kAuthors = 9,       // authors of the changes from outside
     kBlockEnd = 10,
     kDeflated = 14,  // other blocks, deflated
-    kFiller = 15,    // makes a record as long as what it becomes in memory asks for (budget.h); readers skip it
+    kFiller = 15,    // lengthens a record whose set takes much memory (budget.h); readers skip it
 };
 
-/// Of a scene record: another one is not understood.
+/// The version of scene records; others are refused.
 constexpr std::uint16_t kSceneVersion = 1;
 
-// Row tags.
+// Tags of rows.
 constexpr unsigned kSetOne = 0, kSetMany = 1, kInsert = 2, kRemove = 3, kLinkExternal = 4;
 constexpr unsigned kRouteRemove = 1, kRouteExternal = 2, kRouteIs = 4;
 constexpr unsigned kValueExternal = 1;

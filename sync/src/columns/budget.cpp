@@ -1,4 +1,4 @@
-// Counts what values and types take once they are decoded, and fills up records that are short for what they become.
+// Counts the memory of decoded values and types, and lengthens records that are too short for it.
 #include "budget.h"
 
 #include "blocks.h"

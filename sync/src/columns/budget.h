@@ -1,8 +1,8 @@
-// What a record may become in memory: at most kFactor times its length and kFree (PROTOCOL.md, "Memory").
+// Budget: bounds the memory of a decoded record to kFactor times its length and kFree (PROTOCOL.md, "Memory").
 //
-// Invariant: readers charge before they take memory, and refuse what goes beyond; writers count the same and make
-// records longer that would be refused. The charges are what the allocator takes at most
-// (tests/sync/codec/memory_test). Threading: one thread an object.
+// Invariant: readers charge memory before they allocate it, and refuse more. Writers count the same charges and
+// lengthen records that would be refused. A charge is the most that the allocator takes (tests/sync/codec/memory_test).
+// Threading: one thread an object.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace rtsg::wire {
 
-/// Of an array or string in block representation.
+/// The header of an array or string in block storage.
 inline const detail::ArrayHeader* headerOf(const void* storage) {
     const detail::ArrayHeader* header = nullptr;
     std::memcpy(&header, storage, sizeof(header));
@@ -34,17 +34,17 @@ struct Budget {
     std::uint64_t left;
 };
 
-// Charges, bytes.
+// Charges in bytes.
 constexpr std::uint64_t kChangeCost = sizeof(Change);
-constexpr std::uint64_t kArrayCost = 64;   // one that is not empty, beside its elements
-constexpr std::uint64_t kTextCost = 56;    // of a type's description, beside its bytes
+constexpr std::uint64_t kArrayCost = 64;   // for an array that is not empty, beside its elements
+constexpr std::uint64_t kTextCost = 56;    // for a text of a type's description, beside its bytes
 constexpr std::uint64_t kTypeCost = 1024;  // beside its fields and texts
 constexpr std::uint64_t kFieldCost = 512;  // of a type, beside its texts and its default
 
-/// What decoding a value charges beside its change.
+/// The charge for decoding a value, beside its change.
 std::uint64_t costOf(const Value& value);
 std::uint64_t costOf(const NodeType& type);
-/// Lengthens a record (header not sealed yet) whose decoding charges `cost`, if a reader would refuse it.
+/// Lengthens an unsealed record if a reader would refuse it, because decoding it charges `cost`.
 void fillUp(ByteBuffer& record, std::uint64_t cost);
 
 }  // namespace rtsg::wire

@@ -1,7 +1,7 @@
-// Predicted columns: the codings 1 (packed) and 2 (ranged) of PROTOCOL.md, "Prediction".
+// Predicted columns: codings 1 (packed) and 2 (ranged) of PROTOCOL.md, "Prediction".
 //
-// Invariant: writer and reader go through the same rows in the same order and learn the same from them. A column holds
-// only fields that the stream has given before; others stay in a raw column, from which both learn too.
+// Invariant: writer and reader go through the same rows in the same order and learn the same from them. A predicted
+// column has only fields that came before in the stream. New fields go in a raw column, from which both learn, too.
 // Threading: one thread an object.
 #pragma once
 
@@ -17,7 +17,7 @@
 
 namespace rtsg::wire {
 
-/// What a column says of itself before its nodes.
+/// What a column states before its nodes.
 struct ColumnHead {
     FieldIndex field = 0;
     FieldType type = FieldType::SFFloat;
@@ -35,7 +35,7 @@ class ColumnWriter {
         history_.begin(flags);
         lastNodes_.clear();
     }
-    /// Appends up to three blocks. `values`: lanesOf(type) floats for each of the nodes.
+    /// Appends up to three blocks. `values` has lanesOf(type) floats for each node.
     void write(const ColumnHead& head, std::span<const std::uint32_t> nodes, const float* values, ByteBuffer& record);
 
   private:
@@ -64,9 +64,9 @@ class ColumnReader {
         history_.begin(flags);
         lastNodes_.clear();
     }
-    /// `in`: behind the column's head. `coding`: 1 or 2.
+    /// `in` stands behind the column's head; `coding` is 1 or 2.
     void read(Reader& in, std::size_t count, unsigned coding, const ColumnHead& head, ChangeSet& set);
-    /// Learns from a raw column: the changes from `first` on.
+    /// Learns from a raw column, which has the changes from `first` on.
     void remember(const ColumnHead& head, const ChangeSet& set, std::size_t first);
 
   private:

@@ -1,4 +1,4 @@
-// Reads predicted columns: the nodes, then each value from its forecast and what it differed from that by.
+// Reads predicted columns: the nodes, then each value from its forecast and its residual.
 #include <type_traits>
 
 #include "blocks.h"
@@ -33,7 +33,7 @@ struct Ranged {
 
 }  // namespace
 
-/// Fills lastNodes_; false after a problem.
+/// Fills lastNodes_. Returns false after a problem.
 bool ColumnReader::readNodes(Reader& in, std::size_t count, unsigned form) {
     if (form == kNodesSame) {
         if (lastNodes_.size() != count) in.refuse("the nodes of a column before that is not there");

@@ -1,4 +1,4 @@
-// What both sides do with one row of a predicted column.
+// Column rows: what writer and reader do with one row of a predicted column.
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@ namespace rtsg::wire {
 
 // Codings of a column's values; readers skip columns in a coding they do not know.
 constexpr unsigned kCodingRaw = 0, kCodingPacked = 1, kCodingRanged = 2, kCodingArrays = 3;
-// The byte behind the head of a predicted column: on a grid or not, and how its nodes are listed.
+// Bits of the byte behind a predicted column's head: whether it is on a grid, and how its nodes are listed.
 constexpr unsigned kFormGrid = 1, kNodesDeltas = 0, kNodesRuns = 1, kNodesSame = 2, kNodesGaps = 3;
 
 inline std::uint32_t zigzag32(std::int32_t number) {
@@ -19,7 +19,8 @@ inline std::int32_t unzigzag32(std::uint32_t coded) {
     return static_cast<std::int32_t>(coded >> 1 ^ (0u - (coded & 1)));
 }
 
-/// Packed: as many bits as the last one took; a 1 in front for every three that this one needs more, then a 0.
+/// Packed residuals have as many bits as the last one. In front is a 1 for every three bits more that are needed, then
+/// a 0.
 constexpr unsigned kMoreBits = 3, kUnknownWidth = 12;
 inline unsigned packedWidth(unsigned expected) {
     return expected == kUnknownSize ? kUnknownWidth : expected > 0 ? expected + 1 : 0;
@@ -29,7 +30,7 @@ inline void putPacked(BitWriter& bits, unsigned expected, std::int32_t residual)
     const auto length = static_cast<unsigned>(std::bit_width(coded));
     unsigned width = packedWidth(expected), steps = 0;
     for (; length > width; width += kMoreBits) ++steps;
-    const bool full = width >= 32;  // then no 0 follows
+    const bool full = width >= 32;  // no 0 follows then
     bits.put((1u << steps) - 1, full ? steps : steps + 1);
     bits.put(coded, full ? 32 : width);
 }
@@ -39,15 +40,15 @@ inline std::int32_t getPacked(BitReader& bits, unsigned expected) {
     return unzigzag32(bits.get(width < 32 ? width : 32));
 }
 
-/// The component of a unit axis that follows from the other two: the largest of the last value; -1 if that was no unit
-/// vector.
+/// The component of a unit axis that follows from the other two: the largest one of the last value. -1 if that was no
+/// unit vector.
 inline int dependentLane(const Slot& slot) {
     const double x = toFloat(slot.past[0][0]), y = toFloat(slot.past[0][1]), z = toFloat(slot.past[0][2]);
     if (!(std::abs(x * x + y * y + z * z - 1) < 1e-5)) return -1;
     const double ax = std::abs(x), ay = std::abs(y), az = std::abs(z);
     return ax >= ay && ax >= az ? 0 : ay >= az ? 1 : 2;
 }
-/// Its value, given the others'; with the sign that it had.
+/// The value of that component, with its former sign.
 inline std::int32_t dependentValue(const Slot& slot, int lane, const std::int32_t* now) {
     const double a = toFloat(now[lane == 0 ? 1 : 0]), b = toFloat(now[lane == 2 ? 1 : 2]);
     const double square = 1 - a * a - b * b;
@@ -56,8 +57,8 @@ inline std::int32_t dependentValue(const Slot& slot, int lane, const std::int32_
     return fromFloat(static_cast<float>(negative ? -size : size));
 }
 
-/// Calls `lane(l, prediction, now, residual)` for each lane, which fills in either of the last two from the other; then
-/// learns. Off the grid, rotations have a lane that comes last.
+/// Calls `lane(l, prediction, now, residual)` for each lane, which computes one of the last two from the other; then
+/// learns. Off the grid the dependent lane of a rotation comes last.
 template <int Lanes, bool Grid, class Each>
 void codeRow(const ValueHistory& history, Slot& slot, bool rotation, std::int32_t* now, Each&& lane) {
     const Forecast f = history.forecast<Lanes>(slot, Grid);

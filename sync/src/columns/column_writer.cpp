@@ -7,7 +7,7 @@ namespace rtsg::wire {
 
 namespace {
 
-/// Runs of nodes a fixed step apart: (delta of the first to the last of the run before, length - 1, step).
+/// Runs of nodes with a fixed step. Each has the delta to the last node of the run before, length - 1, and the step.
 struct Runs {
     ByteBuffer& out;
     std::uint64_t count = 0;
@@ -15,7 +15,7 @@ struct Runs {
     static std::uint64_t zigzag64(std::int64_t number) {
         return static_cast<std::uint64_t>(number) << 1 ^ static_cast<std::uint64_t>(number >> 63);
     }
-    /// False when they take more than a byte for each node.
+    /// Returns false if they take more than a byte for each node.
     bool put(std::size_t rows, const auto& nodeAt) {
         std::uint32_t last = 0;
         for (std::size_t i = 0; i < rows;) {
@@ -100,7 +100,7 @@ void ColumnWriter::writeRaw(const ColumnHead& head, Table& table, const float* v
     putBlock(record, raw_.size(), body_);
 }
 
-/// The shortest list of nodes that needs no range coder; `form` says which it is.
+/// Writes the shortest list of nodes that needs no range coder, and sets `form` accordingly.
 void ColumnWriter::putNodes(const std::vector<Row>& rows, unsigned& form) {
     nodes_.clear();
     if (std::ranges::equal(rows, lastNodes_, {}, &Row::node)) {

@@ -1,5 +1,5 @@
-// Values as whole numbers: the f32 components of a value, or where they lie on a grid (PROTOCOL.md, "Prediction" and
-// "Grid"). Everything here is exact IEEE arithmetic in a stated order, so that every reader gets the same bits.
+// Lanes: values as whole numbers, by their f32 bits or on a grid (PROTOCOL.md, "Prediction" and "Grid"). All arithmetic
+// is exact IEEE in a fixed order, so that every reader gets the same bits.
 //
 // Invariant: fromFloat and toFloat are inverse; toGrid(fromGrid(q)) == q for |q| < kGridLimit on a sane step.
 // Threading: pure functions.
@@ -15,7 +15,7 @@
 
 namespace rtsg::wire {
 
-/// f32 components of the types that are predicted; 0 for all others.
+/// Number of f32 components for predicted types, 0 for all others.
 constexpr int lanesOf(FieldType type) {
     switch (type) {
         case FieldType::SFFloat:
@@ -33,12 +33,12 @@ constexpr int lanesOf(FieldType type) {
             return 0;
     }
 }
-/// Numbers on a grid: rotations lie there as axis times angle.
+/// Number of components on a grid. Rotations are stored there as axis times angle.
 constexpr int gridLanesOf(FieldType type) {
     return type == FieldType::SFRotation ? 3 : lanesOf(type);
 }
 
-/// Bits of a float to a number that grows with it.
+/// Maps the bits of a float to a number that grows with it.
 inline std::int32_t fromFloatBits(std::uint32_t bits) {
     const auto i = static_cast<std::int32_t>(bits);
     return i ^ (i >> 31 & 0x7FFFFFFF);
@@ -55,13 +55,13 @@ inline double toFloat(std::int32_t number) {
 
 constexpr double kGridLimit = 1 << 21;
 
-/// Nearest point of the grid, ties to even; 0 outside the limit.
+/// The nearest point of the grid, ties to even; 0 outside the limit.
 inline std::int32_t toGrid(double value, double step) {
     const double point = std::nearbyint(value / step);
     return std::abs(point) < kGridLimit ? static_cast<std::int32_t>(point) : 0;
 }
 
-/// `floats`: lanesOf(type) of them. Writes gridLanesOf(type) numbers.
+/// `floats` has lanesOf(type) values. Writes gridLanesOf(type) numbers.
 inline void toGrid(FieldType type, const float* floats, double step, std::int32_t* grid) {
     const int lanes = gridLanesOf(type);
     const double scale = type == FieldType::SFRotation ? static_cast<double>(floats[3]) : 1.;
@@ -80,13 +80,13 @@ inline void fromGrid(FieldType type, const std::int32_t* grid, double step, floa
     floats[3] = static_cast<float>(angle);
 }
 
-/// The width of a grid on which no value is further than `maxError` from a point: Euclidean distance of vectors, angle
-/// between rotations. A hair less, for the rounding of floats.
+/// The width of a grid on which every value is within `maxError` of a point (Euclidean distance for vectors, angle for
+/// rotations). It is slightly smaller, for the rounding of floats.
 inline double gridStep(FieldType type, double maxError) {
     return 2 * maxError / std::sqrt(static_cast<double>(gridLanesOf(type))) * (1 - 1. / 1024);
 }
 
-/// Order 0: as the last; 1: on a line through the last two; 2: on a parabola through the last three.
+/// Order 0 repeats the last value, 1 takes the line through the last two, 2 the parabola through the last three.
 inline std::int32_t extrapolateFloat(std::int32_t a, std::int32_t b, std::int32_t c, int order) {
     if (order == 0) return a;
     const double p = order == 1 ? 2 * toFloat(a) - toFloat(b) : 3 * (toFloat(a) - toFloat(b)) + toFloat(c);

@@ -1,4 +1,4 @@
-// Writes and reads arrays block by block: whole numbers, or decimals as whole numbers, as differences of few bits.
+// Packs arrays block by block: whole numbers, or decimals as whole numbers, as differences of few bits.
 #include "packed_arrays.h"
 
 #include <algorithm>
@@ -15,9 +15,9 @@ namespace rtsg::wire {
 namespace {
 
 constexpr std::size_t kBlock = 1024;       // elements
-constexpr unsigned kDecimal = 0x80;        // bit of the form; the others are the bits of a difference
-constexpr unsigned kMostExponent = 10;     // of ten
-constexpr std::size_t kMostOdd = 32;       // numbers of a block that are no decimals
+constexpr unsigned kDecimal = 0x80;        // a bit of the form byte; the others are the bits of a difference
+constexpr unsigned kMostExponent = 10;     // of powers of ten
+constexpr std::size_t kMostOdd = 32;       // numbers in a block that are not decimals
 constexpr std::size_t kSmallestLane = 10;  // bytes: form, lag, base, a number
 constexpr std::array<unsigned, 7> kLags = {1, 2, 3, 4, 5, 6, 8};
 constexpr unsigned kMostLag = 8;
@@ -25,7 +25,7 @@ constexpr std::array<double, kMostExponent + 1> kPowers = {1e0, 1e1, 1e2, 1e3, 1
 
 using Numbers = std::array<std::uint32_t, kBlock>;
 
-/// A number of the block that is no decimal of its exponent.
+/// A number of the block that is not a decimal with its exponent.
 struct Odd {
     std::uint16_t at;
     std::uint32_t bits;
@@ -40,15 +40,16 @@ float decimal(std::uint32_t number, unsigned exponent) {
     return static_cast<float>(static_cast<double>(static_cast<std::int32_t>(number)) / kPowers[exponent]);
 }
 
-/// The whole number that gives this f32 when divided by the power of ten; false if there is none.
+/// Finds the whole number that gives this f32 when divided by the power of ten. Returns false if there is none.
 bool asDecimal(std::uint32_t bits, unsigned exponent, std::uint32_t& number) {
     const double scaled = static_cast<double>(std::bit_cast<float>(bits)) * kPowers[exponent];
-    if (!(std::abs(scaled) < 2147483647.0)) return false;  // nor if it is no number
+    if (!(std::abs(scaled) < 2147483647.0)) return false;  // also refuses values that are not finite
     number = static_cast<std::uint32_t>(static_cast<std::int32_t>(std::lrint(scaled)));
     return std::bit_cast<std::uint32_t>(decimal(number, exponent)) == bits;
 }
 
-/// Of all numbers but some that are listed; those repeat the one before. False if more are no decimals.
+/// Converts all numbers. Those that are not decimals are listed and repeat the one before. Returns false if there are
+/// too many.
 bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers& numbers, Odds& odds) {
     const std::size_t most = std::min(kMostOdd, 1 + bits.size() / 32);
     odds.count = 0;
@@ -58,7 +59,7 @@ bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers&
             before = numbers[i];
             continue;
         }
-        if (odds.count == most || odds.count * 8 > i + 8) return false;  // the latter: it is soon clear
+        if (odds.count == most || odds.count * 8 > i + 8) return false;  // the second condition gives up early
         odds.all[odds.count++] = {static_cast<std::uint16_t>(i), bits[i]};
         numbers[i] = before;
     }
@@ -68,10 +69,10 @@ bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers&
 struct Packing {
     unsigned lag = 1, bits = 0;
     std::uint32_t base = 0;
-    std::size_t cost = SIZE_MAX;  // bits
+    std::size_t cost = SIZE_MAX;  // in bits
 };
 
-/// Differences to the number `lag` before lie in base and the numbers of `bits` bits above it.
+/// Finds base and bits: each difference to the number `lag` before is base plus a number of `bits` bits.
 Packing packingBy(std::span<const std::uint32_t> numbers, unsigned lag) {
     Packing result{lag, 0, 0, 32 * std::min<std::size_t>(lag, numbers.size())};
     if (numbers.size() <= lag) return result;
@@ -97,7 +98,7 @@ Packing bestPacking(std::span<const std::uint32_t> numbers, bool whole) {
     return best;
 }
 
-/// `bits` of each, least significant first.
+/// Writes `bits` bits of each number, least significant first.
 void putBits(ByteBuffer& out, std::span<const std::uint32_t> numbers, const Packing& f) {
     if (f.bits == 0 || numbers.size() <= f.lag) return;
     const std::size_t count = numbers.size() - f.lag, size = (count * f.bits + 7) / 8;
@@ -117,7 +118,7 @@ void putBits(ByteBuffer& out, std::span<const std::uint32_t> numbers, const Pack
     out.advance(size);
 }
 
-/// A lane of a block as it is written.
+/// One lane of a block, ready to be written.
 struct Lane {
     Numbers numbers;
     Packing packing;
@@ -126,10 +127,10 @@ struct Lane {
     Odds odds;
 };
 
-/// Floats as decimals, if that takes fewer bits than as they are. `guess`: the exponent of the block before, as the
-/// digits of numbers of one field are alike.
+/// Chooses decimals if they take fewer bits than the floats. `guess` is the exponent of the block before, because
+/// numbers of one field have similar digits.
 void chooseDecimals(std::span<const std::uint32_t> bits, unsigned& guess, Lane& lane) {
-    constexpr unsigned kFew = 8;  // bits, that no other way is likely to beat
+    constexpr unsigned kFew = 8;  // bits; other ways are unlikely to take fewer
     std::size_t size = bits.size();
     bool found = asDecimals(bits, lane.exponent = guess, lane.numbers, lane.odds);
     for (unsigned e = 0; e <= kMostExponent && !found; ++e)
@@ -150,7 +151,7 @@ void chooseDecimals(std::span<const std::uint32_t> bits, unsigned& guess, Lane& 
     std::copy_n(plain.begin(), size, lane.numbers.begin());
 }
 
-/// `isFloat`: bits of f32, else whole numbers.
+/// With `isFloat` the numbers are bits of f32, otherwise whole numbers.
 void putLane(ByteBuffer& out, std::span<const std::uint32_t> bits, bool isFloat, unsigned& guess) {
     Lane lane;
     if (isFloat) {
@@ -176,7 +177,7 @@ void putLane(ByteBuffer& out, std::span<const std::uint32_t> bits, bool isFloat,
     putBits(out, numbers, f);
 }
 
-/// Puts `count` numbers of `bits` bits each into `to`.
+/// Reads `count` numbers of `bits` bits each into `to`.
 void unpack(const std::byte* from, std::size_t count, unsigned bits, std::uint32_t* to) {
     const std::uint32_t mask = bits == 32 ? ~std::uint32_t{0} : (std::uint32_t{1} << bits) - 1;
     for (std::size_t i = 0, at = 0; i < count; ++i, at += bits) {
@@ -186,7 +187,7 @@ void unpack(const std::byte* from, std::size_t count, unsigned bits, std::uint32
     }
 }
 
-/// `numbers` from the differences of a block; false after a problem.
+/// Computes `numbers` from the differences of a block. Returns false after a problem.
 bool readNumbers(Reader& in, unsigned bits, unsigned lag, std::uint32_t base, std::span<std::uint32_t> numbers) {
     const std::size_t first = std::min<std::size_t>(lag, numbers.size());
     for (std::size_t i = 0; i < first; ++i) numbers[i] = in.number<std::uint32_t>();
@@ -197,7 +198,7 @@ bool readNumbers(Reader& in, unsigned bits, unsigned lag, std::uint32_t base, st
         std::fill_n(at, count, 0u);
     } else if (in.left() >= size + sizeof(std::uint64_t)) {
         unpack(in.at, count, bits, at);
-    } else {  // at the end of the record: not a byte beyond it
+    } else {  // near the record's end, so it must not read beyond
         std::array<std::byte, 4 * kBlock + sizeof(std::uint64_t)> padded{};
         std::memcpy(padded.data(), in.at, size);
         unpack(padded.data(), count, bits, at);
@@ -212,7 +213,7 @@ bool readNumbers(Reader& in, unsigned bits, unsigned lag, std::uint32_t base, st
     return true;
 }
 
-/// One lane of a block, into every `stride`-th number.
+/// Reads one lane of a block into every `stride`-th number.
 void readLane(Reader& in, std::size_t size, bool isFloat, std::uint32_t* to, std::size_t stride) {
     const unsigned form = in.number<std::uint8_t>(), lag = in.number<std::uint8_t>();
     const auto base = in.number<std::uint32_t>();

@@ -1,4 +1,4 @@
-// Tells what a frame of plain values says of places from what it says of values, and compares the former.
+// Separates the targets of a frame's values from the values, and compares targets.
 #include "plain_columns.h"
 
 #include <algorithm>
@@ -29,7 +29,7 @@ bool areSame(std::span<const std::byte> a, std::span<const std::byte> b) {
     return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
-/// Whether it is that alone, read as it comes.
+/// Reads the columns. Returns false if the record has anything else, or is coded.
 bool RepeatedColumns::readAll(std::span<const std::byte> record, const RecordHeader& header) {
     read_.clear();
     if (header.kind != RecordKind::frame || header.from == header.to || header.flags != 0) return false;

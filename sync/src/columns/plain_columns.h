@@ -1,6 +1,8 @@
-// Frames that are columns of plain values and nothing else: what says where the values go, apart from the values.
+// Plain columns: frames that have only raw columns of plain values. Their targets (fields of nodes) are separated from
+// the values.
 //
-// Invariant: views point into the record that was read. Threading: none of its own.
+// Invariant: views point into the record that was read.
+// Threading: none of its own.
 #pragma once
 
 #include <optional>
@@ -17,23 +19,23 @@ namespace rtsg::wire {
 
 /// A block that is a raw column of values of one size.
 struct RawColumn {
-    std::span<const std::byte> places;  // what says which field of which nodes; empty if the block is something else
+    std::span<const std::byte> places;  // encoded fields and nodes of the values; empty for other blocks
     PlainColumn column;
 };
 /// Reads one block.
 RawColumn readRawColumn(Reader& blocks);
-/// Standard algorithms compare bytes of this type one by one.
+/// Compares bytes. Standard algorithms would compare bytes of this type one by one.
 bool areSame(std::span<const std::byte> a, std::span<const std::byte> b);
 
-/// Finds out which frames give anew just what the last frame that was applied gave: most frames of a scene in motion.
+/// Finds frames that change the same fields as the last applied frame, as most frames of a scene in motion do.
 class RepeatedColumns {
   public:
-    /// An intact frame was applied to the scene by Scene::apply().
+    /// Call it when Scene::apply() has applied an intact frame.
     void remember(std::span<const std::byte> record, const RecordHeader& header);
-    /// Something else was.
+    /// Call it when anything else was applied.
     void forget() { places_.clear(); }
-    /// The columns of an intact frame that has the same fields of the same nodes as the one remembered, for
-    /// Scene::applyAgain(); nothing if it has others, or anything else.
+    /// The columns of an intact frame, for Scene::applyAgain(), if it has the same fields of the same nodes as the
+    /// frame remembered and nothing else. Otherwise empty.
     std::optional<std::span<const PlainColumn>> match(std::span<const std::byte> record, const RecordHeader& header);
 
   private:
@@ -41,7 +43,7 @@ class RepeatedColumns {
 
     std::vector<RawColumn> read_;
     std::vector<PlainColumn> columns_;
-    ByteBuffer places_;  // of each column its count and what says where its values go
+    ByteBuffer places_;  // for each column its count and its encoded targets
 };
 
 }  // namespace rtsg::wire

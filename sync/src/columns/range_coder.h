@@ -1,8 +1,9 @@
-// Adaptive binary range coder and the model of a number in front of it (PROTOCOL.md, "Range coding").
+// Range coder: an adaptive binary range coder, and the model of numbers for it (PROTOCOL.md, "Range coding").
 //
-// Invariant: the decoder, given the encoder's bytes, makes the same decisions in the same order; past the end it reads
-// zeros, so it never fails and never reads outside. Threading: one thread an object.
-// Source: the range coder of LZMA (Pavlov), with probabilities that learn fast at first.
+// Invariant: a decoder with the encoder's bytes makes the same decisions in the same order. Past the end it reads
+// zeros, so it never fails and never reads outside.
+// Threading: one thread an object. Source: the range coder of LZMA (Pavlov), with probabilities that learn fast at
+// first.
 #pragma once
 
 #include <bit>
@@ -15,7 +16,7 @@
 
 namespace rtsg::wire {
 
-/// Probability of a 0, of 2^15, and how often it was updated.
+/// The probability of a 0 in units of 2^-15, and the number of updates.
 struct BitModel {
     std::uint16_t zero = 1 << 14;
     std::uint16_t seen = 0;
@@ -48,7 +49,7 @@ class RangeEncoder {
             shift();
         }
     }
-    /// Writes what is left, without zeros at the end.
+    /// Writes the rest, without zeros at the end.
     void finish() {
         for (int i = 0; i < 5; ++i) shift();
         std::size_t size = out_.size();
@@ -107,7 +108,7 @@ class RangeDecoder {
     std::uint32_t code_ = 0, range_ = 0xFFFFFFFF;
 };
 
-/// Plain bits, least significant first.
+/// Writes plain bits, least significant first.
 class BitWriter {
   public:
     explicit BitWriter(ByteBuffer& out) : out_(out) {}
@@ -138,7 +139,7 @@ class BitWriter {
 class BitReader {
   public:
     explicit BitReader(std::span<const std::byte> bytes) : at_(bytes.data()), end_(at_ + bytes.size()) {}
-    /// Zeros past the end; overrun() tells.
+    /// Returns zeros past the end; overrun() tells.
     std::uint32_t get(unsigned count) {
         while (filled_ < count) {
             if (end_ - at_ >= 4) {
@@ -162,7 +163,7 @@ class BitReader {
         return result;
     }
     bool overrun() const { return overrun_; }
-    /// Whole bytes that were not needed.
+    /// Number of whole bytes that were not read.
     std::size_t left() const { return static_cast<std::size_t>(end_ - at_) + filled_ / 8; }
 
   private:
@@ -172,21 +173,21 @@ class BitReader {
     bool overrun_ = false;
 };
 
-/// Models of one stream of signed numbers, chosen by the size that is to be expected.
+/// Models for a stream of signed numbers, chosen by expected size.
 struct NumberModel {
     static constexpr int kClasses = 10;
     BitModel zero[kClasses], sign[kClasses], size[kClasses][32], top[33];
 };
 constexpr std::uint8_t kUnknownSize = 33;
 
-/// `size`: bits of a number's magnitude where it was last, or kUnknownSize.
+/// `size` is the number of bits of the last number's magnitude, or kUnknownSize.
 inline int classOf(unsigned size) {
     static constexpr std::uint8_t kClass[34] = {1, 2, 3, 4, 4, 5, 5, 6, 6, 6, 7, 7, 7, 7, 8, 8, 8,
                                                 8, 8, 8, 9, 9, 9, 9, 9, 9, 9, 9, 9, 9, 9, 9, 9, 0};
     return kClass[size];
 }
 
-/// Returns the bits of its magnitude.
+/// Returns the number of bits of its magnitude.
 inline unsigned putNumber(RangeEncoder& range, BitWriter& bits, NumberModel& model, unsigned expected,
                           std::int32_t number) {
     const int c = classOf(expected);

@@ -1,4 +1,4 @@
-// The memory of predicted values: finds a field, learns a value, forgets.
+// Remembers predicted values: finds a field, learns a value, forgets.
 #include "value_history.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace rtsg::wire {
 
 namespace {
 
-/// Whoever chooses node numbers must not know where they fall.
+/// A random salt, so that nobody can choose node numbers that collide in the hash table.
 std::uint32_t freshSalt() {
     static thread_local std::minstd_rand random(std::random_device{}());
     return static_cast<std::uint32_t>(random());

@@ -1,9 +1,10 @@
-// ValueHistory: the last values of every field that a stream has given, and how well they could be foretold; the same
-// on both sides (PROTOCOL.md, "Prediction").
+// ValueHistory: the last values of every field in a stream, and how well they were predicted. It is the same on both
+// sides (PROTOCOL.md, "Prediction").
 //
-// Invariant: what it holds after a record depends on the records since the last one with kForget; what predictions take
-// from it depends on those since the last one with kSync, and on last values before. So a reader that got those values
-// another way, as frames merged into one, goes on from any kSync. Threading: one thread an object.
+// Invariant: its content depends on the records since the last kForget. Predictions depend on those since the last
+// kSync, and on the last values before that. So a reader that got those values another way, as in merged frames, can go
+// on from any kSync.
+// Threading: one thread an object.
 #pragma once
 
 #include <array>
@@ -23,10 +24,10 @@ constexpr std::uint32_t kNoSlot = 0xFFFFFFFF;
 /// One field of one node: up to three values, newest first, as numbers (lanes.h).
 struct Slot {
     std::uint32_t node = 0;
-    std::uint32_t stamp = 0;              // record that wrote it last
+    std::uint32_t stamp = 0;              // the record that wrote it last
     std::uint8_t depth = 0;               // values known, at most 3
-    bool onGrid = false;                  // else bits of floats
-    std::uint16_t orders = 0;             // 2 bits a lane: which extrapolation was nearest last time
+    bool onGrid = false;                  // the numbers are on a grid; if not, they are bits of floats
+    std::uint16_t orders = 0;             // 2 bits a lane: the extrapolation that was nearest last time
     std::array<std::uint8_t, 4> sizes{};  // bits of the last residual's magnitude
     std::array<std::array<std::int32_t, 4>, 3> past{};
 
@@ -34,7 +35,7 @@ struct Slot {
 };
 static_assert(sizeof(Slot) == 64);
 
-/// What a lane's next value may be, by order of extrapolation.
+/// Forecasts of each lane's next value, by order of extrapolation.
 struct Forecast {
     std::array<std::array<std::int32_t, 4>, 3> of{};
     int depth = 0;
@@ -43,18 +44,19 @@ struct Forecast {
 /// All values of one field index and type.
 struct Table {
     FieldType type = FieldType::SFFloat;
-    double step = 0;  // of those on a grid; 0: none yet
+    double step = 0;  // width of the grid; 0: none yet
     std::vector<Slot> slots;
-    std::array<std::unique_ptr<std::array<NumberModel, 5>>, 2> models;  // off and on the grid; the last is for nodes
-    std::array<std::uint32_t, 2> modelsSince{};                         // a sync
+    std::array<std::unique_ptr<std::array<NumberModel, 5>>, 2>
+        models;                                  // off and on the grid; the last model is for nodes
+    std::array<std::uint32_t, 2> modelsSince{};  // the sync since which they are valid
 
-    /// kNoSlot if the node is not here. Quick when nodes come in the order they came in before.
+    /// kNoSlot if the node is not here. Fast if nodes come in the same order as before.
     std::uint32_t find(std::uint32_t node) {
         if (next_ < slots.size() && slots[next_].node == node) return next_++;
         return search(node);
     }
     std::uint32_t findOrAdd(std::uint32_t node);
-    /// False if the slot was claimed with this stamp before: the writer's check for a field that comes twice.
+    /// Returns false if the slot was claimed with this stamp before. The writer detects by it a field that comes twice.
     bool claim(std::uint32_t slot, std::uint32_t stamp) {
         if (claims_.size() < slots.size()) claims_.resize(slots.size());
         return std::exchange(claims_[slot], stamp) != stamp;
@@ -85,12 +87,12 @@ class ValueHistory {
     NumberModel* models(Table& table, bool grid);
     std::size_t slots() const;
 
-    /// Slot's values are to be read as of this kind from now on.
+    /// From now on the slot's values are read as of this kind.
     void bring(Table& table, Slot& slot, bool grid) const;
     void setStep(Table& table, double step) const;
     std::uint32_t stamp() const { return stamp_; }
     bool fresh(const Slot& slot) const { return slot.stamp != stamp_; }
-    /// Whether more than the last value counts.
+    /// True if more than the last value counts.
     bool current(const Slot& slot) const { return slot.stamp >= sync_; }
     unsigned expectedSize(const Slot& slot, int lane) const {
         return current(slot) ? slot.sizes[static_cast<std::size_t>(lane)] : kUnknownSize;
@@ -112,13 +114,13 @@ class ValueHistory {
         const int order = f.depth > 1 ? slot.order(lane) : 0;
         return f.of[static_cast<std::size_t>(order < f.depth ? order : f.depth - 1)][static_cast<std::size_t>(lane)];
     }
-    /// `now`: the value; `residuals`: what it differed from the prediction by.
+    /// `now` is the value, `residuals` its differences from the prediction.
     template <int Lanes>
     void learn(Slot& slot, const Forecast& f, const std::int32_t* now, const std::int32_t* residuals) const {
         unsigned orders = 0;
         for (std::size_t l = 0; l < Lanes; ++l) {
             unsigned best = 0;
-            if (f.depth == 1) best = 1;  // nothing to compare yet; things in motion go on
+            if (f.depth == 1) best = 1;  // there is nothing to compare yet, and motion mostly continues
             std::uint32_t least = magnitude(difference(now[l], f.of[0][l]));
             for (std::size_t o = 1; o < static_cast<std::size_t>(f.depth); ++o) {
                 const std::uint32_t miss = magnitude(difference(now[l], f.of[o][l]));
@@ -138,7 +140,7 @@ class ValueHistory {
         slot.depth = static_cast<std::uint8_t>(f.depth < 3 ? f.depth + 1 : 3);
         slot.stamp = stamp_;
     }
-    /// A value that came as it is.
+    /// Learns from a raw value.
     void learnRaw(Table& table, std::uint32_t node, const float* floats);
 
   private:

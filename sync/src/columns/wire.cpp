@@ -1,4 +1,4 @@
-// Values and descriptions of types, to bytes and out of untrusted ones.
+// Writes values and descriptions of types as bytes, and reads them from untrusted bytes.
 #include "wire.h"
 
 #include <limits>
@@ -9,7 +9,7 @@ namespace rtsg::wire {
 
 namespace {
 
-/// String, Image and MF types of plain numbers are the same on the wire: a count, then the elements.
+/// String, Image and MF types of plain numbers have the same form on the wire: a count, then the elements.
 void putFlat(ByteBuffer& out, const detail::ArrayHeader* header, std::size_t elementSize) {
     const std::uint64_t size = header ? header->size : 0;
     out.putVarint(size);
@@ -42,7 +42,7 @@ Array<bool> readFlat<bool>(Reader& in) {
     }
     return result;
 }
-/// A count of elements of MFString or MFImage, which are pointers; 0 after a problem.
+/// Reads a count of elements of MFString or MFImage, which are pointers in memory. 0 after a problem.
 std::size_t countOfShared(Reader& in) {
     const std::size_t size = in.count(1);
     return size > 0 && in.charge(kArrayCost + size * sizeof(void*)) ? size : 0;
@@ -91,12 +91,12 @@ std::vector<std::string> readTexts(Reader& in) {
 }
 
 constexpr std::size_t kSmallestField = 5;  // bytes of a description: two lengths, type, access and flags
-// What of a field is there (or set) in its description.
+// Flags of a field's description: which parts are there, and properties.
 constexpr unsigned kExclusiveMin = 1, kHidden = 2, kMin = 4, kMax = 8, kAllowed = 16, kAccepts = 32, kDefault = 64,
                    kExclusiveMax = 128;
 
 void putField(ByteBuffer& out, const FieldDef& field) {
-    // Like finish(): a default of another type counts as none.
+    // As in finish(), a default of another type counts as none.
     const bool hasDefault = field.defaultValue.type() == field.type && !(field.defaultValue == Value::zero(field.type));
     const bool hasMin = field.min != -std::numeric_limits<double>::infinity();
     const bool hasMax = field.max != std::numeric_limits<double>::infinity();
@@ -122,7 +122,7 @@ FieldDef readField(Reader& in) {
     const auto use = in.number<std::uint8_t>();
     const unsigned flags = in.number<std::uint8_t>();
     field.access = static_cast<Access>(use & 3u);
-    // An aspect of a later version means nothing here, which is not an error.
+    // An aspect of a later version is ignored; it is no error.
     field.aspect = use >> 2 <= static_cast<int>(Aspect::time) ? static_cast<Aspect>(use >> 2) : Aspect::none;
     field.exclusiveMin = flags & kExclusiveMin;
     field.exclusiveMax = flags & kExclusiveMax;
@@ -233,7 +233,7 @@ std::unique_ptr<NodeType> readType(Reader& outer) {
     type->fields.reserve(fields);
     for (std::size_t i = 0; i < fields && !in.problem; ++i) {
         Reader one = in.part(in.count(1));
-        type->fields.push_back(readField(one));  // what a later version appends to a field is left unread
+        type->fields.push_back(readField(one));  // parts that a later version appends to a field are skipped
         if (one.problem) {
             in.problem = one.problem;
             in.problemAt = one.problemAt;

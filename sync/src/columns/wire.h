@@ -1,8 +1,8 @@
-// Reading side of the primitives of PROTOCOL.md: numbers, varints, strings and values out of untrusted bytes.
+// Reader: reads the primitives of PROTOCOL.md (numbers, varints, strings and values) from untrusted bytes.
 //
-// Invariant: never reads outside [begin, end). The first problem sticks: from then on everything reads as zero and
-// `problem` says what happened, `problemAt` where. Loops over counts have to stop on `problem`. With a budget, what is
-// made of the bytes is charged to it before memory is taken.
+// Invariant: it never reads outside [begin, end). After the first problem everything reads as zero; `problem` says what
+// happened and `problemAt` where. Loops over counts must stop on `problem`. With a budget, memory is charged before it
+// is allocated.
 #pragma once
 
 #include <cstddef>
@@ -38,7 +38,7 @@ struct Reader {
     std::size_t problemAt = 0;
     Budget* budget = nullptr;
 
-    /// False, and a problem, if there is no more memory for this record.
+    /// Returns false, and sets a problem, if the record may take no more memory.
     bool charge(std::uint64_t bytes) {
         if (!budget || budget->take(bytes)) return true;
         refuse("takes more memory than a record of this length may");
@@ -92,7 +92,7 @@ struct Reader {
     }
     /// Undoes zigzag(); refuses results outside 32 bits.
     std::uint32_t delta(std::uint64_t coded, std::uint32_t previous) {
-        if (coded <= std::uint64_t{0x1FFFFFFFF}) {  // before adding: a forged step could overflow
+        if (coded <= std::uint64_t{0x1FFFFFFFF}) {  // check before adding, because a forged step could overflow
             const auto step = static_cast<std::int64_t>(coded >> 1 ^ (~(coded & 1) + 1));
             const std::int64_t result = std::int64_t{previous} + step;
             if (result >= 0 && result <= 0xFFFFFFFF) return static_cast<std::uint32_t>(result);
@@ -101,7 +101,7 @@ struct Reader {
         return 0;
     }
     std::uint32_t delta(std::uint32_t previous) { return delta(varint(), previous); }
-    /// A count of things that take at least `smallest` bytes each.
+    /// Reads a count of things that take at least `smallest` bytes each.
     std::size_t count(std::size_t smallest) {
         const std::uint64_t result = varint();
         if (result <= left() / smallest) return result;
@@ -114,7 +114,7 @@ struct Reader {
         at += length;
         return result;
     }
-    /// The next `length` bytes as a reader of their own.
+    /// Takes the next `length` bytes as a reader of their own.
     Reader part(std::size_t length) {
         if (length > left()) {
             refuse("length exceeds the bytes that follow");
@@ -132,7 +132,7 @@ inline bool fixedSize(FieldType type) {
     return !isMF(type) && !info(type).shared;
 }
 
-/// Bytes that ByteBuffer::putVarint takes.
+/// Number of bytes that ByteBuffer::putVarint writes.
 inline std::size_t varintSize(std::uint64_t number) {
     std::size_t size = 1;
     while (number >>= 7) ++size;
@@ -147,7 +147,7 @@ void putType(ByteBuffer& out, const NodeType& type);
 FieldType readFieldType(Reader& in);
 String readString(Reader& in);
 Value readValue(Reader& in, FieldType type);
-/// Null after a problem.
+/// Returns null after a problem.
 std::unique_ptr<NodeType> readType(Reader& in);
 
 Diagnostic describe(const Reader& in, std::string_view what);

@@ -1,5 +1,4 @@
-// Finds out whether a change could make the origin open a file: by the field itself, or by following routes and IS
-// connections from it.
+// Finds out whether a change could make the origin open a file, by the field itself or along routes and IS connections.
 #include "code_guard.h"
 
 #include <string_view>
@@ -10,7 +9,7 @@
 namespace rtsg::mirror {
 
 bool isScript(const NodeType& type) {
-    // An instance of a PROTO that stands for a Script has only what the PROTO's author lets through.
+    // An instance of a PROTO that stands for a Script has only the fields that the PROTO's author exposes.
     const bool instance = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
     return !instance && type.isA("X3DScriptNode");
 }
@@ -18,7 +17,7 @@ bool isScript(const NodeType& type) {
 std::string nameIfLoading(const NodeType& type, FieldIndex field) {
     if (field >= type.fields.size()) return {};
     const std::string_view name = type.fields[field].name;
-    // url, frontUrl, child1Url, ...: every field that names files ends so, in the standard and in authors' PROTOs.
+    // All fields that name files end like this (url, frontUrl, child1Url), in the standard and in authors' PROTOs.
     const bool url = name == "url" || name.ends_with("Url");
     const bool starts = name == "load" || name == "autoRefresh" || name == "autoRefreshTimeLimit";
     return url || (starts && type.isA("X3DUrlObject")) ? fmt::format("{}.{}", type.name, name) : std::string();

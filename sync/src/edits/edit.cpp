@@ -1,4 +1,4 @@
-// Which of the scene's edits a change is.
+// Applies a change to a scene by the scene's public edits.
 #include "edit.h"
 
 namespace rtsg::mirror {

@@ -1,4 +1,5 @@
-// Single changes: made, and done to a scene by its public edits. Threading: the scene's thread, between frames.
+// Edits: makes single changes, and applies them to a scene by its public edits.
+// Threading: the scene's thread, between frames.
 #pragma once
 
 #include <string_view>
@@ -17,9 +18,8 @@ inline Change changeOf(ChangeKind kind, NodeId node, FieldIndex field = kNoField
     return change;
 }
 
-/// Does one of somebody else's.
-/// Says whose wish it was, too (Scene::attribute()). Errors: the scene's; a child that is not there; a new node, an
-/// event or a type, which are no edits of what is there.
+/// Applies somebody else's change and attributes it to the author (Scene::attribute()). Errors: the scene's; a child
+/// that is not there; a new node, an event or a type, which are no edits of existing things.
 Result<> edit(Scene& scene, const Change& change, std::string_view author);
 
 }  // namespace rtsg::mirror

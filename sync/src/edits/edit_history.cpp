@@ -1,4 +1,4 @@
-// Finds what takes a change back, does it where nobody has changed the same since, and counts what that costs to keep.
+// Finds what takes a change back, does it where nobody has changed the same since, and bounds the memory.
 #include "edit_history.h"
 
 #include <algorithm>
@@ -16,8 +16,8 @@ namespace rtsg::mirror {
 
 namespace {
 
-constexpr std::uint64_t kItemCost = 256;  // beside its values
-constexpr std::size_t kMostNamed = 3;     // of what was kept
+constexpr std::uint64_t kItemCost = 256;  // bytes beside its values
+constexpr std::size_t kMostNamed = 3;     // of what was left unchanged
 
 bool isReadable(const Node& node, FieldIndex field) {
     return field < node.type().fields.size() && node.type().fields[field].readable();
@@ -29,14 +29,14 @@ std::string label(const Scene& scene, NodeId node, FieldIndex field) {
     return fmt::format("{}.{}", nodeLabel(scene, node), found->type().fields[field].name);
 }
 
-/// Empty where there is no such list.
+/// The list of children; empty if there is none.
 Array<NodeId> childrenOf(const Scene& scene, const Change& c) {
     const Node* parent = scene.find(c.node);
     if (!parent || !isReadable(*parent, c.field) || parent->type().fields[c.field].type != FieldType::MFNode) return {};
     return parent->get(Field<Array<NodeId>>{c.field});
 }
 
-/// Where the child is now: where it was, or else the first place.
+/// The place of the child now: where it was, or else the first place.
 std::size_t placeOf(const Scene& scene, const Change& c) {
     const Array<NodeId> children = childrenOf(scene, c);
     if (c.index < children.size() && children[c.index] == c.other) return c.index;
@@ -55,7 +55,7 @@ bool isRoute(const Scene& scene, const Change& c) {
     });
 }
 
-/// References to nodes that are gone have gone with them.
+/// The value without references to nodes that are gone.
 Value onlyWhatIsThere(const Scene& scene, const Value& value) {
     if (value.holds<NodeId>()) return scene.find(value.as<NodeId>()) ? value : Value(NodeId{});
     if (!value.holds<Array<NodeId>>()) return value;
@@ -67,7 +67,7 @@ Value onlyWhatIsThere(const Scene& scene, const Value& value) {
 
 }  // namespace
 
-// ---- what takes a change back ------------------------------------------------------------------------------------
+// ---- finding what takes a change back ----------------------------------------------------------------------------
 
 std::shared_ptr<const EditHistory::Lost> EditHistory::remember(const Scene& scene, NodeId id) {
     const Node& node = scene.node(id);
@@ -113,7 +113,7 @@ void EditHistory::before(const Scene& scene, const Change& c) {
             return add(std::move(back));
         }
         case ChangeKind::setName:
-            // It may take the name from another node.
+            // The name may be taken from another node.
             if (const NodeId holder = c.value.holds<String>() && node
                                           ? scene.findName(c.value.as<String>().view(), node->scope())
                                           : NodeId{};
@@ -179,7 +179,7 @@ void EditHistory::end(std::string_view author, MirrorUpstream permission) {
     forget();
 }
 
-/// The oldest of whoever has too many, or of all; authors who were not here for longest.
+/// Forgets the oldest steps of an author who has too many, or of all. Authors who were away for longest come first.
 void EditHistory::forget() {
     const auto drop = [&](std::deque<Step>& steps) {
         bytes_ -= steps.front().bytes;
@@ -206,10 +206,10 @@ void EditHistory::forget() {
 
 // ---- taking back -------------------------------------------------------------------------------------------------
 
-/// What is looked up once for a step, so that a long one costs what it is long.
+/// Looked up once for a step, so that the cost of a long step is proportional to its length.
 struct EditHistory::Taking {
-    std::unordered_set<std::uint32_t> fresh;    // nodes that the step has made
-    std::unordered_set<std::uint32_t> touched;  // of these, those that others have worked on since
+    std::unordered_set<std::uint32_t> fresh;    // nodes that the step has created
+    std::unordered_set<std::uint32_t> touched;  // those of them that others have worked on since
     Renamed renamed;                            // nodes that have come back so far
 };
 
@@ -230,13 +230,13 @@ EditHistory::Taking EditHistory::look(const Step& step, std::string_view author)
     return taking;
 }
 
-/// Empty: it may be taken back.
+/// Why a change is not taken back. Empty if it may be.
 std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Taking& taking) {
     const Change& c = item.back;
-    if (item.lost) return {};  // it is gone, and nobody else can have changed it
+    if (item.lost) return {};  // the node is gone, so nobody else can have changed it
     const Node* node = scene.find(c.node);
     if (!node) return fmt::format("{} is gone", nodeLabel(scene, c.node));
-    // A new node that others have worked on stays, and so does all that makes it what it is.
+    // A new node that others have worked on stays, with everything that belongs to it.
     for (const NodeId id : {c.node, c.other})
         if (taking.touched.contains(id.value)) return fmt::format("others have worked on {}", nodeLabel(scene, id));
     if (c.kind == ChangeKind::destroyNode && !item.cameBack && !scene.parents(c.node).empty())
@@ -273,13 +273,13 @@ Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author)
     return done;
 }
 
-/// A new node in the place of one that was destroyed: what it was, as far as what it belonged to is there.
+/// Creates a new node like the destroyed one, in the places that still exist.
 Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view author, Renamed& renamed) {
     const NodeId id = scene.createNode(item.lost->type);
     if (!id) return fail(fmt::format("no {} could be created", scene.type(item.lost->type).name));
     renamed[item.back.node.value] = id;
     Item own = item;
-    rename(own, renamed);  // a route may lead to itself
+    rename(own, renamed);  // a route may lead back to the same node
     pending_.push_back({changeOf(ChangeKind::destroyNode, id), {}, nullptr, true});
     const Lost& lost = *own.lost;
     for (const auto& [field, value] : lost.fields) (void)scene.setField(id, field, onlyWhatIsThere(scene, value));
@@ -332,7 +332,7 @@ void EditHistory::rename(Item& item, const Renamed& renamed) {
     item.lost = std::make_shared<const Lost>(std::move(lost));
 }
 
-/// Everything that is known of them goes on under their new numbers.
+/// Uses the new numbers in the whole history.
 void EditHistory::rename(const Renamed& renamed) {
     if (renamed.empty()) return;
     const auto in = [&](Item& item) { rename(item, renamed); };
@@ -389,7 +389,7 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     std::string text = fmt::format("{}", fmt::join(kept, "; "));
     if (more > 0) text += fmt::format("; and {} more", more);
     if (done > 0) return text;
-    if (waits) {  // for a lock to end
+    if (waits) {  // for the end of a lock
         bytes_ += step.bytes;
         from.push_back(std::move(step));
     }

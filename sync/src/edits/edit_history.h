@@ -1,10 +1,11 @@
-// EditHistory: what takes back what each author has done to a scene, request by request.
+// EditHistory: knows how to take back what each author has done to a scene, request by request.
 //
-// Invariant: taking back never undoes what somebody else did: what has another value than the request left, is gone,
-// or is a new node that others have worked on, stays as it is, and is named. What was taken back can be done again
-// until its author does something new. A node that was destroyed comes back under a new number, which the whole history
-// then knows. Events are not taken back, as what followed from them is the scene's own. Memory is bounded: the oldest
-// requests are forgotten. Threading: the scene's thread, between frames.
+// Invariant: taking back never undoes what somebody else did. It leaves alone, and names, what is gone, has another
+// value than the request left, or is a new node that others have worked on. What was taken back can be done again until
+// its author does something new. A destroyed node comes back under a new number, which the whole history then uses.
+// Events are not taken back, because their consequences are the scene's own. Memory is bounded: the oldest requests are
+// forgotten.
+// Threading: the scene's thread, between frames.
 #pragma once
 
 #include <cstdint>
@@ -25,26 +26,27 @@ namespace rtsg::mirror {
 
 class EditHistory {
   public:
-    static constexpr std::size_t kMostSteps = 1000;  // of an author, each way
+    static constexpr std::size_t kMostSteps = 1000;  // for each author, in each direction
     static constexpr std::size_t kMostAuthors = 256;
-    static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;  // of all
+    static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;  // for all together
 
-    /// Before a change of the request at hand is carried out; its nodes are there, but for one that it creates.
+    /// Call it before a change of the present request is carried out. All nodes exist then, except one that the change
+    /// creates.
     void before(const Scene& scene, const Change& change);
-    /// It is done. `created`: of a createNode, the number that the node has got.
+    /// Call it when the change is done. `created` is the number of a node that it created.
     void after(const Scene& scene, NodeId created = {});
-    /// The change could not be carried out.
+    /// Call it instead if the change failed.
     void failed() { pending_.resize(mark_); }
-    /// The request is over; it is one step of its author's. `permission`: what it took.
+    /// Ends the request, which becomes one step of its author. `permission` is what the request needed.
     void end(std::string_view author, MirrorUpstream permission);
 
-    /// The author's last step backwards, or with `again` the last one that was taken back forwards, attributed to the
-    /// author and not sealed. What stays as it is, and why; an error if nothing was done.
+    /// Takes back the author's last step, or with `again` does again what was last taken back. The edits are attributed
+    /// to the author and not sealed. Returns what was left unchanged, and why. Error: nothing was done.
     Result<std::string> takeBack(Scene& scene, std::string_view author, bool again, MirrorUpstream permission,
                                  const NodeLocks& locks);
 
   private:
-    /// A node that was destroyed, as it was.
+    /// A destroyed node as it was.
     struct Lost {
         TypeIndex type;
         std::string name;
@@ -53,10 +55,11 @@ class EditHistory {
         std::vector<Route> routes;
     };
     struct Item {
-        Change back;  // what takes it back
-        Value left;   // what the field or name had then, or how often a child was there: others' changes show by it
-        std::shared_ptr<const Lost> lost;  // with createNode: what comes back
-        bool cameBack = false;             // with destroyNode: it had been destroyed before, as it hung in the scene
+        Change back;  // the change that takes it back
+        Value left;   // the value of the field or name after the request, or the child's count: tells whether others
+                      // have changed it
+        std::shared_ptr<const Lost> lost;  // with createNode: the node that comes back
+        bool cameBack = false;  // with destroyNode: the node had been destroyed before and was still in the scene
     };
     struct Step {
         std::vector<Item> items;
@@ -81,8 +84,8 @@ class EditHistory {
     void forget();
 
     std::map<std::string, Author, std::less<>> authors_;
-    std::vector<Item> pending_;  // of the request at hand
-    std::size_t mark_ = 0;       // how many they were before its last change
+    std::vector<Item> pending_;  // of the present request
+    std::size_t mark_ = 0;       // their number before its last change
     std::uint64_t steps_ = 0, bytes_ = 0;
 };
 

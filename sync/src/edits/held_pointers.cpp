@@ -1,4 +1,4 @@
-// Remembers whose pointer is whose, from the events that peers send.
+// Remembers from the events of peers whose pointer is whose.
 #include "held_pointers.h"
 
 #include <rtsg/core/device_input.h>
@@ -11,7 +11,7 @@ using Root = x3d::RtsgScene;
 void HeldPointers::saw(const Scene& scene, std::uint64_t client, const Change& change) {
     if (change.kind != ChangeKind::event || change.node != scene.root() || change.field != Root::pointer.index) return;
     const auto input = PointerInput::fromValue(change.value.as<Array<double>>());
-    if (!input) return;  // nothing came of it
+    if (!input) return;  // the event had no effect
     if (input->kind == PointerInput::Kind::absent && input->buttons == 0)
         clients_.erase(input->device);
     else

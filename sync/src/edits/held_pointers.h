@@ -1,6 +1,6 @@
-// Which peer's pointer is which, so that one whose peer is gone lets go of what it held.
+// HeldPointers: which peer each pointer belongs to, so that pointers of a peer that is gone can be released.
 //
-// Invariant: of each pointer that peers have sent and that points or holds, the peer that sent it last is known.
+// Invariant: for each pointer of peers that points at or holds something, it knows the peer that sent it last.
 // Threading: the scene's thread.
 #pragma once
 
@@ -15,13 +15,14 @@ namespace rtsg::mirror {
 
 class HeldPointers {
   public:
-    /// A change of a request of that client has been carried out, or sent on.
+    /// Call it when a change of the client's request was carried out or passed on.
     void saw(const Scene& scene, std::uint64_t client, const Change& change);
-    /// The events by which the client's pointers let go and are over nothing; forgets them.
+    /// The events by which the client's pointers release what they hold and leave what they are over. Forgets these
+    /// pointers.
     std::vector<Change> leave(const Scene& scene, std::uint64_t client);
 
   private:
-    std::map<std::int32_t, std::uint64_t> clients_;  // of devices
+    std::map<std::int32_t, std::uint64_t> clients_;  // by device
 };
 
 }  // namespace rtsg::mirror

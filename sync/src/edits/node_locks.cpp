@@ -1,4 +1,4 @@
-// Leases of nodes: given, renewed, asked for, and forgotten when their time is over.
+// Gives, renews and checks leases of nodes, and forgets those that have ended.
 #include "node_locks.h"
 
 #include <vector>

@@ -1,7 +1,8 @@
-// NodeLocks: which nodes are kept for whom, and for how long.
+// NodeLocks: which nodes are reserved for whom, and for how long.
 //
-// Invariant: a lock ends by itself; who holds it may ask anew. It covers the node's own fields, events to them, its
-// name, its routes and its end, not the nodes below it. Threading: the scene's thread.
+// Invariant: a lock ends by itself unless its holder renews it. It covers the node's own fields, events to them, its
+// name, its routes and its destruction, but not the nodes below it.
+// Threading: the scene's thread.
 #pragma once
 
 #include <chrono>
@@ -19,15 +20,16 @@ namespace rtsg::mirror {
 class NodeLocks {
   public:
     using Clock = std::chrono::steady_clock;
-    static constexpr std::size_t kMost = 1 << 16;  // of all authors
+    static constexpr std::size_t kMost = 1 << 16;  // for all authors together
 
-    /// All of them or none. A lease of 0 lets go. Errors: a node is kept for somebody else; there are too many.
+    /// Locks all the nodes or none. A lease of 0 releases them. Errors: a node is locked by somebody else; too many
+    /// locks.
     Result<> lock(const Scene& scene, std::string_view author, std::span<const NodeId> nodes,
                   std::chrono::milliseconds lease, Clock::time_point now);
-    /// Why `author` may not touch the node now; empty if they may.
+    /// Why `author` may not touch the node now. Empty if they may.
     std::string refusal(const Scene& scene, NodeId node, std::string_view author, Clock::time_point now) const;
-    /// The same of all nodes that the change is about: both ends of a route, who loses a name to another node, and what
-    /// refers to one that ends.
+    /// The same for all nodes that the change concerns: both ends of a route, a node that loses its name to another,
+    /// and nodes that refer to a destroyed one.
     std::string refusal(const Scene& scene, const Change& change, std::string_view author, Clock::time_point now) const;
     bool empty() const { return locks_.empty(); }
 

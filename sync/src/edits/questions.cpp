@@ -1,4 +1,4 @@
-// Answers questions about hashes, and asks them: from "something differs" to the fields that do, and their repair.
+// Answers and asks questions about hashes: from "something differs" to the fields that do, and their repair.
 #include "questions.h"
 
 #include <algorithm>
@@ -113,7 +113,8 @@ bool answerInspect(const Scene& scene, std::uint64_t session, wire::Reader& in, 
     write(out, Message::anatomy, numbers);
     for (const NodeId id : nodes) {
         const Node* node = scene.find(id);
-        if (node && out.size() + 16 * (node->type().fields.size() + 4) > kLongestAnswer) break;  // some is enough
+        if (node && out.size() + 16 * (node->type().fields.size() + 4) > kLongestAnswer)
+            break;  // some nodes are enough
         out.putVarint(id.value);
         out.put(static_cast<std::uint8_t>(node != nullptr));
         if (!node) continue;
@@ -135,7 +136,7 @@ bool answerWant(const Scene& scene, wire::Reader& in, ChangeSet& out) {
         if (in.problem || part > kWholeNode) return false;
     }
     std::ranges::sort(wants);
-    wants.erase(std::unique(wants.begin(), wants.end()), wants.end());  // an answer is never more than the scene
+    wants.erase(std::unique(wants.begin(), wants.end()), wants.end());  // an answer is never larger than the scene
     std::vector<Change> values, names, routes;
     out.clear();
     for (const auto& [id, part] : wants) {
@@ -208,7 +209,7 @@ Bisection::Step Bisection::digest(const Scene& replica, wire::Reader& in, ByteBu
             else
                 next.push_back(part);
         }
-        // Numbers that the origin has not come to yet, but this replica has.
+        // This replica has node numbers that the origin has not reached yet.
         if (asked_.empty() && range.bits < 32) {
             replica.forEachNode([&](const Node& node) {
                 if (node.id().value >> range.bits) suspects_.push_back(node.id());

@@ -1,8 +1,8 @@
-// Finding where two scenes differ by comparing hashes, and putting it right (PROTOCOL.md, "Differences").
+// Questions: find where two scenes differ by comparing hashes, and repair it (PROTOCOL.md, "Differences").
 //
-// Invariant: an answer has at most kLongestAnswer bytes however large the scene; from a whole scene of n nodes to one
-// node takes log256(n) questions. Answers are about one state, which they name. Threading: on the thread of the scene
-// that is asked or compared.
+// Invariant: an answer has at most kLongestAnswer bytes, however large the scene. From a scene of n nodes to one node
+// takes log256(n) questions. An answer is about one state, which it names.
+// Threading: the thread of the scene that is asked or compared.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +20,11 @@ namespace rtsg::mirror {
 
 constexpr unsigned kFanOutBits = 8;      // a range is answered in 256 parts
 constexpr std::size_t kMostRanges = 16;  // in one question
-constexpr std::size_t kMostNodes = 64;   // inspected at once; more that differ are sent as a whole snapshot
-constexpr std::size_t kMostWants = 512;  // parts of nodes re-sent at once
+constexpr std::size_t kMostNodes = 64;   // inspected at once; if more differ, a snapshot is sent
+constexpr std::size_t kMostWants = 512;  // parts of nodes sent again at once
 constexpr std::size_t kLongestAnswer = std::size_t{128} << 10;
 
-/// 2^bits node numbers from `first` on.
+/// The 2^bits node numbers from `first` on.
 struct NodeRange {
     std::uint32_t first = 0;
     unsigned bits = 0;
@@ -34,42 +34,43 @@ struct NodeRange {
 using NodePart = std::uint32_t;
 constexpr NodePart kNamePart = 0x10000, kRoutesPart = 0x10001, kWholeNode = 0x10002;
 
-/// The smallest range from 0 on that holds all node numbers.
+/// The smallest range from 0 that holds all node numbers.
 NodeRange wholeRange(const Scene& scene);
-/// Sums of hashOfNode() over equal parts of the range, 256 or as many as it has numbers.
+/// Sums of hashOfNode() over equal parts of the range: 256 parts, or as many as it has numbers.
 std::vector<Hash128> partialSums(const Scene& scene, NodeRange range);
 
 // ---- asking (`out` becomes a whole message) ----------------------------------------------------------------------
-/// No ranges: the whole scene.
+/// Without ranges it asks about the whole scene.
 void askDoubt(ByteBuffer& out, std::uint64_t session, std::span<const NodeRange> ranges);
 
 // ---- answering: `in` stands behind the session; false when the question is malformed -------------------------------
 bool answerDoubt(const Scene& scene, std::uint64_t session, wire::Reader& in, ByteBuffer& out);
 bool answerInspect(const Scene& scene, std::uint64_t session, wire::Reader& in, ByteBuffer& out);
-/// A set from the scene's state to itself with what is wanted.
+/// Makes a set from the scene's state to itself that has the wanted parts.
 bool answerWant(const Scene& scene, wire::Reader& in, ChangeSet& out);
 
-/// The side that asks: from "the hash is another" to the nodes and fields that differ, and to the set that repairs.
+/// The asking side: goes from "the hashes differ" to the nodes and fields that differ, and to the set that repairs
+/// them.
 class Bisection {
   public:
     enum class Step : std::uint8_t {
-        ask,        // `question` is to be sent
-        same,       // everything that was compared is the same
-        hopeless,   // too much differs, or what cannot be repaired: a snapshot is due
+        ask,        // send `question`
+        same,       // everything compared is the same
+        hopeless,   // too much differs, or it cannot be repaired: a snapshot is needed
         malformed,  // the answer made no sense
     };
-    /// `ranges` empty: everything.
+    /// Begins with these ranges; with none it compares everything.
     void begin(std::uint64_t session, std::vector<NodeRange> ranges, ByteBuffer& question);
     bool running() const { return running_; }
     void stop() { running_ = false; }
     unsigned questions() const { return questions_; }
 
-    /// An answer about the state that `replica` is in; `in` stands behind session and state.
+    /// Take an answer about the state that `replica` is in. `in` stands behind session and state.
     Step digest(const Scene& replica, wire::Reader& in, ByteBuffer& question);
     Step anatomy(const Scene& replica, wire::Reader& in, ByteBuffer& question);
-    /// Adds to the answer to `want` what only this side knows: routes and nodes that should not be here.
+    /// Adds to the answer to `want` what only this side knows: routes and nodes that must go.
     void complete(const Scene& replica, ChangeSet& set) const;
-    /// What was found to differ, named.
+    /// The differences found, with names.
     const std::vector<Divergence>& found() const { return found_; }
 
   private:

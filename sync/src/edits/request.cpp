@@ -12,7 +12,7 @@ namespace rtsg::mirror {
 
 namespace {
 
-/// Whether the record begins with descriptions of types.
+/// True if the record begins with descriptions of types.
 bool describes(std::span<const std::byte> record) {
     return record.size() > kRecordHeaderSize &&
            std::to_integer<unsigned>(record[kRecordHeaderSize]) == wire::kDescriptions;
@@ -74,7 +74,7 @@ Result<MirrorRequest> readRequest(std::span<const std::byte> record, bool descri
     ChangeDecoder decoder(builtinTypes(), 0);
     if (describesTypes && describes(record)) {
         StreamHead theirs;
-        theirs.dictionaryHash = 1;  // any other than ours: types are mapped by name as they are described
+        theirs.dictionaryHash = 1;  // any hash but ours: types are then mapped by name as they are described
         theirs.builtinTypes = 0xFFFF;
         if (auto ok = decoder.setHead(theirs); !ok) return std::unexpected(ok.error());
     }

@@ -1,6 +1,7 @@
-// Requests as records: changes as a frame, all else as a record of its own kind (PROTOCOL.md, "Upstream").
+// Request codec: changes become a frame, other requests a record of their own kind (PROTOCOL.md, "Upstream").
 //
-// Invariant: what is read is within its limits; nothing is believed before that. Threading: pure functions.
+// Invariant: a request that was read is within its limits; nothing is used before that.
+// Threading: pure functions.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +13,9 @@
 
 namespace rtsg::mirror {
 
-/// `state`: any, above 0. The author is no part of the record.
+/// `state` may be any number above 0. The author is not part of the record.
 void writeRequest(ChangeEncoder& encoder, MirrorRequest request, std::uint64_t state, ByteBuffer& record);
-/// `describesTypes`: numbers of types and fields are those of the types that the record describes, which are found by
-/// name.
+/// With `describesTypes` the record has its own type and field numbers, with descriptions that are mapped by name.
 Result<MirrorRequest> readRequest(std::span<const std::byte> record, bool describesTypes);
 
 }  // namespace rtsg::mirror

@@ -1,4 +1,4 @@
-// Which requests of peers are carried out now, and which wait for the events before them.
+// Decides which requests of peers are carried out now, and which wait for earlier events.
 #include "request_order.h"
 
 #include <algorithm>
@@ -21,7 +21,7 @@ void RequestOrder::add(std::vector<Submission> submissions) {
     for (Submission& submission : submissions) waiting_.push_back({std::move(submission), now, {}});
 }
 
-/// Looked for where somebody else's wish depends on it: mostly nothing waits.
+/// Computed only when another request depends on it, as mostly nothing waits.
 const RequestTouch& RequestOrder::touch(Waiting& request) {
     if (!request.touch) request.touch = touchOf(request.submission);
     return *request.touch;
@@ -67,7 +67,7 @@ std::vector<Verdict> RequestOrder::carryOut() {
     return verdicts;
 }
 
-/// A set of edits alone has the scene's time of before, and no events.
+/// A set of edits alone has the time of the last frame, and no events.
 std::vector<Verdict> RequestOrder::happened(const ChangeSet& changes) {
     const auto isEvent = [](const Change& change) { return change.kind == ChangeKind::event; };
     if (events_.empty() || (changes.time == queuedAt_ && std::ranges::none_of(changes.changes, isEvent))) return {};

@@ -1,8 +1,8 @@
-// The order in which what peers ask for takes effect.
+// RequestOrder: the order in which requests of peers take effect.
 //
-// Edits take effect at once, events with the scene's next frame. So that of two requests that touch one node the later
-// one counts, a request waits behind events that are queued, if they are of the same peer or go to a node that it
-// touches, and behind requests that wait themselves. It waits 250 ms at most: then it goes ahead of them.
+// Edits take effect at once, events with the scene's next frame. The later of two requests for one node must win. So a
+// request waits for queued events of the same peer or for a node that it touches, and for requests that wait
+// themselves. After 250 ms it waits no longer.
 // Threading: all on the scene's thread.
 #pragma once
 
@@ -24,13 +24,14 @@ class RequestOrder {
     RequestOrder(Scene& scene, Writers& writers) : scene_(scene), writers_(writers) {}
 
     void add(std::vector<Submission> submissions);
-    /// Carries out what need not wait. Returns verdicts, but for those on events, which happened() has later.
+    /// Carries out requests that need not wait. Returns their verdicts, except those on events, which happened() gives
+    /// later.
     std::vector<Verdict> carryOut();
-    /// The scene has published `changes`: verdicts on the events that happened in them.
+    /// The scene has published `changes`. Returns the verdicts on events that happened in them.
     std::vector<Verdict> happened(const ChangeSet& changes);
-    /// Whether something that this client asked for still waits.
+    /// True if a request of this client still waits.
     bool holds(std::uint64_t client) const;
-    /// Of the records that wait.
+    /// Bytes of the records that wait.
     std::uint64_t bytes() const;
 
   private:
@@ -47,12 +48,12 @@ class RequestOrder {
     Scene& scene_;
     Writers& writers_;
     std::deque<Waiting> waiting_;
-    std::set<std::uint64_t> heldClients_;   // of this turn: whose requests wait,
-    std::set<NodeId> heldNodes_;            // and what they touch
-    std::vector<Verdict> events_;           // on events that are queued for the next frame,
-    double queuedAt_ = 0;                   // the scene's time then,
-    std::set<std::uint64_t> eventClients_;  // whose they are,
-    std::set<NodeId> eventNodes_;           // and where they go
+    std::set<std::uint64_t> heldClients_;   // in this turn: clients whose requests wait,
+    std::set<NodeId> heldNodes_;            // and the nodes that these touch
+    std::vector<Verdict> events_;           // on events queued for the next frame,
+    double queuedAt_ = 0;                   // the scene's time when they were queued,
+    std::set<std::uint64_t> eventClients_;  // the clients that sent them,
+    std::set<NodeId> eventNodes_;           // and the nodes to which they go
 };
 
 }  // namespace rtsg::mirror

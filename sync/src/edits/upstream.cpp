@@ -1,5 +1,4 @@
-// Judges and carries out what peers send to the origin, puts requests that come in parts together, and remembers which
-// have been answered.
+// Checks and carries out requests of peers, joins those that come in parts, and remembers which were answered.
 #include "upstream.h"
 
 #include <algorithm>
@@ -19,28 +18,28 @@ namespace rtsg::mirror {
 namespace {
 
 constexpr std::size_t kMostClients = 256;
-constexpr std::size_t kMostAnswers = 256;   // kept per client
-constexpr std::size_t kMostPending = 4096;  // of a client
+constexpr std::size_t kMostAnswers = 256;   // kept for each client
+constexpr std::size_t kMostPending = 4096;  // for each client
 constexpr std::size_t kLongestReason = 300;
 
-/// Judges and carries out one submission; numbers of its own nodes are replaced as they are created.
+/// Checks and carries out one submission. Provisional numbers of its new nodes are replaced as they are created.
 class Request {
   public:
     Request(Scene& scene, MirrorUpstream permission, Verdict& verdict)
         : scene_(scene), permission_(permission), verdict_(verdict), guard_(scene) {}
 
-    /// Without any effect.
+    /// Checks a change without any effect.
     Result<> check(const Change& c);
-    /// With the numbers of the scene in the place of the submission's own.
+    /// The change with the scene's numbers instead of provisional ones.
     Change real(const Change& c) const;
-    /// `c` is real(asked).
+    /// Carries out `c`, which is real(asked).
     Result<> carryOut(const Change& asked, const Change& c, std::string_view author);
 
   private:
     Result<const NodeType*> typeOf(NodeId id) const;
     Result<> checkKind(const Change& c);
     Result<> checkCode(const Change& c);
-    /// What the origin loads anew when this field changes, as "Inline.url"; empty if nothing.
+    /// What the origin loads when this field changes, as "Inline.url". Empty if nothing.
     std::string loadedBy(NodeId id, FieldIndex field);
     Result<> checkField(NodeId id, FieldIndex field, FieldType type, bool event) const;
     NodeId real(NodeId id) const {
@@ -53,7 +52,7 @@ class Request {
     MirrorUpstream permission_;
     Verdict& verdict_;
     CodeGuard guard_;
-    std::unordered_map<std::uint32_t, TypeIndex> types_;  // of the submission's own nodes
+    std::unordered_map<std::uint32_t, TypeIndex> types_;  // of the submission's new nodes
     std::unordered_map<std::uint32_t, NodeId> real_;
 };
 
@@ -88,11 +87,11 @@ Result<> Request::check(const Change& c) {
 
 std::string Request::loadedBy(NodeId id, FieldIndex field) {
     if (const auto own = types_.find(id.value); own != types_.end())
-        return nameIfLoading(scene_.type(own->second), field);  // has no routes yet but to what was checked itself
+        return nameIfLoading(scene_.type(own->second), field);  // a new node's routes are checked one by one
     return guard_.reachedFrom(id, field);
 }
 
-/// Precondition: checkKind(c). What makes the origin open a file or run a program takes a permission of its own.
+/// Precondition: checkKind(c). Changes that make the origin open files or run programs need a permission of their own.
 Result<> Request::checkCode(const Change& c) {
     const bool route = c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute;
     for (const NodeId id : {c.node, route ? c.other : NodeId{}}) {
@@ -214,7 +213,7 @@ std::string reason(const Scene& scene, const Change& change, const Diagnostic& w
     return (text + std::string(more)).substr(0, kLongestReason);
 }
 
-/// Readers of what is saved later would refuse all of it.
+/// Readers of a saved scene would refuse the whole file otherwise.
 bool isReadable(const Value& value) {
     const auto readable = [](std::string_view text) { return asUtf8(text) == text; };
     if (value.type() == FieldType::SFString) return readable(value.as<String>().str());
@@ -222,7 +221,7 @@ bool isReadable(const Value& value) {
     return std::ranges::all_of(value.as<Array<String>>(), [&](const String& text) { return readable(text.str()); });
 }
 
-/// `judge` has then judged all changes of it.
+/// Afterwards `judge` has checked all of its changes.
 Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, Request& judge) {
     auto asked = readRequest(submission.record, submission.noTypes);
     if (!asked) return fail(("a malformed request: " + asked.error().text).substr(0, kLongestReason));
@@ -237,7 +236,7 @@ Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, 
     return asked;
 }
 
-/// What another has locked: the nodes whose fields, names, routes or existence the changes are about.
+/// Says which lock of another author the changes would break, by fields, names, routes or existence of nodes.
 std::string lockedFor(const Scene& scene, std::span<const Change> changes, std::string_view author,
                       const NodeLocks& locks) {
     if (locks.empty()) return {};
@@ -247,7 +246,7 @@ std::string lockedFor(const Scene& scene, std::span<const Change> changes, std::
     return {};
 }
 
-/// True if there were events among them, which come with the next frame.
+/// Returns true if there were events among the changes; they take effect with the next frame.
 bool carryOutChanges(Scene& scene, const Submission& submission, std::span<const Change> changes, Request& request,
                      Writers& writers, Verdict& verdict) {
     bool events = false, begun = false;
@@ -327,7 +326,7 @@ Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers) {
                 verdict.refusal = ok.error().text.substr(0, kLongestReason);
             break;
     }
-    scene.seal();  // edits go out at once; events with the next frame
+    scene.seal();  // edits are published at once, events with the next frame
     verdict.state = scene.sequence() + (events ? 1 : 0);
     return verdict;
 }

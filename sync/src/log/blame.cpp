@@ -1,4 +1,4 @@
-// Plays a log and notes each state in which one field changed, with what led to it.
+// Plays a log and notes each state in which one field changed, with the cause.
 #include <rtsg/sync/blame.h>
 
 #include <algorithm>
@@ -18,12 +18,12 @@ namespace rtsg {
 
 namespace {
 
-/// One field on its way through a log.
+/// Follows one field through a log.
 class Blame {
   public:
     explicit Blame(std::string_view path) : path_(path) {}
 
-    /// Of the state that the log has come to. Errors: what is named holds no value.
+    /// Notes the present state of the replay. Error: the named thing holds no value.
     Result<> look(Replayer& replayer) {
         const Scene& scene = replayer.scene();
         if (!ofPart_) ofPart_ = showsAPart(scene, replayer.lastSet());
@@ -36,7 +36,7 @@ class Blame {
             before_.reset();
             return {};
         }
-        // Later changes may follow from it, whether this field changes now or not.
+        // Later changes may follow from this one, even if the field itself does not change now.
         if (!replayer.lastSet().isSnapshot() && touched_.isFromOutside()) touched_.rememberStarts(scene, place->node);
         known_ = true;
         const Node& node = scene.node(place->node);
@@ -65,12 +65,12 @@ class Blame {
         for (const std::size_t i : appeared_) steps_[i].cause = ofPart_ ? "came into the part" : "came into the scene";
         return std::move(steps_);
     }
-    /// Why there is nothing to tell; null if there is.
+    /// Why the field was never found; null if it was.
     const Diagnostic* why() const { return known_ ? nullptr : &why_; }
 
   private:
-    /// A scene numbers its nodes in the order in which they are made. One that appears behind others, and has a lower
-    /// number than they, was made before them: it had not been in that part of the scene of which the log is.
+    /// A scene numbers its nodes in the order in which they are made. If a node appears with a lower number than an
+    /// older one, it existed before, outside the part of the scene that the log has.
     static bool showsAPart(const Scene& scene, const ChangeSet& set) {
         if (set.isSnapshot() || set.from == set.to) return false;
         std::unordered_set<std::uint32_t> made;
@@ -90,7 +90,7 @@ class Blame {
     const std::string_view path_;
     FrameTouches touched_;
     std::vector<FieldStep> steps_;
-    std::vector<std::size_t> appeared_;  // steps in which the node did, and nobody is named for it
+    std::vector<std::size_t> appeared_;  // steps in which the node appeared, with no author
     std::optional<Value> before_;
     Diagnostic why_;
     bool known_ = false, ofPart_ = false;
@@ -108,12 +108,12 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
     Blame blamed(path);
     while (true) {
         const auto more = check.step();
-        if (!more) continue;  // it goes on with the next keyframe
+        if (!more) continue;  // the next step goes on at the next keyframe
         if (!*more) break;
         if (progress && !progress(replayer.log().position(), replayer.log().size())) return blamed.steps();
         if (auto ok = blamed.look(replayer); !ok) return std::unexpected(ok.error());
     }
-    // Who asks while it is being written asks for what there is.
+    // A log that is still being written is only taken as far as it goes.
     if (!replayer.log().beingWritten()) check.expectClosed();
     if (lacks) *lacks = check.first();
     if (piece) *piece = replayer.laterPiece();

@@ -1,4 +1,4 @@
-// Follows routes back from a field to what began it in that frame.
+// Follows routes back from a field to the change that set it off in the same frame.
 #include "cause.h"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace {
 
 using Root = x3d::RtsgScene;
 
-/// Which field of the scene's root hears what such nodes make events of (rtsg/core/device_input.h).
+/// The field of the scene's root that gets the device input of such nodes (rtsg/core/device_input.h).
 struct Device {
     std::string_view component;
     FieldIndex field;
@@ -43,7 +43,7 @@ std::string_view deviceName(FieldIndex field) {
     return field == Root::contact.index ? "a contact" : "the viewer";
 }
 
-/// TimeSensor, followers and media: what they send follows from what came into them earlier.
+/// True for TimeSensor, followers and media: what they send follows from what they received earlier.
 bool actsOverTime(const NodeType& type) {
     return type.find("isActive") != kNoField;
 }
@@ -55,7 +55,7 @@ void FrameTouches::add(const ChangeSet& set) {
         if (c.kind == ChangeKind::setField || c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
             c.kind == ChangeKind::event || c.kind == ChangeKind::createNode)
             places_[key(c.node, c.field)] |= c.external;
-    if (set.input)  // of a log that has nothing else
+    if (set.input)  // for a log in input mode, which has nothing else
         for (const Change& c : set.input->events) places_[key(c.node, c.field)] = true;
     if (!set.authors) return;
     authors_.insert(authors_.end(), set.authors->begin(), set.authors->end());
@@ -68,8 +68,9 @@ bool FrameTouches::isMade(NodeId node) const {
     return found != places_.end() && found->second;
 }
 
-/// Of the field, or else of any of the node's: what came in by one field may show in another. Who made the node made
-/// all of its fields; who did something else with the node itself, its name say, none.
+/// Prefers the author of the field, then that of another field of the node, since input by one field may show in
+/// another. The author who made the node counts for all of its fields; one who did something else with the node, such
+/// as naming it, for none.
 std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
     std::string ofNode, ofOther;
     for (const Authored& one : authors_) {
@@ -83,8 +84,9 @@ std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
     return followed && !ofOther.empty() ? ofOther : ofNode;
 }
 
-/// One step back, to a field that changed as well and that is none of the way so far. `anyField`: of what came into the
-/// node, whatever its field. ROUTEs before ISs, by which an instance's field has also what its inside only gives back.
+/// Goes one step back, to a changed field that is not yet on the way. With `anyField` it may have come into any field
+/// of the node. ROUTEs go before IS connections, by which a field of a PROTO instance also gets back values of its own
+/// body.
 std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField,
                                     std::vector<std::uint64_t>& way) const {
     std::vector<Route> routes = scene.routesTo(node);
@@ -113,7 +115,7 @@ bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
 
 FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
     const bool made = isMade(node);
-    constexpr int kLongest = 16;  // steps back
+    constexpr int kLongest = 16;  // most steps back
     std::vector<std::uint64_t> way{key(node, field)};
     std::string text;
     bool outside = false;
@@ -121,15 +123,17 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         const auto found = places_.find(key(node, field));
         outside = found != places_.end() && found->second;
         if (outside || !scene.find(node)) break;
-        // Into the very field, or, of what a node has sent, through what it made that of.
+        // The first step needs a route to the field itself. Where a node has sent the value, a route to any of its
+        // fields will do.
         const NodeType& type = scene.node(node).type();
         const FieldDef& def = type.fields[field];
         std::string route = routeInto(scene, node, field, step > 0 || !def.writable(), way);
-        // Some write to their own fields what came in by others, as BooleanToggle does; of the rest nothing is guessed.
+        // Nodes like BooleanToggle write to their own fields what came in by others. For other nodes nothing is
+        // guessed.
         if (route.empty() && step == 0 && (type.writesInputs || type.kind == NodeType::Kind::script))
             route = routeInto(scene, node, field, true, way);
         if (route.empty()) {
-            // A node that was made has all of its fields from there, those with their defaults too.
+            // All fields of a new node come from its creation, defaults included.
             outside = step > 0 ? anyFromOutside(scene, node) : made && found == places_.end();
             break;
         }
@@ -149,9 +153,9 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
     return {text.empty() ? text : fmt::format("ROUTE {}", text), {}, false, false};
 }
 
-/// The field of the root by which something came in that such a node makes events of by itself; kNoField: none did.
+/// The root's field for the device input from which such a node makes events, if it changed. Else kNoField.
 FieldIndex FrameTouches::deviceFor(const Scene& scene, const NodeType& type) const {
-    const bool isPointed = type.find("isOver") != kNoField;  // GeoTouchSensor is of another component
+    const bool isPointed = type.find("isOver") != kNoField;  // also true for GeoTouchSensor, of another component
     for (const Device& device : kDevices)
         if ((device.component == type.component || (isPointed && device.field == Root::pointer.index)) &&
             has(scene.root(), device.field))

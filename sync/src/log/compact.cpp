@@ -1,4 +1,4 @@
-// A log written again, shorter: from one time to another, with frames merged.
+// Writes a shorter log from a log: the states between two times, with frames merged.
 #include <rtsg/core/change_composer.h>
 #include <rtsg/sync/log_compact.h>
 
@@ -10,7 +10,7 @@ namespace rtsg {
 
 namespace {
 
-/// Merges what it is given until it is told to write.
+/// Merges the sets that it gets until it must write.
 class Merger {
   public:
     explicit Merger(LogWriter& log) : log_(log) {}
@@ -25,13 +25,13 @@ class Merger {
         ++waiting_;
         return {};
     }
-    /// `scene` is in the state that the last set led to, or one further that was not taken yet.
+    /// `scene` is in the state of the last set, or one state further.
     Result<> flush(const Scene& scene) {
         if (waiting_ == 0) return {};
         waiting_ = 0;
         return write(scene, composer_.take(&scene));
     }
-    /// As flush(), and the session that is written is whole.
+    /// Flushes, and marks the session as complete.
     Result<> endSession(const Scene& scene) {
         if (auto ok = flush(scene); !ok) return ok;
         return log_.endSession();
@@ -73,7 +73,7 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
             check.expectClosed();
             break;
         }
-        if (!more) continue;  // goes on at the next keyframe
+        if (!more) continue;  // the next step goes on at the next keyframe
         if (options.progress && !options.progress(from.log().position(), from.log().size())) return fail("cancelled");
         const Scene& scene = from.scene();
         if (from.time() > options.to) break;
@@ -107,7 +107,7 @@ Result<CompactReport> compactLog(const std::filesystem::path& in, const std::fil
     auto from = Replayer::open(in);
     if (!from) return std::unexpected(from.error());
     const std::filesystem::path fresh = freshNameBeside(out);
-    // Nobody knows the name of the file that it is until it is whole.
+    // Until the file is complete it has a temporary name that users do not know.
     const auto ofOut = [&](Diagnostic why) {
         if (why.file == fresh.string()) why.file = out.string();
         return std::unexpected(std::move(why));

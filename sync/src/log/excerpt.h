@@ -1,4 +1,4 @@
-// The part of a long text that tells it from another one.
+// Shortens a long text to the part where it differs from another text.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace rtsg {
 
-/// A value, or the part of a long one around where it differs from `other`.
+/// Returns a short text as it is; of a long one, the part around the first difference from `other`.
 inline std::string excerpt(const std::string& text, const std::string& other) {
     constexpr std::size_t kLongest = 60, kBefore = 20, kPart = 40;
     if (text.size() <= kLongest) return text;

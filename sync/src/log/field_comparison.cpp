@@ -1,4 +1,4 @@
-// Two scenes compared in chosen fields, and where what differs came from.
+// Compares chosen fields of two scenes, and finds the causes of the differences.
 #include <rtsg/sync/field_comparison.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kMostHistories = 64, kMostSamples = 4096, kNone = SIZE_MAX;
 constexpr double kApart = std::numeric_limits<double>::infinity();
 
-/// A * stands for any letters.
+/// Matches a pattern in which * stands for any letters.
 bool matches(std::string_view pattern, std::string_view text) {
     std::size_t p = 0, t = 0, star = std::string_view::npos, from = 0;
     while (t < text.size()) {
@@ -55,7 +55,7 @@ struct Pattern {
     bool used = false;
 };
 
-/// The DEF name with those of the PROTO instances and Inlines around it; empty if one has none.
+/// The node's DEF name behind those of the PROTO instances and Inlines around it. Empty if one of them has no name.
 std::string pathOf(const Scene& scene, NodeId id) {
     std::string path(scene.name(id));
     if (path.empty()) return path;
@@ -67,7 +67,7 @@ std::string pathOf(const Scene& scene, NodeId id) {
     return path;
 }
 
-/// Nodes are other numbers in other editions of a scene: their names, or the names of their types.
+/// Names nodes by DEF name or type, because their numbers differ between versions of a scene.
 std::string nodesText(const Scene& scene, const Value& value) {
     const auto label = [&](NodeId id) -> std::string {
         if (!id) return "NULL";
@@ -81,7 +81,7 @@ std::string nodesText(const Scene& scene, const Value& value) {
     return text + "]";
 }
 
-/// Up to four numbers of one element; 0 if it is none of these.
+/// Writes up to four components into `into` and returns how many. 0 if the value has more, or none.
 int numbers(const Value& value, std::array<float, 4>& into) {
     const auto take = [&](const auto& v, int n) {
         for (int i = 0; i < n; ++i) into[static_cast<std::size_t>(i)] = static_cast<float>(v[i]);
@@ -132,7 +132,7 @@ Result<> FieldSelection::check() const {
 struct FieldComparison::State {
     struct Side {
         const Scene& scene;
-        std::unordered_map<std::uint32_t, std::vector<std::size_t>> watches;  // of a node
+        std::unordered_map<std::uint32_t, std::vector<std::size_t>> watches;  // by node number
         FrameTouches touched;
     };
     struct Place {
@@ -193,7 +193,7 @@ struct FieldComparison::State {
             if (std::ranges::find(ofNode, found->second) == ofNode.end()) ofNode.push_back(found->second);
             queue(found->second);
         }
-        // It may have been there in the other scene before.
+        // The node may have appeared in the other scene earlier.
         Side& opposite = first ? b : a;
         if (const Node* other = isNew ? findPath(opposite.scene, path) : nullptr) bind(opposite, *other);
     }
@@ -245,7 +245,7 @@ struct FieldComparison::State {
         }
     }
 
-    /// How far the field's values are apart; `text` is both.
+    /// The distance between both values of the field; `text` gets both values.
     double distance(const Watch& w, std::string& text) const {
         const Node* x = w.a.node ? a.scene.find(w.a.node) : nullptr;
         const Node* y = w.b.node ? b.scene.find(w.b.node) : nullptr;
@@ -278,7 +278,8 @@ struct FieldComparison::State {
         const auto of = [](const Side& side, const Place& place) {
             return place.node ? told(side.touched.cause(side.scene, place.node, place.field)) : std::string();
         };
-        // What the second scene did is under test; where it did nothing, what it should have done.
+        // What the second scene did is under test. If it did nothing, the cause in the first scene tells what it should
+        // have done.
         const bool second = b.touched.has(w.b.node, w.b.field);
         if (!ofEither && second) return of(b, w.b);
         const std::string x = of(a, w.a), y = ofEither ? of(b, w.b) : std::string();
@@ -316,7 +317,7 @@ struct FieldComparison::State {
     bool compare() {
         std::vector<std::size_t> due;
         due.swap(waiting);
-        // Causes before what followed from them: a field that a route from another one leads to comes after it.
+        // Puts causes before effects: a field comes after the fields that lead to it by routes.
         std::ranges::sort(due);
         const std::size_t before = differences.size();
         for (const std::size_t i : due) compareOne(i);
@@ -341,7 +342,7 @@ struct FieldComparison::State {
     DifferenceWords words;
     std::vector<Watch> watches;
     std::unordered_map<std::string, std::size_t> byName;
-    std::vector<std::size_t> waiting, now;  // to be compared; those that differ at present
+    std::vector<std::size_t> waiting, now;  // indices of watches to compare, and of those that differ now
     std::vector<FieldDifference> differences;
     std::size_t histories = 0;
 };

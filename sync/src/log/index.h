@@ -1,4 +1,4 @@
-// The index record at a log's end (PROTOCOL.md, "Index").
+// Log index: the record at the end of a log (PROTOCOL.md, "Index").
 #pragma once
 
 #include <string_view>
@@ -8,26 +8,26 @@
 
 namespace rtsg {
 
-/// A log with an index ends with the index record's offset (8 bytes) and this.
+/// A log with an index ends with the index record's offset (8 bytes) and these bytes.
 constexpr std::string_view kIndexMagic = "RTSGidx1";
 constexpr std::size_t kIndexTail = 16;
 
-/// `offset`: where in the file the record will go. `next`: of a piece that another follows, the state, time and hash
-/// that the next one begins with.
+/// `offset` is where the record will be in the file. If the file is a piece that another follows, `next` has the state,
+/// time and hash with which that one begins.
 void encodeLogIndex(const std::vector<LogKeyframe>& keyframes, std::uint64_t offset, ByteBuffer& record,
                     RecordHeader next = {});
-/// The session that a log ends with goes on in another piece.
+/// True if the session goes on in another piece.
 inline bool saysGoesOn(const RecordHeader& header) {
     return header.kind == RecordKind::index && header.to != 0;
 }
-/// It has come to its end.
+/// True if the session ends here.
 inline bool saysEnd(const RecordHeader& header) {
     return header.kind == RecordKind::index && header.to == 0;
 }
-/// `record`: an intact index record. False when its content makes no sense.
+/// `record` must be an intact index record. Returns false if its content makes no sense.
 bool decodeLogIndex(std::span<const std::byte> record, std::uint64_t offset, std::vector<LogKeyframe>& keyframes);
 
-/// Reads `log` from where it is to its end.
+/// Reads `log` from its position to its end.
 std::vector<LogKeyframe> scanLogKeyframes(LogReader& log);
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// Steps a replay and says what of its log is missing, damaged or out of order.
+// Steps a replay and describes what its log lacks, and what is damaged or out of order.
 #include <rtsg/sync/log_check.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ void LogCheck::noteDamage(std::uint64_t frame, const LogDamage& damage) {
     if (!first_) first_ = damage_;
 }
 
-/// `arrived`: the step has led to a state.
+/// `arrived` is true if the step has led to a state.
 void LogCheck::noteGap(std::uint64_t before, bool arrived) {
     const std::uint64_t now = replayer_.scene().sequence();
     if (arrived && now > before)
@@ -35,7 +35,7 @@ void LogCheck::noteGap(std::uint64_t before, bool arrived) {
                                      before));
 }
 
-/// Between the session that ended with state `last` and one that begins with `next`.
+/// Describes the gap between the session that ended with state `last` and the one that begins with `next`.
 std::string LogCheck::openEnd(std::uint64_t last, std::uint64_t next) const {
     if (replayer_.seam() == Replayer::Seam::beginsBefore)
         return fmt::format(
@@ -52,11 +52,11 @@ std::string LogCheck::openEnd(std::uint64_t last, std::uint64_t next) const {
 Result<bool> LogCheck::step() {
     const std::uint64_t before = replayer_.scene().sequence();
     const double endedAt = replayer_.time();
-    // Opening it has read on to the first intact head.
+    // Opening the replay has already read up to the first intact head.
     const std::uint64_t from = replayer_.frames() == 0 ? 0 : replayer_.log().position();
     const Result<bool> more = replayer_.step();
     const LogReader& log = replayer_.log();
-    // Where there is no index, the search for keyframes has found all damage already: what counts is its place.
+    // If there is no index, the search for keyframes has noted all damage already, so the place decides.
     const auto damaged = std::ranges::find_if(
         log.damage(), [&](const LogDamage& d) { return d.offset >= from && d.offset < log.position(); });
     damage_.reset();
@@ -78,7 +78,7 @@ Result<bool> LogCheck::step() {
 }
 
 void LogCheck::expectClosed() {
-    if (openEnd_) first_ = openEnd_;  // it was first: noted only while nothing else was
+    if (openEnd_) first_ = openEnd_;  // it was noted only while there was nothing else, so it came first
     if (replayer_.log().closed()) return;
     const std::uint64_t last = replayer_.scene().sequence();
     if (replayer_.log().beingWritten())

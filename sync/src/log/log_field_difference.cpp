@@ -1,4 +1,4 @@
-// Two logs side by side, of one session by its states or else by time, compared in chosen fields.
+// Compares chosen fields of two logs step by step: by state if they are of one session, else by time.
 #include <cmath>
 
 #include <fmt/format.h>
@@ -9,10 +9,10 @@ namespace rtsg {
 
 namespace {
 
-/// Times since 1970 are exact to a quarter of that.
+/// Doubles that hold the time since 1970 are exact to a quarter of this.
 constexpr double kSameTime = 1e-6;
 
-/// One log, and where it is.
+/// One of the two logs, with its replay.
 class Side {
   public:
     static Result<Side> open(const std::filesystem::path& file) {
@@ -25,9 +25,9 @@ class Side {
         side.start_ = side.log_->scene().now();
         return side;
     }
-    /// Two logs of one session, a server's and a mirror's, have the same states, though one begins later: goes on to
-    /// the first of that one in the other, if that has one of its number and time. Else both go by time since their
-    /// starts.
+    /// Two logs of one session, say a server's and a mirror's, have the same states, but one may begin later. If the
+    /// early log has the late log's first state, with the same number and time, it is stepped up to that. Otherwise
+    /// both go by the time since their start.
     static Result<> meet(Side& x, Side& y) {
         Side &early = x.state() <= y.state() ? x : y, &late = &early == &x ? y : x;
         if (!early.holds(late.state(), late.scene().now())) return {};
@@ -87,7 +87,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
     fields.first();
     ++report.states;
     while (true) {
-        // In step; and whichever is behind in time catches up.
+        // Steps both logs if they are in step, else the one that is behind in time.
         const double tx = x.time(), ty = y.time();
         if (std::isnan(tx) || std::isnan(ty)) return fail("a state has no time", {}, a.string());
         if (tx <= ty + kSameTime)

@@ -1,4 +1,4 @@
-// Plays a log in time, and does what it is told.
+// Plays a log in time and carries out a player's commands.
 #include <rtsg/sync/log_player.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 constexpr double kFastest = 1000;
 constexpr auto kLongestStep = std::chrono::milliseconds(250);
 
-/// A number, and nothing after it but an s for seconds.
+/// Parses a number that may end with "s" for seconds.
 std::optional<double> numberIn(std::string_view text) {
     double value = 0;
     if (text.ends_with('s')) text.remove_suffix(1);
@@ -32,7 +32,7 @@ Result<std::unique_ptr<LogPlayer>> LogPlayer::open(const std::filesystem::path& 
     if (!replayer) return std::unexpected(replayer.error());
     std::unique_ptr<LogPlayer> player(new LogPlayer(std::move(*replayer)));
     Replayer& log = *player->replayer_;
-    // How long it is, its end says.
+    // The last state tells the log's length.
     if (auto ok = log.seek(std::numeric_limits<double>::infinity()); !ok) return std::unexpected(ok.error());
     player->start_ = log.keyframes().front().time;
     player->length_ = std::max(log.time() - player->start_, 0.0);
@@ -58,7 +58,7 @@ Result<> LogPlayer::advance(double seconds) {
             ended_ = true;
             break;
         }
-        // Another session may begin with an earlier time: it follows at once.
+        // Another session may begin with an earlier time; it follows at once.
         if (reached() + std::max(*next - scene().now(), 0.0) > until) break;
         if (const Result<bool> more = one(); !more) return std::unexpected(more.error());
         if (std::chrono::steady_clock::now() - began > kLongestStep) {

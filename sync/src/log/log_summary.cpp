@@ -33,7 +33,7 @@ class Counter {
             s_.keyframes += !again;
         }
         if (header.kind == RecordKind::input) ++s_.inputs;
-        // A frame is one step, however many records it takes.
+        // A frame counts once, however many records it has.
         if (header.from != header.to && header.kind != RecordKind::keyframe && header.to != lastStep_) {
             ++s_.frames;
             lastStep_ = header.to;
@@ -47,13 +47,13 @@ class Counter {
         s_.end = header.time + shift_;
     }
 
-    /// No record follows.
+    /// Call it after the last record.
     void end() {
         if (missing_) s_.missingFrames += seen_ - state_;
     }
 
   private:
-    /// Goes through the states as a replay does, by their numbers alone.
+    /// Follows the state numbers as a replay would.
     void follow(const RecordHeader& header) {
         const bool keyframe = header.kind == RecordKind::keyframe;
         const bool runs = runs_ && header.kind == RecordKind::input && header.from != header.to;
@@ -72,12 +72,12 @@ class Counter {
             seen_ = std::max(seen_, header.to);
             return;
         }
-        if (s_.sessions == 0) return;  // nothing says what is in it
+        if (s_.sessions == 0) return;  // before the first head nothing says what the frame holds
         if (std::exchange(missing_, false) && header.to > state_) s_.missingFrames += header.to - state_;
         lost_ = false;
         state_ = header.to;
     }
-    /// What comes behind state `last` is missing.
+    /// Notes that states after `last` are missing.
     void miss(std::uint64_t last) {
         lost_ = missing_ = true;
         ++s_.gaps;
@@ -104,11 +104,11 @@ class Counter {
 
     LogSummary& s_;
     bool first_ = true;
-    double shift_ = 0;  // where a session begins with an earlier time than the one before ended with
+    double shift_ = 0;  // added to times of a session that begins earlier than the last one ended
     std::uint64_t epoch_ = 0, lastStep_ = 0, lastKeyframe_ = 0;
-    bool runs_ = false;                   // in input mode
-    bool lost_ = true, missing_ = false;  // waiting for a keyframe; because frames are missing
-    std::uint64_t state_ = 0, seen_ = 0;  // that was reached; and the last that a record which is of no use speaks of
+    bool runs_ = false;                   // the stream is in input mode
+    bool lost_ = true, missing_ = false;  // waiting for a keyframe; frames are missing
+    std::uint64_t state_ = 0, seen_ = 0;  // last state reached; last state of a record that could not be used
 };
 
 }  // namespace
@@ -123,9 +123,9 @@ bool isLog(const std::filesystem::path& file) {
     auto log = LogReader::open(file);
     if (!log) return true;
     const auto record = log->next();
-    if (!record || record->header.kind != RecordKind::head) return true;  // damage
+    if (!record || record->header.kind != RecordKind::head) return true;  // damaged, but a log
     const auto head = decodeHead(record->bytes);
-    return !head || head->epoch != 0;  // scene files have none
+    return !head || head->epoch != 0;  // scene files have epoch 0
 }
 
 Result<LogSummary> summariseLog(const std::filesystem::path& file) {
@@ -141,7 +141,7 @@ Result<LogSummary> summariseLog(const std::filesystem::path& file) {
     for (const LogDamage& damage : log->damage()) summary.damagedBytes += damage.length;
     auto replayer = Replayer::open(file);
     if (!replayer) return std::unexpected(replayer.error());
-    if (!(*replayer)->seek(std::numeric_limits<double>::infinity())) return summary;  // there is no intact state
+    if (!(*replayer)->seek(std::numeric_limits<double>::infinity())) return summary;  // no state is intact
     const Scene& scene = (*replayer)->scene();
     scene.forEachNode([&](const Node& node) {
         if (node.id() == scene.root()) return;

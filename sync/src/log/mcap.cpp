@@ -1,4 +1,4 @@
-// Writes MCAP files: chunks, their index and a summary, as the format asks for them.
+// Writes MCAP files: chunks, their index, and a summary.
 #include <rtsg/sync/mcap.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace rtsg {
 namespace {
 
 constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
-constexpr std::size_t kRecordPrefix = 9;  // opcode, length
+constexpr std::size_t kRecordPrefix = 9;  // opcode and length
 
 enum class Op : std::uint8_t {
     header = 1,
@@ -35,7 +35,7 @@ void putText(ByteBuffer& out, std::string_view text) {
     out.append(text.data(), text.size());
 }
 
-/// A record whose content `fill` appends.
+/// Appends a record; `fill` appends its content.
 template <class Fill>
 void putRecord(ByteBuffer& out, Op op, const Fill& fill) {
     const std::size_t start = out.size();
@@ -46,7 +46,7 @@ void putRecord(ByteBuffer& out, Op op, const Fill& fill) {
     std::memcpy(out.data() + start + 1, &length, sizeof(length));
 }
 
-/// A list of `count` entries of `size` bytes, its length in front.
+/// Appends a map, with its length in front.
 void putMap(ByteBuffer& out, const std::map<std::uint16_t, std::uint64_t>& map) {
     out.put(static_cast<std::uint32_t>(map.size() * 10));
     for (const auto& [key, value] : map) {
@@ -74,7 +74,7 @@ Result<std::unique_ptr<McapWriter>> McapWriter::create(const std::filesystem::pa
     bytes.append(kMagic.data(), kMagic.size());
     putRecord(bytes, Op::header, [&] {
         putText(bytes, "");
-        putText(bytes, "rtsg");  // who writes
+        putText(bytes, "rtsg");  // the library
     });
     if (auto ok = writer->put(bytes); !ok) return std::unexpected(ok.error());
     return writer;
@@ -107,7 +107,7 @@ Result<std::uint16_t> McapWriter::addTopic(std::string_view topic, std::string_v
     });
     topics_ = number;
     counts_[number] = 0;
-    // In the data section itself, before the first chunk that refers to them.
+    // Schemas and channels must come before the first chunk that refers to them.
     ByteBuffer both;
     both.append(schemas_.bytes().subspan(schemaAt));
     both.append(channels_.bytes().subspan(channelAt));

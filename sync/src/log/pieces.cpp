@@ -1,4 +1,4 @@
-// Finds the pieces of a rotated log by their names, and tells by what is in them whether they are any.
+// Finds the pieces of a rotated log by name, and tells from their content whether they are pieces.
 #include "pieces.h"
 
 #include <algorithm>
@@ -32,7 +32,7 @@ std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(cons
         std::uint64_t number = 0;
         if (const auto [end, problem] = std::from_chars(first, last, number); problem != std::errc() || end != last)
             continue;
-        // As the writer numbers them; RUN.20261128.rlog is somebody's copy.
+        // The name must be one that the writer gives; RUN.20261128.rlog is somebody's copy.
         if (number >= kMostPieces || fmt::format("{:04}", number) != std::string_view(first, last)) continue;
         found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
     }
@@ -54,13 +54,13 @@ std::filesystem::path laterPiece(const std::filesystem::path& piece) {
 
 namespace {
 
-/// What a file says of the session that it is a piece of.
+/// What a file says of the session to which it belongs.
 struct Marks {
     std::optional<StreamHead> head;
     bool goesOn = false;
 };
 
-/// The intact record at `offset`, without reading on: there may be thousands of files.
+/// Reads the record at `offset` if it is intact. Reads no further, as there may be thousands of files.
 std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, ByteBuffer& record) {
     constexpr std::uint64_t kMost = std::uint64_t{16} << 20;
     const auto append = [&](std::size_t length) {
@@ -75,7 +75,7 @@ std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, 
     return *header;
 }
 
-/// Whether it may be opened without waiting for somebody at its other end.
+/// True for regular files. Opening others, such as pipes, might block.
 bool isFile(const std::filesystem::path& path) {
     std::error_code error;
     return std::filesystem::is_regular_file(path, error);
@@ -104,7 +104,7 @@ Marks marksOf(const std::filesystem::path& file) {
 
 std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& file) {
     std::vector<std::pair<std::filesystem::path, std::uint64_t>> found;
-    std::set<std::uint64_t> rotated;  // epochs
+    std::set<std::uint64_t> rotated;  // epochs of rotated sessions
     const auto look = [&](const std::filesystem::path& path) -> std::optional<std::uint64_t> {
         const Marks marks = marksOf(path);
         if (!marks.head) return std::nullopt;
@@ -134,7 +134,7 @@ bool isCutInHead(const std::filesystem::path& file) {
     if (size < kRecordHeaderSize) return bytes.starts_with(kRecordMagic) || kRecordMagic.starts_with(bytes);
     const auto header = parseRecordHeader(std::as_bytes(std::span(bytes)));
     if (!header || header->kind != RecordKind::head || header->size() <= size) return false;
-    // Nor is it a log whose first bytes alone are damaged: others follow.
+    // If other records follow, the file is a log whose first bytes are damaged.
     return !LogReader::open(file);
 }
 

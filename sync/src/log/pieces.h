@@ -1,4 +1,4 @@
-// The pieces of a rotated log as files: NAME.0001.rlog and so on beside NAME.rlog.
+// Pieces: the files of a rotated log, NAME.0001.rlog and so on beside NAME.rlog.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,19 @@
 
 namespace rtsg {
 
-/// Numbers of pieces are below; of four digits at least.
+/// Numbers of pieces are below this and have at least four digits.
 inline constexpr std::uint64_t kMostPieces = 1'000'000;
 
-/// All files whose names are those of pieces of `file`, by their numbers.
+/// All files that have the name of a piece of `file`, ordered by number.
 std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(const std::filesystem::path& file);
 
-/// What a log begins with; nothing if that is no intact head.
+/// The head at the beginning of a log. Nothing if it is not intact.
 std::optional<StreamHead> headOf(const std::filesystem::path& file);
 
-/// A file that ends within the first record of a log.
+/// True if the file ends within the first record of a log.
 bool isCutInHead(const std::filesystem::path& file);
 
-/// The piece that a session goes on from if not one state of it is in `log`, its newest file; empty: there is none.
+/// The piece from which a session goes on, if the newest file `log` has none of its states. Empty if there is none.
 std::filesystem::path pieceBefore(const std::filesystem::path& log);
 
 }  // namespace rtsg

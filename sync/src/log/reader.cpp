@@ -1,4 +1,4 @@
-// Reads a log record by record, goes on behind what is damaged, and finds its keyframes.
+// Reads a log record by record, skips damage, and finds the keyframes.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -113,7 +113,7 @@ bool LogReader::read(std::uint64_t offset, std::size_t length, ByteBuffer& into)
     while (length > 0) {
         const ssize_t got = ::pread(descriptor_, at, length, static_cast<off_t>(offset));
         if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) break;  // shorter than it was when opened, or unreadable: as far as it goes
+        if (got <= 0) break;  // the file has shrunk or cannot be read
         at += got;
         into.advance(static_cast<std::size_t>(got));
         offset += static_cast<std::uint64_t>(got);
@@ -122,8 +122,8 @@ bool LogReader::read(std::uint64_t offset, std::size_t length, ByteBuffer& into)
     return length == 0;
 }
 
-/// Takes in what has come since the file was opened, if that completes a record which ends at `end`; the log ends
-/// there.
+/// Takes in bytes that were added since the file was opened, if they complete the record that ends at `end`. The log
+/// then ends there.
 void LogReader::growTo(std::uint64_t end) {
     struct stat status{};
     if (end > size_ && ::fstat(descriptor_, &status) == 0 && static_cast<std::uint64_t>(status.st_size) >= end)
@@ -132,7 +132,7 @@ void LogReader::growTo(std::uint64_t end) {
 
 namespace {
 
-/// Writers hold an exclusive lock, which keeps a shared one out.
+/// Writers hold an exclusive lock, so a shared lock cannot be taken.
 bool isLocked(int descriptor) {
     if (::flock(descriptor, LOCK_SH | LOCK_NB) != 0) return errno == EWOULDBLOCK;
     ::flock(descriptor, LOCK_UN);
@@ -160,7 +160,7 @@ bool isBeingWritten(const std::filesystem::path& file) {
     return locked;
 }
 
-/// The bytes from `offset` to the file's end are the beginning of a record that somebody is writing.
+/// True if the bytes from `offset` on are the beginning of a record that somebody is writing.
 bool LogReader::waitsForMore(std::uint64_t offset) {
     ByteBuffer head;
     read(offset, std::min<std::uint64_t>(size_ - offset, kRecordHeaderSize), head);
@@ -173,7 +173,7 @@ bool LogReader::waitsForMore(std::uint64_t offset) {
     return beingWritten();
 }
 
-/// Makes the window hold the whole record at `offset`, and checks it.
+/// Loads the whole record at `offset` into the window and checks it.
 Result<RecordHeader> LogReader::load(std::uint64_t offset) {
     const auto inWindow = [&](std::uint64_t length) {
         return offset >= windowAt_ && offset + length <= windowAt_ + window_.size();
@@ -240,7 +240,7 @@ std::optional<LogReader::Record> LogReader::next() {
         else if (const Result<RecordHeader> tried =
                      parseRecordHeader(window_.bytes().subspan(position_ - windowAt_), position_, maxPayload_);
                  tried && tried->size() <= size_ - position_) {
-            // A file full of forged headers would make this quadratic.
+            // Without this bound a file full of forged headers would take quadratic time.
             if (tried->size() > searchBudget_) {
                 noteDamage(start, size_, problem + "; gave up looking for an intact record");
                 position_ = size_;
@@ -278,7 +278,7 @@ std::vector<LogKeyframe> scanLogKeyframes(LogReader& log) {
     std::optional<std::uint64_t> head;
     while (const std::optional<LogReader::Record> record = log.next()) {
         if (record->header.kind == RecordKind::head) head = record->offset;
-        // One without any head before it cannot be read; the same state comes again behind the next head.
+        // A keyframe without a head before it cannot be read. The same state comes again behind the next head.
         if (record->header.kind == RecordKind::keyframe && head)
             found.push_back({record->offset, record->header.to, record->header.time, *head});
     }

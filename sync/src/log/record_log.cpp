@@ -22,14 +22,14 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kMostWaiting = 128;                // steps
-constexpr auto kFirstWithin = std::chrono::seconds(10);  // the first state is in the file, or the disk hangs
+constexpr auto kFirstWithin = std::chrono::seconds(10);  // for the first state, in case the disk hangs
 constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{64} << 20;
 
 std::uint64_t memoryOf(const RecordStep& step) {
     return (step.record ? memoryOf(*step.record) : 0) + (step.set ? step.set->changes.capacity() * sizeof(Change) : 0);
 }
 
-/// Only the creation of nodes asks something of the records before.
+/// Only frames that create nodes rely on the type descriptions in earlier records.
 bool createsNodes(const ChangeSet& set) {
     for (const Change& change : set.changes) {
         if (change.kind == ChangeKind::createNode) return true;
@@ -41,15 +41,15 @@ bool createsNodes(const ChangeSet& set) {
 }  // namespace
 
 struct RecordLog::Impl {
-    /// A step, or the place of a snapshot that has been asked for.
+    /// A step, or the place of a snapshot that was asked for and has not come yet.
     struct Entry {
         RecordStep step;
         bool isPlace = false;
-        bool isKeyframe = false;  // of the state before
-        std::uint64_t state = 0;  // of the place
+        bool isKeyframe = false;  // its set is the snapshot of the last state
+        std::uint64_t state = 0;  // the state of the place
     };
     std::string file;
-    std::unique_ptr<LogWriter> log;  // the thread's own
+    std::unique_ptr<LogWriter> log;  // used by the thread only
     std::atomic<bool> wantsSnapshot{false}, ended{false};
     std::atomic<std::uint64_t> acknowledged{0}, bytes{0}, encoded{0}, merged{0};
 
@@ -57,13 +57,13 @@ struct RecordLog::Impl {
     std::condition_variable come, gone;
     std::deque<Entry> waiting;
     std::uint64_t waitingBytes = 0;
-    ChangeComposer late;   // what is merged: of after everything that waits
-    bool isAsked = false;  // for a snapshot that is not in the file yet: one at a time
+    ChangeComposer late;   // frames merged behind all that wait
+    bool isAsked = false;  // a snapshot was asked for and is not in the file yet; only one at a time
     std::uint64_t starts = 0;
     std::function<void(std::uint64_t, std::uint64_t)> heard;
     bool stopping = false;
     Result<> result;
-    char thrown[160] = {};  // by the thread: there may be no memory for a string
+    char thrown[160] = {};  // the thread's exception; there may be no memory for a string
     std::thread thread;
 
     Result<> outcome() const {
@@ -81,12 +81,12 @@ struct RecordLog::Impl {
         waiting.push_back({std::move(step), false, isKeyframe});
         come.notify_one();
     }
-    /// What has been merged waits its turn like a step that came so.
+    /// Appends the merged frames as one step.
     void appendLate() {
         if (!late.empty()) append({nullptr, std::make_shared<const ChangeSet>(late.take())});
     }
     bool canGoOn() const { return waiting.empty() ? !late.empty() : !waiting.front().isPlace; }
-    /// Who waits for what will never be in the file waits no longer.
+    /// Wakes those who wait for states that will never be in the file.
     void tellEnd() const {
         constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
         if (heard) heard(kAny, kAny);
@@ -100,7 +100,7 @@ struct RecordLog::Impl {
         if (!ended) append(std::move(step), isKeyframe);
     }
 
-    /// Whether it is time to ask for a snapshot, which is then asked for.
+    /// Returns whether it is time for a snapshot, and if so notes that one was asked for.
     bool asks() {
         const std::scoped_lock lock(mutex);
         return !isAsked && (isAsked = wantsSnapshot.exchange(false));
@@ -111,7 +111,7 @@ struct RecordLog::Impl {
     }
 
     // ---- the thread ------------------------------------------------------------------------------------------
-    /// `isKeyframe`: a snapshot of the state that was written last; others begin a session.
+    /// `isKeyframe` is true for a snapshot of the last state written. Other snapshots begin a session.
     Result<> write(const RecordStep& step, bool isKeyframe) {
         const bool begun = log->frames() > 0;
         if (step.record) return log->write(*step.record, step.set.get());
@@ -132,11 +132,11 @@ struct RecordLog::Impl {
             if (waiting.empty()) return {};
             const Entry entry = std::move(waiting.front());
             waiting.pop_front();
-            if (entry.isPlace) continue;  // it ends before the snapshot has come
+            if (entry.isPlace) continue;  // the log ends before its snapshot has come
             waitingBytes -= memoryOf(entry.step);
             lock.unlock();
             if (auto ok = write(entry.step, entry.isKeyframe); !ok) return ok;
-            wantsSnapshot = log->wantsSnapshot();  // of use once `isAsked` is not
+            wantsSnapshot = log->wantsSnapshot();  // looked at once `isAsked` is false again
             bytes = log->bytes();
             encoded = log->encoded();
             lock.lock();
@@ -147,7 +147,7 @@ struct RecordLog::Impl {
         }
     }
 
-    /// A log that has ended before its time has no index: who reads it can tell.
+    /// A log that ends early gets no index, so readers can tell.
     void run() {
         ::pthread_setname_np(::pthread_self(), "rtsg recorder");
         Result<> how;
@@ -176,7 +176,7 @@ struct RecordLog::Impl {
 
 RecordLog::RecordLog(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 RecordLog::~RecordLog() {
-    (void)stop();  // as LogWriter: who wants to know calls it before
+    (void)stop();  // as in LogWriter, callers that want errors call it before
 }
 
 Result<std::unique_ptr<RecordLog>> RecordLog::start(const Scene& scene, const std::filesystem::path& file,
@@ -202,11 +202,11 @@ void RecordLog::add(const Scene& scene, const RecordStep& step) {
     if (s.ended) return;
     const bool begins = step.set && step.set->isSnapshot();
     if (begins)
-        s.put({nullptr, step.set});  // another session: its types are described by us
+        s.put({nullptr, step.set});  // another session, whose types the log describes itself
     else
         s.put({step.record, step.record && !(step.set && createsNodes(*step.set)) ? nullptr : step.set});
     if (begins || !s.asks()) return;
-    // What differs from the origin's is no state that a log should go on from.
+    // A log must not go on from a state that differs from the origin's.
     const Hash128 origin = step.record ? step.record->header.hash : step.set->hash;
     if (scene.hash() == origin && !scene.hasUnsealedEdits())
         s.put({nullptr, std::make_shared<const ChangeSet>(scene.snapshot())}, true);

@@ -1,4 +1,4 @@
-// Keeps encoded steps in a list, and behind it in a file, until the reader takes them.
+// Keeps encoded steps in a list and then in a file until the reader takes them.
 #include <rtsg/sync/record_queue.h>
 
 #include <condition_variable>
@@ -17,7 +17,7 @@ namespace rtsg {
 
 namespace {
 
-/// A file without a name: read and written by position, gone with its descriptor.
+/// A file without a name, read and written by position. It vanishes when its descriptor is closed.
 class HiddenFile {
   public:
     explicit HiddenFile(std::filesystem::path folder) : folder_(std::move(folder)) {}
@@ -49,7 +49,7 @@ class HiddenFile {
         }
         return {};
     }
-    /// Gives the disk's room back. What a failure would leave is only room not given back.
+    /// Gives disk space back. If that fails, only the space stays taken.
     void clear() {
         if (descriptor_ >= 0 && ::ftruncate(descriptor_, 0) != 0) return;
     }
@@ -78,7 +78,7 @@ struct RecordQueue::Impl {
           file(options.folder.empty() ? std::filesystem::temp_directory_path() : options.folder) {}
 
     RecordQueueOptions options;
-    // The adding thread's own, and the reader's.
+    // One is used by the adding thread, the other by the reader.
     ChangeEncoder encoder;
     ChangeDecoder decoder{builtinTypes()};
     ByteBuffer fromFile;
@@ -88,14 +88,14 @@ struct RecordQueue::Impl {
     HiddenFile file;
     std::deque<SharedRecord> memory;
     std::uint64_t memoryBytes = 0;
-    std::deque<std::size_t> onDisk;  // sizes of the records in the file: all of them are later than those in memory
+    std::deque<std::size_t> onDisk;  // sizes of the records in the file, which are all later than those in memory
     std::uint64_t fileBegin = 0, fileEnd = 0, mostOnDisk = 0, encoded = 0;
     double newest = 0, taken = 0;
     bool closed = false;
     Result<> problem;
 
     Result<> put(SharedRecord record) {
-        // In order: while records wait in the file, later ones go there too.
+        // While records wait in the file, later ones must go there, too, to keep the order.
         if (onDisk.empty() && (memory.empty() || memoryBytes + memoryOf(*record) <= options.memoryBytes)) {
             memoryBytes += memoryOf(*record);
             memory.push_back(std::move(record));
@@ -107,7 +107,7 @@ struct RecordQueue::Impl {
         mostOnDisk = std::max(mostOnDisk, fileEnd - fileBegin);
         return {};
     }
-    /// Precondition: something waits. Null: it is in `fromFile`.
+    /// Precondition: something waits. Returns null if the record is now in `fromFile`.
     Result<SharedRecord> fetch() {
         if (!memory.empty()) {
             SharedRecord record = std::move(memory.front());

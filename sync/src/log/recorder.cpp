@@ -1,4 +1,4 @@
-// The thread that writes a log of its replica, the bell that wakes it, and what the scene's thread waits for.
+// The thread that logs from its own replica, the subscriber that wakes it, and the waits of the scene's thread.
 #include <rtsg/sync/log_recorder.h>
 
 #include <atomic>
@@ -19,35 +19,35 @@ namespace rtsg {
 
 namespace {
 
-/// States that a scene may be ahead of the log before it waits: fewer than the bus keeps without merging.
+/// States that a scene may be ahead of the log before it waits. The bus keeps more than that without merging.
 constexpr std::uint64_t kMostAhead = 128;
 
 }  // namespace
 
 struct LogRecorder::Impl {
-    /// A state of the scene, whose numbers begin anew whenever it starts over.
+    /// A state of the scene. Its number begins anew whenever the scene starts over.
     struct Heard {
         std::uint64_t start = 0, state = 0;
     };
-    /// On the scene's thread: there is something to fetch.
+    /// Runs on the scene's thread and wakes the recorder.
     struct Bell final : Subscriber {
         Impl& impl;
         std::atomic<std::uint64_t> rung{0};
-        Heard told;  // the scene's thread only: the last state it heard of
+        Heard told;  // the last state it heard of; for the scene's thread only
         explicit Bell(Impl& i) : impl(i) {}
-        /// An error here has the bus report to the application that the log has ended.
+        /// An error makes the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             if (impl.ended) return impl.outcome();
             const bool startsOver = changes.isSnapshot() && impl.thread.joinable() && told.state != 0;
             told.start += startsOver;
             told.state = changes.to;
             ring();
-            // Where others count starts, too, the recorder must see each.
+            // If somebody counts the starts, the recorder must see each of them.
             if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.tells)))
                 impl.waitForRoom(told, changes.isSnapshot() ? 0 : kMostAhead);
             return impl.ended ? impl.outcome() : Result<>();
         }
-        /// States of before that are not in the file yet would be dropped by the bus.
+        /// Without this the bus would drop earlier states that are not in the file yet.
         void beforeRestart() override {
             if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || impl.tells))
                 impl.waitForRoom(told, 0);
@@ -58,7 +58,7 @@ struct LogRecorder::Impl {
         }
         std::string subscriberName() const override { return "log " + impl.file; }
     };
-    /// On the recorder's thread, behind the log: what has come so far is in the file.
+    /// Runs on the recorder's thread after the log: what has come so far is in the file.
     struct Acknowledger final : Subscriber {
         Impl& impl;
         explicit Acknowledger(Impl& i) : impl(i) {}
@@ -72,7 +72,7 @@ struct LogRecorder::Impl {
     WhenBehind whenBehind = WhenBehind::merge;
     std::uint64_t start = 0;  // state of the scene when the recorder was attached
     std::unique_ptr<LogWriter> log;
-    std::unique_ptr<Replica> replica;  // the recorder's thread's own
+    std::unique_ptr<Replica> replica;  // used by the recorder's thread only
     Bell bell{*this};
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
@@ -82,13 +82,13 @@ struct LogRecorder::Impl {
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
     bool begun = false;        // guarded by mutex; the first state is in the file
-    std::uint64_t starts = 0;  // guarded by mutex; how often what is in the file has started over
+    std::uint64_t starts = 0;  // guarded by mutex; how often the scene in the file has started over
     Result<> result;           // guarded by mutex
     std::function<void(std::uint64_t, std::uint64_t)> heard;  // guarded by mutex; onAcknowledged()
-    char thrown[160] = {};  // guarded by mutex; by the thread: there may be no memory for a string
+    char thrown[160] = {};  // guarded by mutex; the thread's exception: there may be no memory for a string
     std::thread thread;
 
-    /// Of a thread that has ended, or is still at it.
+    /// The result of the thread, whether it has ended or still runs.
     Result<> outcome() const {
         const std::scoped_lock lock(mutex);
         if (!thrown[0]) return result;
@@ -111,13 +111,13 @@ struct LogRecorder::Impl {
         return {};
     }
 
-    /// With `mutex` held: who waits for what will never be in the file waits no longer.
+    /// With `mutex` held: wakes those who wait for states that will never be in the file.
     void tellEnd() const {
         constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
         if (heard) heard(kAny, kAny);
     }
 
-    /// On the scene's thread, until at most so many states are not in the file.
+    /// Blocks the scene's thread until at most so many states are not in the file.
     void waitForRoom(const Heard& told, std::uint64_t most) const {
         std::unique_lock lock(mutex);
         progress.wait(lock, [&] {
@@ -125,10 +125,10 @@ struct LogRecorder::Impl {
         });
     }
 
-    /// Until it is told to stop, or something goes wrong.
+    /// Runs until it is told to stop or something goes wrong.
     Result<> follow() {
         std::uint64_t rung = 0;
-        // As one set: an empty replica is no state of the scene's, and the log shall begin with one.
+        // Takes everything as one set, because the log must not begin with the replica's empty state.
         replica->poll();
         if (const std::uint64_t first = replica->scene().sequence(); first > start) merged = first - start - 1;
         Bus& bus = replica->scene().bus();
@@ -145,7 +145,7 @@ struct LogRecorder::Impl {
         return {};
     }
 
-    /// A log that has ended before its time has no index: who reads it can tell.
+    /// A log that ends early gets no index, so readers can tell.
     void run() {
         ::pthread_setname_np(::pthread_self(), "rtsg recorder");
         Result<> how;
@@ -178,7 +178,7 @@ struct LogRecorder::Impl {
 LogRecorder::LogRecorder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
 LogRecorder::~LogRecorder() {
-    (void)stop();  // as LogWriter: who wants to know calls it before
+    (void)stop();  // as in LogWriter, callers that want errors call it before
 }
 
 Result<std::unique_ptr<LogRecorder>> LogRecorder::start(Scene& scene, const std::filesystem::path& file,

@@ -1,4 +1,4 @@
-// Brings a log back into a scene, checks each state, and tells where two logs part.
+// Plays a log into a scene, checks each state, and finds where two logs differ.
 #include <rtsg/core/change_composer.h>
 #include <rtsg/sync/replay.h>
 
@@ -16,7 +16,7 @@ namespace rtsg {
 
 namespace {
 
-/// "node.field" of a change, as far as it has them.
+/// Puts the names of a change's node and field into a divergence, as far as it has them.
 void name(const Scene& scene, const Change& change, Divergence& into) {
     into.node = nodeLabel(scene, change.node);
     const Node* node = scene.find(change.node);
@@ -28,7 +28,8 @@ void name(const Scene& scene, const Change& change, Divergence& into) {
         into.field = node->type().fields[change.field].name;
 }
 
-/// A value of `set` that is not in the scene after applying it: an error of the scene's, not of the log's.
+/// Finds a value of `set` that the scene does not have after applying it. That is an error of the scene, not of the
+/// log.
 const Change* firstUnheeded(const Scene& scene, const ChangeSet& set) {
     std::vector<NodeId> destroyed;
     for (const Change& change : set.changes)
@@ -36,7 +37,7 @@ const Change* firstUnheeded(const Scene& scene, const ChangeSet& set) {
     std::ranges::sort(destroyed);
     for (const Change& change : set.changes) {
         if (change.kind != ChangeKind::setField || std::ranges::binary_search(destroyed, change.node)) continue;
-        if (change.value.type() == FieldType::MFNode) continue;  // insertions may have followed
+        if (change.value.type() == FieldType::MFNode) continue;  // the change may be followed by insertions
         const Node* node = scene.find(change.node);
         if (!node || change.field >= node->type().fields.size() ||
             !equalStorage(change.value.type(), node->storage(change.field), change.value.storage()))
@@ -58,7 +59,7 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
     std::unique_ptr<Replayer> replayer(new Replayer(std::move(*log)));
     while (const std::optional<LogReader::Record> record = replayer->log_.next()) {
         if (record->header.kind != RecordKind::head) {
-            // What a log's beginning has lost: nothing tells which scene these are of.
+            // The beginning of the log is damaged, so it is unknown to which scene these frames belong.
             if (record->header.kind == RecordKind::frame) replayer->missFrames();
             continue;
         }
@@ -73,7 +74,7 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     const auto failed = [this](const Diagnostic& why) { return fail(why.text, {}, log_.file().string()); };
     Result<StreamHead> head = decodeHead(record);
     if (!head) return failed(head.error());
-    // Heads are repeated; one that says nothing new changes nothing.
+    // Heads are repeated, and one without news changes nothing.
     if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash &&
         head->formatVersion == head_.formatVersion) {
         if (head->keptFrom && head->epoch == first_.epoch) first_.keptFrom = head->keptFrom;
@@ -102,20 +103,20 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     return {};
 }
 
-/// A frame that nothing leads to: counted once until the next keyframe.
+/// Notes a frame that does not follow from the scene's state. Counts it once until the next keyframe.
 void Replayer::missFrames() {
     lost_ = true;
     if (!std::exchange(told_, true)) ++gaps_;
 }
 
-/// Time never goes back within a session: a record that says so is not what its writer wrote.
+/// Time never goes back within a session, so such a record is not as it was written.
 Result<> Replayer::goesOn(const LogReader::Record& record, double from) {
     if (record.header.time >= from) return {};
     return lose(record.offset, record.header.to,
                 fmt::format("its time goes back from {} to {} s", from, record.header.time));
 }
 
-/// Whether the record is to be applied; notes gaps. A keyframe that repeats the state one is in is not.
+/// Returns whether to apply the record, and notes gaps. A keyframe that repeats the present state is not applied.
 bool Replayer::leadsOn(const RecordHeader& header) {
     const bool keyframe = header.kind == RecordKind::keyframe;
     if (!keyframe && header.kind != RecordKind::frame) return false;
@@ -145,7 +146,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     Result<> ok = decoder_.decode(record.bytes, *set_);
     set_->input.reset();
-    if (decoder_.originHash()) set_->hash = {};  // the scene says which it is here
+    if (decoder_.originHash()) set_->hash = {};  // the scene's own hash counts here
     if (input_ && input_->from == header.from && input_->to == header.to) set_->input = std::move(input_->input);
     if (ok && runner_) {
         if (const Result<bool> taken = runner_->take(set_); !taken) ok = std::unexpected(taken.error());
@@ -161,7 +162,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     return {};
 }
 
-/// Another one follows the one that was played.
+/// Notes that another session follows the one just played.
 void Replayer::meetSession() {
     if (closed_ && !head_.start) return;
     ++unclosed_;
@@ -182,7 +183,7 @@ std::string LaterPiece::format() const {
                        std::round(letGo * 1e6) / 1e6);
 }
 
-/// True when the record brought the scene to a further state.
+/// Returns true if the record led the scene to another state.
 Result<bool> Replayer::take(const LogReader::Record& record) {
     if (record.header.kind == RecordKind::head) {
         const std::uint64_t epoch = head_.epoch;
@@ -198,7 +199,7 @@ Result<bool> Replayer::take(const LogReader::Record& record) {
     return true;
 }
 
-/// In input mode: runs the frame. Else: keeps what came into it until its changes come.
+/// In input mode: runs the frame. Otherwise: keeps the input until the frame's changes come.
 Result<bool> Replayer::takeInput(const LogReader::Record& record) {
     const RecordHeader& header = record.header;
     const bool isRunState = header.from == header.to;
@@ -212,7 +213,7 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
     }
     auto input = std::make_shared<ChangeSet>();
     if (auto ok = inputDecoder_.decode(record.bytes, *input); !ok) {
-        if (!runner_) return false;  // the changes themselves are what counts
+        if (!runner_) return false;  // the changes count
         return std::unexpected(lose(record.offset, header.to, ok.error().text).error());
     }
     if (!runner_) {
@@ -272,8 +273,8 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
     divergence_ = std::move(found);
 }
 
-/// Goes to the state before again, runs the frame from what came into it, and compares, if that leads to the hash that
-/// was recorded: then what the cascade makes is what the origin had.
+/// Runs the frame again from its input, in a scene in the state before. If that leads to the recorded hash, the result
+/// is what the origin had, and is compared.
 std::optional<Divergence> Replayer::compareWithRerun(const RecordHeader& header, const ChangeSet& set) const {
     if (header.kind != RecordKind::frame || header.to != header.from + 1 || divergence_) return std::nullopt;
     Result<std::unique_ptr<Replayer>> before = open(log_.file());
@@ -292,7 +293,7 @@ std::optional<Divergence> Replayer::compareWithRerun(const RecordHeader& header,
     return firstDifference(truth, *scene_, {"the origin had", "the log has"});
 }
 
-/// Carries a copy of the scene on to where the log holds a whole state, and compares it with that.
+/// Steps a copy of the scene on to the log's next whole state and compares both.
 std::optional<Divergence> Replayer::compareAtNextKeyframe() const {
     Result<LogReader> ahead = LogReader::open(log_.file());
     if (!ahead) return std::nullopt;
@@ -345,7 +346,7 @@ std::optional<double> Replayer::nextTime() {
     return time;
 }
 
-/// Brings the scene to a keyframe's state. False when it, or the head before it, is damaged.
+/// Brings the scene to a keyframe's state. Returns false if the keyframe or the head before it is damaged.
 bool Replayer::startAt(const LogKeyframe& keyframe) {
     const auto recordAt = [this](std::uint64_t offset, RecordKind kind) {
         log_.seek(offset);
@@ -362,7 +363,7 @@ bool Replayer::startAt(const LogKeyframe& keyframe) {
     return record && record->header.to == keyframe.to && apply(*record);
 }
 
-/// What time() would be in the state that the record leads to.
+/// The value of time() in the state to which the record leads.
 double Replayer::timeOf(const RecordHeader& header) const {
     const double time = header.time + shift_;
     return lost_ ? std::max(time, time_) : time;
@@ -381,7 +382,8 @@ double Replayer::shiftAt(std::uint64_t offset) const {
     return shift;
 }
 
-/// Within a session time goes on, so that one whose first and last keyframe are of one session need not be read.
+/// Finds where sessions begin earlier than the last one ended. Time never goes back within a session, so nothing needs
+/// to be read if the first and the last keyframe are of one session.
 void Replayer::findTurns() {
     if (turns_) return;
     turns_.emplace();
@@ -399,7 +401,7 @@ void Replayer::findTurns() {
     log->seek(0);
     double last = -std::numeric_limits<double>::infinity(), shift = 0;
     std::uint64_t epoch = 0, beginsAt = 0;
-    bool begins = false;  // a session, of which no state has come yet
+    bool begins = false;  // a session has begun and has no state yet
     while (const std::optional<LogReader::Record> record = log->next()) {
         const RecordHeader& header = record->header;
         if (header.kind == RecordKind::head) {
@@ -418,11 +420,11 @@ void Replayer::findTurns() {
     }
 }
 
-/// Goes on to the last state that is not after `time`; frames between two heads come as one set.
+/// Goes on to the last state that is not after `time`. Frames between two heads become one set.
 Result<> Replayer::composeUntil(double time) {
     ChangeComposer composer;
     ChangeSet set;
-    std::optional<RecordHeader> last;  // in the composer
+    std::optional<RecordHeader> last;  // the last record in the composer
     const auto flush = [&]() -> Result<> {
         if (!last) return {};
         auto merged = std::make_shared<ChangeSet>(composer.take(scene_.get()));
@@ -478,7 +480,7 @@ Result<> Replayer::seek(double time) {
         if (keyframes[i].time + shiftAt(keyframes[i].offset) <= time) best = i;
     const bool ahead = !lost_ && time_ <= time && keyframes[best].offset < log_.position();
     if (!ahead) {
-        // A damaged keyframe costs the way from the one before it; the first ones have nothing before them.
+        // If a keyframe is damaged, starts from an earlier one; before the first there is none.
         std::size_t tried = best + 1;
         while (tried > 0 && !startAt(keyframes[tried - 1])) --tried;
         for (std::size_t i = best + 1; tried == 0 && i < keyframes.size(); ++i)
@@ -510,15 +512,15 @@ class ComparedLog {
         session_ += another;
         return {};
     }
-    /// Counts from 1.
+    /// The number of the session, from 1.
     std::uint64_t session() const { return session_; }
     bool more() const { return more_; }
     const Scene& scene() const { return replayer_.scene(); }
     std::uint64_t state() const { return scene().sequence(); }
     const Replayer& replayer() const { return replayer_; }
     std::string name() const { return replayer_.log().file().string(); }
-    /// The last step went over a hole: what is in the other log alone before it is missing here. Frames that were
-    /// merged are not, nor is what a log does not begin with.
+    /// True if the last step passed a hole, so that this log lacks states that only the other one has. Merged frames
+    /// and a late beginning are not holes.
     bool jumped() const { return jumped_; }
 
   private:
@@ -527,7 +529,7 @@ class ComparedLog {
     std::uint64_t session_ = 1;
 };
 
-/// State numbers begin anew with each session of a log: says which one it is, unless it is the first of both.
+/// State numbers begin anew with each session. Adds the session to the text, unless it is the first of both logs.
 Divergence inSessions(Divergence found, const ComparedLog& x, const ComparedLog& y) {
     if (x.session() == y.session() && x.session() > 1)
         found.text += fmt::format(", in session {} of both", x.session());
@@ -552,10 +554,10 @@ std::optional<Divergence> differenceOfStates(const Scene& s, const Scene& t) {
     return std::nullopt;
 }
 
-/// Holes and other orders, which leave the states that both hold alike.
+/// Notes holes and wrong order in logs whose common states agree.
 class HolesOfLogs {
   public:
-    /// `ahead` has gone past the state that `behind` is in.
+    /// `ahead` has passed the state that `behind` is in.
     void pass(const ComparedLog& behind, const ComparedLog& ahead) {
         if (!first_ && ahead.jumped())
             first_ = inSessions({behind.state(), behind.scene().now(), {}, {}, ahead.name() + " lacks this state"},

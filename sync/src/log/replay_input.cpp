@@ -1,4 +1,4 @@
-// Runs the input of a frame in a scene, for logs that hold it beside the changes.
+// Runs recorded input in a scene.
 #include "replay_input.h"
 
 #include <algorithm>
@@ -96,7 +96,7 @@ Result<> InputPlayer::edit(const ChangeSet& set, const Change& c) {
     if (!value) return std::unexpected(value.error());
     switch (c.kind) {
         case ChangeKind::setField:
-            // Written by an event that comes again, or by what runs here, too.
+            // An event that is sent again, or something that runs here, writes this field, too.
             if (std::ranges::binary_search(sent_, std::pair(c.node, c.field)) || isOutput(node, field)) return {};
             return live_.setField(node, field, *value);
         case ChangeKind::setName:
@@ -152,7 +152,7 @@ Result<> InputPlayer::run(const ChangeSet& set) {
     for (const Change& change : set.changes)
         if (change.kind == ChangeKind::event) sent_.emplace_back(change.node, change.field);
     std::ranges::sort(sent_);
-    // What came in, where the log says so; else it is read off the changes, as far as the cascade has left it there.
+    // The input from the log, if it has it. If not, the changes show it as far as the cascade has left it there.
     std::vector<Change> noted;
     const bool exact = set.input && set.input->complete;
     bool ran = exact ? set.input->ran : set.changes.empty() || set.time != live_.now();

@@ -1,4 +1,4 @@
-// What came into a recorded frame from outside, made to happen again in a live scene.
+// InputPlayer: repeats the recorded input of frames in a live scene.
 #pragma once
 
 #include <unordered_map>
@@ -9,21 +9,21 @@
 
 namespace rtsg {
 
-/// Which of the recorded inputs: an application that runs along makes its edits itself.
+/// Which input to repeat. An application that runs along makes its edits itself.
 enum class ReplayInput : std::uint8_t { everything, eventsOnly };
 
 class InputPlayer {
   public:
-    /// `live` is in the state that the first frame starts at. With `recorded`, the scene that the frames were applied
-    /// to, `live` may be another edition of it: nodes are then found by their DEF names, fields by theirs.
+    /// `live` must be in the state before the first frame. `recorded` is the scene to which the frames are applied, if
+    /// `live` may be another version of it; then nodes and fields are found by name.
     explicit InputPlayer(Scene& live, const Scene* recorded = nullptr, ReplayInput which = ReplayInput::everything)
         : live_(live), recorded_(recorded), which_(which) {}
 
-    /// Both scenes are in the session's first state. Pairs nodes that have names, so that they are known when they are
-    /// renamed or destroyed later.
+    /// Call it when both scenes are in the session's first state. It pairs the named nodes, so that they are still
+    /// known after they are renamed or destroyed.
     void begin();
-    /// Makes the set's external edits, queues its events, and runs or seals the frame as the origin did. What the live
-    /// scene will not take, because it is another, is the error.
+    /// Makes the set's external edits, queues its events, and runs or seals the frame as the origin did. Error: the
+    /// live scene refuses an edit or event, because it is another scene.
     Result<> run(const ChangeSet& set);
 
   private:
@@ -43,8 +43,9 @@ class InputPlayer {
     Scene& live_;
     const Scene* recorded_;
     ReplayInput which_;
-    std::unordered_map<std::uint32_t, NodeId> made_;   // by us, for nodes that the application created; named ones
-    std::vector<std::pair<NodeId, FieldIndex>> sent_;  // what this frame's events go to, sorted
+    std::unordered_map<std::uint32_t, NodeId>
+        made_;  // our nodes for those that the application created, and named ones
+    std::vector<std::pair<NodeId, FieldIndex>> sent_;  // targets of this frame's events, sorted
 };
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// A recorded session as a test: its states compared with those of a scene run afresh on its input.
+// Runs a replay test: compares the states of a recorded session with those of a scene that runs on its input.
 #include <rtsg/sync/replay_test.h>
 
 #include <charconv>
@@ -59,7 +59,7 @@ class Run {
     }
 
   private:
-    /// What the scene under test did in a frame, edits of subscribers included.
+    /// Notes what the scene under test changed in a frame, with edits of subscribers.
     class Changes final : public Subscriber {
       public:
         explicit Changes(FieldComparison& fields) : fields_(fields) {}
@@ -94,7 +94,7 @@ class Run {
             report_.divergence = Divergence{0, report_.end, {}, {}, std::move(why)};
     }
 
-    /// Only by one that is whole: the old one is all there is of the session.
+    /// Only a complete log may replace the old one, which is all that is left of the session.
     Result<> replaceLog() {
         attachment_.detach();
         Result<> closed = log_->close();
@@ -116,7 +116,7 @@ class Run {
         report_.divergence = Divergence{s.sequence(), s.now(), {}, {}, std::move(text)};
     }
 
-    /// What led to the first state of a later piece is in the ones before.
+    /// What led to the first state of a later piece is in earlier pieces.
     Result<> checkBegin() const {
         const std::optional<double> began = recorded_.head().start;
         const double before = began ? recorded_.scene().now() - *began : 0;
@@ -127,8 +127,8 @@ class Run {
                     {}, test_.log.string());
     }
 
-    /// Of a log whose first state is a later one of its session than the one that the scene begins with: a mirror's
-    /// that came late, or the end of one, cut off. Empty: it is not.
+    /// Says that the log begins with a later state of its session than the scene does: a mirror came late, or the
+    /// beginning was cut off. Empty if it does not.
     std::string lateBegin() const {
         if (!test_.build || first_ <= firstNow_) return {};
         return fmt::format(
@@ -137,14 +137,14 @@ class Run {
             first_, firstNow_);
     }
 
-    /// The first state, before anything runs.
+    /// Takes the first state, before anything runs.
     Result<> start() {
         const Result<bool> first = check_.step();
         if (!first) return std::unexpected(first.error());
         if (!*first) return fail("no intact state", {}, test_.log.string());
         if (auto ok = checkBegin(); !ok) return ok;
         if (test_.build) {
-            // What is loaded is there from the same time on as in the session.
+            // What the scene loads must have the same time as in the session.
             if (const double t = recorded_.scene().now(); t > 0) scene_.newFrame(t);
             if (auto ok = test_.build(scene_); !ok) return ok;
             scene_.seal();
@@ -175,14 +175,14 @@ class Run {
         return {};
     }
 
-    /// Steps the recorded side, and says what of it cannot be trusted.
+    /// Steps the recorded side and notes what is wrong with it.
     bool next() {
         const Result<bool> more = check_.step();
         if (!done()) report_.divergence = check_.firstLoss();
         return more && *more && !done();
     }
 
-    /// Where all states were had in spite of it, they were compared; but the log is not what was recorded.
+    /// Reports damage. All states may still have been compared, but the log is not as it was recorded.
     void tellDamage() {
         const std::optional<Divergence>& damage = check_.first();
         if (!damage) return;
@@ -234,7 +234,7 @@ class Run {
             if (auto ok = test_.check(now); !ok) diverge(ok.error().text);
     }
 
-    /// Later ones mostly follow from the first.
+    /// Reports only the first difference, as later ones mostly follow from it.
     void tellDifference() {
         if (test_.differ && test_.build && !std::exchange(differed_, true)) test_.differ(recorded_.scene(), scene());
     }
@@ -278,7 +278,7 @@ Result<ReplayReport> runReplayTest(const ReplayTest& test) {
 
 namespace {
 
-/// False for what is no such call.
+/// Returns false if the arguments are wrong.
 bool parseTestArguments(int argc, char** argv, ReplayTest& test) {
     if (argc < 2) return false;
     test.log = argv[1];

@@ -1,4 +1,4 @@
-// Finds the first difference of two scenes, the cause rather than what followed from it.
+// Finds the first difference of two scenes, preferring a cause to its effects.
 #include <algorithm>
 #include <tuple>
 
@@ -85,7 +85,7 @@ class Comparison {
     DifferenceWords words_;
 };
 
-/// More than that are not looked at for the cause.
+/// Only this many differences are searched for the cause.
 constexpr std::size_t kMostDifferences = 4096;
 
 }  // namespace
@@ -116,7 +116,7 @@ std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, Differ
         if (!a.find(f.first)) return true;
         return std::ranges::none_of(a.routesTo(f.first), [&](const Route& r) { return differs(r.fromNode); });
     });
-    if (cause == found.end()) cause = found.begin();  // a circle of routes
+    if (cause == found.end()) cause = found.begin();  // the routes form a circle
     return Divergence{a.sequence(), a.now(), nodeLabel(a.find(cause->first) ? a : b, cause->first),
                       std::move(cause->second.field), std::move(cause->second.text)};
 }

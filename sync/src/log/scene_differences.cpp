@@ -1,4 +1,4 @@
-// What two documents differ in: both trees walked side by side.
+// Finds the differences of two documents by walking both trees side by side.
 #include <algorithm>
 #include <set>
 #include <unordered_map>
@@ -21,7 +21,7 @@ class TreeDifference {
         : a_(a), b_(b), most_(most), words_(words) {}
 
     std::vector<Divergence> run() {
-        // With a list of its own instead of the call stack: documents may be deep.
+        // Uses its own stack, because documents may be deeper than the call stack allows.
         push(a_.root(), b_.root(), "");
         while (!waiting_.empty() && !full()) {
             const Pair pair = std::move(waiting_.back());
@@ -35,7 +35,7 @@ class TreeDifference {
   private:
     struct Pair {
         NodeId a, b;
-        std::string place;  // how to say where it is, if it has no name
+        std::string place;  // how to name the node if it has no DEF name
     };
     using Nodes = Array<NodeId>;
 
@@ -55,7 +55,7 @@ class TreeDifference {
         const std::string_view name = scene.name(id);
         return name.empty() ? scene.node(id).type().name : fmt::format("{} {}", scene.node(id).type().name, name);
     }
-    /// A node that is used in several places is compared once.
+    /// Compares each pair once, even if it is used in several places.
     void push(NodeId x, NodeId y, std::string place) {
         if (seen_.insert(std::uint64_t{x.value} << 32 | y.value).second) waiting_.push_back({x, y, std::move(place)});
     }
@@ -94,7 +94,8 @@ class TreeDifference {
         note(where, field, both(kind(a_, x), kind(b_, y)));
     }
 
-    /// Which of `theirs` belongs to each of `ours`: those of the same name first, then nameless ones in order by type.
+    /// Finds for each of `ours` its partner in `theirs`: first nodes of the same name, then nameless ones in order by
+    /// type.
     std::vector<std::size_t> pairUp(const Nodes& ours, const Nodes& theirs) const {
         std::vector<std::size_t> partner(ours.size(), SIZE_MAX);
         std::vector<bool> taken(theirs.size());
@@ -103,7 +104,7 @@ class TreeDifference {
             taken[k] = true;
         };
         std::unordered_map<std::string_view, std::vector<std::size_t>>
-            named;  // last ones first: a node may stand twice
+            named;  // in reverse order; a node may stand twice
         for (std::size_t k = theirs.size(); k-- > 0;)
             if (const std::string_view name = b_.name(theirs[k]); !name.empty()) named[name].push_back(k);
         for (std::size_t i = 0; i < ours.size(); ++i) {
@@ -115,13 +116,13 @@ class TreeDifference {
             take(i, found->second.back());
             found->second.pop_back();
         }
-        std::unordered_map<std::string_view, std::vector<std::size_t>> byType;  // last ones first
+        std::unordered_map<std::string_view, std::vector<std::size_t>> byType;  // in reverse order
         for (std::size_t k = theirs.size(); k-- > 0;)
             if (!taken[k]) byType[b_.node(theirs[k]).type().name].push_back(k);
         for (std::size_t i = 0; i < ours.size(); ++i) {
             if (partner[i] != SIZE_MAX) continue;
             auto& left = byType[a_.node(ours[i]).type().name];
-            // A node that has a name in both is not paired with one of another.
+            // Nodes with names in both documents are not paired with nodes of other names.
             if (left.empty() || (!a_.name(ours[i]).empty() && !b_.name(theirs[left.back()]).empty())) continue;
             take(i, left.back());
             left.pop_back();
@@ -147,7 +148,7 @@ class TreeDifference {
         for (std::size_t k = 0; k < theirs.size(); ++k)
             if (!taken[k]) note(where, field, fmt::format("{} at {} only in {}", kind(b_, theirs[k]), k, words_.b));
         if (moved) note(where, field, "the same nodes in another order");
-        for (std::size_t i = ours.size(); i-- > 0;)  // the list is taken from its end
+        for (std::size_t i = ours.size(); i-- > 0;)  // the stack is popped from its end
             if (partner[i] != SIZE_MAX) push(ours[i], theirs[partner[i]], fmt::format("{}[{}]", place, i));
     }
 

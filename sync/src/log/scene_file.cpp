@@ -1,4 +1,4 @@
-// Writes a scene's snapshot as one record, and reads the first state of such a file, or of a log.
+// Writes a scene's snapshot as one record, and reads the first state of such a file or of a log.
 #include <rtsg/sync/scene_file.h>
 
 #include <array>

@@ -1,4 +1,4 @@
-// Brings a scene to the last state of a log, and sets it going.
+// Brings a scene to the last state of a log, and starts its behaviours.
 #include <rtsg/sync/session.h>
 
 #include <deque>
@@ -14,8 +14,8 @@ namespace rtsg {
 
 namespace {
 
-/// The newest sets, as many as are wanted, each following the one before. Of the replayed scene: a log in input mode
-/// has no changes of its own.
+/// Keeps the newest sets, as many as wanted, each following the one before. It takes them from the replayed scene,
+/// because a log in input mode has no changes.
 class Recent final : public Subscriber {
   public:
     explicit Recent(const ResumeOptions& options) : options_(options) {}
@@ -26,7 +26,7 @@ class Recent final : public Subscriber {
         if (set.isSnapshot()) return {};
         changes_ += set.changes.size();
         auto kept = std::make_shared<ChangeSet>(set);
-        kept->hash = scene.hash();  // logs of before have it of another kind
+        kept->hash = scene.hash();  // logs of earlier formats have another kind of hash
         sets_.push_back(std::move(kept));
         while (!sets_.empty() && (changes_ > options_.mostChanges || sets_.size() > options_.mostSets)) {
             changes_ -= sets_.front()->changes.size();
@@ -51,19 +51,19 @@ class Recent final : public Subscriber {
 
 namespace {
 
-/// Reads it to its end: every state, from the first, as numbers of nodes that are gone must not be given again.
+/// Reads the log to its end. Every state counts, because numbers of destroyed nodes must not be used again.
 Result<std::unique_ptr<Replayer>> readThrough(const std::filesystem::path& log, Recent& recent, ResumedSession& session,
                                               const ResumeOptions& options) {
     auto opened = Replayer::open(log);
     if (!opened) return opened;
     Replayer& replayer = **opened;
-    // Two that go on with one session would both be it.
+    // Two writers must not continue one session.
     if (replayer.log().beingWritten()) return fail("another log writer has the file open", {}, log.string());
     const Attachment attachment = replayer.scene().bus().attach(recent);
     while (true) {
         const Result<bool> more = replayer.step();
         if (!more) {
-            ++session.damaged;  // it goes on with the next keyframe
+            ++session.damaged;  // the next step goes on at the next keyframe
             continue;
         }
         if (!*more) break;
@@ -80,7 +80,7 @@ Result<std::unique_ptr<Replayer>> readThrough(const std::filesystem::path& log, 
     return opened;
 }
 
-/// Heads at most, and nothing that a state could be told from: its writer, or the disk, did not get further.
+/// True if the file has at most heads, because its writer or the disk got no further.
 bool isWithoutStates(const std::filesystem::path& file) {
     if (isCutInHead(file)) return true;
     auto log = LogReader::open(file);
@@ -103,7 +103,7 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     if (!opened) return std::unexpected(opened.error());
     Replayer& replayer = **opened;
     if (session.states == 0) return failed("no intact state");
-    // It would go on a second time from here, under the same name.
+    // A piece must not be continued, because the session has gone on in a later file already.
     const auto later = before.empty() ? laterPiece(log) : std::filesystem::path();
     if (const auto head = headOf(later); head && head->epoch == session.epoch)
         return failed(fmt::format("its session went on in {}: resume that one, or a copy of this under another name",
@@ -122,7 +122,7 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     RunState numbers = scene.runState();
     numbers.nextId = replayer.scene().runState().nextId;
     if (auto ok = scene.resumeFrom(numbers); !ok) return std::unexpected(ok.error());
-    scene.setBehavioursEnabled(true);  // every node that acts is asked again in the next frame
+    scene.setBehavioursEnabled(true);  // in the next frame every node that acts is asked again
     return session;
 }
 

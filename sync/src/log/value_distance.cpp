@@ -1,4 +1,4 @@
-// How far two values are apart, as one number.
+// Computes how far two values are apart, as one number.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,7 +18,7 @@ double apart(double a, double b) {
     return std::isnan(difference) ? kApart : difference;
 }
 
-/// The angle of the rotation that leads from one to the other, 0 to pi. An axis of length 0 turns nothing.
+/// The angle of the rotation from one to the other, 0 to pi. An axis of length 0 means no rotation.
 double apart(const Rotation& a, const Rotation& b) {
     if (a == b) return 0;
     const auto quaternion = [](const Rotation& r, double(&q)[4]) {
@@ -30,7 +30,7 @@ double apart(const Rotation& a, const Rotation& b) {
     double p[4], q[4];
     quaternion(a, p);
     quaternion(b, q);
-    // By both chords, p - q and p + q: exact for small angles, where the arc cosine of the product is not.
+    // Uses the chords p - q and p + q, which are exact for small angles; the arc cosine of the product is not.
     double near = 0, far = 0;
     for (int i = 0; i < 4; ++i) near += (p[i] - q[i]) * (p[i] - q[i]), far += (p[i] + q[i]) * (p[i] + q[i]);
     const double angle = 4 * std::atan2(std::sqrt(std::min(near, far)), std::sqrt(std::max(near, far)));

@@ -1,4 +1,4 @@
-// The log's writer: records into a file of its own, one write each, never over what is there.
+// Writes a log: each record with one write, into a file of its own, never over an existing one.
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
@@ -25,7 +25,7 @@ namespace rtsg {
 
 namespace {
 
-/// What keyframes that come for the time that has passed may take at most, bytes for each second of it.
+/// The most bytes, per second of scene time, for keyframes that are due because of time.
 constexpr double kKeyframeRate = 1 << 20;
 constexpr off_t kRoomForHead = 1024;
 
@@ -35,7 +35,7 @@ std::uint64_t freshEpoch() {
     return high << 32 | device();
 }
 
-/// So that a new file's name survives a loss of power as well.
+/// Makes sure that a new file's name survives a loss of power, too.
 void syncFolderOf(const std::filesystem::path& file) {
     const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
     const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -50,8 +50,8 @@ bool isStill(int descriptor, const std::filesystem::path& file) {
            ours.st_ino == there.st_ino;
 }
 
-/// False if another writer has it, or has made a piece of it since it was opened. Readers look for that with a lock of
-/// their own, for an instant: not given up at once.
+/// Returns false if another writer has the file, or has renamed it since it was opened. Readers test for writers with a
+/// short lock of their own, so this tries several times.
 bool lockForWriting(int descriptor, const std::filesystem::path& file) {
     for (int tries = 0; ::flock(descriptor, LOCK_EX | LOCK_NB) != 0; ++tries) {
         if (tries == 10) return false;
@@ -78,7 +78,7 @@ Result<std::unique_ptr<LogWriter>> LogWriter::create(const std::filesystem::path
     return log;
 }
 
-/// A new file; one that takes the place of another; what is no regular file, as it is; or the end of one that is there.
+/// Opens a new file, a replacement for an existing one, an irregular file (as it is), or the end of an existing log.
 Result<> LogWriter::openFile() {
     struct stat status{};
     const bool there = ::stat(file_.c_str(), &status) == 0;
@@ -94,7 +94,7 @@ Result<> LogWriter::openFile() {
         return fail("there is a piece of an earlier recording already", {}, replacedPieces_.front().string());
     std::filesystem::path target = file_, fresh = file_;
     if (there) {
-        // Whoever still writes the old one would go on with a file that nobody finds.
+        // A writer of the old file would go on with a file that nobody can find.
         replaced_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
         if (replaced_ < 0) return std::unexpected(failure("cannot write", errno));
         if (!lockForWriting(replaced_, file_)) return fail("another log writer has the file open", {}, file_.string());
@@ -105,7 +105,7 @@ Result<> LogWriter::openFile() {
     }
     descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor_ < 0) return std::unexpected(failure("cannot write", errno));
-    // Where there is no room for a head, no empty file shall stay, nor take the place of a log.
+    // If there is no room even for a head, no empty file may stay or replace a log.
     if (::fallocate(descriptor_, FALLOC_FL_KEEP_SIZE, 0, kRoomForHead) != 0 && errno == ENOSPC) {
         ::unlink(fresh.c_str());
         return std::unexpected(failure("cannot write", ENOSPC));
@@ -116,7 +116,7 @@ Result<> LogWriter::openFile() {
     return {};
 }
 
-/// With its first state in it the new file takes the place of the old one: a disk that is full costs nobody a log.
+/// The new file replaces the old one once it has its first state, so a full disk destroys no log.
 Result<> LogWriter::takePlace() {
     if (replaced_ < 0) return {};
     if (::rename(made_.c_str(), target_.c_str()) != 0) {
@@ -128,7 +128,7 @@ Result<> LogWriter::takePlace() {
     return {};
 }
 
-/// Beside the new pieces they would look like the first ones of its session.
+/// Deletes pieces of the replaced log, which would look like the first pieces of the new session.
 Result<> LogWriter::dropReplacedPieces() {
     for (const std::filesystem::path& piece : std::exchange(replacedPieces_, {})) {
         std::error_code error;
@@ -140,7 +140,7 @@ Result<> LogWriter::dropReplacedPieces() {
     return {};
 }
 
-/// Nothing is left of a log without a state, unless somebody else has put something there.
+/// Deletes a log without a state, unless somebody else has put another file there.
 void LogWriter::discard() {
     if (frames_ > 0 || made_.empty()) return;
     if (isStill(descriptor_, made_)) ::unlink(made_.c_str());
@@ -151,10 +151,10 @@ Result<> LogWriter::openAppended() {
     descriptor_ = ::open(file_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
     struct stat status{};
     if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) return std::unexpected(failure("cannot write", errno));
-    // Before anything of it is touched: two writers would destroy each other's log.
+    // Locks before it changes anything, because two writers would destroy each other's log.
     if (!lockForWriting(descriptor_, file_)) return fail("another log writer has the file open", {}, file_.string());
     if (options_.epoch != 0 && isCutInHead(file_)) {
-        // Its first record was never whole: begun anew, as the piece that it was to be.
+        // The first record is incomplete, so the file begins anew, as the piece that it was to be.
         if (const auto before = pieceBefore(file_); !before.empty()) goOnBehind(before);
     } else if (status.st_size > 0) {
         Result<LogReader> old = LogReader::open(file_);
@@ -170,9 +170,9 @@ Result<> LogWriter::openAppended() {
     return {};
 }
 
-/// The same session goes on in its file, as the piece that this is.
+/// Continues the same session in its file, which is a piece.
 void LogWriter::goOnInFile() {
-    // Who starts again more often than files rotate would otherwise fill one for ever.
+    // If the program restarts more often than files rotate, the file must still rotate by its age.
     if (!keyframes_.empty()) pieceStart_ = keyframes_.front().time;
     const auto head = headOf(file_);
     if (!head || head->epoch != options_.epoch || !head->start) return;
@@ -189,7 +189,7 @@ void LogWriter::goOnBehind(const std::filesystem::path& piece) {
     if (!options_.sessionStart) options_.sessionStart = head->start;
 }
 
-/// That it was being given to be a piece when its writer was killed.
+/// Drops the piece name that the file was getting when its writer was killed.
 void LogWriter::dropSecondName() {
     const auto pieces = earlierPieces(file_);
     std::error_code error;
@@ -198,7 +198,7 @@ void LogWriter::dropSecondName() {
 }
 
 LogWriter::~LogWriter() {
-    (void)close();  // who wants to know of errors calls it before
+    (void)close();  // callers that want errors call it before
     if (replaced_ >= 0) ::close(replaced_);
 }
 
@@ -215,7 +215,7 @@ Result<> LogWriter::beginEpoch() {
     return writeHead();
 }
 
-/// The first state of a later piece says no longer when the session began.
+/// The first state of a later piece no longer tells when the session began, so the head does.
 void LogWriter::makeHead() {
     const std::optional<double> start = isLater_ ? sessionStart_ : std::nullopt;
     encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, start, keptFrom_ ? keptFrom_ : start);
@@ -236,7 +236,7 @@ Result<> LogWriter::writeRecord(const ByteBuffer& record) {
         if (written <= 0) {
             const int error = written < 0 ? errno : ENOSPC;
             broken_ = true;
-            // The file shall end with a whole record, whatever came of this one.
+            // The file must end with a whole record, whatever happened to this one.
             const bool cut = !regular_ || ::ftruncate(descriptor_, static_cast<off_t>(size_)) == 0;
             return std::unexpected(failure(cut ? "cannot write" : "cannot write, nor cut back", error));
         }
@@ -252,7 +252,7 @@ Result<> LogWriter::flush() {
     return std::unexpected(failure("cannot flush", errno));
 }
 
-/// What a log that nobody can find any more, or that has a hole in it, has to say before its owner believes in it.
+/// Finds out whether the log has been deleted or truncated by others, before its owner relies on it.
 Result<> LogWriter::checkFile() {
     struct stat status{};
     if (!regular_ || broken_ || ::fstat(descriptor_, &status) != 0) return {};
@@ -275,15 +275,15 @@ Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
         if (auto ok = writeRecord(record_); !ok) return ok;
         keyframes_.push_back({offset, changes.to, changes.time, head_});
     }
-    if (changes.to > 0) firstOfEpoch_ = false;  // else the first state with anything in it is yet to come
+    if (changes.to > 0) firstOfEpoch_ = false;  // else the first state that has content is still to come
     keyframeSize_ = record_.size();
     keyframeTime_ = changes.time;
     sinceKeyframe_ = 0;
-    record_ = ByteBuffer();  // frames take less
+    record_ = ByteBuffer();  // frees memory, as frames need less
     return {};
 }
 
-/// Its changes, what came into it, or both, as the mode wants it.
+/// Writes its changes, its input, or both, depending on the mode.
 Result<> LogWriter::writeFrame(const ChangeSet& changes) {
     const bool inputMode = options_.mode.mode == Mode::input;
     const bool withInput = !needsState(changes) && (inputMode || options_.inputs);
@@ -326,7 +326,7 @@ void LogWriter::enter(std::uint64_t state, const Hash128& hash, double time) {
 Result<> LogWriter::entered(bool isSnapshot) {
     if (auto ok = takePlace(); !ok) return ok;
     ++frames_;
-    // By now the new log stays, whatever becomes of the old pieces.
+    // From here on the new log stays, even if the old pieces cannot be removed.
     if (auto ok = dropReplacedPieces(); !ok) return ok;
     if (options_.sync == LogOptions::Sync::always || (options_.sync == LogOptions::Sync::atKeyframes && isSnapshot))
         return flush();
@@ -363,8 +363,8 @@ bool LogWriter::keyframeDue(double now) const {
 Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = write(changes); !ok) return ok;
     if (!wantsSnapshot()) return {};
-    // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind, and
-    // another one may have edited the scene from within this delivery.
+    // Only if the scene is in the state that was just written. A polled subscriber may lag behind, and another
+    // subscriber may have edited the scene during this delivery.
     if (scene.sequence() != changes.to || scene.hasUnsealedEdits()) return {};
     return writeSnapshot(scene.snapshot());
 }
@@ -375,8 +375,8 @@ bool LogWriter::rotationDue(double now) const {
            (options_.rotateSeconds > 0 && pieceStart_ && now - *pieceStart_ >= options_.rotateSeconds);
 }
 
-/// Pieces that the same session wrote before it was resumed grow old as its own do; or a ring would keep them for good,
-/// with a hole behind them. Each ends where the next begins.
+/// Takes over the pieces that the session wrote before it was resumed. Otherwise they would never be deleted, and later
+/// pieces would, which leaves a gap. Each piece ends where the next one begins.
 void LogWriter::adoptPieces() {
     if (keyframes_.empty()) return;
     double end = keyframes_.front().time;
@@ -392,7 +392,7 @@ void LogWriter::adoptPieces() {
     }
 }
 
-/// The next number above all that files have: those of an earlier session are not overwritten, and come before.
+/// The next number above those of all files. Pieces of an earlier session keep their numbers and come first.
 Result<std::filesystem::path> LogWriter::freePieceName() {
     if (pieceNumber_ == 0)
         for (const auto& [number, piece] : numberedPieces(file_))
@@ -407,9 +407,8 @@ Result<std::filesystem::path> LogWriter::freePieceName() {
     return fail("there is no number left for its next piece", {}, file_.string());
 }
 
-/// The file as it is becomes a piece, which says that another follows; its name goes to a new one that begins with
-/// `state`, once that is in it: whenever the process is killed, the log's own name leads to a session that can be gone
-/// on with.
+/// The present file becomes a piece and says that another follows. The new file gets the log's name once `state` is in
+/// it. So whenever the process is killed, the log's own name leads to a session that can be continued.
 Result<> LogWriter::rotate(const ChangeSet& state) {
     if (auto ok = checkFile(); !ok) return ok;
     RecordHeader next;
@@ -431,7 +430,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
             keptFrom_ = std::max(keptFrom_.value_or(before.end), before.end);
     Result<> done = beginPiece(fresh, state);
     if (done) done = putInPlace(fresh, *piece);
-    ::close(old);  // which nobody else may write until it has its other name
+    ::close(old);  // until the file has its piece name, nobody else may write it
     if (!done) {
         broken_ = true;
         ::unlink(fresh.c_str());
@@ -453,7 +452,7 @@ Result<> LogWriter::beginPiece(const std::filesystem::path& fresh, const ChangeS
     return {};
 }
 
-/// Under two names for an instant; where the file system knows no such thing, under none.
+/// The file has both names for a moment, or neither if the file system has no hard links.
 Result<> LogWriter::putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece) {
     const bool linked = ::link(file_.c_str(), piece.c_str()) == 0;
     if (!linked && (errno == ENOENT || errno == EEXIST || ::rename(file_.c_str(), piece.c_str()) != 0))

@@ -1,4 +1,4 @@
-// Follows a scene and keeps of it what a peer asked for, as a scene of its own.
+// Follows a scene, and keeps the part of it that a peer asked for as a scene of its own.
 #include "part.h"
 
 #include <algorithm>
@@ -130,7 +130,7 @@ Value MirrorPart::valueOf(const Node& node, FieldIndex field) const {
     return Array<NodeId>(std::move(result));
 }
 
-/// Frames that move no node: those of their changes that concern the part.
+/// For frames that move no node in or out: copies those changes that concern the part.
 void MirrorPart::copyWanted(const Scene& whole, const ChangeSet& set, ChangeSet& out) const {
     for (const Change& c : set.changes) {
         const bool route = c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute;
@@ -164,8 +164,8 @@ void MirrorPart::compare(const Scene& whole, Members now, const ChangeSet* set, 
         c.index = node.typeIndex().value;
         c.other = node.scope();
     }
-    // Every field that refers to nodes may have changed with the members; others only if the set says so, unless all
-    // are to be compared.
+    // A field that refers to nodes may have changed with the members. Other fields have changed only if the set says
+    // so, unless all are compared.
     const auto setField = [&](NodeId id, FieldIndex f) {
         Change& c = add(ChangeKind::setField, id);
         c.field = f;
@@ -214,14 +214,14 @@ void MirrorPart::compare(const Scene& whole, Members now, const ChangeSet* set, 
             if (c.kind == ChangeKind::event && holds(c.node)) out.changes.push_back(c);
 }
 
-/// Brings the lists of groups, and all other references, to where they should be.
+/// Corrects the lists of groups and all other references.
 class MirrorPart::Links {
   public:
     Links(const MirrorPart& part, const Scene& whole, const ShapePlaces& places, const Region::Step& step,
           ChangeSet& out)
         : part_(part), whole_(whole), places_(places), step_(step), out_(out) {}
 
-    /// `set`: the step of the whole scene.
+    /// `set` is the step of the whole scene.
     void run(const ChangeSet& set) {
         for (const NodeId id : step_.left) takeOut(id);
         for (const ShapePlaces::Edge& edge : places_.edges())
@@ -287,7 +287,7 @@ class MirrorPart::Links {
             children.insert(place, child);
         }
     }
-    /// Of what stays: what refers to a node that goes.
+    /// Removes the references to a node that leaves from nodes that stay.
     void takeOut(NodeId id) {
         if (!part_.scene_->find(id)) return;
         for (const ParentRef& parent : part_.scene_->parents(id)) {
@@ -298,7 +298,7 @@ class MirrorPart::Links {
                 others_.emplace(parent.node, parent.field);
         }
     }
-    /// Of what stays: what refers to a node that comes.
+    /// Adds the references to a node that enters to nodes that stay.
     void putIn(NodeId id) {
         std::vector<NodeId> groups;
         for (const ParentRef& parent : whole_.parents(id)) {
@@ -323,7 +323,7 @@ class MirrorPart::Links {
     std::set<std::pair<NodeId, FieldIndex>> others_;
 };
 
-/// The routes of nodes that come and go, and those that the scene's step changed between nodes that stay.
+/// Copies the routes of nodes that enter or leave, and those that the scene's step changed between nodes that stay.
 void MirrorPart::copyRoutes(const Scene& whole, const ChangeSet& set, const Region::Step& step, ChangeSet& out) const {
     const auto entered = [&](NodeId id) { return std::ranges::binary_search(step.entered, id); };
     const auto leaves = [&](NodeId id) { return std::ranges::binary_search(step.left, id); };

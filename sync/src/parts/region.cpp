@@ -1,4 +1,4 @@
-// Follows which units are near a point, and counts for each node how many of them need it.
+// Follows which units are near a point, and counts for each node how many units need it.
 #include "region.h"
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kLongestWay = 1000;  // nodes above the one at the centre
+constexpr int kLongestWay = 1000;  // most nodes above the one at the centre
 
 std::optional<double> numberIn(std::string_view text) {
     double value = 0;
@@ -84,7 +84,7 @@ void Region::uncount(PlaceId id) {
     taken_.erase(found);
 }
 
-/// The group and all above it.
+/// Holds the group and all groups above it.
 void Region::hold(const ShapePlaces& places, PlaceId group) {
     for (; group != ShapePlaces::kNone; group = places.place(group).parent) {
         if (held_[group]++ > 0) return;
@@ -102,7 +102,7 @@ void Region::take(const ShapePlaces& places, PlaceId id) {
     hold(places, place.parent);
 }
 
-/// A unit, with the groups that are in for nothing else.
+/// Releases a unit, and the groups that nothing else holds.
 void Region::release(const ShapePlaces& places, PlaceId id) {
     uncount(id);
     for (PlaceId group = places.place(id).parent; group != ShapePlaces::kNone; group = places.place(group).parent) {
@@ -130,7 +130,7 @@ void Region::judge(const ShapePlaces& places, PlaceId id) {
 
 // ---- steps -------------------------------------------------------------------------------------------------------
 
-/// The way is the first one up, as it is for viewpoints.
+/// Finds the centre. As for viewpoints, the way up follows first parents.
 void Region::findCentre(const Scene& whole) {
     std::vector<NodeId> way;
     known_ = true;

@@ -1,8 +1,9 @@
-// A sphere in the world and what of a scene is in it: the members of a part that a peer asked for by region.
+// Region: a sphere in the world and the nodes within it, for parts that peers ask for by region.
 //
-// Units (shape_places.h) whose boxes come within the radius enter, and leave when they are farther than the radius and
-// its margin, so that what moves at the border does not come and go. What has an effect anywhere is always in. With a
-// unit all groups above it are in, and the sensors beside it in these. Threading: one thread.
+// Units (shape_places.h) enter when their boxes are within the radius. They leave when they are beyond the radius and
+// its margin, so that things at the border do not flicker. Units with an effect anywhere are always in. A unit takes
+// all groups above it with it, and the sensors beside it in these.
+// Threading: one thread.
 #pragma once
 
 #include <string>
@@ -15,17 +16,17 @@
 
 namespace rtsg {
 
-/// As a hello spells it: `region:` and [NAME | x,y,z] radius [margin], with commas between them. Without a centre it is
-/// where the viewer is.
+/// As in a hello: `region:` and [NAME | x,y,z] radius [margin], separated by commas. Without a centre it is where the
+/// viewer is.
 struct RegionWish {
-    std::string name;  // of the node that is the centre
+    std::string name;  // the node at the centre
     bool isFixed = false;
     Vec3d point{0};
     double radius = 0;   // metres, more than 0
     double margin = .1;  // share of the radius, 0 to 10
 
     static bool isOne(std::string_view part) { return part.starts_with("region:"); }
-    /// Error: says what is wrong and how it is spelled.
+    /// Error: what is wrong, and the right syntax.
     static Result<RegionWish> parse(std::string_view part);
 };
 
@@ -34,8 +35,8 @@ class Region {
     explicit Region(RegionWish wish) : wish_(std::move(wish)) {}
 
     const RegionWish& wish() const { return wish_; }
-    /// Nodes that have come in and gone out, in order, by the last step of `places`, or from nothing where that began
-    /// anew or `fresh` is true. Precondition: `places` are those of `whole`.
+    /// The nodes that entered and left by the last step of `places`, in order; or all nodes if `places` or the region
+    /// (`fresh`) began anew. Precondition: `places` are those of `whole`.
     struct Step {
         bool anew = false;
         std::vector<NodeId> entered, left;
@@ -56,14 +57,14 @@ class Region {
     void drop(NodeId id);
 
     RegionWish wish_;
-    std::uint64_t beginning_ = 0;                             // of the places
+    std::uint64_t beginning_ = 0;                             // ShapePlaces::beginning() of the places
     bool known_ = false;                                      // there is a centre
     Vec3d centre_{0};                                         // in the world
-    std::vector<NodeId> way_;                                 // from the node at the centre up
-    std::unordered_map<PlaceId, std::vector<NodeId>> taken_;  // what was counted for each place
-    std::unordered_map<PlaceId, std::uint32_t> held_;         // of a group: the units and groups in it that are in
+    std::vector<NodeId> way_;                                 // from the node at the centre upwards
+    std::unordered_map<PlaceId, std::vector<NodeId>> taken_;  // the nodes counted for each place
+    std::unordered_map<PlaceId, std::uint32_t> held_;         // by group: how many of its units and groups are in
     std::unordered_map<std::uint32_t, std::uint32_t> counts_;
-    std::unordered_map<std::uint32_t, bool> touched_;  // whether it was in before this step
+    std::unordered_map<std::uint32_t, bool> touched_;  // whether the node was in before this step
     std::vector<PlaceId> near_;
 };
 

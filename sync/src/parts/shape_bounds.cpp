@@ -1,4 +1,4 @@
-// Computes boxes of geometries by their kinds, and of what hangs below a node by its transforms.
+// Computes boxes of geometries from their fields, and of subtrees from their transforms.
 #include "shape_bounds.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kDeepestUnit = 500;  // levels of nodes; what is deeper counts as unbounded
+constexpr int kDeepestUnit = 500;  // levels of nodes; deeper ones count as unbounded
 
 ShapeBounds aboutOrigin(const Vec3d& half) {
     ShapeBounds box;
@@ -40,7 +40,7 @@ ShapeBounds aboutPoints(const Node& node, FieldIndex field) {
     return box;
 }
 
-/// Of a geometry that has its points in another node. Nothing: the points are in coordinates of the ground.
+/// The box of a geometry whose points are in another node. Empty if the points are geographic coordinates.
 std::optional<ShapeBounds> aboutCoordinates(const Scene& scene, const Node& geometry, FieldIndex field) {
     const Node* points = scene.effectiveNode(geometry.get(Field<NodeId>{field}));
     if (!points) return ShapeBounds{};
@@ -69,7 +69,7 @@ ShapeBounds aboutElevations(const Node& node) {
     return box;
 }
 
-/// However it is justified, it lies within its size of its origin. Nothing while nobody has measured it.
+/// However a text is justified, it lies within its size of its origin. Empty while it has not been measured.
 std::optional<ShapeBounds> aboutText(const Node& node) {
     using T = x3d::Text;
     if (node.get(T::string).empty()) return ShapeBounds{};
@@ -78,7 +78,7 @@ std::optional<ShapeBounds> aboutText(const Node& node) {
     return aboutOrigin(glm::abs(Vec3d(node.get(T::origin))) + Vec3d(size.x + size.y, size.x + size.y, 0));
 }
 
-/// Nothing where the fields do not tell.
+/// Empty if the fields do not tell.
 std::optional<ShapeBounds> aboutGeometry(const Scene& scene, NodeId id) {
     if (!id) return ShapeBounds{};
     const Node* geometry = scene.effectiveNode(id);
@@ -113,7 +113,7 @@ std::optional<ShapeBounds> aboutGeometry(const Scene& scene, NodeId id) {
     return std::nullopt;
 }
 
-/// Of a node and all below it, in the coordinates around it. Nothing: unbounded.
+/// The box of a node and all below it, in its parent's coordinates. Empty if unbounded.
 std::optional<ShapeBounds> aboutNode(const Scene& scene, NodeId id, int depth) {
     const Node* found = scene.find(id);
     if (!found) return ShapeBounds{};

@@ -1,7 +1,8 @@
-// Boxes about what nodes draw, from the fields alone: nothing is tessellated for them.
+// ShapeBounds: boxes around what nodes draw, computed from fields alone, without tessellation.
 //
-// A box holds all that is drawn but what skins and displacers bend, which counts as it stands in its fields. In metres,
-// in double. Threading: the scene's thread.
+// A box holds everything that is drawn. Skins and displacers count in the shape that their fields have. In metres, in
+// double.
+// Threading: the scene's thread.
 #pragma once
 
 #include <limits>
@@ -25,34 +26,34 @@ struct ShapeBounds {
         low = glm::min(low, other.low);
         high = glm::max(high, other.high);
     }
-    /// The box along the axes about this one, moved.
+    /// The box, parallel to the axes, around this box after the transform.
     ShapeBounds through(const glm::dmat4& matrix) const;
-    /// From a point to the nearest of the box; infinite if it is empty.
+    /// The distance from a point to the nearest point of the box. Infinite if the box is empty.
     double distance(const Vec3d& point) const;
     friend bool operator==(const ShapeBounds&, const ShapeBounds&) = default;
 };
 
-/// A node with all that is below it, which comes and goes as a whole.
+/// A node with all nodes below it, which enters and leaves as a whole.
 struct ShapeUnit {
-    ShapeBounds box;            // around the node; empty: it draws nothing
+    ShapeBounds box;            // the box around the node; empty if it draws nothing
     bool isUnbounded = false;   // it has, or may have, an effect anywhere
-    std::vector<NodeId> nodes;  // itself and all below it, each once, in order
+    std::vector<NodeId> nodes;  // the node and all below it, each once, in order
     friend bool operator==(const ShapeUnit&, const ShapeUnit&) = default;
 };
 
-/// Lights, sounds, what can be bound, layers, and what is drawn where the fields do not tell count as unbounded.
+/// Lights, sounds, bindable nodes, layers, and geometry whose fields do not tell count as unbounded.
 ShapeUnit shapeUnit(const Scene& scene, NodeId top);
 
-/// At the end of the list.
+/// Appends `more` to the list.
 template <class T, class Range>
 void append(std::vector<T>& list, const Range& more) {
     list.insert(list.end(), more.begin(), more.end());
 }
 
-/// The nodes to which place fields (placement.h) and the fields of PROTO instances lead from `node`, not counting
+/// Appends the nodes to which `node` leads by placement fields (placement.h) and fields of PROTO instances, except
 /// those in `except`.
 void appendBelow(const Scene& scene, const Node& node, FieldIndex except, std::vector<NodeId>& out);
-/// `start` and all below them, each once, in order.
+/// The `start` nodes and all below them, each once, in order.
 std::vector<NodeId> allBelow(const Scene& scene, std::vector<NodeId> start);
 
 }  // namespace rtsg

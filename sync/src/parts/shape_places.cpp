@@ -1,4 +1,4 @@
-// Keeps the places of shapes in step with a scene, in a grid with cells of several sizes.
+// Keeps the places of shapes in step with a scene, in a grid with several cell sizes.
 #include "shape_places.h"
 
 #include <algorithm>
@@ -13,8 +13,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kLowestLevel = -40, kHighestLevel = 100;  // cells of 2^level metres
-constexpr double kFarthestCell = 1e15;                  // in cells from the origin; what is farther shares the last
+constexpr int kLowestLevel = -40, kHighestLevel = 100;  // cells are 2^level metres wide
+constexpr double kFarthestCell = 1e15;                  // in cells from the origin; farther units share the last cell
 
 bool comesWithItsGroup(const NodeType& type) {
     return type.role == "sensor" || type.role == "clipPlane" || type.role == "localFog";
@@ -24,7 +24,7 @@ std::int64_t cellAlong(double at, double size) {
     return static_cast<std::int64_t>(std::floor(std::clamp(at / size, -kFarthestCell, kFarthestCell)));
 }
 
-/// Of the cell's three numbers. Two cells may share one: then more is found than is near.
+/// A hash of a cell's three coordinates. If two cells share one, a search finds too much, never too little.
 std::uint64_t cellKey(std::int64_t x, std::int64_t y, std::int64_t z) {
     std::uint64_t key = 0;
     for (const std::int64_t part : {x, y, z}) {
@@ -108,7 +108,7 @@ ShapePlaces::Top& ShapePlaces::topOf(const Scene& whole, NodeId id) {
             if (child) ++top.children[child.value];
         std::vector<NodeId> others;
         appendBelow(whole, node, top.list, others);
-        // The scene's own fields point at nodes that stand elsewhere.
+        // The scene's own fields refer to nodes that stand elsewhere.
         if (id == whole.root()) others.clear();
         top.unit.nodes = allBelow(whole, std::move(others));
         if (!std::ranges::binary_search(top.unit.nodes, id))
@@ -163,7 +163,7 @@ ShapePlaces::PlaceId ShapePlaces::addPlace(const Scene& whole, NodeId node, Plac
     return id;
 }
 
-/// A node's place below that one, and those of all groups and units below it.
+/// Adds a place for the node below `parent`, and for all groups and units below it.
 void ShapePlaces::addPlaces(const Scene& whole, NodeId node, PlaceId parent) {
     std::vector<std::pair<NodeId, PlaceId>> pending{{node, parent}};
     while (!pending.empty()) {
@@ -176,7 +176,7 @@ void ShapePlaces::addPlaces(const Scene& whole, NodeId node, PlaceId parent) {
     }
 }
 
-/// The place and all below it.
+/// Removes the place and all places below it.
 void ShapePlaces::removePlaces(PlaceId top) {
     const PlaceId parent = places_[top].parent;
     if (parent != kNone) {
@@ -212,7 +212,7 @@ ShapePlaces::Cell ShapePlaces::cellOf(const ShapeBounds& box) const {
     return {level, cellKey(cellAlong(at.x, edge), cellAlong(at.y, edge), cellAlong(at.z, edge))};
 }
 
-/// Where the unit is now. Most of what moves stays in its cell.
+/// Puts the unit where it is now. Most moving units stay in their cell.
 void ShapePlaces::placeUnit(PlaceId id) {
     Place& p = places_[id];
     const ShapeUnit& unit = p.top->unit;
@@ -262,7 +262,7 @@ void ShapePlaces::takeOutOfCell(PlaceId id) {
 
 void ShapePlaces::find(const Vec3d& center, double radius, std::vector<PlaceId>& out) const {
     for (const auto& [level, cells] : levels_) {
-        // A box reaches half a cell beyond the cell that its middle is in.
+        // A box reaches at most half a cell beyond the cell of its centre.
         const double edge = std::exp2(level), reach = radius + edge * .5;
         std::array<std::int64_t, 3> low{}, high{};
         double number = 1;
@@ -284,7 +284,7 @@ void ShapePlaces::find(const Vec3d& center, double radius, std::vector<PlaceId>&
 
 // ---- steps -------------------------------------------------------------------------------------------------------
 
-/// A change to a list of a group that was there before this step.
+/// Notes a change in the list of a group that existed before this step.
 void ShapePlaces::noteList(const Change& change) {
     Top& top = tops_.find(change.node.value)->second;
     const auto touch = [&](NodeId child) -> std::uint32_t& {
@@ -322,7 +322,7 @@ void ShapePlaces::note(const Scene& whole, const Change& change) {
             return;
     }
     for (Top* top : owners->second) {
-        // A group may stand inside of a unit as well.
+        // A group may also be inside a unit.
         if (top->born == step_ || (listed && top->id == change.node)) continue;
         if (top->kind == Kind::group && std::exchange(top->turned, step_) != step_) turned_.push_back(top->id.value);
         if (top->kind != Kind::group || refers) changed_.insert(top->id.value);
@@ -353,14 +353,14 @@ void ShapePlaces::applyEdges(const Scene& whole) {
         if (e.before != 0 || e.now == 0) continue;
         const auto top = tops_.find(e.group.value);
         if (top == tops_.end()) continue;
-        // Places made in this step have all that is below them by now.
+        // Places that were made in this step have everything below them already.
         const std::vector<PlaceId> above = top->second.places;
         for (const PlaceId id : above)
             if (places_[id].born != step_) addPlaces(whole, e.child, id);
     }
 }
 
-/// Units whose fields have changed, and groups with other nodes beside their list.
+/// Updates units whose fields changed, and groups that have other nodes beside their list.
 void ShapePlaces::renew(const Scene& whole) {
     for (const std::uint32_t number : changed_) {
         const auto found = tops_.find(number);
@@ -380,7 +380,7 @@ void ShapePlaces::renew(const Scene& whole) {
                 continue;
             }
         }
-        // With other nodes it is another one.
+        // With other nodes it becomes another unit.
         std::vector<PlaceId> parents;
         const std::vector<PlaceId> old = top.places;
         for (const PlaceId place : old) parents.push_back(places_[place].parent);
@@ -420,7 +420,7 @@ void ShapePlaces::move(const Scene& whole) {
 }
 
 bool ShapePlaces::follow(const Scene& whole, const ChangeSet* set) {
-    static std::atomic<std::uint64_t> beginnings{0};  // of all places
+    static std::atomic<std::uint64_t> beginnings{0};  // counts beginnings of all objects
     ++step_;
     const bool anew = !set || set->isSnapshot() || set->from != state_ || root_ == kNone || tooMany_;
     state_ = whole.sequence();

@@ -1,9 +1,12 @@
-// Where everything that is drawn in a scene stands, kept in step with it, and found by spheres: for parts by region.
+// ShapePlaces: where everything drawn in a scene stands. Kept in step with the scene and searched by spheres, for
+// regions.
 //
-// The hierarchy is cut into groups that only move what is below them, and units below these, which come and go as a
-// whole: shapes, and all whose children depend on each other or on their order. Each path from the root to one is a
-// place. A step costs what the set changes, and the places below what it moves. One object serves all regions.
-// Invariant: followed step by step == made from scratch, but for the numbers of places. Threading: one thread.
+// The hierarchy is cut into groups, which only move what is below them, and units below these, which enter and leave as
+// a whole. Units are shapes, and nodes whose children depend on each other or on their order. Each path from the root
+// to a group or unit is a place. A step costs what the set changes, and the places below what it moves. One object
+// serves all regions.
+// Invariant: following step by step gives the same as building anew, apart from the numbers of places.
+// Threading: one thread.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +29,7 @@ class ShapePlaces {
   public:
     using PlaceId = std::uint32_t;
     static constexpr PlaceId kNone = 0xFFFFFFFF;
-    enum class Kind : std::uint8_t { group, unit, companion };  // companions come with their group
+    enum class Kind : std::uint8_t { group, unit, companion };  // a companion comes with its group
 
     struct Place {
         NodeId node;
@@ -34,37 +37,37 @@ class ShapePlaces {
         Kind kind = Kind::group;
         bool isUnbounded = false, isGone = false;
         std::uint32_t depth = 0;
-        std::uint64_t born = 0, moved = 0;  // in which step
-        glm::dmat4 worldFromLocal{1};       // of a group
-        ShapeBounds box;                    // of a unit, in the world
-        std::vector<PlaceId> below;         // of a group
-        std::uint32_t slot = 0;             // in the parent's `below`
-        std::uint64_t cell = 0;             // of a unit with a box: which one, on which level, and where in it
+        std::uint64_t born = 0, moved = 0;  // numbers of steps
+        glm::dmat4 worldFromLocal{1};       // for groups
+        ShapeBounds box;                    // for units, in the world
+        std::vector<PlaceId> below;         // for groups
+        std::uint32_t slot = 0;             // index in the parent's `below`
+        std::uint64_t cell = 0;             // for units with a box: the cell, its level, and the index in it
         int level = 0;
         std::uint32_t cellSlot = 0;
-        const Top* top = nullptr;  // of `node`, until it is gone
+        const Top* top = nullptr;  // of `node`; null when it is gone
     };
-    /// A child was put into a group's list, or taken out, so that it is there `now` times.
+    /// A change in a group's list: the child was in it `before` times and is in it `now` times.
     struct Edge {
         NodeId group, child;
         std::uint32_t before = 0, now = 0;
     };
 
-    /// More places than `most` are not followed.
+    /// With more places than `most`, follow() fails.
     explicit ShapePlaces(std::size_t most = std::size_t{1} << 22) : most_(most) {}
 
-    /// Cells are no smaller than half of this, the smallest radius that is asked for. The next step begins from
-    /// scratch.
+    /// Sets the smallest radius that is searched for; cells are at least half as large. The next step begins anew.
     void coverRadius(double smallest);
 
-    /// To the state of `whole`, whose last step `set` was; null, or one that does not fit: from scratch. False: there
-    /// are more places than may be, and nothing is known any more.
+    /// Goes to the state of `whole`, whose last step was `set`. If that is null or does not fit, everything is built
+    /// anew. Returns false if there are too many places; then nothing is known.
     bool follow(const Scene& whole, const ChangeSet* set);
 
     std::uint64_t state() const { return state_; }
-    /// Of the last step that began from scratch; other places have other numbers. PlaceIds from before mean nothing.
+    /// Changes each time that everything is built anew. PlaceIds from before are then invalid.
     std::uint64_t beginning() const { return beginning_; }
-    /// Of the last step. What was removed is still there to be looked at; it may be among the others too.
+    /// Places that the last step added and removed. Removed places can still be looked at, and may be among the added
+    /// ones.
     std::span<const PlaceId> added() const { return added_; }
     std::span<const PlaceId> removed() const { return removed_; }
     std::span<const PlaceId> moved() const { return moved_; }
@@ -73,27 +76,27 @@ class ShapePlaces {
     PlaceId root() const { return root_; }
     const Place& place(PlaceId id) const { return places_[id]; }
     const std::unordered_set<PlaceId>& unbounded() const { return unbounded_; }
-    /// The nodes that a place of it holds: of a group itself and what is in fields other than its list.
+    /// The nodes that a place of `top` holds. For a group: itself and the nodes in fields other than its list.
     std::span<const NodeId> nodesOf(NodeId top) const;
-    /// Whether it is a group's list that edges() tells of, as it was before the last step.
+    /// True if the field is a group's list as in edges(), before the last step.
     bool isListed(NodeId node, FieldIndex field) const;
-    /// The field whose nodes a group of this type holds one beside the other; kNoField for all that are no such groups.
+    /// The list field of a group type whose children are independent. kNoField for other types.
     static FieldIndex listOf(const NodeType& type);
-    /// How often a group's list has the child.
+    /// How many times the child is in the group's list.
     std::uint32_t count(NodeId group, NodeId child) const;
-    /// All units with a box no farther than that, and maybe others.
+    /// Finds all units whose boxes are within the radius, and possibly others.
     void find(const Vec3d& center, double radius, std::vector<PlaceId>& out) const;
 
   private:
     struct Top {
         NodeId id;
-        std::uint64_t turned = 0;  // in which step
+        std::uint64_t turned = 0;  // number of the step
         Kind kind = Kind::group;
         FieldIndex list = kNoField;
         std::uint64_t born = 0;
-        std::unordered_map<std::uint32_t, std::uint32_t> children;  // of a group, with their number
+        std::unordered_map<std::uint32_t, std::uint32_t> children;  // of a group, with how often each is in it
         std::vector<PlaceId> places;
-        ShapeUnit unit;  // of a group: its nodes only
+        ShapeUnit unit;  // for a group its nodes only
     };
     using Cells = std::unordered_map<std::uint64_t, std::vector<PlaceId>>;
 
@@ -125,13 +128,13 @@ class ShapePlaces {
     std::vector<Place> places_;
     std::vector<PlaceId> free_;
     std::unordered_map<std::uint32_t, Top> tops_;
-    std::unordered_map<std::uint32_t, std::vector<Top*>> insideOf_;  // the tops whose `unit.nodes` have the node
+    std::unordered_map<std::uint32_t, std::vector<Top*>> insideOf_;  // the tops that have the node in `unit.nodes`
     std::unordered_set<PlaceId> unbounded_;
     std::map<int, Cells> levels_;
     std::vector<PlaceId> added_, removed_, moved_;
     std::vector<Edge> edges_;
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edgesBefore_;
-    std::unordered_set<std::uint32_t> changed_;  // tops to be looked at again
+    std::unordered_set<std::uint32_t> changed_;  // tops to be updated
     std::vector<std::uint32_t> turned_;          // groups that moved
 };
 

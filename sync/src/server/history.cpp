@@ -1,4 +1,4 @@
-// Keeps what a mirror server may have to send again, and recycles its buffers.
+// Keeps the records that a mirror server may have to send again, and recycles their buffers.
 #include "history.h"
 
 #include <algorithm>
@@ -12,11 +12,13 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kPooled = 32;
-constexpr std::size_t kMostPooled = std::size_t{8} << 20;                                      // bytes, of all
-constexpr std::size_t kLeastReady = std::size_t{32} << 10, kMostReady = std::size_t{4} << 20;  // bytes: of one, of all
+constexpr std::size_t kMostPooled = std::size_t{8} << 20;  // bytes, of all buffers
+constexpr std::size_t kLeastReady = std::size_t{32} << 10,
+                      kMostReady = std::size_t{4} << 20;  // bytes, of one buffer and of all
 constexpr std::size_t kReady = 4;
 constexpr std::size_t kPage = 4096;
-/// Has the system give out the pages of this memory, whose content does not matter: at once where it can.
+/// Touches the pages of this memory, if possible at once, so that the system allocates them. Its content does not
+/// matter.
 void makePresent(std::byte* memory, std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE
     const auto into = reinterpret_cast<std::uintptr_t>(memory) % kPage;
@@ -27,7 +29,7 @@ void makePresent(std::byte* memory, std::size_t bytes) {
 
 }  // namespace
 
-/// All the room at once: records are given back where nothing may be thrown, by threads without memory too.
+/// Reserves all room now, because records are returned by threads that must not throw even when memory is short.
 RecordPool::RecordPool() {
     free_.reserve(kPooled);
 }
@@ -62,7 +64,7 @@ void RecordPool::keepReady(std::size_t bytes) {
             record = std::make_unique<EncodedRecord>();
             record->bytes.room(bytes);
         } catch (const std::bad_alloc&) {
-            return;  // whoever wants one finds out
+            return;  // whoever needs the memory finds out
         }
         makePresent(record->bytes.data(), bytes);
         giveBack(std::move(record));
@@ -92,7 +94,7 @@ void MirrorHistory::clear() {
 bool MirrorHistory::add(SharedRecord record) {
     const RecordHeader& header = record->header;
     if (header.kind == RecordKind::keyframe) {
-        // A first state, the snapshot of the newest one, or the first change of a scene that had none.
+        // A keyframe is a first state, a snapshot of the newest state, or the first change of a new scene.
         if (!empty() && header.to != newest_ && newest_ != 0) return false;
         if (newest_ != header.to) frames_.clear(), ends_.clear(), memory_ = 0, first_.reset();
         newest_ = header.to;
@@ -102,8 +104,8 @@ bool MirrorHistory::add(SharedRecord record) {
     }
     if (empty() || header.from != newest_) return false;
     if (header.to == header.from) {
-        // The served replica was wrong and has been put right: who follows finds out by the hash; nobody else may get
-        // what led here.
+        // A repair: the served replica was wrong. Its followers find out by the hash, and nobody else may get the
+        // records that led here.
         keyframe_.reset();
         first_.reset();
         frames_.clear();
@@ -139,7 +141,7 @@ void MirrorHistory::addEarlier(SharedRecord record) {
 
 std::size_t MirrorHistory::indexOf(std::uint64_t state) const {
     if (frames_.empty()) return 0;
-    // Where all of them lead one state on, as most do.
+    // Mostly each frame leads on by one state, so the index follows from the difference.
     const std::uint64_t first = frames_.front()->header.from, likely = state - first;
     if (state >= first && likely < frames_.size() && frames_[likely]->header.from == state) return likely;
     const auto found =
@@ -155,7 +157,7 @@ bool MirrorHistory::continues(std::uint64_t state) const {
 bool MirrorHistory::continues(std::uint64_t state, const Hash128& hash) const {
     if (!continues(state)) return false;
     if (hash == Hash128{}) return true;
-    const std::size_t index = indexOf(state);  // of the frame after it; at the end: one behind the last
+    const std::size_t index = indexOf(state);  // of the frame after the state; one behind the last at the end
     if (index > 0) return frames_[index - 1]->header.hash == hash;
     for (const SharedRecord* known : {&keyframe_, &first_})
         if (*known && (*known)->header.to == state && (*known)->header.hash != hash) return false;

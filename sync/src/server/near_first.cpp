@@ -1,4 +1,4 @@
-// Ranks the values of merged frames by how far their nodes are from the viewer, and lets the far ones wait.
+// Ranks values of merged frames by the distance of their nodes from the viewer, and delays far values.
 #include "near_first.h"
 
 #include <algorithm>
@@ -18,27 +18,27 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::uint64_t kPlainChange = 16;    // bytes of one without an array, about
-constexpr int kDeepest = 1000;                // nodes above one; what is deeper counts from there
-constexpr double kBehind = 4;                 // what is behind the viewer counts as so much farther
+constexpr std::uint64_t kPlainChange = 16;    // approximate bytes of a change without an array
+constexpr int kDeepest = 1000;                // parents that are followed at most
+constexpr double kBehind = 4;                 // factor on the distance of what is behind the viewer
 constexpr std::size_t kMostPlaces = 1 << 20;  // remembered while a set is ranked
 
 bool refersToNodes(FieldType type) {
     return sf(type) == FieldType::SFNode;
 }
 
-/// Changes after which other nodes may move viewers and sounds.
+/// True for changes after which other nodes may move viewers and sounds.
 bool movesCarriers(const Change& c) {
     return c.kind == ChangeKind::createNode || c.kind == ChangeKind::destroyNode || c.kind == ChangeKind::insertChild ||
            c.kind == ChangeKind::removeChild || (c.kind == ChangeKind::setField && refersToNodes(c.value.type()));
 }
 
-/// Where nodes are in the world, by their first parents.
+/// Finds the distances of nodes from the viewer, by each node's first parents.
 class Ranks {
   public:
     explicit Ranks(const Scene& scene) : scene_(scene), viewer_(viewerPose(scene)) {}
 
-    /// The distance from the viewer; that of things behind is taken for a longer one.
+    /// The distance from the viewer, made longer for what is behind.
     double of(NodeId id) {
         const glm::dvec3 to = place(id) - viewer_.position;
         const double distance = glm::length(to);
@@ -47,7 +47,7 @@ class Ranks {
     }
 
   private:
-    /// Of a node's origin.
+    /// The position of a node's origin in the world.
     glm::dvec3 place(NodeId id) {
         if (const auto known = places_.find(id.value); known != places_.end()) return known->second;
         glm::dvec3 at(0);
@@ -90,7 +90,7 @@ Result<std::unique_ptr<NearFirst>> NearFirst::of(const Scene& whole) {
     return result;
 }
 
-/// Everything above what is seen from, or heard.
+/// Finds all nodes above the viewers and sounds.
 void NearFirst::findCarriers(const Scene& origin) {
     carriersKnown_ = true;
     carriers_.clear();
@@ -115,7 +115,7 @@ bool NearFirst::canWait(const Change& change, const Scene& origin) const {
            aspect == Aspect::light;
 }
 
-/// Takes out of the set what is to wait.
+/// Takes the changes that can wait out of the set.
 void NearFirst::split(ChangeSet& set, const Scene& origin, std::uint64_t budget) {
     struct Ranked {
         double distance;
@@ -136,7 +136,7 @@ void NearFirst::split(ChangeSet& set, const Scene& origin, std::uint64_t budget)
     std::vector<bool> waits(set.changes.size());
     for (bool isFirst = true; const Ranked& one : waiting) {
         used += costOf(set.changes[one.index]);
-        waits[one.index] = used > budget && !isFirst;  // the nearest goes in any case
+        waits[one.index] = used > budget && !isFirst;  // the nearest change is always sent
         isFirst = false;
     }
     if (std::ranges::find(waits, true) == waits.end()) return;

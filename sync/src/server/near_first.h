@@ -1,13 +1,13 @@
-// What one slow peer gets first: of frames merged for it those changes that are near the viewer, and those of views and
-// sounds; the rest later.
+// NearFirst: chooses what one slow peer gets first of merged frames: changes near the viewer, and those of views and
+// sounds.
 //
-// It keeps a scene that is what the peer has once all that was sent has arrived, so that each set has the hash of the
-// scene that it leads to. Of frames merged into one up to state m the first set leads to m - 1: a state with that
-// number in which values that can wait are as they were before. The second set brings these, and leads to m. What waits
-// is merged with what follows, and goes at the latest after kLongestWait. Only values wait, of aspects that are seen:
-// never nodes, references, names, routes. Invariant: what a set leads to, and then all that waits, is the scene that
-// the frames lead to; checked whenever nothing is left to wait. It costs the memory of one more scene. Threading: one
-// thread.
+// It keeps a scene that equals the peer's scene once everything sent has arrived, so that each set has the right hash.
+// Of frames merged up to state m the first set leads to state m - 1, in which values that can wait are as before. The
+// second set brings those and leads to m. Values that wait are merged with later ones, and are sent after kLongestWait
+// at the latest. Only values of visible aspects wait; nodes, references, names and routes never do.
+// Invariant: a set and then all that waits lead to the same scene as the frames. This is checked whenever nothing is
+// left to wait. It costs the memory of one more scene.
+// Threading: one thread.
 #pragma once
 
 #include <chrono>
@@ -25,16 +25,17 @@ class NearFirst {
     using Clock = std::chrono::steady_clock;
     static constexpr std::chrono::milliseconds kLongestWait{1000};
 
-    /// `whole`: as the peer has it now.
+    /// `whole` is the scene as the peer has it now.
     static Result<std::unique_ptr<NearFirst>> of(const Scene& whole);
 
     std::uint64_t state() const { return scene_.sequence(); }
-    /// Something waits: the peer's scene is none that the origin was ever in.
+    /// True if something waits. The peer's scene is then one that the origin never had.
     bool waits() const { return later_.to != 0; }
 
-    /// The next set for the peer. `frames`: in order, those after the last ones that were given here. `origin`: the
-    /// scene in their last state or a later one; says what is near. `budget`: bytes that go now, about; `all`: nothing
-    /// waits any longer. Error: the frames do not follow, or lead elsewhere than they say.
+    /// Returns the next set for the peer. `frames` are those after the frames of the last call, in order. `origin` is
+    /// the scene in their last state or a later one; it tells what is near. `budget` is about how many bytes may be
+    /// sent now; with `all` nothing waits any longer. Error: the frames do not follow, or lead to another state than
+    /// they say.
     Result<std::shared_ptr<const ChangeSet>> next(std::span<const ChangeSet> frames, const Scene& origin,
                                                   std::uint64_t budget, bool all, Clock::time_point now);
 
@@ -45,7 +46,7 @@ class NearFirst {
     void split(ChangeSet& set, const Scene& origin, std::uint64_t budget);
 
     Scene scene_;
-    ChangeSet later_;  // `to` is 0: nothing
+    ChangeSet later_;  // nothing if `to` is 0
     Clock::time_point waitingSince_{};
     std::unordered_set<std::uint32_t> carriers_;  // nodes that move a viewer or a sound
     bool carriersKnown_ = false;

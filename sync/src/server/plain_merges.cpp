@@ -1,4 +1,4 @@
-// Compares what frames say of places, and gives the last one the first one's start.
+// Merges frames that change the same fields: the last frame, with the start of the first.
 #include "plain_merges.h"
 
 #include <algorithm>
@@ -10,7 +10,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{2} << 20;  // of the frames: some tenths of a millisecond
+constexpr std::uint64_t kMostBytes = std::uint64_t{2}
+                                     << 20;  // of the frames; comparing these takes some tenths of a millisecond
 constexpr std::size_t kKept = 16;
 
 bool isPlainFrame(const RecordHeader& header) {

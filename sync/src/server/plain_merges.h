@@ -1,7 +1,8 @@
-// Merges frames without a scene, where each gives anew all that the one before gave: as those of a scene in motion do.
+// PlainMerges: merges frames without a scene, if each one changes all fields that the one before changed, as in motion.
 //
-// Then what several frames come to is what the last of them says, from the state on that the first one starts at. Many
-// peers fall behind together, from some few states on, so what was made is kept for a while. Threading: one thread.
+// The merged frame is then the last one, starting at the first one's state. Many peers fall behind together from a few
+// states, so results are kept for a while.
+// Threading: one thread.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,8 @@ class PlainMerges {
   public:
     explicit PlainMerges(std::shared_ptr<RecordPool> pool) : pool_(std::move(pool)) {}
 
-    /// Frames of one stream that follow one another, merged; null if it is not so easy, or if they are so many that it
-    /// takes long, which is remembered as well. `part`: the number of the stream.
+    /// Merges consecutive frames of the stream with the number `part`. Null if they are not of that kind, or so many
+    /// that comparing them takes long; that result is kept, too.
     SharedRecord merge(std::uint32_t part, std::span<const SharedRecord> frames);
     void clear() { made_.clear(); }
 
@@ -27,7 +28,7 @@ class PlainMerges {
         std::uint32_t part = 0;
         std::uint64_t from = 0, to = 0;
         Hash128 hash;         // of the state `to`
-        SharedRecord record;  // null: it is not so easy
+        SharedRecord record;  // null if the frames could not be merged
     };
     SharedRecord make(std::span<const SharedRecord> frames) const;
 

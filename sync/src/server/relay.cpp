@@ -1,4 +1,4 @@
-// A client and a server on one replica, with requests passed up and verdicts passed down.
+// Runs a client and a server on one replica; passes requests up and verdicts down.
 #include <rtsg/sync/mirror_relay.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The scene's side of a mirror server: encodes what is published once, and carries out what peers have sent.
+// The scene's side of a mirror server: encodes each published set once, and carries out requests of peers.
 #include <rtsg/sync/mirror_server.h>
 
 #include <algorithm>
@@ -23,7 +23,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostForwarded = 64;  // commands that wait for an answer from the origin
+constexpr std::size_t kMostForwarded = 64;  // commands that wait for the origin's answer
 constexpr auto kLongestWaitForLog = std::chrono::hours(24);
 
 }  // namespace
@@ -36,7 +36,7 @@ MirrorServer::Shared::~Shared() {
 void MirrorServer::Shared::post(Item item) {
     {
         const std::scoped_lock lock(mutex);
-        if (failure[0]) return;  // nobody takes it
+        if (failure[0]) return;  // nobody would take it
         inbox.push_back(std::move(item));
     }
     awaken();
@@ -65,7 +65,7 @@ Result<> MirrorServer::Shared::result() {
     return fail(fmt::format("the server's thread has ended: {}", failure), {}, endpoint);
 }
 
-/// The scene's thread's own; the encoder keeps its buffers between frames.
+/// Belongs to the scene's thread. The encoder keeps its buffers between frames.
 struct MirrorServer::Encoder {
     explicit Encoder(const StreamMode& mode) : predicting(mode) {}
     ChangeEncoder encoder, predicting;
@@ -104,7 +104,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     shared->epoch = shared->options.epoch ? shared->options.epoch : fresh;
     std::unique_ptr<MirrorServer> server(new MirrorServer(scene, shared));
     server->io_ = std::make_unique<Io>(shared);
-    // Before anybody can ask: peers come back at once.
+    // Do this before peers can ask, because they come back at once.
     for (const auto& set : before) {
         const std::shared_ptr<EncodedRecord> record = shared->pool->take();
         server->encoder_->encoder.encode(*set, record->bytes);
@@ -145,7 +145,7 @@ std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
     return std::exchange(shared_->diagnostics, {});
 }
 
-/// Once for all peers that run the cascade themselves.
+/// Encodes the input once, for all peers that run the cascade themselves.
 void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) {
     const auto finish = [&](const std::shared_ptr<EncodedRecord>& made) {
         finishRecord(*made);
@@ -163,7 +163,7 @@ void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) 
     state.hash = changes.hash;
     state.input = changes.input;
     if (!state.input || !state.input->runState) {
-        // Only while the scene is in that very state, and somebody waits for it.
+        // Only if the scene is in this very state and a peer waits for its run state.
         if (scene_.sequence() != changes.to || !shared_->wantRunState.exchange(false)) return;
         auto input = std::make_shared<FrameInput>();
         input->runState = std::make_shared<const RunState>(scene_.runState());
@@ -173,7 +173,8 @@ void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) 
     if (encoder_->inputs.encodeRunState(state, after->bytes)) record.runState = finish(after);
 }
 
-/// Only while somebody takes it. What was left out is no part of what is predicted from: it begins anew after that.
+/// Encodes with prediction only while some peer takes it. A frame that is left out breaks the prediction, so it starts
+/// anew.
 void MirrorServer::encodePredicted(const ChangeSet& changes, EncodedRecord& record) {
     const bool before = std::exchange(encoder_->predicts, shared_->wantPredicted);
     if (!encoder_->predicts) return;
@@ -193,12 +194,12 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     record->published = mirror::clockNow();
     if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) encodePredicted(changes, *record);
     if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
-    // A snapshot in the middle of a stream: the scene is a replica that joined anew.
+    // A snapshot within a stream means that the scene is a replica that joined anew.
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
     encoder_->started = true;
     encoder_->last = changes.to;
     encoder_->starts += restart;
-    const bool isStep = changes.isSnapshot() || changes.from != changes.to;  // and no repair
+    const bool isStep = changes.isSnapshot() || changes.from != changes.to;  // a repair is no step
     const bool snapshot = log_ && isStep && !requested && log_->addInPassing({record, nullptr}, changes);
     shared_->post({record, requested, restart, false, encoder_->starts, snapshot});
 }
@@ -248,7 +249,7 @@ void MirrorServer::service() {
     if (forward_) {
         pass(submissions);
     } else if (controller_) {
-        // Its states are the recorded ones: what is done to them would be gone with the next.
+        // The states are those of a log, so an edit would be undone by the next one.
         for (const mirror::Submission& submission : submissions)
             shared_->answer({submission.client,
                              submission.request,
@@ -264,7 +265,7 @@ void MirrorServer::service() {
     std::erase_if(leaving_, [&](std::uint64_t client) { return !order_->holds(client) && (letGo(client), true); });
     if (any) shared_->awaken();
     if (!shared_->wantSnapshot) return;
-    scene_.seal();  // publishes what is pending, and with it the snapshot
+    scene_.seal();  // publishes pending changes, and the snapshot with them
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
 }
 
@@ -294,7 +295,7 @@ void MirrorServer::forwardRequests(Forward forward) {
     forward_ = std::move(forward);
 }
 
-/// Judged here by what these peers may, and there by what this server may.
+/// Checks the requests against what these peers may send; the origin checks what this server may.
 void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
     for (const mirror::Submission& submission : submissions) {
         mirror::Verdict verdict{submission.client, submission.request, scene_.sequence(), {}, {}};
@@ -311,14 +312,14 @@ void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
     }
 }
 
-/// What the pointers of a peer that is gone held would be held for ever.
+/// Releases what the pointers of a peer held that is gone. Otherwise it would be held for ever.
 void MirrorServer::letGo(std::uint64_t client) {
     std::vector<Change> events = writers_->pointers.leave(scene_, client);
     if (events.empty()) return;
     if (forward_) {
         MirrorRequest request;
         request.changes = std::move(events);
-        return (void)forward_(std::move(request));  // if the origin is gone as well, it lets go of all of ours
+        return (void)forward_(std::move(request));  // if the origin is gone, too, it releases all of ours
     }
     for (const Change& event : events) (void)scene_.sendEvent(event.node, event.field, event.value);
 }

@@ -1,5 +1,5 @@
-// The thread of a mirror server that talks to peers: its loop, what comes in from the other threads, and what goes to
-// them. What it says to each peer is in server_peers.cpp.
+// The thread of a mirror server that talks to peers: its loop, what it takes from other threads, and what it passes to
+// them. server_peers.cpp has what it says to each peer.
 #include "server_io.h"
 
 #include <algorithm>
@@ -27,25 +27,25 @@ using Kind = MirrorShadow::Question::Kind;
 namespace {
 
 constexpr std::int64_t kLongestIncoming = mirror::kSubmitPart + 512;  // bytes; a hello is far below
-constexpr int kIncoming = 64;                                         // messages waiting per connection
-constexpr int kBacklog = 4096;                                        // connections at once that wait to be taken
+constexpr int kIncoming = 64;                                         // messages that wait on a connection
+constexpr int kBacklog = 4096;                                        // connections that wait to be accepted
 constexpr int kLinger = 200;                                          // ms
-constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
+constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for sending what peers do not have yet
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kTick = 10ms, kLongestSleep = 2000ms;  // between looks at all peers, at least and at most
-constexpr auto kTickCosts = 50us;                     // a peer: so that looking takes some percent at most
-constexpr auto kSettle = 5ms;                         // between statistics of more peers
-constexpr std::size_t kFewPeers = 16;                 // than these
-constexpr auto kGather = 1000us;                      // what more peers say in this time is read together
-constexpr auto kLookAround = 20ms, kLookSoon = 1ms;   // for connections that send no whole message
-constexpr auto kUntilRest = 250ms;                    // without frames, until connections need not be looked at
-constexpr int kHandsOver = 1;                         // ms
-constexpr auto kUnusedPart = 10s;                     // until a part without peers is let go
-constexpr auto kNoRegions = 60s;                      // until it is tried again whether they can be
+constexpr auto kTick = 10ms, kLongestSleep = 2000ms;  // between two looks at all peers, at least and at most
+constexpr auto kTickCosts = 50us;                     // for each peer, so that the looks take some per cent of the time
+constexpr auto kSettle = 5ms;                         // between two publications of statistics, if there are more peers
+constexpr std::size_t kFewPeers = 16;                 // than this
+constexpr auto kGather = 1000us;                     // with more peers, all that they say in this time is read together
+constexpr auto kLookAround = 20ms, kLookSoon = 1ms;  // for connections that send no whole message
+constexpr auto kUntilRest = 250ms;                   // without frames, until connections need no more looks
+constexpr int kHandsOver = 1;                        // ms
+constexpr auto kUnusedPart = 10s;                    // until a part without peers is dropped
+constexpr auto kNoRegions = 60s;                     // until regions are tried again after a refusal
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
 
-/// ZeroMQ deletes what is at the path of an ipc endpoint, so that a socket that a server left when it was killed is in
-/// nobody's way: other files, and the sockets of servers that live, are kept from it.
+/// ZeroMQ deletes whatever is at the path of an ipc endpoint. That is right for a socket left by a killed server. This
+/// check protects other files and the sockets of running servers.
 Result<> checkSocketPath(const std::string& endpoint) {
     constexpr std::string_view kScheme = "ipc://";
     if (!endpoint.starts_with(kScheme)) return {};
@@ -59,7 +59,7 @@ Result<> checkSocketPath(const std::string& endpoint) {
     path.copy(address.sun_path, path.size());
     const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (probe < 0) return {};
-    // A full queue of connections is one of somebody who lives, too.
+    // A server whose queue of connections is full runs, too.
     const bool lives =
         ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
     ::close(probe);
@@ -115,7 +115,7 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     return {};
 }
 
-/// Sequence numbers start to mean something else: whoever followed begins anew.
+/// State numbers get a new meaning, so all followers begin anew.
 void MirrorServer::Io::restart() {
     if (!history_.empty()) {
         std::random_device device;
@@ -143,7 +143,8 @@ void MirrorServer::Io::run() {
     gate_.stopWatching(router_);
 }
 
-/// The application hears of it with the next frame, who waits for peers at once. The peers find out by the silence.
+/// The application hears of the failure with the next frame, threads that wait for peers at once, and peers by the
+/// silence.
 void MirrorServer::Io::giveUp(const char* why) {
     peers_.clear();
     const std::scoped_lock lock(shared_->mutex);
@@ -155,8 +156,8 @@ void MirrorServer::Io::giveUp(const char* why) {
     shared_->callScene();
 }
 
-/// A thousand peers answer one after the other, and to wake for each costs more than what it says: what comes within a
-/// short time is read together. Frames of the scene go out at once.
+/// A thousand peers answer one after the other, and waking up for each costs more than its message. So what comes
+/// within a short time is read together. Frames of the scene are sent at once.
 void MirrorServer::Io::gather() {
     const auto left = turned_ + kGather - Clock::now();
     if (peers_.size() > kFewPeers && !news_ && left > 0ns) {
@@ -167,7 +168,7 @@ void MirrorServer::Io::gather() {
     turned_ = Clock::now();
 }
 
-/// Sleeps until something comes or is due. Sockets that have not been found empty may hold something already.
+/// Sleeps until something comes or is due. Sockets that were not read until empty may hold messages already.
 MirrorServer::Io::Came MirrorServer::Io::wait() {
     const ZmqSocket* sockets[] = {&router_, &gate_.monitor(), &gate_.zap()};
     const bool all = std::ranges::all_of(sockets, [](const ZmqSocket* s) { return s->foundEmpty(); });
@@ -178,7 +179,7 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
                       {gate_.connections().descriptor(), POLLIN, 0}};
     if (::poll(items, 5, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
         throw std::runtime_error(std::strerror(errno));
-    // Bytes are here a moment before ZeroMQ hands over what they are.
+    // Bytes arrive a moment before ZeroMQ hands over the message.
     if (items[4].revents && !items[0].revents && !items[3].revents && all) (void)::poll(items, 4, kHandsOver);
     if (items[3].revents) {
         std::uint64_t count = 0;
@@ -210,7 +211,7 @@ void MirrorServer::Io::turn() {
     if (now - ticked_ >= std::max<Clock::duration>(kTick, kTickCosts * peers_.size()) ||
         shared_->originLost != toldLost_)
         tick(now);
-    // A thousand peers answer one after the other: what one of them says is no reason to look at all others.
+    // A thousand peers answer one after the other. A message of one is no reason to look at all others.
     const bool everybody = std::exchange(news_, false) || now >= allDue_;
     if (everybody)
         pumpAll(now);
@@ -218,7 +219,8 @@ void MirrorServer::Io::turn() {
         pumpHeard(now);
     heard_.clear();
     shared_->pool->keepReady(std::exchange(wantedNext_, 0));
-    // Statistics go through all peers: of what single ones say seldom, unless the scene waits for one of them.
+    // Statistics go through all peers. So after messages of single peers they are published rarely, unless the scene
+    // waits for a peer.
     unsettled_ = !everybody && !heldUp_ && peers_.size() > kFewPeers && now - settled_ < settling();
     if (unsettled_) return;
     settled_ = now;
@@ -263,12 +265,12 @@ std::chrono::milliseconds MirrorServer::Io::patience() {
         result = std::min(result, kLookSoon);
     else if (connections.any() && ((isBusy_ && now - newsAt_ < kUntilRest) || !connections.rest()))
         result = std::min(result, kLookAround);
-    if (!held_.empty()) result = std::min(result, kLookAround);  // a log that hangs does not call
+    if (!held_.empty()) result = std::min(result, kLookAround);  // a log that hangs gives no notice
     const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + settling()) : allDue_;
     return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
 }
 
-/// Until somebody wants a ping, or is taken for gone. Of many peers one wants something all the time.
+/// The time until some peer must be pinged or dropped. With many peers that is always soon.
 std::chrono::milliseconds MirrorServer::Io::untilTick(Clock::time_point now) const {
     const MirrorServerOptions& options = shared_->options;
     if (peers_.size() > kFewPeers) return options.heartbeat / 2;
@@ -287,8 +289,7 @@ bool MirrorServer::Io::hasBeenSentAll(const Peer& peer) const {
     return peer.placed && peer.state == historyOf(peer).newest() && !peer.asking && !peer.sending && !peer.then;
 }
 
-/// The frames that the scene made last, and those that were held back so as not to be old on arrival, merged: nothing
-/// newer will come.
+/// Sends the last frames of the scene, and merged those that were held back for slow peers, as no newer ones will come.
 void MirrorServer::Io::sendLastFrames() {
     leaving_ = true;
     takeInbox();
@@ -302,7 +303,7 @@ void MirrorServer::Io::sendLastFrames() {
         receive();
         for (auto peer = peers_.begin(); peer != peers_.end();) peer = pump(peer->second) ? ++peer : peers_.erase(peer);
         const bool all = std::ranges::all_of(peers_, [this](const auto& p) { return hasBeenSentAll(p.second); });
-        // Merging is our own work, which no peer can draw out.
+        // Merging is our own work, so no peer can delay the end by it.
         const bool merging = std::ranges::any_of(peers_, [](const auto& p) { return p.second.asking; });
         if (all || Clock::now() - start >= (merging ? kMergedWithin : kLastFrames)) return;
         zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, shared_->wake, ZMQ_POLLIN, 0}};
@@ -312,11 +313,11 @@ void MirrorServer::Io::sendLastFrames() {
     }
 }
 
-/// Peers answer, so that one that reads slowly is not taken for one that has got everything.
+/// Says goodbye and waits for answers, so that slow readers still get everything.
 void MirrorServer::Io::sayGoodbye() {
     sendLastFrames();
     std::erase_if(peers_, [this](const auto& peer) {
-        // So that those who have not got everything know that they have not.
+        // The newest state tells a peer whether it lacks something.
         const std::uint64_t newest[] = {historyOf(peer.second).newest()};
         mirror::write(message_, Message::bye, newest);
         return !sendTo(peer.first, message_);
@@ -350,7 +351,7 @@ void MirrorServer::Io::takeInbox() {
     }
     news_ |= any || !verdicts.empty();
     if (news_) isBusy_ = Clock::now() - std::exchange(newsAt_, Clock::now()) < kUntilRest;
-    // Frames of before come first, and their state at once after them.
+    // Earlier frames come first, and the keyframe of their last state right after them.
     if (any && !earlier) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
         ++statistics_.requests;
@@ -360,14 +361,15 @@ void MirrorServer::Io::takeInbox() {
     }
 }
 
-/// The shadow goes ahead of what peers may have: a log waits for its snapshots, and peers for the log.
+/// Passes a frame to the shadow at once, even if peers must wait for the log, because the log waits for the shadow's
+/// snapshots.
 void MirrorServer::Io::arrive(Shared::Item item) {
     if (item.restart) shadow_.restart();
     if (!item.earlier && !shadow_.post(item.record, item.snapshot)) callForSnapshot();
     held_.push_back(std::move(item));
 }
 
-/// A frame that has waited for long is let go, and what follows with its own time.
+/// True while the log lacks this frame. A frame that has waited too long is released; the next one's time counts anew.
 bool MirrorServer::Io::waitsForLog(const Shared::Item& item) const {
     if (logged_.longestWait.count() == 0) return false;
     const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(logged_.longestWait).count());
@@ -376,7 +378,7 @@ bool MirrorServer::Io::waitsForLog(const Shared::Item& item) const {
     return !logged && item.record->published + longest > mirror::clockNow();
 }
 
-/// To the peers.
+/// Releases a frame to the peers.
 void MirrorServer::Io::release(Shared::Item item) {
     if (item.restart) {
         ++era_;
@@ -397,7 +399,7 @@ void MirrorServer::Io::release(Shared::Item item) {
         shared_->report(Severity::error, "a change set that does not follow the one before was not sent");
 }
 
-/// The shadow has been given up.
+/// The shadow was given up, so the scene's thread must take a snapshot.
 void MirrorServer::Io::callForSnapshot() {
     shared_->wantSnapshot = true;
     shared_->callScene();
@@ -410,7 +412,7 @@ void MirrorServer::Io::askForKeyframe(std::uint32_t part) {
     shadow_.ask(std::move(question));
 }
 
-/// A keyframe is always there before anybody asks, and costs no more than a share of what the frames do.
+/// Makes sure that a keyframe is ready before anybody asks. The cost stays a share of the frames'.
 void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
     const MirrorHistory& history = streams_.find(part)->second.history;
     const SharedRecord keyframe = history.keyframe();
@@ -427,7 +429,7 @@ void MirrorServer::Io::takeAnswers() {
         if (early_.front().era == era_) takeAnswer(std::move(early_.front()));
 }
 
-/// It is about a state that waits for the log still.
+/// True if the answer is about a state that still waits for the log.
 bool MirrorServer::Io::isEarly(const MirrorShadow::Answer& answer) const {
     if (answer.era != era_) return answer.era > era_;
     return !held_.empty() && answer.record && answer.record->header.to > history_.newest();
@@ -452,12 +454,12 @@ void MirrorServer::Io::takeAnswer(MirrorShadow::Answer answer) {
     }
     const auto peer = peers_.find(answer.peer);
     if (peer == peers_.end() || peer->second.session != answer.session) return;
-    noteHeard(peer->first);  // there is something for this one
+    noteHeard(peer->first);  // there is an answer for this peer
     peer->second.answer = std::move(answer);
 }
 
 bool MirrorServer::Io::receive() {
-    // Bounded, so that a peer that floods us leaves time for the others.
+    // The number is bounded, so that a peer that floods us leaves time for the others.
     for (int i = 0; i < 1000; ++i) {
         ZmqMessage identity, head, body;
         if (!router_.receive(identity)) return true;
@@ -477,7 +479,7 @@ bool MirrorServer::Io::receive() {
     return false;
 }
 
-/// Its peers say hello again.
+/// Drops a stream. Its peers are told to say hello again.
 void MirrorServer::Io::dropStream(std::uint32_t part) {
     mirror::begin(message_, Message::unknown);
     std::erase_if(peers_, [&](const auto& p) { return p.second.part == part && (sendTo(p.first, message_), true); });
@@ -488,7 +490,8 @@ void MirrorServer::Io::dropStream(std::uint32_t part) {
     shadow_.ask(std::move(question));
 }
 
-/// The one that has been without peers for longest; kept for those who come back. False if all have some.
+/// Drops the part that has been without peers for longest; until then it is kept for peers that come back. False if all
+/// have peers.
 bool MirrorServer::Io::dropUnusedPart() {
     std::set<std::uint32_t> used;
     for (const auto& [identity, peer] : peers_) used.insert(peer.part);
@@ -500,7 +503,8 @@ bool MirrorServer::Io::dropUnusedPart() {
     return true;
 }
 
-/// Their peers knock again and again; whether a region can be followed by now takes long to find out.
+/// Refuses regions for a while. Their peers ask again and again, and it takes long to find out whether regions can be
+/// followed.
 void MirrorServer::Io::refuseRegions(std::string why) {
     if (noRegions_ != why) shared_->report(Severity::warning, "no parts by region: " + why);
     noRegions_ = std::move(why);
@@ -567,8 +571,8 @@ void MirrorServer::Io::garbage(std::string text) {
     warn(++statistics_.garbage, "ignored " + std::move(text));
 }
 
-/// Who is turned away tries again, up to twenty times a second, for as long as it is left to: of many such things
-/// (`by`: how many they are by now) only each that doubles their number is told.
+/// Refused clients may try again twenty times a second for ever. So of many equal warnings only each that doubles their
+/// number (`by`) is reported.
 void MirrorServer::Io::warn(std::uint64_t by, std::string text) {
     constexpr std::uint64_t kAllTold = 8;
     if (by > kAllTold && !std::has_single_bit(by)) return;

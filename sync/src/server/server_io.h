@@ -1,7 +1,8 @@
-// The side of a mirror server that talks to peers: one thread, one ROUTER socket, the history and every peer's place.
+// MirrorServer::Io: the side of a mirror server that talks to peers. It has one thread, one ROUTER socket, and all
+// peers.
 //
-// Invariant: only this thread touches peers, histories and sockets, and it does nothing that takes long: what does is
-// the shadow's. The scene's thread hands over records through the inbox; it waits only for peers that may hold it up.
+// Invariant: only this thread touches peers, histories and sockets. It does nothing that takes long; the shadow does
+// that. The scene's thread hands over records through the inbox, and waits only for peers that may hold it up.
 #pragma once
 
 #include <atomic>
@@ -30,17 +31,17 @@
 
 namespace rtsg {
 
-/// What both threads touch.
+/// Data that both threads use.
 struct MirrorServer::Shared {
     struct Item {
         SharedRecord record;
         bool requested = false;   // a snapshot that the scene's thread was asked for
-        bool restart = false;     // the scene has started over: nothing before counts
-        bool earlier = false;     // of before this server
+        bool restart = false;     // the scene has started over, so nothing before counts
+        bool earlier = false;     // from before this server was started
         std::uint64_t start = 0;  // how often the scene had started over since sendWhatIsLogged()
-        bool snapshot = false;    // the log wants one of this state
+        bool snapshot = false;    // the log wants a snapshot of this state
     };
-    /// What a peer asks a player for, or is answered.
+    /// A command for a player, or its reply.
     struct Control {
         std::string peer;
         std::uint64_t session = 0;
@@ -51,29 +52,29 @@ struct MirrorServer::Shared {
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
     std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
     std::atomic<bool> wantAcknowledged{false};  // somebody waits for acknowledgements
-    std::atomic<bool> wantPredicted{false};     // somebody takes predicted values
+    std::atomic<bool> wantPredicted{false};     // some peer takes predicted values
     std::atomic<std::uint64_t> coded{0};
-    std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
+    std::atomic<bool> wantForget{false};  // some peer lacks the values that predictions refer to
     std::atomic<std::uint64_t> epoch{0};
-    std::atomic<bool> originLost{false};         // of a relay
-    std::atomic<std::uint64_t> originMissed{0};  // holes of a relay's
-    int wake = -1;                               // eventfd, of the sockets' thread
-    int call = -1;                               // of the scene's: there is something for service()
+    std::atomic<bool> originLost{false};         // at a relay
+    std::atomic<std::uint64_t> originMissed{0};  // times that a relay missed states
+    int wake = -1;                               // eventfd of the sockets' thread
+    int call = -1;                               // eventfd of the scene's thread: service() has something to do
 
     std::mutex mutex;  // guards the rest
     std::condition_variable caughtUp;
-    bool heldUp = false;  // a peer that may hold the scene up is behind
+    bool heldUp = false;  // a peer that may hold up the scene is behind
     std::vector<Item> inbox;
-    std::chrono::milliseconds longestWaitForLog{0};  // 0: nothing waits
+    std::chrono::milliseconds longestWaitForLog{0};  // 0: frames do not wait for a log
     std::uint64_t loggedStart = 0, loggedState = 0;  // what is in the log
     std::vector<mirror::Submission> submissions;
-    std::vector<std::uint64_t> left;  // clients that sent some, and are gone
+    std::vector<std::uint64_t> left;  // clients that are gone and had sent requests
     std::uint64_t submittedBytes = 0;
     std::vector<mirror::Verdict> verdicts;
     std::vector<Control> controls, replies;
     MirrorServerStatistics statistics;
     std::vector<Diagnostic> diagnostics;
-    char failure[160] = {};  // what a thread threw: nobody is served any more; there may be no memory for a string
+    char failure[160] = {};  // a thread's exception, after which nobody is served; there may be no memory for a string
 
     ~Shared();
     Result<> result();
@@ -89,7 +90,7 @@ class MirrorServer::Io {
   public:
     explicit Io(std::shared_ptr<Shared> shared);
     ~Io();
-    /// Binds; on success `shared->endpoint` is the real one and the thread runs.
+    /// Binds and starts the thread. `shared->endpoint` is then the real address.
     Result<> start(const std::string& endpoint);
 
   private:
@@ -100,56 +101,58 @@ class MirrorServer::Io {
         std::uint64_t session = 0, window = 0;
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
-        std::uint64_t awaitedBytes = 0;  // of these sent, those whose acknowledgement was asked for
+        std::uint64_t awaitedBytes = 0;  // the part of sentBytes whose acknowledgement was asked for
         Clock::time_point awaitedAt{};
         std::uint64_t debt = 0;  // bytes sent before its last hello that it may not have read yet
-        bool placed = false;     // `state` means something
-        /// What it says it has of a part that is being opened.
+        bool placed = false;     // `state` is valid
+        /// The state of a part that it says it has, while the part is being opened.
         struct Claim {
             std::uint64_t state = 0;
             Hash128 hash;
         };
         std::optional<Claim> claim;
-        bool remembers = false;   // all frames since the last one with kForget, predicted
-        std::uint64_t state = 0;  // that it will be in once everything sent has arrived
-        SharedRecord sending;     // partly sent
-        bool inputs = false;      // wants those
-        bool running = false;     // has what it takes to go on with inputs
+        bool remembers = false;   // has all predicted frames since the last kForget
+        std::uint64_t state = 0;  // its state once everything sent has arrived
+        SharedRecord sending;     // a record that is partly sent
+        bool inputs = false;      // wants inputs
+        bool running = false;     // has the run state, so it can go on with inputs
         SharedRecord then;        // to be sent next, before anything else
-        std::size_t sent = 0;     // bytes of it
+        std::size_t sent = 0;     // bytes of `sending` that were sent
         Clock::time_point heard, spoken, waitingSince{};
         MirrorWhenSlow whenSlow = MirrorWhenSlow::coalesce;
         Clock::duration interval{};  // least time between frames
         Clock::time_point due{};
         Clock::time_point behindSince{};
-        std::uint64_t client = 0;  // its name across connections
-        std::uint32_t part = 0;    // which stream it follows
+        std::uint64_t client = 0;  // its name in all its connections
+        std::uint32_t part = 0;    // the number of the stream it follows
         MirrorUpstream upstream = MirrorUpstream::none;
-        bool sameTypes = false;  // as here
-        bool noTypes = false;    // takes ours as they are described
-        // A question to the shadow: nothing is sent until there is an answer, then frames up to the state it is about.
+        bool sameTypes = false;  // its types are ours
+        bool noTypes = false;    // it takes our types as they are described
+        // A question to the shadow. Nothing is sent until the answer is there; then frames are sent up to the answer's
+        // state.
         bool asking = false;
-        std::uint64_t held = 0;  // not 0: it lacks some of what leads to this state, the one after `state`
+        std::uint64_t held = 0;  // if not 0: it lacks values of this state, which is the one after `state`
         std::optional<MirrorShadow::Answer> answer;
-        std::optional<MirrorShadow::Answer> after;  // its turn comes when frames up to its state, merged, are there
-        double allowance = 0;                       // questions it may ask
+        std::optional<MirrorShadow::Answer> after;  // an answer that waits for merged frames up to its state
+        double allowance = 0;                       // questions that it may ask
         Clock::time_point allowed{};
         mirror::Assembly submission;
-        std::deque<mirror::Verdict> verdicts;  // of requests whose frames have not been sent yet
+        std::deque<mirror::Verdict> verdicts;  // their requests' frames have not been sent yet
     };
     using Peers = std::map<std::string, Peer, std::less<>>;
-    /// What peers follow: the scene, or a part of it.
+    /// A stream that peers follow: the scene, or a part of it.
     struct Stream {
         explicit Stream(std::uint64_t limit) : history(limit) {}
         MirrorHistory history;
         bool keyframeAsked = false;
         mirror::Wishes wishes;
-        std::uint64_t epochMix = 0;  // states of a part have the same numbers as others: its epoch tells them apart
+        std::uint64_t epochMix =
+            0;  // makes the epoch of a part its own, because its state numbers are those of the scene
         Clock::time_point used{};
     };
 
     void run();
-    /// Where something may have come.
+    /// Says which sockets may have something.
     struct Came {
         bool messages = false, connections = false, knocks = false;
     };
@@ -167,7 +170,8 @@ class MirrorServer::Io {
     void takeAnswers();
     bool isEarly(const MirrorShadow::Answer& answer) const;
     void takeAnswer(MirrorShadow::Answer answer);
-    /// False when messages are left: a peer that floods us shall leave time for the others.
+    /// Returns false if messages are left. Reading is bounded, so that a peer that floods us leaves time for the
+    /// others.
     bool receive();
     void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
                 const std::string& user);
@@ -186,41 +190,40 @@ class MirrorServer::Io {
     /// How long the thread may sleep.
     std::chrono::milliseconds patience();
     std::chrono::milliseconds untilTick(Clock::time_point now) const;
-    /// How old statistics may be.
+    /// How old the statistics may be.
     Clock::duration settling() const;
-    /// When something is to be done for the peer though nothing comes from it nor for it.
+    /// When the peer needs attention even if no message comes from it and no record for it.
     Clock::time_point dueFor(const Peer& peer, Clock::time_point now) const;
-    /// Sends what may be sent: to everybody, or to those who have been heard in this turn.
+    /// Sends what may be sent, to all peers or to those heard in this turn.
     void pumpAll(Clock::time_point now);
     void pumpHeard(Clock::time_point now);
     void callForSnapshot();
     void askForKeyframe(std::uint32_t part);
     void keepKeyframeNear(std::uint32_t part);
-    /// The number of the stream with the parts and aspects of this hello; nothing when there are as many as there may
-    /// be.
+    /// The number of the stream for the parts and aspects of this hello. Empty if there are as many streams as allowed.
     std::optional<std::uint32_t> streamFor(const mirror::Hello& hello);
-    /// Has it go on from the state that it says it has, if frames lead on from there.
+    /// Lets the peer go on from the state that it says it has, if frames lead on from there.
     void place(Peer& peer);
     void dropStream(std::uint32_t part);
     bool dropUnusedPart();
     void refuseRegions(std::string why);
-    /// `forGood`: whatever changes here, the peer will be told the same again.
+    /// `forGood` means that the answer will always be the same.
     void refuse(const std::string& identity, const std::string& reason, bool forGood = false);
     Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
     const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
     bool behind(const Peer& peer) const;
     bool late(const Peer& peer) const;
     bool mayPass(Peer& peer);
-    /// False when the peer is gone.
+    /// Returns false if the peer is gone.
     bool pump(Peer& peer);
     bool deliverAnswer(Peer& peer);
     bool deliverVerdicts(Peer& peer);
     SharedRecord nextFor(Peer& peer);
-    /// The record as this peer gets it: the changes, or what came into the frame.
+    /// The record as this peer gets it: as changes, or as the input of the frame.
     SharedRecord asFollowed(Peer& peer, SharedRecord next);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
-    /// Merged here if that is easy; else null, and the shadow is asked.
+    /// Merges here if that is easy. Otherwise asks the shadow and returns null.
     SharedRecord mergeNow(Peer& peer, std::vector<SharedRecord> frames);
     void merge(Peer& peer, std::vector<SharedRecord> frames, bool all = false);
     void mergeHeld(Peer& peer);
@@ -231,9 +234,9 @@ class MirrorServer::Io {
     bool askForAcknowledgement(Peer& peer);
     void askAllForAcknowledgements();
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
-    /// A message of a part of a record, the same for all peers that get it; if the part is no whole record, for one.
+    /// A message with a part of a record. All peers share it if the part is the whole record.
     const ZmqMessage& bodyOf(const SharedRecord& record, std::span<const std::byte> part);
-    /// With its state and the scene's. False when the peer is gone.
+    /// Tells the state sent and the scene's. Returns false if the peer is gone.
     bool ping(const Peer& peer);
     void garbage(std::string text);
     void warn(std::uint64_t by, std::string text);
@@ -244,38 +247,38 @@ class MirrorServer::Io {
     ZmqSocket router_;
     MirrorGate gate_;
     std::map<std::uint32_t, Stream> streams_;  // 0 is the whole scene
-    MirrorHistory& history_;                   // of that
+    MirrorHistory& history_;                   // history of the whole scene
     std::uint32_t nextPart_ = 1;
     MirrorShadow shadow_;
-    std::deque<Shared::Item> held_;  // frames that the shadow has, and peers may not have yet
+    std::deque<Shared::Item> held_;  // frames that the shadow has and peers must not have yet
     struct Logged {
         std::uint64_t start = 0, state = 0;
         std::chrono::milliseconds longestWait{0};
-    } logged_;                                // as the log said last
-    std::deque<MirrorShadow::Answer> early_;  // of states that peers may not have yet
-    std::uint64_t era_ = 0;                   // restarts that were released
+    } logged_;                                // what the log said last
+    std::deque<MirrorShadow::Answer> early_;  // answers about states that peers must not have yet
+    std::uint64_t era_ = 0;                   // number of restarts that were released
     PlainMerges merges_;
     mirror::RequestLedger ledger_;
-    std::set<std::uint64_t> submitters_;  // clients that are here and sent requests
+    std::set<std::uint64_t> submitters_;  // connected clients that sent requests
     Peers peers_;
-    bool toldLost_ = false;           // what peers have been told of the origin
-    bool leaving_ = false;            // only what peers have read, and their answers to goodbyes, count
-    bool news_ = true;                // for everybody: frames, answers, verdicts
-    std::vector<std::string> heard_;  // peers, in this turn
+    bool toldLost_ = false;           // what peers were told about the origin
+    bool leaving_ = false;            // at the end: only what peers have read, and their goodbyes, count
+    bool news_ = true;                // something came for all peers: frames, answers, verdicts
+    std::vector<std::string> heard_;  // peers heard in this turn
     Clock::time_point allDue_{}, ticked_{}, settled_{}, turned_{}, newsAt_{};
-    bool isBusy_ = false;     // frames come one upon the other
+    bool isBusy_ = false;     // frames follow each other closely
     bool unsettled_ = false;  // something has happened since the statistics were published
     bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;
-    std::uint64_t crowded_ = 0, strangers_ = 0;  // refused for want of room, or of a key
+    std::uint64_t crowded_ = 0, strangers_ = 0;  // refused because there was no room, or no valid key
     ByteBuffer message_, head_;
-    std::size_t wantedNext_ = 0;  // bytes: a frame came in such a buffer, and others will
+    std::size_t wantedNext_ = 0;  // bytes of the last frame's buffer, as more such frames will come
     std::optional<ZmqMessage> body_;
-    SharedRecord bodyRecord_;  // which `body_` is all of
+    SharedRecord bodyRecord_;  // the record whose whole is in `body_`
     std::uint64_t dictionaryHash_ = 0;
     Clock::time_point forgetAsked_{};
-    std::string noRegions_;             // why not, when that was tried last
-    Clock::time_point regionsAgain_{};  // not tried again before
+    std::string noRegions_;             // why regions were refused when last tried
+    Clock::time_point regionsAgain_{};  // regions are not tried again before
     std::thread thread_;
 };
 

@@ -1,4 +1,4 @@
-// What a mirror server says to each of its peers: the order of records, credit, answers, and what peers ask for.
+// What a mirror server says to each peer: the order of records, credit, answers and requests.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -14,20 +14,21 @@ using Kind = MirrorShadow::Question::Kind;
 namespace {
 
 constexpr std::size_t kChunk = std::size_t{256} << 10;
-constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
+constexpr std::size_t kCopyBelow = 1024;  // shorter bodies are copied, which is cheaper than reference counting
 constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
-constexpr std::uint64_t kAnswerCost = 1024;       // of an answer that waits to be read, beside its bytes
-constexpr std::uint64_t kSmallBacklog = 8 << 10;  // of frames behind a keyframe: less than another is worth
-constexpr auto kPatience = 200ms;                 // with the shadow, for a keyframe nearer than the one there is
-constexpr double kMostQuestions = 24;             // of a peer at once
-constexpr double kQuestionsPerSecond = 4;         // in the long run
-constexpr auto kAskEvery = 500ms;                 // for an acknowledgement, at least;
-constexpr auto kAskSeldom = 3500ms;               // where so little is sent: clients tell by their pings as well
-constexpr auto kForgetEvery = 250ms;              // raw frames for the sake of those who cannot read predicted ones
-constexpr std::size_t kMostMerged = 20000;        // frames
-constexpr std::size_t kMostControls = 16;         // that wait for the scene, of all peers
-constexpr std::size_t kMostVerdicts = 1000;       // that wait for their frame
+constexpr std::uint64_t kAnswerCost = 1024;  // overhead of an answer that waits to be read
+constexpr std::uint64_t kSmallBacklog =
+    8 << 10;                                 // bytes of frames behind a keyframe for which a new keyframe does not pay
+constexpr auto kPatience = 200ms;            // to wait for the shadow's newer keyframe
+constexpr double kMostQuestions = 24;        // of one peer at once
+constexpr double kQuestionsPerSecond = 4;    // of one peer in the long run
+constexpr auto kAskEvery = 500ms;            // least time between requests for acknowledgement
+constexpr auto kAskSeldom = 3500ms;          // the same where little is sent; pings of clients tell their state, too
+constexpr auto kForgetEvery = 250ms;         // while some peers cannot read predicted frames
+constexpr std::size_t kMostMerged = 20000;   // frames
+constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
+constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
 
 }  // namespace
 
@@ -36,7 +37,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     wire::Reader in(bytes);
     const std::optional<Message> type = mirror::readPrologue(in);
     if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
-    // Who comes now finds out that nobody is there.
+    // A peer that comes now learns by the silence that nobody is there.
     if (leaving_ && *type != Message::bye && (*type != Message::ack || !peers_.contains(identity))) return;
     if (*type == Message::hello) {
         mirror::Hello greeting;
@@ -60,7 +61,7 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
     noteHeard(identity);
 }
 
-/// Once for all that a peer has sent in a row.
+/// Notes a peer once for all its consecutive messages.
 void MirrorServer::Io::noteHeard(const std::string& identity) {
     if (heard_.empty() || heard_.back() != identity) heard_.push_back(identity);
 }
@@ -71,12 +72,12 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
         case Message::ack: {
             std::uint64_t numbers[3];  // session, sequence, bytes
             if (!mirror::read(in, numbers)) return garbage("a malformed acknowledgement");
-            if (numbers[0] != peer.session) return;  // of before its last hello
+            if (numbers[0] != peer.session) return;  // sent before its last hello
             if (numbers[2] > peer.sentBytes || numbers[2] < peer.ackedBytes)
                 return garbage("an acknowledgement of what was never sent");
-            peer.debt = 0;  // messages arrive in order: it has read everything before
+            peer.debt = 0;  // messages arrive in order, so it has read everything before
             peer.ackedBytes = numbers[2];
-            peer.awaitedAt = Clock::now();  // whoever has told us of its own accord need not be asked
+            peer.awaitedAt = Clock::now();  // a peer that acknowledges by itself need not be asked
             peer.pace.acknowledged(numbers[2], peer.awaitedAt);
             peer.ackedState = numbers[1];
             break;
@@ -106,7 +107,7 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
     peer.heard = Clock::now();
 }
 
-/// Also to a peer that has to join anew, as after a seek: it said hello by the same connection.
+/// Also sent to a peer that must join anew, as after a seek, because it said hello by the same connection.
 void MirrorServer::Io::reply(const Shared::Control& control) {
     mirror::Words{control.session, control.text}.write(message_, Message::reply);
     sendTo(control.peer, message_);
@@ -119,7 +120,7 @@ void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
     if (peer.upstream == MirrorUpstream::none)
         return reply({peer.identity, command.session, "refused: this server takes no requests"});
     const std::scoped_lock lock(shared_->mutex);
-    // A seek may cost everybody a snapshot: no more of them than a frame has time for.
+    // A seek may cost every peer a snapshot. No more seeks are taken than a frame has time for.
     if (shared_->controls.size() >= kMostControls)
         return reply({peer.identity, command.session, "refused: too many commands wait"});
     shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
@@ -151,14 +152,14 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& he
     question.kind = Kind::open;
     question.part = part;
     question.wishes = stream.wishes;
-    // Of a server that has gone on from its log, say, it may have the part as it was a while ago. Which nodes at the
-    // margin a region has depends on how its viewer went: if there are others now, their hash differs.
+    // The peer may have an earlier state of the part, from this server or the one that it continues. The nodes at the
+    // margin of a region depend on how the viewer moved; if they differ now, so does the hash.
     if (hello.epoch == (shared_->epoch ^ stream.epochMix)) question.frames = history_.allSince(hello.sequence);
     shadow_.ask(std::move(question));
     return part;
 }
 
-/// The name that the key file gives its key, or the one that it gives itself.
+/// The name of the peer's key in the key file, else the name it gives itself.
 std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::string& user) const {
     if (shared_->options.keys)
         if (const auto own = shared_->options.keys->names.find(user); own != shared_->options.keys->names.end())
@@ -168,7 +169,7 @@ std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::st
 
 void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
     auto found = peers_.find(identity);
-    // It comes by another connection than before: the old one is of no use any more.
+    // The client is back with another connection, so the old one is of no use.
     if (hello.wishes.client != 0)
         std::erase_if(peers_,
                       [&](const auto& p) { return p.first != identity && p.second.client == hello.wishes.client; });
@@ -257,7 +258,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
     if (!mirror::read(in, numbers)) return garbage("a malformed submission");
     const auto [session, request, size, offset] = numbers;
     if (session != peer.session) return;
-    // Whom it asks for comes behind its own name, so that nobody can take another's.
+    // The author that it names is put behind its own name, so that nobody can use another's name.
     std::string author = peer.author;
     if (in.left()) {
         const std::string_view given = in.text();
@@ -302,13 +303,13 @@ bool MirrorServer::Io::behind(const Peer& peer) const {
     return peer.placed && historyOf(peer).bytesFrom(peer.state) > peer.window;
 }
 
-/// What waits for it would be older than it wants when it arrives.
+/// True if waiting frames would be older on arrival than the peer wants.
 bool MirrorServer::Io::late(const Peer& peer) const {
     return peer.placed && (peer.whenSlow == MirrorWhenSlow::coalesce || peer.whenSlow == MirrorWhenSlow::nearFirst) &&
            peer.pace.late(historyOf(peer).bytesFrom(peer.state));
 }
 
-/// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
+/// A keyframe for a peer that has no state of ours: the last one if only few frames follow it, else a new one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     SharedRecord keyframe = historyOf(peer).keyframe();
     const bool near =
@@ -324,7 +325,7 @@ SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     return keyframe;
 }
 
-/// `all`: nothing is to wait that could.
+/// With `all` nothing waits that could.
 void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames, bool all) {
     MirrorShadow::Question question;
     question.kind = Kind::merge;
@@ -342,7 +343,7 @@ void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames, bool 
     shadow_.ask(std::move(question));
 }
 
-/// What waits for the peer, with all that has happened since; up to the state of an answer that waits, if one does.
+/// Merges what waits for the peer with everything since, or up to the state of the answer that waits.
 void MirrorServer::Io::mergeHeld(Peer& peer) {
     std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.held, kMostMerged);
     const bool all = peer.answer.has_value();
@@ -360,20 +361,20 @@ SharedRecord MirrorServer::Io::mergeNow(Peer& peer, std::vector<SharedRecord> fr
             statistics_.merged += frames.size();
             return merged;
         }
-    // What waits for the peer's being there has its turn after that.
+    // An answer that waits for the peer's state has its turn after that.
     if (peer.answer) peer.after = std::exchange(peer.answer, std::nullopt);
     merge(peer, std::move(frames));
     return nullptr;
 }
 
-/// Everything that the peer has not got merged into one, if that is more than a frame.
+/// The next frame, or all frames that the peer lacks merged into one.
 SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
     SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to == historyOf(peer).newest()) return next;
     return mergeNow(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
 }
 
-/// An answer is about `state` and waits until the peer is there: frame by frame, or at once if that would be late.
+/// Leads towards the `state` of an answer that waits, frame by frame, or merged if that would be late.
 SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
     SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to >= state || !late(peer)) return next;
@@ -408,7 +409,7 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
             peer.placed = false;
             next = keyframeFor(peer);
         } else {
-            // A whole window behind, or too late: it would only fall further back, one frame after the other.
+            // The peer is a whole window behind, or frames are late. Frame by frame it would only fall back further.
             next = frameFor(peer);
         }
     }
@@ -419,12 +420,12 @@ SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
     return next;
 }
 
-/// True unless the peer is gone.
+/// Returns false if the peer is gone.
 bool MirrorServer::Io::deliverAnswer(Peer& peer) {
     MirrorShadow::Answer& answer = *peer.answer;
     const bool merged = answer.kind == Kind::merge;
     const std::uint64_t needed = merged && answer.record ? answer.record->header.from : answer.state;
-    if (peer.held != 0 && !merged) return true;  // what waits comes first
+    if (peer.held != 0 && !merged) return true;  // values that wait come first
     if (peer.placed && peer.state < needed && historyOf(peer).continues(peer.state)) return true;  // frames come first
     bool there = true;
     if (!answer.record && !answer.message) {
@@ -451,7 +452,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
 }
 
 bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
-    if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // nobody honest has asked for so many
+    if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // an honest peer never has that many
     while (!peer.verdicts.empty()) {
         const mirror::Verdict& verdict = peer.verdicts.front();
         if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.held != 0 || peer.state < verdict.state))
@@ -463,14 +464,14 @@ bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
     return true;
 }
 
-/// The record as this peer can read it. One that lacks what predictions refer to, having got a keyframe or frames
-/// merged into one, gets raw frames until the next that refers to nothing before it; such a frame is asked for.
+/// The record in a coding that this peer can read. After a keyframe or merged frames a peer lacks what predictions
+/// refer to. It gets raw frames until the next kForget, which is asked for here.
 SharedRecord MirrorServer::Io::codedFor(Peer& peer, SharedRecord record) {
     if (!record || record->header.from == record->header.to) return record;
     const bool predicted = record->predicted != nullptr;
     peer.remembers = predicted && (peer.remembers || record->predicted->header.flags & kForget);
     if (peer.remembers) return record->predicted;
-    // Not for those to whom frames always come merged, nor more often than it pays.
+    // Not for peers that always get merged frames, and not more often than it pays.
     const Clock::time_point now = Clock::now();
     if (shared_->options.mode.coding != Coding::raw && peer.part == 0 && peer.interval.count() == 0 &&
         now - forgetAsked_ > kForgetEvery) {
@@ -492,7 +493,7 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
     return codedFor(peer, next);
 }
 
-/// The last one is kept until another record has its turn: it is at most as long as a part.
+/// The last message is kept until another record comes; it is at most as long as a part.
 const ZmqMessage& MirrorServer::Io::bodyOf(const SharedRecord& record, std::span<const std::byte> part) {
     const bool isWhole = part.size() == record->bytes.size();
     if (isWhole && body_ && bodyRecord_ == record) return *body_;
@@ -531,8 +532,8 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
     return true;
 }
 
-/// Whether the peer may keep its acknowledgement of so many bytes more for a while. Each is a message, and wakes four
-/// threads; where there is credit enough one for some frames does.
+/// Returns whether the peer may delay its acknowledgement of so many more bytes. Each is a message that wakes four
+/// threads; with credit enough, one for several frames will do.
 bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const {
     const bool isSeldom = size <= kCopyBelow && now - peer.spoken > kAskEvery;
     return peer.debt == 0 && peer.whenSlow != MirrorWhenSlow::block &&
@@ -540,7 +541,8 @@ bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time
            peer.sentBytes + size - peer.ackedBytes <= peer.window / 4 && (isSeldom || peer.pace.spare(size, now));
 }
 
-/// A client that has been let keep its acknowledgements sends one when it is pinged. False when the peer is gone.
+/// Pings a client that was allowed to delay its acknowledgements, so that it sends one. Returns false if the peer is
+/// gone.
 bool MirrorServer::Io::askForAcknowledgement(Peer& peer) {
     if (peer.awaitedBytes == peer.sentBytes) return true;
     peer.awaitedBytes = peer.sentBytes;
@@ -553,7 +555,7 @@ void MirrorServer::Io::askAllForAcknowledgements() {
         peer = askForAcknowledgement(peer->second) ? ++peer : peers_.erase(peer);
 }
 
-/// Credit in bytes, and in time.
+/// True if the peer has credit in bytes and in time.
 bool MirrorServer::Io::mayPass(Peer& peer) {
     const std::uint64_t record = peer.sending ? peer.sending->bytes.size() : 0;
     const Clock::time_point now = Clock::now();
@@ -572,7 +574,7 @@ bool MirrorServer::Io::pump(Peer& peer) {
         if (!peer.sending) break;
         if (!sendChunk(peer)) return false;
     }
-    // What it has kept would give credit.
+    // An acknowledgement that the peer has delayed would give credit.
     if (!mayPass(peer) && !askForAcknowledgement(peer)) return false;
     return peer.verdicts.empty() || deliverVerdicts(peer);
 }

@@ -1,4 +1,4 @@
-// The mirror server's own replica: follows what is published, and answers what takes too long for the other threads.
+// The mirror server's own replica: follows what is published and answers what would take the other threads too long.
 #include "shadow.h"
 
 #include <algorithm>
@@ -27,15 +27,15 @@ using mirror::Message;
 
 namespace {
 
-constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;          // bytes that may wait for a moment of leisure
-constexpr std::uint64_t kWorthWaking = std::uint64_t{256} << 10;  // bytes, of memory: fewer are soon caught up with
+constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;          // bytes that may wait until the thread has time
+constexpr std::uint64_t kWorthWaking = std::uint64_t{256} << 10;  // bytes of memory; less is quickly caught up with
 constexpr auto kLeisure = 50ms;
-constexpr int kNiceness = 5;           // behind the scene's and the sockets' thread
-constexpr std::size_t kMostEased = 8;  // peers for whom what is near goes first; each costs a scene
+constexpr int kNiceness = 5;           // lower priority than the scene's and the sockets' thread
+constexpr std::size_t kMostEased = 8;  // peers with NearFirst; each costs a scene
 constexpr auto kUnusedEased = 10s;
-constexpr std::size_t kMostMergedKept = 8;                          // frames merged into one, for other peers,
-constexpr std::uint64_t kMergedKeptBytes = std::uint64_t{1} << 20;  // and so many bytes, if they are more than one
-constexpr int kEasedShare = 20;  // of the time of making one passes before it is made again
+constexpr std::size_t kMostMergedKept = 8;                          // merged frames that are kept for other peers,
+constexpr std::uint64_t kMergedKeptBytes = std::uint64_t{1} << 20;  // and their bytes, if there are several
+constexpr int kEasedShare = 20;  // a new one is made after this many times its own cost
 
 }  // namespace
 
@@ -58,12 +58,12 @@ void MirrorShadow::onSnapshot(TakeSnapshot take) {
     takeSnapshot_ = std::move(take);
 }
 
-/// With `mutex_` held. Small frames wait until there are some of them, or somebody asks.
+/// With `mutex_` held. Small frames wait until there are several, or somebody asks.
 bool MirrorShadow::isWorthWaking() const {
     return waitingBytes_ >= kWorthWaking || ((eager_ || hurries_) && !waiting_.empty());
 }
 
-/// With `mutex_` held. Who waits for a snapshot of one of them learns that there will be none.
+/// With `mutex_` held. Those who wait for a snapshot of a dropped record learn that there will be none.
 void MirrorShadow::dropWaiting() {
     for (const Waiting& one : waiting_)
         if (one.snapshot && takeSnapshot_) takeSnapshot_(one.record->header.to, nullptr);
@@ -139,8 +139,9 @@ void MirrorShadow::checkAlive() {
 }
 
 void MirrorShadow::follow() {
-    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)), kNiceness);  // a wish: no harm if refused
-    Scene scene;  // belongs to the thread that makes it
+    ::setpriority(PRIO_PROCESS, static_cast<id_t>(::syscall(SYS_gettid)),
+                  kNiceness);  // only a wish, so a refusal does no harm
+    Scene scene;               // belongs to the thread that makes it
     scene.setBehavioursEnabled(false);
     std::unique_lock lock(mutex_);
     while (!stop_) {
@@ -194,13 +195,14 @@ void MirrorShadow::reply(Answer answer) {
     (void)!::write(wake_, &one, sizeof(one));
 }
 
-/// From an earlier state on, so that peers who have the part as it was there need no snapshot. False: it cannot be.
+/// Opens a part from an earlier state on, so that peers who have that state need no snapshot. Returns false if that is
+/// impossible.
 bool MirrorShadow::openEarlier(const Scene& scene, const Question& question) {
     MirrorPart part(question.wishes);
     Scene past;
     past.setBehavioursEnabled(false);
     std::vector<Answer> steps;
-    ShapePlaces places(mostPlaces_);  // as they were then
+    ShapePlaces places(mostPlaces_);  // the shapes' places in the past
     if (part.region()) places.coverRadius(part.region()->radius);
     const auto step = [&](const Scene& whole, const ChangeSet* set) {
         const bool follows = !part.region() || places.follow(whole, set);
@@ -233,7 +235,7 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
     reply(std::move(first));
 }
 
-/// The part's next step; without a record if it cannot be followed any more.
+/// The part's next step. It has no record if the part cannot be followed any more.
 MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set,
                                            const ShapePlaces* places, std::uint64_t published) {
     Answer frame;
@@ -251,13 +253,14 @@ MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene,
     return frame;
 }
 
-/// Of shapes, for all regions together. `set` null: the scene is where it was, and there may be other regions.
+/// Finds the places of shapes, for all regions together. `set` is null if the scene is unchanged and the regions may be
+/// others.
 void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
     double smallest = std::numeric_limits<double>::infinity();
     for (const auto& [number, part] : parts_)
         if (part.region()) smallest = std::min(smallest, part.region()->radius);
     if (!std::isfinite(smallest)) return places_.reset();
-    // Larger cells than need be cost time only; so do regions that begin anew, once for each smaller one.
+    // Cells that are too large only cost time. So do new regions, each time the smallest radius shrinks.
     const bool fits = places_ && smallest >= cells_ && smallest <= 16 * cells_;
     if (!set && fits && places_->state() == scene.sequence()) return;
     if (!fits) {
@@ -278,9 +281,9 @@ void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::ui
     }
 }
 
-/// True for a frame that nobody needs for itself, as what comes after it says all of it anew.
+/// True for a frame that nobody needs, because the next one gives all its values anew.
 bool MirrorShadow::skip(const EncodedRecord& record, const EncodedRecord* next) {
-    // What is remembered of one frame for the next ones, predictions take up: such frames are all read.
+    // Predictions refer to what frames left in memory, so frames with flags are all read.
     const auto isFrame = [](const RecordHeader& h) {
         return h.kind == RecordKind::frame && h.from != h.to && h.flags == 0;
     };
@@ -290,7 +293,7 @@ bool MirrorShadow::skip(const EncodedRecord& record, const EncodedRecord* next) 
     return true;
 }
 
-/// To who wants the snapshot of this state, in which the scene is if all is well.
+/// Gives the snapshot of this state to whoever wants it. The scene is in that state unless something went wrong.
 void MirrorShadow::handOver(const Scene& scene, std::uint64_t state, bool good) {
     TakeSnapshot take;
     {
@@ -300,7 +303,7 @@ void MirrorShadow::handOver(const Scene& scene, std::uint64_t state, bool good) 
     if (take) take(state, good ? std::make_shared<const ChangeSet>(scene.snapshot()) : nullptr);
 }
 
-/// False: the replica is lost. It is too if it comes to another hash than the origin's: nobody shall start from it.
+/// Returns false if the replica is lost. It also is if its hash is not the origin's, as nobody may start from it.
 bool MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     const bool whole = record->header.kind == RecordKind::keyframe;
     if (whole || !set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
@@ -311,7 +314,7 @@ bool MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     if (from && record->header.kind == RecordKind::frame) set_->from = *from;
     const bool applied = ok && scene.apply(set_) && scene.hash() == record->header.hash;
     if (applied) followParts(scene, set_.get(), record->published);
-    if (whole) set_.reset();  // frames take less
+    if (whole) set_.reset();  // frees memory, as frames need less
     if (applied) return true;
     const std::scoped_lock lock(mutex_);
     lost_ = true;
@@ -326,7 +329,7 @@ std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
 }
 
 SharedRecord MirrorShadow::merge(const Scene& scene, std::uint32_t part, const std::vector<SharedRecord>& frames) {
-    // Several peers often fall behind together, from some few states on.
+    // Several peers often fall behind together, from the same few states.
     const RecordHeader &first = frames.front()->header, &last = frames.back()->header;
     for (const Merged& known : merged_) {
         const RecordHeader& header = known.record->header;
@@ -354,7 +357,7 @@ void MirrorShadow::keepMerged(std::uint32_t part, SharedRecord record) {
     }
 }
 
-/// Without a scene of what the peer has all is merged as for others; there is one for the next time then.
+/// Without a NearFirst for the peer, merges as for others and makes one for the next time.
 void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, Answer& result) {
     const NearFirst::Clock::time_point now = NearFirst::Clock::now();
     std::erase_if(eased_,

@@ -1,4 +1,5 @@
-// Compares two frames' columns, all but the values: the fields of a scene in motion are the same in frame after frame.
+// Compares the columns of two frames apart from their values. In a scene in motion they are the same in frame after
+// frame.
 #include "superseded.h"
 
 #include <rtsg/sync/record.h>

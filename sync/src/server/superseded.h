@@ -1,4 +1,4 @@
-// Which frames need not be followed one by one: those whose every value the next frame gives again.
+// Superseded frames: those whose every value the next frame gives again, so that they need not be applied.
 #pragma once
 
 #include <cstddef>
@@ -6,9 +6,9 @@
 
 namespace rtsg::mirror {
 
-/// Whether applying `next` alone leads to the state that applying `frame` and then `next` does: both hold raw columns
-/// of plain values only, of the same fields of the same nodes. Both intact, `next` from the state that `frame` leads
-/// to.
+/// True if applying `next` alone leads to the same state as applying `frame` and then `next`: both have only raw
+/// columns of plain values, for the same fields of the same nodes. Precondition: both are intact, and `next` starts
+/// where `frame` ends.
 bool isSuperseded(std::span<const std::byte> frame, std::span<const std::byte> next);
 
 }  // namespace rtsg::mirror

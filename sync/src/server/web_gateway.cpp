@@ -1,4 +1,4 @@
-// Finds and loads the module that serves browsers, and says where it listens.
+// Finds and loads the module that serves browsers, and tells where it listens.
 #include <rtsg/sync/web_gateway.h>
 
 #include <algorithm>
@@ -45,7 +45,8 @@ bool isLoopback(const std::string& address) {
     return address == "::1" || address.starts_with("127.");
 }
 
-/// What other machines call this one, where all its addresses are served: the first that is not this machine's alone.
+/// The name by which other machines reach this one, if it listens on all addresses: the first address that is not
+/// loopback.
 std::string ownAddress() {
     std::string found = "localhost";
     ifaddrs* all = nullptr;
@@ -71,7 +72,7 @@ std::string madeUpToken() {
     return token;
 }
 
-/// Six bits a character: fewer would be guessed.
+/// A character has six bits; a shorter token could be guessed.
 constexpr std::size_t kShortestToken = 16;
 
 bool isToken(const std::string& text) {
@@ -93,7 +94,7 @@ Result<StartWeb> loadWeb() {
 
 constexpr std::size_t kLargestNamed = std::size_t{32} << 20;
 
-/// By its content, whatever its name; empty for what browsers do not show.
+/// Looks at the content and not at the name. Empty for formats that browsers do not show.
 std::string pictureType(std::string_view bytes) {
     if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return "image/png";
     if (bytes.starts_with("\xFF\xD8\xFF")) return "image/jpeg";
@@ -102,7 +103,7 @@ std::string pictureType(std::string_view bytes) {
     return {};
 }
 
-/// Likewise, of what browsers play: WAVE, Ogg, FLAC, MP4, MP3 (behind its tags, or from a frame of layer III on).
+/// The same for formats that browsers play: WAVE, Ogg, FLAC, MP4, MP3 (after tags, or from a frame of layer III on).
 std::string soundType(std::string_view bytes) {
     if (bytes.size() < 12) return {};
     if (bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WAVE") return "audio/wav";
@@ -114,13 +115,13 @@ std::string soundType(std::string_view bytes) {
     return {};
 }
 
-/// Whether a node of this type has files of this kind.
+/// True if nodes of this type have files of this kind.
 bool names(const NodeType& type, FileWish::Kind kind) {
     if (kind == FileWish::Kind::picture) return type.isA("X3DTextureNode");
     return type.isA("X3DSoundSourceNode") && !type.isA("X3DTextureNode");
 }
 
-/// Only what the scene itself names: a browser says no more than which node.
+/// Opens only files that the scene names. A browser only says which node.
 std::string fileOf(const Scene& scene, const Resources& resources, const FileWish& wish) {
     const Node* node = scene.find(NodeId{wish.node});
     if (!node || !names(node->type(), wish.kind)) return {};

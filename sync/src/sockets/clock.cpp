@@ -1,4 +1,4 @@
-// Estimates the offset of the server's clock and the delay from exchanges of pings.
+// Estimates the offset of the server's clock, and the delay, from exchanges of pings.
 #include "clock.h"
 
 #include <algorithm>

@@ -1,8 +1,9 @@
-// The server's clock as seen from here, and how evenly frames come.
+// MirrorClock: the server's clock as seen from here, and how evenly frames arrive.
 //
 // Invariant: of the last 32 exchanges the one with the shortest round trip counts (as in NTP's clock filter, RFC 5905,
-// section 10): its offset is wrong by at most half that. Both clocks are steady, so clock jumps of either machine do no
-// harm. Threading: values.
+// section 10). Its offset is wrong by at most half the round trip. Both clocks are steady, so changes of the time of
+// day do no harm.
+// Threading: values.
 #pragma once
 
 #include <array>
@@ -12,19 +13,20 @@ namespace rtsg {
 
 class MirrorClock {
   public:
-    /// Times in ns: when asked and when answered on our clock, and the server's in between.
+    /// Takes one exchange, with times in ns: when we asked and when the answer came, on our clock, and the server's
+    /// time in between.
     void sample(std::uint64_t asked, std::uint64_t theirs, std::uint64_t answered);
-    /// Another server: what was known of the last one's clock means nothing.
+    /// Forgets everything, because the server is another one.
     void reset() { *this = {}; }
     bool known() const { return count_ > 0; }
     std::uint64_t samples() const { return count_; }
-    /// Seconds: theirs less ours, and the round trip of the sample that counts.
+    /// In seconds: the server's clock minus ours, and the round trip, of the exchange that counts.
     double offset() const { return best_.offset; }
     double delay() const { return best_.delay; }
-    /// Our clock's time, in ns, when theirs shows `theirs`.
+    /// The time of our clock, in ns, when the server's shows `theirs`.
     std::uint64_t here(std::uint64_t theirs) const;
 
-    /// A frame published at `published` on their clock has arrived. Updates jitter.
+    /// Notes that a frame has arrived which was published at `published` on the server's clock. Updates the jitter.
     void arrival(std::uint64_t published, std::uint64_t arrived);
     double jitter() const { return jitter_; }
 

@@ -1,4 +1,4 @@
-// Reads from the system how many bytes each connection has brought, and shuts those that bring no messages.
+// Asks the system how many bytes have come on each connection, and shuts those that bring no messages.
 #include "connection_watch.h"
 
 #include <algorithm>
@@ -18,9 +18,10 @@ namespace rtsg {
 namespace {
 
 constexpr auto kLookEvery = std::chrono::milliseconds(5), kLookAgain = std::chrono::milliseconds(1);
-constexpr auto kLookCosts = std::chrono::microseconds(60);  // a connection: so that looking takes some percent at most
+constexpr auto kLookCosts =
+    std::chrono::microseconds(60);  // for each connection, so that looking takes some per cent of the time
 
-/// Bytes received on a TCP connection, less those that wait in the system; nothing for what is none.
+/// Bytes that ZeroMQ has read from a TCP connection. Nothing if the descriptor is none.
 std::optional<std::uint64_t> bytesRead(int descriptor) {
     int waiting = 0;
     const std::optional<std::uint64_t> received = bytesReceived(descriptor);
@@ -64,7 +65,7 @@ bool ConnectionWatch::rest() {
     return true;
 }
 
-/// Whoever woke us is looked at as long as it stirs.
+/// Connections that woke us are looked at while bytes without messages come on them.
 void ConnectionWatch::takeEvents() {
     epoll_event events[64];
     const int count = events_ < 0 ? 0 : ::epoll_wait(events_, events, std::size(events), 0);
@@ -77,7 +78,7 @@ void ConnectionWatch::takeEvents() {
 
 void ConnectionWatch::look(Clock::time_point now) {
     takeEvents();
-    early_.clear();  // what has been opened is known before each look
+    early_.clear();  // before a look it is known which connections are open
     const Clock::duration every = suspicious_ ? kLookAgain : kLookEvery;
     if (now - looked_ < std::max(every, Clock::duration(kLookCosts * connections_.size()))) return;
     looked_ = now;
@@ -85,10 +86,11 @@ void ConnectionWatch::look(Clock::time_point now) {
     suspicious_ = false;
     for (auto& [descriptor, connection] : connections_) {
         const std::uint64_t before = connection.come;
-        if (connection.delivered) continue;  // a message has come: nothing to be found on it this time
+        if (connection.delivered) continue;  // a message has come, so nothing is wrong this time
         const std::optional<std::uint64_t> received = bytesReceived(descriptor);
         connection.counted = received.has_value();
-        // Where little has come it does not matter whether ZeroMQ has read all of it: half the calls, for each peer.
+        // If only little has come, it does not matter whether ZeroMQ has read all of it. This saves half of the calls
+        // for each peer.
         const bool little = connection.counted && *received <= connection.settled + kMostUnfinished;
         connection.come = little ? *received : bytesRead(descriptor).value_or(0);
         if (!connection.counted && bytesWait(descriptor) && connection.busy++ == 0) connection.busySince = now;
@@ -121,13 +123,13 @@ bool ConnectionWatch::endlessLocal(Connection& connection, bool drained) const {
 bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drained) const {
     if (!connection.counted) return endlessLocal(connection, drained);
     if (std::exchange(connection.delivered, false)) {
-        // Since the look more may have come, and all of it may have been delivered: as of now, and not of the look.
+        // More may have come, and been delivered, since the look. So the bytes of now count.
         connection.come = connection.settled = bytesRead(descriptor).value_or(connection.come);
         connection.stirs = false;
         return false;
     }
     if (connection.come <= connection.settled + (drained ? kMostUnfinished : kMostWaiting)) return false;
-    // ZeroMQ closes descriptors itself, and the system gives their numbers away again: look once more.
+    // ZeroMQ closes descriptors itself, and the system may reuse their numbers. So it looks once more.
     return bytesRead(descriptor).value_or(0) >= connection.come;
 }
 

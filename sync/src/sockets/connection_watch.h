@@ -1,14 +1,14 @@
-// Ends connections on which bytes come but no message does.
+// ConnectionWatch: shuts connections on which bytes arrive but no messages.
 //
-// ZeroMQ hands a message of several parts over when its last part has come, keeps the parts until then, and limits the
-// size of each but not their number. So the watch compares what the system has received on a connection with what has
-// been handed over from it, and shuts a connection that is more than a message of ours behind.
-// Of local (ipc) connections the system tells only whether bytes wait. Bytes that came belong to a message that is soon
-// complete, so one on which they wait again and again while no message comes is shut as well.
-// While nothing comes it need not look: rest() has the system tell when something does.
-// Invariant: what waits in an unfinished message is at most kMostUnfinished and what comes between two looks; of a
-// local connection what comes in kBusyFor, if it comes fast, and some megabytes at most, if slowly, as it is seldom
-// caught at it. Threading: one thread.
+// ZeroMQ hands over a message when its last part has come. Until then it keeps the parts, and limits their size but not
+// their number. So the watch compares what the system has received on a connection with what was handed over, and shuts
+// a connection that is more than one message of ours behind. For local (ipc) connections the system only tells whether
+// bytes wait. Bytes belong to a message that is soon complete, so a connection is shut, too, if bytes wait on it again
+// and again and no message comes. While nothing comes there is no need to look: after rest() the system tells when
+// something does.
+// Invariant: an unfinished message has at most kMostUnfinished bytes and what comes between two looks. A local
+// connection may bring what comes in kBusyFor, or some megabytes if it is so slow that it is rarely seen with bytes.
+// Threading: one thread.
 #pragma once
 
 #include <chrono>
@@ -21,17 +21,18 @@
 
 namespace rtsg {
 
-/// What has come on a TCP connection, whether it has been read or not, bytes; nothing for what is none.
+/// Bytes that have come on a TCP connection, read or not. Nothing if the descriptor is none.
 std::optional<std::uint64_t> bytesReceived(int descriptor);
 
 class ConnectionWatch {
   public:
     using Clock = std::chrono::steady_clock;
-    /// The longest honest message, what ZeroMQ reads at once, and as much again.
+    /// Twice the longest honest message and what ZeroMQ reads at once.
     static constexpr std::uint64_t kMostUnfinished = 64 << 10;
-    /// As above while messages wait to be taken: all that ZeroMQ lets wait of one connection.
+    /// The same while messages wait to be taken: all that ZeroMQ lets wait on one connection.
     static constexpr std::uint64_t kMostWaiting = 2 << 20;
-    /// Looks at which bytes wait on a local connection without a message since the first, and the time they span.
+    /// The number of looks at which bytes wait on a local connection without a message, and the time from the first to
+    /// the last.
     static constexpr unsigned kBusyLooks = 4;
     static constexpr std::chrono::milliseconds kBusyFor{50};
     static constexpr std::chrono::milliseconds kBusyForWhileOthersWait{2000};
@@ -44,29 +45,30 @@ class ConnectionWatch {
     void opened(int descriptor) { connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0}; }
     void closed(int descriptor) { connections_.erase(descriptor); }
     bool any() const { return !connections_.empty(); }
-    /// One may be sending a message without end: look again soon.
+    /// True if some connection may be sending an endless message. Look again soon.
     bool suspicious() const { return suspicious_; }
-    /// Before messages are taken: how much has come on each. Not more often than it is worth.
+    /// Notes how much has come on each connection; call it before messages are taken. It skips looks that are too
+    /// frequent.
     void look(Clock::time_point now);
-    /// A message has been taken from its connection, of which it may not be known yet that it is open.
+    /// Notes that a message was taken. Its connection may not be known as open yet.
     void delivered(const ZmqMessage& message);
     void delivered(int descriptor);
-    /// False while bytes come that belong to no message yet: look again in a while. Else descriptor() is readable once
-    /// any come.
+    /// Returns false while bytes come that belong to no message yet; then look again in a while. Otherwise descriptor()
+    /// becomes readable when bytes come.
     bool rest();
     int descriptor() const { return events_; }
-    /// After look(); `drained`: no message was left. Returns how many connections were shut.
+    /// Call it after look(). `drained` says that no message was left. Returns how many connections were shut.
     std::size_t shutEndless(bool drained);
 
   private:
     struct Connection {
-        std::uint64_t come = 0;     // bytes that ZeroMQ has read of it, when looked at last
-        std::uint64_t settled = 0;  // of these, after the last time that messages were delivered
-        bool delivered = false;     // since then
-        bool counted = true;        // the system tells how much has come
-        bool stirs = true;          // bytes have come that no message has brought
-        bool armed = false;         // `events_` tells when something comes
-        unsigned busy = 0;          // else: looks at which bytes waited, since a message was delivered
+        std::uint64_t come = 0;     // bytes that ZeroMQ had read at the last look
+        std::uint64_t settled = 0;  // the same, when messages were last delivered
+        bool delivered = false;     // a message has come since then
+        bool counted = true;        // the system tells how many bytes have come
+        bool stirs = true;          // bytes have come without a message
+        bool armed = false;         // `events_` tells when bytes come
+        unsigned busy = 0;          // otherwise: looks at which bytes waited since the last message
         Clock::time_point busySince{};
     };
     void takeEvents();
@@ -74,9 +76,9 @@ class ConnectionWatch {
     bool endlessLocal(Connection& connection, bool drained) const;
 
     std::unordered_map<int, Connection> connections_;
-    std::set<int> early_;  // connections that messages came from before it was known that they are open
+    std::set<int> early_;  // connections that brought messages before they were known as open
     Clock::time_point looked_{};
-    bool fresh_ = false;  // a look that shutEndless has not followed yet
+    bool fresh_ = false;  // there was a look, and shutEndless() has not followed yet
     bool suspicious_ = false;
     int events_ = -1;  // epoll
 };

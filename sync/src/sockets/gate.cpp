@@ -1,4 +1,4 @@
-// Lets in whose key is on the list, and counts the connections that never became any.
+// Admits clients whose key is on the list, and counts connections that failed.
 #include "gate.h"
 
 #include <algorithm>
@@ -19,7 +19,7 @@ Result<> MirrorGate::guard(ZmqSocket& router, const MirrorKeys* keys) {
     if (keys) {
         if (zmq_bind(zap_.get(), "inproc://zeromq.zap.01") != 0)
             return std::unexpected(zmqFailure("cannot check who connects"));
-        router.set(ZMQ_ZAP_DOMAIN, std::string("rtsg"));  // an empty one would let everybody in
+        router.set(ZMQ_ZAP_DOMAIN, std::string("rtsg"));  // an empty domain would admit everybody
         router.set(ZMQ_CURVE_SERVER, 1);
         router.set(ZMQ_CURVE_SECRETKEY, keys->serverSecret);
     }
@@ -71,7 +71,7 @@ MirrorGate::Failures MirrorGate::failures() {
         ZmqMessage event;
         if (!monitor_.receive(event)) return result;
         std::uint16_t what = 0;
-        std::int32_t value = 0;  // the connection's descriptor, for those two
+        std::int32_t value = 0;  // for these two events: the connection's descriptor
         if (event.bytes().size() >= sizeof(what) + sizeof(value)) {
             std::memcpy(&what, event.bytes().data(), sizeof(what));
             std::memcpy(&value, event.bytes().data() + sizeof(what), sizeof(value));

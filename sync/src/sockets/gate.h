@@ -1,5 +1,5 @@
-// Who gets in, and who is shown out: the ZAP handler of an encrypted mirror (ZeroMQ RFC 27), the watch over connections
-// that never became peers, and over those that send a message without end.
+// MirrorGate: decides who may connect. It is the ZAP handler of an encrypted mirror (ZeroMQ RFC 27), counts connections
+// that never became peers, and watches for those that send an endless message.
 //
 // Invariant: with keys, a connection's user id is its public key, and only keys on the list get one.
 // Threading: the thread of the socket that is watched.
@@ -18,13 +18,13 @@ namespace rtsg {
 class MirrorGate {
   public:
     explicit MirrorGate(const ZmqContext& context) : zap_(context, ZMQ_REP), monitor_(context, ZMQ_PAIR) {}
-    /// Before `router` is bound. `keys` may be null: everybody gets in.
+    /// Call it before `router` is bound. If `keys` is null everybody is admitted.
     Result<> guard(ZmqSocket& router, const MirrorKeys* keys);
     void stopWatching(ZmqSocket& router);
 
-    /// Answers who has knocked.
+    /// Answers waiting requests for admission.
     void authenticate();
-    /// What has become of connections since the last call.
+    /// Failed connections since the last call.
     struct Failures {
         std::uint64_t refused = 0, garbage = 0;
     };
@@ -40,7 +40,7 @@ class MirrorGate {
     const MirrorKeys* keys_ = nullptr;
 };
 
-/// The public key that a message's connection was let in with; empty without keys.
+/// The public key with which a message's connection was admitted. Empty without keys.
 std::string userOf(const ZmqMessage& message);
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// Reads, checks and makes key files, and tells endpoints of this machine from others.
+// Reads, checks and generates key files, and tells whether an endpoint is local.
 #include <rtsg/sync/mirror_keys.h>
 
 #include <cerrno>
@@ -40,7 +40,7 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
     MirrorKeys keys;
     std::string line;
     for (std::uint32_t number = 1; std::getline(in, line); ++number) {
-        // A key may contain '#': only a line that starts with one is a comment.
+        // A key may contain '#', so only a line that starts with one is a comment.
         const std::size_t first = line.find_first_not_of(" \t\r");
         if (first == line.npos || line[first] == '#') continue;
         const std::size_t space = line.find_first_of(" \t", first);
@@ -101,12 +101,12 @@ Result<> writeKeys(const std::filesystem::path& file, const std::string& text, W
     if (descriptor < 0)
         return fail(fmt::format("cannot {}: {}", how == Writing::anew ? "create" : "write", std::strerror(errno)), {},
                     file.string());
-    errno = 0;  // a disk with room for a part sets none
+    errno = 0;  // a full disk may write a part without setting errno
     const bool written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size());
     const int error = errno;
     ::close(descriptor);
     if (written) return {};
-    if (how == Writing::anew) ::unlink(file.c_str());  // half a key file is none
+    if (how == Writing::anew) ::unlink(file.c_str());  // a partial key file is of no use
     return fail(fmt::format("cannot write: {}", error != 0 ? std::strerror(error) : "no room"), {}, file.string());
 }
 
@@ -140,7 +140,7 @@ Result<> MirrorKeys::addClient(const std::filesystem::path& server, const std::f
         fmt::format("# Keys of a mirror's client: keep secret.\nserver-public {}\nclient-public {}\nclient-secret {}\n",
                     known->serverPublic, pair->open, pair->secret);
     if (auto ok = writeKeys(client, own, Writing::anew); !ok) return ok;
-    // The last line may have no end of its own.
+    // The last line may lack its line end.
     const std::string line = fmt::format("\nclient-public {}{}{}{}{}\n", pair->open, permission.empty() ? "" : " ",
                                          permission, name.empty() ? "" : " ", name);
     const Result<> added = writeKeys(server, line, Writing::atTheEnd);

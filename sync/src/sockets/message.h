@@ -1,5 +1,5 @@
-// The messages of a mirror besides its records (PROTOCOL.md, "Mirror"): a prologue of 8 bytes, then fixed fields.
-// Readers ignore what follows the fields they know, so that later versions can append.
+// Messages of a mirror beside its records (PROTOCOL.md, "Mirror"): a prologue of 8 bytes, then fixed fields. Readers
+// ignore anything after the fields they know, so that later versions can append.
 #pragma once
 
 #include <chrono>
@@ -19,7 +19,7 @@ namespace rtsg::mirror {
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kPrologue = 8;
 constexpr std::size_t kLongestName = 200;
-constexpr std::size_t kMostParts = 1024;  // of a scene that a peer may name in its hello
+constexpr std::size_t kMostParts = 1024;  // subtrees that a peer may name in its hello
 constexpr std::size_t kLongestControl = 200;
 constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
 constexpr std::size_t kLongestSubmission = 1 << 20;
@@ -34,18 +34,18 @@ enum class Message : std::uint8_t {
     inspect = 7,   // client: session, nodes whose parts' hashes it wants
     want = 8,      // client: session, parts of nodes it wants anew
     submit = 9,    // client: session, request, size, offset; second part: bytes of a record from there
-    control = 10,  // client: session, what a player of a log shall do
+    control = 10,  // client: session, command for the player of a log
     welcome = 16,  // server: session, epoch, heartbeat in ms, newest state; second part: head record
     data = 17,     // server: session, record size, offset, clock; second part: the record's bytes from there
-    unknown = 18,  // server: I do not know you, say hello
+    unknown = 18,  // server: the client is unknown and must say hello
     refused = 19,  // server: reason
     digest = 20,   // server: session, state, hashes of ranges
     anatomy = 21,  // server: session, state, hashes of the parts of nodes
     verdict = 22,  // server: session, request, state, reason of refusal, numbers of new nodes
-    reply = 23,    // server: session, what came of a control
+    reply = 23,    // server: session, reply to a control
 };
 
-/// This machine's steady clock, ns: never goes back, and means nothing elsewhere.
+/// This machine's steady clock in ns. It never goes back, and has no meaning on other machines.
 inline std::uint64_t clockNow() {
     return static_cast<std::uint64_t>(
         std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
@@ -60,7 +60,7 @@ inline void begin(ByteBuffer& out, Message type) {
     out.put(std::uint16_t{0});
 }
 
-/// The type, if the prologue is one of this version; `in` then stands behind it.
+/// The type, if this is a prologue of this version; `in` then stands behind it.
 inline std::optional<Message> readPrologue(wire::Reader& in) {
     if (in.left() < kPrologue || std::memcmp(in.at, "RTSG", 4) != 0) return std::nullopt;
     in.at += 4;
@@ -71,17 +71,17 @@ inline std::optional<Message> readPrologue(wire::Reader& in) {
     return static_cast<Message>(type);
 }
 
-/// What a client asks for beyond following; all of it may be left out.
+/// A client's wishes beyond following the scene. Each may be left out.
 struct Wishes {
-    std::uint64_t client = 0;        // names it across connections, for its requests
-    std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead, 3 merged, near first
-    std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
-    std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
-    std::vector<std::string> parts;  // DEF names or #numbers of subtrees, or one region; none: all
-    bool inputs = false;             // runs the cascade itself, given what came into each frame
-    std::uint32_t lag = 0;           // ms that it may be behind beside the way's delay; 0: any
-    std::uint64_t rate = 0;          // most bytes a second; 0: any
-    Hash128 hash;                    // of the state it is in, as the server said; 0: not said
+    std::uint64_t client = 0;       // the client's name in all its connections, for its requests
+    std::uint8_t whenSlow = 0;      // 0: merged frames; 1: the scene waits; 2: a keyframe; 3: merged, near things first
+    std::uint32_t milliFrames = 0;  // most frames in 1000 s; 0 for all
+    std::uint32_t aspects = 0;      // bit n: aspect n; 0 for all
+    std::vector<std::string> parts;  // subtrees by DEF name or #number, or one region; empty for all
+    bool inputs = false;             // it runs the cascade itself and wants the input of each frame
+    std::uint32_t lag = 0;           // ms by which it may lag, beside the delay; 0 for any
+    std::uint64_t rate = 0;          // most bytes a second; 0 for any
+    Hash128 hash;                    // of the state it is in, as the server said; 0 if unknown
 
     bool partial() const { return aspects != 0 || !parts.empty(); }
     void write(ByteBuffer& out) const {
@@ -146,7 +146,7 @@ bool read(wire::Reader& in, std::uint64_t (&numbers)[N]) {
     return !in.problem;
 }
 
-/// Session and text: a command for a player of a log, or what came of one.
+/// Session and text: a command for the player of a log, or its reply.
 struct Words {
     std::uint64_t session = 0;
     std::string text;
@@ -161,7 +161,7 @@ struct Words {
         text = in.text();
         return !in.problem;
     }
-    /// A command, which the server looks at before anything else.
+    /// Reads a command. The server checks it before anything else.
     bool readControl(wire::Reader& in) { return read(in) && text.size() <= kLongestControl; }
 };
 

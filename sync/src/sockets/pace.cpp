@@ -1,4 +1,4 @@
-// Measures what the way to a peer carries, and says how much may be under way.
+// Measures what the link to a peer carries, and tells how much may be under way.
 #include "pace.h"
 
 #include <algorithm>
@@ -7,16 +7,16 @@ namespace rtsg {
 
 namespace {
 
-constexpr double kHeadroom = 1.25;                    // else a rate that is measured too low would stay so
-constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: before anything is known, and always,
-constexpr double kFew = 256;                          // but that a slow link takes longer for them than it has time
-constexpr double kSmallRecord = 16 << 10;             // may be under way as a whole in any case,
-constexpr double kLargeRecord = 64 << 10;             // and one so long if the link takes it within the lag
-constexpr double kMostSpared = 128 << 10;             // goes without being acknowledged at once, where that is little
-constexpr double kShortest = 1e-4;                    // s: measures of less are noise
+constexpr double kHeadroom = 1.25;                    // without it a rate that was measured too low would stay low
+constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: at first, and in any case,
+constexpr double kFew = 256;                          // and fewer if a slow link takes longer for them than the lag
+constexpr double kSmallRecord = 16 << 10;             // a record of this size may always be under way as a whole,
+constexpr double kLargeRecord = 64 << 10;             // and one of this size if the link takes it within the lag
+constexpr double kMostSpared = 128 << 10;  // bytes without immediate acknowledgement, if that is a short time
+constexpr double kShortest = 1e-4;         // s; shorter measurements are noise
 constexpr MirrorPace::Seconds kRateSpan{1}, kDelaySpan{5};
-constexpr double kSpanDelays = 8;  // or as many delays, if that is longer
-constexpr int kRateKnown = 4;      // acknowledgements, after which the first delay can be judged
+constexpr double kSpanDelays = 8;  // or this many delays, if that is longer
+constexpr int kRateKnown = 4;      // acknowledgements before the first delay can be judged
 
 double leastOf(double a, double b) {
     return a <= 0 ? b : b <= 0 ? a : std::min(a, b);
@@ -36,7 +36,7 @@ double MirrorPace::delay() const {
 double MirrorPace::limit(std::uint64_t record) const {
     if (lag_ <= 0) return std::numeric_limits<double>::infinity();
     if (rate() <= 0) return kFirst;
-    // Of a record that goes in one part, the next can wait until it is there.
+    // If a record is sent in one part, the next can wait until it has arrived.
     const double whole =
         double(record) <= kLeast ? 0 : std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
     const double least = std::clamp(rate() * lag_ / 4, kFew, kLeast);
@@ -46,33 +46,33 @@ double MirrorPace::limit(std::uint64_t record) const {
 bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
     if (most_ > 0 && now < next_) return false;
     const std::uint64_t all = sentTotal_ - acknowledgedTotal_, under = all - std::min(all, spared_);
-    // Beside what is under way, no more than passes while the goodbye behind it is waited for, or systems take at once.
+    // At the end no more is added than passes while the goodbye is awaited, or than the systems take at once.
     if (lifted_ && double(sentTotal_ - liftedAt_) < std::clamp(rate(), kSmallRecord, kLargeRecord)) return true;
     if (draining_) draining_ = all != 0;
     return !draining_ && (under == 0 || double(under) < limit(record));
 }
 
-/// The way is known, and has lately taken all there was to send.
+/// True if the link is known and has recently carried all that there was to send.
 bool MirrorPace::settled(Clock::time_point now) const {
-    const bool probes = delay_.now <= 0 && sentTotal_ == acknowledgedTotal_;  // with a part that goes alone
+    const bool probes = delay_.now <= 0 && sentTotal_ == acknowledgedTotal_;  // with a part that is alone under way
     if (draining_ || lifted_ || probes || delay() <= 0 || rate() <= 0 || Seconds(now - heldAt_).count() < lag_)
         return false;
     const auto awaited = std::ranges::find(sent_, 0u, &Sent::spared);
     return awaited == sent_.end() || Seconds(now - awaited->at).count() <= lag_ / 2;
 }
 
-/// Bytes that have not arrived, if the way is as fast as it is known to be.
+/// Bytes that have not arrived yet, if the link is as fast as measured.
 double MirrorPace::onTheWay(Clock::time_point now) const {
     return std::max(0., onTheWay_ - rate() * Seconds(now - onTheWayAt_).count());
 }
 
-/// Frames that come one by one seldom show all that a way could carry: of small ones a few more may go.
+/// Single frames rarely use all that a link can carry. So some more small ones may go unacknowledged.
 double MirrorPace::mostSpared() const {
     return rate() * std::max(lag_ / 2, std::min(2 * lag_, kMostSpared / rate()));
 }
 
 bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {
-    if (most_ > 0) return false;  // held back by that, and not for want of credit
+    if (most_ > 0) return false;  // held back by that limit and not by missing credit
     if (lag_ <= 0) return true;
     return settled(now) && onTheWay(now) + double(size) <= rate() * lag_ / 2 &&
            double(spared_ + size) <= mostSpared() &&
@@ -81,7 +81,7 @@ bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {
 
 std::uint64_t MirrorPace::chunk(std::uint64_t most, Clock::time_point now) const {
     double result = double(most);
-    // Parts tell how the link is; where that is known, those of a record that passes in time only cost.
+    // Parts measure the link. Once it is known, the parts of a record that passes in time only cost.
     if (lag_ > 0) {
         const double least = settled(now) ? std::min(kSmallRecord, rate() * lag_) : kLeast;
         result = std::min(result, std::max({kLeast, least, limit(0) / 4}));
@@ -97,7 +97,7 @@ void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) 
     if (lag_ > 0) {
         const bool alone = sentTotal_ == acknowledgedTotal_;
         if (alone) acknowledgedAt_ = now;
-        // Of a part so short that its own time does not hide the way's.
+        // Only for a part so short that its own time does not hide the delay.
         const bool tells = alone && awaited && size <= static_cast<std::uint64_t>(std::max(kLeast, limit(0) / 4));
         sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, tells, awaited ? 0 : size});
         spared_ += sent_.back().spared;
@@ -107,7 +107,7 @@ void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) 
     sentTotal_ = total;
 }
 
-/// `size`: of what was sent alone; the link took its time for that too.
+/// `size` is that of the part sent alone; the link needed time for it, too.
 void MirrorPace::learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now) {
     const double whole = Seconds(now - sent.at).count();
     const double own = rate() > 0 ? double(size) / rate() : 0;
@@ -116,8 +116,8 @@ void MirrorPace::learnDelay(const Sent& sent, std::uint64_t size, Clock::time_po
     if (rate() <= 0) unjudged_ = double(size);
 }
 
-/// The first delay was measured before the rate was known, and may be little but the time that the link took for so
-/// many bytes: then the way is let run empty, and it is measured again.
+/// The first delay was measured before the rate was known, so it may be mostly the time that the link took for those
+/// bytes. In that case the link is left to run empty and the delay is measured again.
 void MirrorPace::judgeFirstDelay() {
     if (unjudged_ <= 0 || rate() <= 0 || ++judged_ < kRateKnown) return;
     if (unjudged_ / rate() > .25 * delay()) {
@@ -130,7 +130,7 @@ void MirrorPace::judgeFirstDelay() {
 void MirrorPace::learnRate(const Sent& sent, Clock::time_point now) {
     const double seconds = std::max(kShortest, Seconds(now - sent.since).count());
     const double found = double(acknowledgedTotal_ - sent.acknowledgedThen) / seconds;
-    // One that the sender limited says only that the link carries so much.
+    // A sample limited by the sender only shows that the link carries at least that much.
     const bool links = sent.total <= heldUpTo_;
     if (links && now - rate_.began > std::max(kRateSpan, Seconds(kSpanDelays * delay()))) {
         rate_.before = rate_.now;
@@ -157,7 +157,7 @@ void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
     onTheWay_ = std::min(onTheWay(now), double(sentTotal_ - acknowledgedTotal_));
     onTheWayAt_ = now;
     if (lag_ > 0 && now - delay_.began > kDelaySpan) {
-        // Without a measure of the empty way in all this time it has to be made empty.
+        // The empty link was not measured in all this time, so it must be made empty.
         draining_ = delay_.now <= 0;
         if (!draining_) delay_.before = delay_.now;
         delay_.now = 0;

@@ -1,11 +1,13 @@
-// How much may be under way to a peer, so that what it gets is never older than it asked for.
+// MirrorPace: how much may be under way to a peer, so that what it gets is never older than it asked for.
 //
-// A window in bytes is too little for a fast link or far too much for a slow one. So the pace is measured, as
-// congestion control by rate and delay does it (Cardwell et al., BBR, 2016; other constants, and the delay's bound is
-// given): the rate at which bytes are acknowledged, as the most of the last seconds in which there was more to send;
-// the delay, as the least since the way was last empty. Under way may be what the link carries in that delay and
-// an eighth of the lag that is allowed, and one record at least. Where nothing empties the way by itself it is let run
-// empty every ten seconds. Invariant: without a lag and a rate nothing is limited. Threading: one thread.
+// A window in bytes is too small for a fast link or too large for a slow one. So the pace is measured, as in congestion
+// control by rate and delay (Cardwell et al., BBR, 2016; with other constants and a given bound of the delay). The rate
+// is the greatest rate of acknowledged bytes in the last seconds in which there was more to send. The delay is the
+// least since the link was last empty. Under way may be what the link carries in that delay and an eighth of the
+// allowed lag, and at least one record. If nothing empties the link by itself, it is left to run empty every ten
+// seconds.
+// Invariant: without a lag and a rate nothing is limited.
+// Threading: one thread.
 #pragma once
 
 #include <chrono>
@@ -20,58 +22,60 @@ class MirrorPace {
     using Clock = std::chrono::steady_clock;
     using Seconds = std::chrono::duration<double>;
 
-    /// `lag`: seconds, 0 for any. `most`: bytes a second, 0 for any.
+    /// `lag` in seconds and `most` in bytes a second; 0 for no limit.
     MirrorPace(double lag, double most) : lag_(lag), most_(most) {}
     MirrorPace() = default;
 
-    /// `total`: all bytes sent, these included. `awaited`: they are acknowledged as soon as they have been read.
+    /// Notes what was sent. `total`: all bytes so far, with these. `awaited`: the peer acknowledges them as soon as it
+    /// has read them.
     void sent(std::uint64_t total, Clock::time_point now, bool awaited = true);
-    /// All bytes acknowledged.
+    /// Notes what was acknowledged; `total`: all bytes so far.
     void acknowledged(std::uint64_t total, Clock::time_point now);
-    /// There is more to send than may be: what is under way tells the link's rate, not the sender's.
+    /// Notes that more is to be sent than may be. So the rate now shows what the link carries, not what the sender
+    /// makes.
     void held(Clock::time_point now) {
         heldUpTo_ = sentTotal_;
         heldAt_ = now;
     }
 
-    /// The sender leaves: what is held back so that newer things are not late is the newest there will be.
+    /// Call it when the sender leaves: nothing newer will come, so nothing needs to be held back for it.
     void lift() {
         lifted_ = true;
         liftedAt_ = sentTotal_;
         draining_ = false;
     }
 
-    /// Whether something may be sent now; `record`: bytes of the one that it belongs to.
+    /// True if something may be sent now. `record` is the size of the record to which it belongs.
     bool open(std::uint64_t record, Clock::time_point now);
-    /// Whether so many bytes more may go without being acknowledged at once: the way is known and not full, and takes
-    /// what has gone so, as fast as it is known to be, in half of the lag. They hold nothing back. Lest a way that has
-    /// become slower is found out late, none waits for longer than twice the lag, nor are they many.
+    /// True if so many more bytes may go without immediate acknowledgement. The link must be known, not full, and fast
+    /// enough to carry all such bytes in half of the lag. They hold nothing back. Their number is bounded, and none
+    /// waits longer than twice the lag, so that a link that has become slower is noticed in time.
     bool spare(std::uint64_t size, Clock::time_point now) const;
-    /// What to send at once at most.
+    /// The most to send at once.
     std::uint64_t chunk(std::uint64_t most, Clock::time_point now) const;
-    /// So many bytes that wait would be too old before they arrive: better to send what came of them.
+    /// True if so many waiting bytes would be too old on arrival. Then it is better to merge them.
     bool late(std::uint64_t waiting) const {
         return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 2));
     }
-    /// As many as would not be, as far as that is known.
+    /// The bytes that would not be late, as far as the rate is known.
     std::uint64_t inTime() const { return static_cast<std::uint64_t>(rate() * lag_ / 4); }
-    /// Until a limit of the rate lets something through; 0 if that is not what is waited for.
+    /// The time until the limit of the rate lets something pass. 0 if nothing waits for that.
     Clock::duration wait(Clock::time_point now) const {
         return most_ > 0 && next_ > now ? next_ - now : Clock::duration{};
     }
 
-    /// Bytes a second and seconds, as measured; 0 while unknown.
+    /// The measured rate in bytes a second, and the delay in seconds. 0 while unknown.
     double rate() const;
     double delay() const;
 
   private:
     struct Sent {
         std::uint64_t total = 0, acknowledgedThen = 0;
-        Clock::time_point at, since;  // since: when what was acknowledged then had been
-        bool tells = false;           // of the way's delay: nothing else was under way
-        std::uint64_t spared = 0;     // bytes, if it is not acknowledged at once
+        Clock::time_point at, since;  // since: when the bytes acknowledged at `at` had been
+        bool tells = false;           // nothing else was under way, so it measures the delay
+        std::uint64_t spared = 0;     // bytes that are not acknowledged at once
     };
-    /// The most or least of the last two spans of time.
+    /// The greatest or least value of the last two spans of time.
     struct Spans {
         double now = 0, before = 0;
         Clock::time_point began{};
@@ -86,13 +90,13 @@ class MirrorPace {
 
     double lag_ = 0, most_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
-    std::uint64_t spared_ = 0;  // under way without being awaited
-    double onTheWay_ = 0;       // bytes that a way of the known rate had not brought at `onTheWayAt_`
+    std::uint64_t spared_ = 0;  // under way without immediate acknowledgement
+    double onTheWay_ = 0;       // bytes that had not arrived at `onTheWayAt_`, by the known rate
     Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{}, onTheWayAt_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;
     bool draining_ = false, lifted_ = false;
-    double unjudged_ = 0;  // bytes by which the first delay was measured, without their own time taken off
+    double unjudged_ = 0;  // bytes by which the first delay was measured, with their own time still in it
     int judged_ = 0;       // acknowledgements since
 };
 

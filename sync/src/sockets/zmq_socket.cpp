@@ -1,4 +1,4 @@
-// Messages that own or borrow their bytes, and errors as diagnostics.
+// Messages that own or borrow their bytes, and ZeroMQ's errors as diagnostics.
 #include "zmq_socket.h"
 
 #include <charconv>
@@ -12,8 +12,8 @@ namespace rtsg {
 
 namespace {
 
-/// Whether ZeroMQ may be asked to change its threads' kind: it stops the process where the system does not let it (a
-/// container's filter, say). That the calling thread may be given the kind it has shows that it does.
+/// True if ZeroMQ may be asked to change its threads' scheduling policy. It stops the process if the system refuses, as
+/// a container's filter may. The system allows it if this thread may be given the policy that it has.
 bool mayChangeKind() {
     int kind = 0;
     sched_param parameters{};
@@ -29,7 +29,7 @@ ZmqContext::ZmqContext() : context_(zmq_ctx_new()) {
 
 ZmqMessage::ZmqMessage(std::span<const std::byte> bytes) {
     if (zmq_msg_init_size(&message_, bytes.size()) != 0) {
-        zmq_msg_init(&message_);  // out of memory: an empty message, which the receiver refuses
+        zmq_msg_init(&message_);  // no memory: the receiver refuses an empty message
         return;
     }
     if (!bytes.empty()) std::memcpy(zmq_msg_data(&message_), bytes.data(), bytes.size());
@@ -65,8 +65,8 @@ Result<> checkPort(std::string_view endpoint) {
     const std::string_view port = endpoint.substr(endpoint.rfind(':') + 1);
     std::uint32_t number = 0;
     const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
-    if (problem == std::errc::invalid_argument) return {};  // `*`, or what ZeroMQ refuses itself
-    // It takes the digits that a port begins with for the port.
+    if (problem == std::errc::invalid_argument) return {};  // `*`, or something that ZeroMQ refuses itself
+    // ZeroMQ would use the digits at the beginning.
     if (problem == std::errc() && end != port.data() + port.size())
         return fail(fmt::format("{}: '{}' is no port", endpoint, port));
     if (problem == std::errc() && number <= 65535) return {};

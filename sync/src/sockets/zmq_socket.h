@@ -1,7 +1,7 @@
-// The little of ZeroMQ that mirrors use, with owners and without exceptions.
+// ZmqContext, ZmqSocket, ZmqMessage: the part of ZeroMQ that mirrors use, with owners and without exceptions.
 //
-// Waiting is done by poll() at the sockets' descriptors: zmq_poll() looks at each socket several times, a system call
-// or two a time, which for a frame to a thousand peers is most of the work.
+// Sockets are waited for with poll() at their descriptors. zmq_poll() looks at each socket several times, with one or
+// two system calls each time. For a frame to a thousand peers that would be most of the work.
 #pragma once
 
 #include <cerrno>
@@ -18,13 +18,13 @@
 
 namespace rtsg {
 
-/// Its threads are of the kind SCHED_BATCH, where they would be of the ordinary kind: sched(7). One that gets something
-/// to do while every core is busy does not interrupt who works there, but takes its turn. So who sends to many sends
-/// on, and what has gone to one of them in two writes wakes it once.
+/// Gives ZeroMQ's threads the scheduling policy SCHED_BATCH in place of the ordinary one (sched(7)). While every core
+/// is busy, a thread that gets work then waits its turn instead of interrupting. So a thread that sends to many peers
+/// can go on, and a peer that got two writes wakes up once.
 class ZmqContext {
   public:
     ZmqContext();
-    ~ZmqContext() { zmq_ctx_term(context_); }  // sockets with bounded LINGER: this cannot hang
+    ~ZmqContext() { zmq_ctx_term(context_); }  // the sockets' LINGER is bounded, so this cannot hang
     ZmqContext(const ZmqContext&) = delete;
     ZmqContext& operator=(const ZmqContext&) = delete;
     void* get() const { return context_; }
@@ -39,7 +39,7 @@ class ZmqMessage {
     explicit ZmqMessage(std::span<const std::byte> bytes);
     /// Sends `bytes` in place; `owner` keeps them alive until ZeroMQ is done with them.
     ZmqMessage(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
-    /// The same bytes as `other`'s, which both keep alive.
+    /// Shares the bytes of `other`; both messages keep them alive.
     struct Shared {};
     ZmqMessage(Shared, const ZmqMessage& other) {
         zmq_msg_init(&message_);
@@ -72,7 +72,7 @@ class ZmqSocket {
     void set(int option, int value) { zmq_setsockopt(socket_, option, &value, sizeof(value)); }
     void set(int option, std::int64_t value) { zmq_setsockopt(socket_, option, &value, sizeof(value)); }
     void set(int option, const std::string& value) { zmq_setsockopt(socket_, option, value.data(), value.size()); }
-    /// False with errno set: EAGAIN when it would block, EHOSTUNREACH when a ROUTER knows no such peer.
+    /// Returns false with errno: EAGAIN if it would block, EHOSTUNREACH if a ROUTER does not know the peer.
     bool send(ZmqMessage& message, bool more = false) {
         foundEmpty_ = false;
         return zmq_msg_send(message.get(), socket_, ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) >= 0;
@@ -82,13 +82,13 @@ class ZmqSocket {
         foundEmpty_ = !received && zmq_errno() == EAGAIN;
         return received;
     }
-    /// Readable when something has come since receive() found nothing. Whatever else is done with the socket after that
-    /// may take the note away: wait for it only while foundEmpty().
+    /// Readable when something has come since receive() found nothing. Any other use of the socket may lose that
+    /// notice, so wait for it only while foundEmpty().
     int descriptor() const;
     bool foundEmpty() const { return foundEmpty_; }
     /// Reads and drops the rest of a message of several parts.
     void skipRest(const ZmqMessage& last);
-    /// For what is not here; it may take the note away that something has come.
+    /// For calls that are not wrapped here. They may lose the notice that something has come.
     void* get() const {
         foundEmpty_ = false;
         return socket_;
@@ -102,7 +102,7 @@ class ZmqSocket {
 /// `what: reason` from errno.
 Diagnostic zmqFailure(std::string_view what);
 
-/// A port beyond 65535 ZeroMQ takes modulo 65536.
+/// Refuses ports above 65535, which ZeroMQ takes modulo 65536.
 Result<> checkPort(std::string_view endpoint);
 
 }  // namespace rtsg

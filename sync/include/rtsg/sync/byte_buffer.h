@@ -1,6 +1,6 @@
-// ByteBuffer: bytes to append to, kept between uses so that the steady state allocates nothing.
+// ByteBuffer: a growing array of bytes that keeps its memory between uses, so the steady state allocates nothing.
 //
-// Invariant: size() <= capacity; bytes past size() are undefined (never cleared, unlike std::vector's).
+// Invariant: size() <= capacity(). Bytes past size() are undefined; unlike std::vector, nothing is cleared.
 // Threading: none of its own.
 #pragma once
 
@@ -34,7 +34,7 @@ class ByteBuffer {
     std::span<const std::byte> bytes() const { return {data_, size_}; }
     void clear() { size_ = 0; }
 
-    /// Room for `count` more bytes; returns where they go. Follow with advance() or setEnd().
+    /// Makes room for `count` more bytes and returns where they start. Call advance() or setEnd() after writing them.
     std::byte* room(std::size_t count) {
         if (capacity_ - size_ < count) grow(count);
         return data_ + size_;
@@ -47,7 +47,7 @@ class ByteBuffer {
         size_ += count;
     }
     void append(std::span<const std::byte> source) { append(source.data(), source.size()); }
-    /// Little endian, as is every machine this builds for.
+    /// Little endian, because every machine that RTSG supports is.
     template <class T>
     void put(T number) {
         append(&number, sizeof(number));
@@ -61,7 +61,7 @@ class ByteBuffer {
         *at++ = static_cast<std::byte>(number);
         setEnd(at);
     }
-    /// Gives memory back if more than half of it is room: what is kept for long takes what it holds.
+    /// Gives memory back if less than half of it is used. Call it for buffers that are kept for long.
     void fit() {
         if (capacity_ <= kLeast || size_ >= capacity_ - capacity_ / 2) return;
         const std::size_t wanted = size_ < kLeast ? kLeast : size_;

@@ -1,12 +1,12 @@
-// Change codec: a ChangeSet to a record and back; wire and log use the same bytes (PROTOCOL.md, "Changes").
+// Change codec: turns a ChangeSet into a record and back. Wire and log use the same bytes (PROTOCOL.md, "Changes").
 //
-// Invariant: encoding needs nothing but the sets so far. decode(encode(x)) has the effect of x: value changes come
-// grouped by (field, type, origin), every other kind keeps its order. Both sides remember the last values of a stream
-// whose mode asks for a coding; where a reader may start, flags in a record say (record.h).
-// Input is never trusted: every count is checked against the bytes that are there before anything is allocated, and a
-// set takes at most 4 times the bytes of its record and 64 MiB, beside the values that a stream remembers (at most 2^22
-// fields); encoders make records longer that would take more.
-// Threading: one thread an object; objects keep buffers, so that the steady state allocates nothing.
+// Invariant: the encoder needs only the sets that it has encoded so far. decode(encode(x)) has the effect of x: value
+// changes come back grouped by (field, type, origin), all other kinds keep their order. If the stream's mode asks for a
+// coding, both sides remember the last values; flags in a record say where a reader may start (record.h). Input is
+// never trusted: every count is checked against the bytes that are there before memory is allocated. A decoded set
+// takes at most 4 times the bytes of its record and 64 MiB; the stream remembers at most 2^22 fields beside that.
+// Encoders pad records whose sets would take more.
+// Threading: one thread an object. Objects keep their buffers, so the steady state allocates nothing.
 #pragma once
 
 #include <array>
@@ -33,24 +33,25 @@ struct Reader;
 
 class ChangeEncoder {
   public:
-    /// `types`: what TypeIndex numbers mean; they must outlive the encoder.
+    /// `types` gives the meaning of TypeIndex numbers and must outlive the encoder.
     explicit ChangeEncoder(const StreamMode& mode = {}, TypeTable types = builtinTypes());
     ~ChangeEncoder();
-    /// From now on arrays of numbers are packed, and all else is deflated: fewer bytes, more time. For files.
+    /// From now on arrays of numbers are packed and everything else is deflated. This saves bytes and costs time; it is
+    /// meant for files.
     void makeSmall();
-    /// `record` becomes a scene file's: small, and node types have the numbers of the catalogue (PROTOCOL.md) instead
-    /// of descriptions. False, with nothing done, if the catalogue does not have a built-in type of the snapshot as it
-    /// is.
+    /// `record` becomes the record of a scene file: small, and with the catalogue's numbers for node types instead of
+    /// descriptions (PROTOCOL.md). Returns false, and does nothing, if the catalogue lacks the present form of a
+    /// built-in type of the snapshot.
     bool encodeScene(const ChangeSet& snapshot, ByteBuffer& record);
-    /// The next frame will refer to nothing before it: needed whenever somebody starts at the state that it starts at,
-    /// from a keyframe that this encoder did not write. After a keyframe of its own this happens by itself.
+    /// The next frame will not refer to earlier ones. Call it when a reader starts at the next frame's first state from
+    /// a keyframe that this encoder did not write. After a keyframe of its own the encoder does this by itself.
     void restart();
     /// `record` becomes one whole record: a keyframe if the set is a snapshot, else a frame.
     void encode(const ChangeSet& set, ByteBuffer& record);
-    /// The same for frames of another encoder of this mode that were merged into one, for a reader that has all up to
-    /// `set.from`. It refers to nothing; to go on from `set.to` takes a frame with kSync or kForget (record.h).
+    /// Encodes a set that was merged from frames of another encoder of this mode, for a reader that has everything up
+    /// to `set.from`. The record refers to nothing. The next record after it must have kSync or kForget (record.h).
     void encodeMerged(const ChangeSet& set, ByteBuffer& record);
-    /// Whether the records so far describe the types of all nodes that this set creates.
+    /// True if the records so far describe the types of all nodes that this set creates.
     bool describesTypesOf(const ChangeSet& set) const;
 
   private:
@@ -60,42 +61,43 @@ class ChangeEncoder {
     std::unique_ptr<Parts> parts_;
 };
 
-/// What a decoder left out because this program does not know it.
+/// Counts what a decoder left out because this program does not know it.
 struct DecoderLosses {
     std::uint64_t blocks = 0;   // kinds of blocks and codings of a later format
-    std::uint64_t changes = 0;  // of fields that this program's types do not have, or have with another type
+    std::uint64_t changes = 0;  // changes of fields that this program's types lack, or have with another type
 };
 
 class ChangeDecoder {
   public:
-    /// `local`: this program's built-in types; they must outlive the decoder.
+    /// `local` are this program's built-in types; they must outlive the decoder.
     explicit ChangeDecoder(TypeTable local);
-    /// As above, with the hash of `local` when it is known already: it takes a look at every type.
+    /// As above, for callers that know the hash of `local` already: computing it visits every type.
     ChangeDecoder(TypeTable local, std::uint64_t localHash);
     ~ChangeDecoder();
 
-    /// Announces the stream, or that it goes on after an interruption; without this, it has to come from the same
-    /// build. Types of another build are mapped by name as they are described; one that is unknown here is defined in
-    /// the scene at its first use.
+    /// Announces a stream, or that it goes on after an interruption. Without a head the stream must come from the same
+    /// build. Types of another build are mapped by name as they are described; a type that is unknown here is defined
+    /// in the scene at its first use.
     Result<> setHead(const StreamHead& head);
-    /// From the next head on, counts the state hash that the writer has, where a scene here may have another: in
-    /// streams of another build or of an earlier format. Costs about what applying them does.
+    /// From the next head on, the decoder computes the writer's state hash where the scene here may have another one:
+    /// in streams of another build or of an earlier format. This costs about as much as applying the changes.
     void countOriginHash() { counting_ = true; }
-    /// After each record; nothing where a scene here has to have the record's hash itself.
+    /// The writer's state hash after the last record. Empty if a scene here must have the record's hash itself.
     std::optional<Hash128> originHash() const;
-    /// `record`: an intact frame, keyframe or scene (checkRecord); a scene needs no head. Reuses `set`'s memory. Errors
-    /// name the byte, counted from the record's start; `set` is then unspecified.
+    /// `record` must be an intact frame, keyframe or scene (checkRecord); a scene needs no head. Reuses the memory of
+    /// `set`. Errors name the byte, counted from the record's start; `set` is then unspecified.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
-    /// Goes on where `other` is in the same stream: predicted values refer to what came before.
+    /// Takes over the decoding state of `other` in the same stream, because predicted values refer to earlier ones.
     void goOnFrom(const ChangeDecoder& other);
 
-    /// Of this program's own types.
+    /// The dictionary hash of this program's own types.
     std::uint64_t localHash() const { return localHash_; }
-    /// True while numbers are taken as they come: the state hash then has to agree with the origin's, unless that is of
-    /// format 2.
+    /// True while type and field numbers need no mapping. The scene's hash must then be the origin's, unless the stream
+    /// is of format 2.
     bool exact() const { return !mapping_; }
-    /// The number that a field of a node, of a number here, has with the writer; kNoField where that has no such field.
+    /// The number that the writer has for a field of a node; `field` is the number here. kNoField if the writer has no
+    /// such field.
     FieldIndex fieldAtWriter(NodeId node, FieldIndex field) const;
     const DecoderLosses& losses() const { return losses_; }
 

@@ -1,8 +1,7 @@
-// EncodedRecord: a record that was encoded, or came, once in this process, and is shared by all who send, keep or log
-// it.
+// EncodedRecord: a record that this process has encoded or received once. All who send, keep or log it share it.
 //
-// Invariant: a SharedRecord does not change any more. Threading: none of its own; shared records may be read by any
-// thread.
+// Invariant: a SharedRecord never changes.
+// Threading: none of its own; any thread may read shared records.
 #pragma once
 
 #include <cstdint>
@@ -18,27 +17,27 @@ struct EncodedRecord;
 using SharedRecord = std::shared_ptr<const EncodedRecord>;
 
 struct EncodedRecord {
-    ByteBuffer bytes;  // values as they are, so that any reader in the state before can take it
+    ByteBuffer bytes;  // values in full, so any reader that is in the state before can apply it
     RecordHeader header;
-    /// The same frame with predicted values, for those who have all since the last one with kForget; or null.
+    /// The same frame with predicted values, for readers that have every record since the last kForget. May be null.
     SharedRecord predicted;
-    std::uint64_t published = 0;  // on the server's clock, ns; 0: not a frame that has just happened
-    /// For peers in input mode: what came into the frame, to be sent in its place; how things go on, to be sent after
-    /// it.
+    std::uint64_t published = 0;  // the server's clock, ns; 0 for records that are not a fresh frame
+    /// For peers in input mode: `input` is sent in place of the frame, `runState` after it.
     SharedRecord input, runState;
 };
 
-/// Its bytes are there: reads their header, and gives back room that they do not need.
+/// Call it once the bytes are complete: it reads their header and gives back memory that they do not need.
 void finishRecord(EncodedRecord& record);
 
-/// Bytes of memory that a record holds, in all its codings, its places in lists included.
+/// Bytes of memory that a record holds in all its codings, with its entries in lists.
 std::uint64_t memoryOf(const EncodedRecord& record);
 
-/// One step of a scene that follows another: the record that led to the state, the set that it holds, or both.
+/// One step of a scene that follows another scene. It has the record that led to the state, the change set, or both.
 struct RecordStep {
-    /// As it came; any reader of this program that is in the state before can take it. Null: it came otherwise.
+    /// The record as it was received. Any reader of this program that is in the state before can apply it. Null if
+    /// there was none.
     SharedRecord record;
-    /// Null only where there is a record, and it does nothing but give fields anew what the last one gave them.
+    /// Null only if there is a record that gives new values to just the fields of the last frame.
     std::shared_ptr<const ChangeSet> set;
 };
 

@@ -1,8 +1,9 @@
-// FieldComparison: two scenes that run side by side, compared in chosen fields, within a tolerance: what a scene does
-// rather than what its document says.
+// FieldComparison: compares chosen fields of two scenes that run side by side, within a tolerance. It compares what a
+// scene does rather than what its document says.
 //
-// Invariant: nodes are paired by their DEF names (those of the scopes around them in front, "LEAF/HINGE"), fields by
-// theirs, so an edit of the document elsewhere changes nothing. Work per state grows with what changed in it.
+// Invariant: nodes are paired by their DEF names, with those of the scopes around them in front ("LEAF/HINGE"), and
+// fields by their names. So an edit elsewhere in the document changes nothing. The work for a state grows with what
+// changed in it.
 // Threading: that of both scenes.
 
 // Example:
@@ -23,30 +24,30 @@
 namespace rtsg {
 
 struct FieldSelection {
-    /// "HOOK.translation", "DOOR.*", "*.rotation"; a * stands for any letters. Empty: all fields of all named nodes.
+    /// "HOOK.translation", "DOOR.*" or "*.rotation"; a * stands for any letters. Empty: all fields of all named nodes.
     std::vector<std::string> fields;
-    /// As `fields`, and of these left out. The word "initial" leaves out what has not changed since the first state in
+    /// Patterns of fields to leave out. The word "initial" leaves out what has not changed since the first state in
     /// either scene, so that only what happens counts.
     std::vector<std::string> ignore;
-    /// Largest difference allowed in any component: of numbers, seconds and metres absolute, of rotations the angle
-    /// between them, radians.
+    /// The largest difference allowed in any component: absolute for numbers, seconds and metres; for rotations the
+    /// angle between them in radians.
     double tolerance = 0;
 
-    /// Whether anything was chosen at all; else states are compared as a whole.
+    /// True if anything was chosen. If not, states are compared as a whole.
     bool any() const { return !fields.empty() || !ignore.empty() || tolerance > 0; }
-    /// The first pattern that is no NODE.field, or a tolerance that is no number from 0 up.
+    /// Error: the first pattern that is not NODE.field, or a tolerance that is negative or not finite.
     Result<> check() const;
 };
 
-/// A field that was not the same in both scenes, from the first state in which it was not.
+/// A field that differed, with the first state in which it did.
 struct FieldDifference {
     std::string node, field;            // as DEF names; with scopes "OUTER/INNER"
     std::uint64_t frame = 0, last = 0;  // first and last state in which it differed, numbers of the first scene
     double time = 0;                    // of `frame`, seconds
-    std::uint64_t states = 0;           // in how many it differed
-    double largest = 0;                 // infinite where the values are no numbers, or not as many
+    std::uint64_t states = 0;           // number of states in which it differed
+    double largest = 0;                 // infinite for values that are not numbers or differ in length
     std::string text;                   // both values at `frame`
-    std::string cause;                  // the routes that led to it, or that it was set from outside; empty: not known
+    std::string cause;                  // the routes that led to it, or that it was set from outside; empty if unknown
 };
 
 /// The values of one field over time, up to four components, for charts.
@@ -60,39 +61,38 @@ struct FieldHistory {
     std::vector<Sample> samples;
 };
 
-/// The largest difference of components: 0 for equal values, infinite for those that cannot be told apart by a number.
-/// Rotations: the angle between them, radians. Precondition: neither is SFNode or MFNode.
+/// The largest difference of components: 0 for equal values, infinite where no number can say it. For rotations it is
+/// the angle between them in radians. Precondition: neither is SFNode or MFNode.
 double valueDistance(const Value& a, const Value& b);
 
 class FieldComparison {
   public:
-    /// Whose fields are compared: those of the first scene, which says how the second one is to be; or those that
-    /// either has, whichever is first.
+    /// Which fields are compared: those of the first scene, which is the reference; or those that either scene has.
     enum class Fields : std::uint8_t { ofFirst, ofEither };
 
-    /// Precondition: selection.check() is good. Both scenes outlive this.
+    /// Precondition: selection.check() succeeds. Both scenes must outlive this.
     FieldComparison(FieldSelection selection, const Scene& a, const Scene& b, DifferenceWords words = {},
                     Fields whose = Fields::ofFirst);
     ~FieldComparison();
 
-    /// Compares the states that both scenes are in, whole. True if all that was chosen agrees.
+    /// Compares the present states of both scenes as a whole. True if all chosen fields agree.
     bool first();
-    /// What has happened in a scene since the last comparison, set by set.
+    /// Tell it each change set of a scene since the last comparison.
     void changedA(const ChangeSet& set);
     void changedB(const ChangeSet& set);
-    /// Compares what has changed. True if all that was chosen agrees in this state.
+    /// Compares what has changed. True if all chosen fields agree in this state.
     bool compare();
 
-    /// In the order in which they began.
+    /// The differences, in the order in which they began.
     const std::vector<FieldDifference>& differences() const;
-    /// Of the fields that differed, as far as they are numbers: at most 64 fields and 4096 samples each.
+    /// The values of the fields that differed and are numeric: at most 64 fields and 4096 samples each.
     std::vector<FieldHistory> histories() const;
-    /// Why the comparison says nothing: a pattern that none of the fields has matched that are compared, or all that
-    /// was chosen is ignored. Empty if there was something to compare.
+    /// Why nothing was compared: a pattern matches none of the compared fields, or all that was chosen is also ignored.
+    /// Empty if something was compared.
     std::string nothingCompared() const;
-    /// What was to be ignored and is not there: patterns that were misspelled, or of nodes that are gone.
+    /// Patterns to ignore that match nothing: they were misspelled, or their nodes are gone.
     std::vector<std::string> ignoredInVain() const;
-    /// Fields that were looked at.
+    /// Number of fields compared.
     std::size_t fieldCount() const;
 
   private:
@@ -100,24 +100,24 @@ class FieldComparison {
     std::unique_ptr<State> state_;
 };
 
-/// What two logs differ in, by fields that either has: of one session, though one log begins later, states of the same
-/// numbers and times are compared, else those of the same times since the logs' starts.
+/// The differences of two logs, in fields that either has. Logs of one session are compared by state number and time,
+/// even if one begins later; other logs by the time since their start.
 struct LogFieldReport {
     std::vector<FieldDifference> differences;  // frames and times are those of `a`
-    std::uint64_t states = 0;                  // compared
+    std::uint64_t states = 0;                  // number of states compared
     std::size_t fields = 0;
     std::vector<std::string> ignoredInVain;
-    double end = 0;                     // of what both hold, seconds since the start
-    std::string unequalEnds;            // which one ends before the other, if one does by more than a microsecond
-    std::array<std::string, 2> damage;  // LogReader::damageText() of each: no state is missing in spite of it
+    double end = 0;                     // end of the time that both logs hold, seconds since the start
+    std::string unequalEnds;            // says which log ends earlier, if it does by more than a microsecond
+    std::array<std::string, 2> damage;  // LogReader::damageText() of each; no state is missing because of it
 };
-/// Errors: as Replayer; a log that has gaps; a pattern that matches nothing.
+/// Errors: as Replayer; a log with gaps; a pattern that matches nothing.
 Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::filesystem::path& b,
                                      const FieldSelection& selection);
 
-/// What two documents differ in, from their roots down: named nodes are paired by their names, others by their places
-/// and types, so that one more node does not make all that follow it differ. At most `most`.
-/// `node` is a DEF name, or the way from one: "DOOR.children[1].geometry".
+/// The differences of two documents, at most `most`. Named nodes are paired by name, others by position and type, so
+/// one additional node does not make all later ones differ. `node` is a DEF name or a path from one:
+/// "DOOR.children[1].geometry".
 std::vector<Divergence> sceneDifferences(const Scene& a, const Scene& b, std::size_t most = SIZE_MAX,
                                          DifferenceWords words = {});
 

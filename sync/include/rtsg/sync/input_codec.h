@@ -1,8 +1,9 @@
-// Input codec: what came into a frame (core's FrameInput) to an input record and back (PROTOCOL.md, "Input").
+// Input codec: turns the input of a frame (core's FrameInput) into an input record and back (PROTOCOL.md, "Input").
 //
-// A stream in input mode is: a keyframe, its run state, then one input record a frame. A frame whose input is not
-// complete travels as a frame of changes, followed by its run state. Invariant: decode(encode(x)) runs to the same
-// state as x. Input is never trusted: every count is checked against the bytes that are there.
+// A stream in input mode has a keyframe, its run state, and then one input record a frame. A frame whose input is not
+// complete is sent as changes, followed by its run state.
+// Invariant: running decode(encode(x)) leads to the same state as running x. Input is never trusted: every count is
+// checked against the bytes that are there.
 // Threading: one thread an object.
 #pragma once
 
@@ -17,17 +18,18 @@
 
 namespace rtsg {
 
-/// True if the set's changes must travel, followed by its run state: snapshots, frames whose input is not complete.
+/// True if a set must be sent as changes, followed by its run state: snapshots, and frames whose input is not complete.
 bool needsState(const ChangeSet& set);
 
 class InputEncoder {
   public:
     InputEncoder();
     ~InputEncoder();
-    /// The frame as an input record. Precondition: !needsState(set).
+    /// Encodes the frame as an input record. Precondition: !needsState(set).
     void encode(const ChangeSet& set, ByteBuffer& record);
-    /// What a scene in the state `set` leads to runs on from. Fails if `set` does not carry it: it was merged, or the
-    /// scene does not record its inputs. What follows refers to nothing before it.
+    /// Encodes what a scene needs, besides the state that `set` leads to, to run on from there. The next record refers
+    /// to nothing before it. Error: `set` has no run state, because it was merged or the scene does not record its
+    /// inputs.
     Result<> encodeRunState(const ChangeSet& set, ByteBuffer& record);
 
   private:
@@ -39,9 +41,10 @@ class InputDecoder {
   public:
     InputDecoder();
     ~InputDecoder();
-    /// Fails for a stream of another build's node types: its cascade cannot be run here.
+    /// Error: the stream has another build's node types, so its cascade cannot be run here.
     Result<> setHead(const StreamHead& head);
-    /// `record`: an intact input record (checkRecord). The set has an input and no changes; a run state has from == to.
+    /// `record` must be an intact input record (checkRecord). The set has an input and no changes; a run state has from
+    /// == to.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
   private:

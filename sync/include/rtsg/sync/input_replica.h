@@ -1,7 +1,7 @@
-// InputReplica: a scene that is given only what came into each frame of another, and computes the rest itself.
+// InputReplica: a scene that gets only the input of each frame of another scene, and computes the rest itself.
 //
-// Invariant: while it is exact() the scene is in a state of the origin's, hash by hash. A frame that comes out
-// otherwise is noticed at once; from then on inputs are refused until a snapshot (and its run state) repairs it.
+// Invariant: while it is exact() the scene is in a state of the origin, with the same hash. A frame that comes out
+// different is noticed at once. Inputs are then refused until a snapshot and its run state repair the scene.
 // Threading: one thread, which owns the scene.
 #pragma once
 
@@ -17,23 +17,23 @@ namespace rtsg {
 
 class InputReplica {
   public:
-    /// `scene`: empty, or in the state from which the stream goes on; its behaviours are switched on. Behaviours of the
-    /// application that are declared deterministic have to be registered with it as with the origin; others need not
-    /// be. Must outlive the replica.
+    /// `scene` must be empty or in the state from which the stream goes on, and must outlive the replica. Its
+    /// behaviours are switched on. The application's deterministic behaviours must be registered with it as with the
+    /// origin; others need not be.
     explicit InputReplica(Scene& scene);
 
-    /// The next set of the stream: an input, a run state (from == to), or changes, as decoded or as the origin's bus
-    /// gives them. True if the scene is in the set's state, with its hash; false if it is not, and why() says so. An
+    /// Takes the next set of the stream, decoded or from the origin's bus: an input, a run state (from == to), or
+    /// changes. True if the scene is now in the set's state with its hash; if it is false, why() gives the reason. An
     /// error means that the set made no sense; the replica is then no longer exact.
     Result<bool> take(std::shared_ptr<const ChangeSet> set);
 
-    /// False until the first state with a run state, and after a divergence: then only a snapshot helps.
+    /// False until the first state with a run state has come, and after a divergence. Then only a snapshot helps.
     bool exact() const { return exact_; }
     const std::string& why() const { return why_; }
 
     struct Statistics {
         std::uint64_t run = 0;          // frames computed here, with the origin's hash
-        std::uint64_t applied = 0;      // frames and snapshots whose changes were given
+        std::uint64_t applied = 0;      // frames and snapshots whose changes were applied
         std::uint64_t divergences = 0;  // frames that came out with another hash
     };
     const Statistics& statistics() const { return statistics_; }

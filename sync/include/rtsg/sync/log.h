@@ -1,12 +1,12 @@
-// Log: a file of records (record.h): heads, keyframes and frames, the same bytes as on the wire, and at the end an
+// Log: a file of records (record.h): heads, keyframes and frames, in the same bytes as on the wire, and at the end an
 // index of the keyframes.
 //
-// Invariant: a record is written with one write() before apply() returns; a state is acknowledged once apply() has
-// returned, and a killed process loses none of those (the page cache outlives it; LogOptions::sync asks for more).
-// What a reader needs is repeated before every keyframe, so damage costs at most the frames up to the next keyframe.
-// A reader keeps every intact record, reports the bytes it had to skip, and rebuilds the index where it is missing.
-// Threading: one thread an object. A log may be read while it is written: what its writer is at is no damage. Files are
-// read, never mapped: one that shrinks under its reader reads as cut short.
+// Invariant: apply() writes a record with one write() before it returns; the state is then acknowledged. A killed
+// process loses no acknowledged state, as the page cache outlives it (LogOptions::sync asks for more). Everything a
+// reader needs is repeated before each keyframe, so damage costs at most the frames up to the next keyframe. A reader
+// keeps every intact record, reports the bytes that it skipped, and rebuilds a missing index.
+// Threading: one thread an object. A log may be read while it is written: the record being written does not count as
+// damage. Files are read and never mapped, so a file that shrinks under its reader just ends early.
 
 // Example:
 //     #include <rtsg/core/node_type.h>
@@ -39,8 +39,8 @@
 namespace rtsg {
 
 struct LogKeyframe {
-    std::uint64_t offset = 0;  // of the record, bytes from the file's start
-    std::uint64_t to = 0;      // the state it holds
+    std::uint64_t offset = 0;  // offset of the record, bytes from the file's start
+    std::uint64_t to = 0;      // the state that it holds
     double time = 0;           // seconds
     std::uint64_t head = 0;    // offset of the head record that explains its numbers
     friend bool operator==(const LogKeyframe&, const LogKeyframe&) = default;
@@ -48,48 +48,49 @@ struct LogKeyframe {
 
 struct LogOptions {
     std::string creator = "rtsg";
-    /// Mode::input: keyframes, and of each frame only what came into it. The scene must record its inputs
-    /// (Scene::setInputRecording) from before the log is attached.
+    /// With Mode::input the log has keyframes, and for each frame only its input. The scene must record its inputs
+    /// (Scene::setInputRecording) before the log is attached.
     StreamMode mode;
-    /// Mode::state: in front of each frame goes what came into it, where the scene records that: what tests that run
-    /// the application again need. Other readers skip it.
+    /// For Mode::state: the input of each frame is written before the frame, if the scene records it. Tests that run
+    /// the application again need it; other readers skip it.
     bool inputs = false;
-    /// A keyframe is written once the frames since the last one take this many bytes and `keyframeFactor` times
-    /// the last keyframe: its cost then stays a fixed share of the frames'.
+    /// A keyframe is written when the frames since the last one take this many bytes and `keyframeFactor` times the
+    /// bytes of the last keyframe. So the cost of keyframes stays a fixed share of the frames'.
     std::uint64_t keyframeBytes = std::uint64_t{1} << 20;
     double keyframeFactor = 2;
-    /// And, whatever they take, once this much scene time has passed since the last one, seconds; later where keyframes
-    /// would then take more than 1 MiB for each second. 0: never for that reason. Damage costs what lies between two.
+    /// A keyframe is also written after this much scene time, in seconds, since the last one; later if keyframes would
+    /// take more than 1 MiB a second. 0 switches this off. Damage costs at most the time between two keyframes.
     double keyframeSeconds = 10;
-    /// The first keyframe of an epoch is written twice if it is not longer than this: nothing before it could stand
-    /// in for it.
+    /// The first keyframe of an epoch is written twice if it is at most this long, because no earlier one could replace
+    /// it.
     std::uint64_t repeatFirstUpTo = std::uint64_t{1} << 20;
-    /// A new file is begun once the log takes so many bytes (and four times those of a keyframe), or so much scene
-    /// time, in seconds; 0: never. What is full is renamed: of a.rlog a.0001.rlog and so on, each a whole log of the
-    /// same session; a.rlog has the newest states. For apply(), which can take a keyframe to begin with.
+    /// A new file is begun when the log has this many bytes (and at least four times those of a keyframe) or this much
+    /// scene time in seconds; 0 means never. The full file is renamed: a.rlog becomes a.0001.rlog and so on. Each is a
+    /// whole log of the same session, and a.rlog has the newest states. Works with apply(), which can take the first
+    /// keyframe of the new file.
     std::uint64_t rotateBytes = 0;
     double rotateSeconds = 0;
-    /// Of these files only those with something of the last so many seconds stay; 0: all.
+    /// Renamed files that have nothing of the last so many seconds are deleted; 0 keeps all.
     double keepSeconds = 0;
-    /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
+    /// When the data must be on the medium and not only with the operating system. Each time costs milliseconds.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
-    /// What becomes of a file of this name, and of its pieces where the new log rotates. One that is replaced is never
-    /// cut: whoever reads it reads on.
+    /// What happens to an existing file of this name, and to its pieces if the new log rotates. A file that is replaced
+    /// is not truncated, so its readers can finish.
     Existing existing = Existing::replace;
-    /// Goes on behind the last intact record of an existing log instead of replacing it.
+    /// Appends behind the last intact record of an existing log instead of replacing it.
     bool append = false;
-    /// Appended: when the session began, scene time in seconds, for the heads of later pieces; else the first state
-    /// says it.
+    /// When appending: the scene time, in seconds, at which the session began, for the heads of later pieces. Empty:
+    /// the log's first state tells it.
     std::optional<double> sessionStart;
-    /// The session that the log belongs to, as a mirror server of the same scene names it, or, appended, as it was; 0:
-    /// one of its own.
+    /// The epoch of the session: that of a mirror server of the same scene, or that of the log appended to. 0: a new
+    /// one.
     std::uint64_t epoch = 0;
 };
 
 class LogWriter : public Subscriber {
   public:
-    /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene. Fails when the file cannot be written or
-    /// another writer has it open.
+    /// `types` gives the meaning of TypeIndex numbers; builtinTypes() serves any scene. Errors: the file cannot be
+    /// written, or another writer has it open.
     static Result<std::unique_ptr<LogWriter>> create(const std::filesystem::path& file, TypeTable types,
                                                      LogOptions options = {});
     ~LogWriter() override;
@@ -97,26 +98,27 @@ class LogWriter : public Subscriber {
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "log " + file_.string(); }
 
-    /// As apply, without the scene: writes no keyframes but those given. A snapshot of another state than the last
-    /// one written begins a new epoch: the scene was a replica that joined anew. After an error (the disk is full; the
-    /// file was deleted or cut by someone else, which is noticed at the next keyframe or at close) nothing more is
-    /// written; what was is left ending with the last whole record.
+    /// Does what apply() does without the scene, so it writes only the keyframes that it is given. A snapshot of
+    /// another state than the last one written begins a new epoch, because the scene was a replica that joined anew.
+    /// After an error nothing more is written, and the file ends with the last whole record. Errors: the disk is full;
+    /// somebody deleted or truncated the file, which is noticed at the next keyframe or at close().
     Result<> write(const ChangeSet& changes);
-    /// As write(), of a frame that somebody else has encoded, whose bytes go into the file as they are. `set`, which it
-    /// holds, is written instead where the log lacks what such bytes count on (the description of a node type); null
-    /// where it creates no nodes. Precondition: the frame follows the last one.
+    /// Writes a frame that somebody else has encoded, with its bytes as they are. `set` is the same frame decoded; it
+    /// is encoded instead if the log lacks a type description that the bytes rely on. `set` may be null if the frame
+    /// creates no nodes. Precondition: the frame follows the last one.
     Result<> write(const EncodedRecord& frame, const ChangeSet* set);
-    /// After a frame: it is time for a keyframe, or for another file; write() with the state's snapshot makes it.
+    /// True after a frame if a keyframe or another file is due. Then call write() with the state's snapshot.
     bool wantsSnapshot() const;
-    /// The snapshot of the last state written: a keyframe, in another file if it is time for one.
+    /// Writes the snapshot of the last state as a keyframe, in another file if one is due.
     Result<> writeSnapshot(const ChangeSet& snapshot);
-    /// Frames that were encoded here, not written as they came.
+    /// Number of frames that were encoded here rather than written as they came.
     std::uint64_t encoded() const { return encoded_; }
-    /// Nothing is missing between the last state and the first of a session that is to follow in the same file.
+    /// Marks the session as complete: the next session in the same file follows its last state without a loss.
     Result<> endSession() { return writeIndex(); }
-    /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
+    /// Writes the index, flushes and closes. Only here are the errors of this last step reported; the destructor drops
+    /// them.
     Result<> close();
-    /// Closes without the index, as if killed: who reads it can tell that it ended before its time.
+    /// Closes without the index, as a killed process would. Readers can tell that the log ended early.
     void abandon();
 
     std::uint64_t bytes() const { return size_; }
@@ -124,7 +126,7 @@ class LogWriter : public Subscriber {
     std::uint64_t epoch() const { return epoch_; }
 
   private:
-    /// A file that was renamed; the time of its last state, seconds.
+    /// A renamed file, with the time of its last state in seconds.
     struct Piece {
         std::filesystem::path file;
         double end = 0;
@@ -166,11 +168,11 @@ class LogWriter : public Subscriber {
     TypeTable types_;
     LogOptions options_;
     int descriptor_ = -1;
-    int replaced_ = -1;                    // the file whose place it will take: its lock keeps others from it
-    std::filesystem::path made_, target_;  // where it is until then, if it was made here; and what leads to that one
-    std::vector<std::filesystem::path> replacedPieces_;  // of what it replaces
+    int replaced_ = -1;                    // the file that this one will replace; its lock keeps other writers away
+    std::filesystem::path made_, target_;  // the temporary path, and the one that it will get
+    std::vector<std::filesystem::path> replacedPieces_;  // pieces of the log that is replaced
     bool broken_ = false;
-    std::uint64_t state_ = 0;  // last one written, its hash and its time beside it
+    std::uint64_t state_ = 0;  // the last state written; its hash and time follow
     Hash128 hash_;
     double time_ = 0;
     std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, encoded_ = 0, head_ = 0;
@@ -178,9 +180,9 @@ class LogWriter : public Subscriber {
     double keyframeTime_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
-    std::optional<double> pieceStart_, sessionStart_;  // scene times of the file's and the session's first state
-    std::optional<double> keptFrom_;                   // of the oldest state in a piece that stays, where some went
-    bool isLater_ = false;                             // pieces of the session come before this file
+    std::optional<double> pieceStart_, sessionStart_;  // scene times of the first states of the file and of the session
+    std::optional<double> keptFrom_;  // time of the oldest state in the pieces that stay, if some were deleted
+    bool isLater_ = false;            // pieces of the session come before this file
     std::vector<Piece> pieces_;
     std::uint64_t pieceNumber_ = 0;
     ChangeEncoder encoder_;
@@ -188,7 +190,7 @@ class LogWriter : public Subscriber {
     ByteBuffer record_, headRecord_;
 };
 
-/// Bytes that no intact record covers.
+/// A run of bytes that no intact record covers.
 struct LogDamage {
     std::uint64_t offset = 0, length = 0;
     std::string text;
@@ -196,7 +198,7 @@ struct LogDamage {
 
 class LogReader {
   public:
-    /// Fails when there is no such file or not one intact record in it. Records with a longer payload than `maxPayload`
+    /// Errors: there is no such file, or it has not one intact record. Records with a payload longer than `maxPayload`
     /// bytes count as damaged.
     static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
     LogReader(LogReader&& other) noexcept;
@@ -208,31 +210,32 @@ class LogReader {
         std::uint64_t offset = 0;
         std::span<const std::byte> bytes;  // the whole record; valid until the next call
     };
-    /// The next intact record of any kind; nothing at the end. Skips what is damaged and notes it in damage().
+    /// Returns the next intact record of any kind, or nothing at the end. Skips damaged bytes and notes them in
+    /// damage().
     std::optional<Record> next();
-    /// Where next() goes on; `offset` is a record's.
+    /// Sets where next() goes on; `offset` must be that of a record.
     void seek(std::uint64_t offset) { position_ = offset; }
     std::uint64_t position() const { return position_; }
     std::uint64_t size() const { return size_; }
 
-    /// In file order; from the index at the end or, without an intact one, from a scan of the records.
+    /// The keyframes in file order, from the index or, if there is no intact one, from a scan of all records.
     const std::vector<LogKeyframe>& keyframes();
     bool hadIndex() const { return hadIndex_; }
 
     const std::vector<LogDamage>& damage() const { return damage_; }
-    /// How many places, and the first of them; empty: none.
+    /// Says how many places are damaged, and describes the first. Empty if none is.
     std::string damageText() const;
     const std::filesystem::path& file() const { return file_; }
-    /// End of the last intact record that next() has returned.
+    /// End of the last intact record that next() returned.
     std::uint64_t intactEnd() const { return intactEnd_; }
-    /// Whether that record was the index that a session ends with: if not, its writer was killed or is still at it,
-    /// somebody cut it, or pieces are missing, and what came after is not known. Of use once next() has returned
-    /// nothing, as goesOn().
+    /// True if that record was the index that ends a session. If it was not, later states are unknown: the writer was
+    /// killed or is still writing, the file was truncated, or pieces are missing. Call it when next() has returned
+    /// nothing; the same holds for goesOn().
     bool closed() const { return closed_; }
-    /// Whether that record was the index of a piece that another one follows.
+    /// True if that record was the index of a piece that has a later piece.
     bool goesOn() const { return goesOn_; }
-    /// Whether a writer has the file open. The record that it was in the middle of when next() came there is neither
-    /// intact nor damaged: it is yet to come.
+    /// True if a writer has the file open. A record that was half written when next() reached it counts neither as
+    /// intact nor as damaged, as the rest is still to come.
     bool beingWritten() const;
 
   private:
@@ -249,23 +252,23 @@ class LogReader {
     std::filesystem::path file_;
     int descriptor_ = -1;
     std::uint64_t size_ = 0, position_ = 0, intactEnd_ = 0, maxPayload_ = kMaxPayload;
-    std::uint64_t searchBudget_ = 0;  // bytes of hashing left for candidates found while resynchronising
+    std::uint64_t searchBudget_ = 0;  // bytes that may still be hashed to find the next record after damage
     std::vector<LogDamage> damage_;
     std::optional<std::vector<LogKeyframe>> keyframes_;
     bool hadIndex_ = false, closed_ = false, goesOn_ = false;
-    ByteBuffer window_;  // the file's bytes from windowAt_
+    ByteBuffer window_;  // bytes of the file from windowAt_ on
     std::uint64_t windowAt_ = 0;
 };
 
-/// Whether a LogWriter, of this program or another, has the file open. False if there is none.
+/// True if a LogWriter, of this program or another, has the file open. False if there is no file.
 bool isBeingWritten(const std::filesystem::path& file);
 
-/// The files before this one of a log that was written in pieces, in order: those with its name and a number.
+/// The earlier files of a log in pieces, in order: those that have its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
-/// Those of them that were written as pieces, as what is in them says: a log that only has such a name is none. They go
-/// when a log that rotates replaces `file`.
+/// Those of the earlier files whose content shows that they are pieces; a log that only has such a name is left out.
+/// They are deleted when a rotating log replaces `file`.
 std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& file);
-/// The log that a file with a number in its name was a piece of: the one beside it without the number. Empty: none.
+/// The log that a numbered file is a piece of: the file beside it without the number. Empty if there is none.
 std::filesystem::path laterPiece(const std::filesystem::path& piece);
 
 }  // namespace rtsg

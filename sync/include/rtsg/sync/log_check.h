@@ -1,7 +1,7 @@
-// Log check: steps a replay, and notes where the log first was not whole, or a state not the one recorded.
+// LogCheck: steps a replay and notes where the log first was incomplete or a state differed from the recorded one.
 //
-// Invariant: what is noted lies between the state that a step began with and the one that it led to; nothing that the
-// replay jumped over before (Replayer::seek) is. Threading: the replayer's thread; the replayer must outlive this.
+// Invariant: it notes only what lies between the states before and after a step, not what Replayer::seek() jumped over.
+// Threading: the replayer's thread. The replayer must outlive this.
 #pragma once
 
 #include <cstddef>
@@ -20,14 +20,14 @@ class LogCheck {
           gaps_(replayer.frames() > 0 ? replayer.gaps() : 0),
           unclosed_(replayer.unclosedSessions()) {}
 
-    /// As Replayer::step().
+    /// Does what Replayer::step() does, and notes what it finds.
     Result<bool> step();
-    /// At the log's end, for those who ask for all of it: whether each of its sessions was closed in order.
+    /// Call it at the log's end to also check that each session was closed in order.
     void expectClosed();
-    /// Frames that are missing, bytes that are damaged, pieces in another order, a record that could not be applied, a
-    /// state with another hash: whatever came first.
+    /// The first problem: missing frames, damaged bytes, pieces in the wrong order, a record that could not be applied,
+    /// or a state with another hash.
     const std::optional<Divergence>& first() const { return first_; }
-    /// As first(), but not for bytes whose damage cost no state: those of a keyframe that frames lead past.
+    /// The same without damage that cost no state, as in a keyframe that the frames make unnecessary.
     const std::optional<Divergence>& firstLoss() const { return loss_; }
 
   private:
@@ -39,8 +39,8 @@ class LogCheck {
     Replayer& replayer_;
     std::uint64_t gaps_ = 0, unclosed_ = 0;
     std::optional<Divergence> first_, loss_;
-    std::optional<Divergence> damage_;   // that the last step went over
-    std::optional<Divergence> openEnd_;  // the first session that another follows without its having been closed
+    std::optional<Divergence> damage_;   // damage that the last step passed over
+    std::optional<Divergence> openEnd_;  // the first session that was not closed before another one
 };
 
 }  // namespace rtsg

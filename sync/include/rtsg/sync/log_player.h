@@ -1,9 +1,9 @@
-// LogPlayer: a log played in time, with what a player has: pause, step, rate, seek, loop.
+// LogPlayer: plays a log in time, with the controls of a player: pause, step, rate, seek, loop.
 //
-// Invariant: the scene is always in a state of the log; played forward it goes through every one, each as it was
-// recorded. A seek comes to subscribers as one set, or, where it begins at a keyframe, as a snapshot. Times are those
-// of Replayer::time(): a log of several sessions is played through all of them. Threading: one thread, which owns the
-// scene.
+// Invariant: the scene is always in a state of the log. Forward play goes through every state, as it was recorded.
+// Subscribers get a seek as one set, or as a snapshot if it begins at a keyframe. Times are those of Replayer::time(),
+// so a log of several sessions is played through all of them.
+// Threading: one thread, which owns the scene.
 
 // Example:
 //     #include <rtsg/sync/log_player.h>
@@ -25,13 +25,13 @@ namespace rtsg {
 
 class LogPlayer {
   public:
-    /// In the first state, playing, once through.
+    /// Opens the log in its first state, playing, without a loop.
     static Result<std::unique_ptr<LogPlayer>> open(const std::filesystem::path& file);
 
     Scene& scene() { return replayer_->scene(); }
-    /// Says what of the log was found to be damaged or missing.
+    /// It says what was damaged or missing in the log.
     const Replayer& replayer() const { return *replayer_; }
-    /// Seconds since the log's start: of the playback, and of the last state.
+    /// The position of the playback, and the time of the last state; seconds since the log's start.
     double time() const { return clock_; }
     double length() const { return length_; }
     double rate() const { return rate_; }
@@ -43,16 +43,17 @@ class LogPlayer {
     /// Precondition: 0 < rate <= 1000.
     void setRate(double rate) { rate_ = rate; }
     void setLoop(bool on) { loop_ = on; }
-    /// States that have become due after so many seconds of the player's own time. At most a quarter of a second's work
-    /// at once; the clock then waits. Errors: as Replayer::step(); playing on goes on at the next keyframe.
+    /// Steps to the states that are due after so many seconds of the player's own time. Works for at most a quarter of
+    /// a second a call; the player's clock then waits. Errors: as Replayer::step(); after one, play goes on at the next
+    /// keyframe.
     Result<> advance(double seconds);
-    /// To the last state not after `time`, 0 to length().
+    /// Goes to the last state that is not after `time`, which is from 0 to length().
     Result<> seek(double time);
-    /// The next `states`; pauses.
+    /// Pauses, and goes on by `states` states.
     Result<> step(std::uint64_t states);
 
-    /// "pause", "play", "step [N]", "rate R", "seek T", "loop on", "loop off", "status", from whoever may say so.
-    /// Returns status(); errors say what would be understood.
+    /// Carries out "pause", "play", "step [N]", "rate R", "seek T", "loop on", "loop off" or "status". Returns
+    /// status(). Errors list the known commands. The caller checks who may send them.
     Result<std::string> command(std::string_view text);
     /// {"t":…,"length":…,"state":…,"paused":…,"rate":…,"loop":…}
     std::string status() const;

@@ -1,10 +1,11 @@
-// LossyScene: a second scene that follows another one and differs from it by a stated error at most, and only where
-// values are in motion. Mirrors and logs attach to it as to any scene; so a lossy stream is a lossless stream of this
-// scene, its hashes are this scene's, and everybody who follows still compares them bit for bit.
+// LossyScene: a second scene that follows another one. It differs from it only in values in motion, and by at most a
+// stated error. Mirrors and logs attach to it as to any scene. So a lossy stream is a lossless stream of this scene:
+// the hashes are this scene's, and all followers still compare them bit for bit.
 //
-// Invariant: a value that was changed in one of the two frames before lies on a grid, its distance from the origin's at
-// most maxError (Euclidean for vectors, the angle between rotations); it is taken from the origin's value alone, so
-// errors do not add up. What has rested for two frames is exact, as are first changes, and all types but those of f32.
+// Invariant: a value that changed in one of the last two frames lies on a grid, at most maxError from the origin's
+// value (Euclidean distance for vectors, angle for rotations). It is computed from the origin's value alone, so errors
+// do not add up. Exact are values that have rested for two frames, first changes, and all types that are not made of
+// f32.
 // Threading: the origin scene's thread.
 #pragma once
 
@@ -23,11 +24,13 @@ struct LossyStatistics {
 
 class LossyScene : public Subscriber {
   public:
-    /// `origin` must outlive this. `maxError`: metres, radians, or the field's own unit; finite and > 0.
+    /// `origin` must outlive the result. `maxError` is in metres, radians, or the field's own unit; it must be finite
+    /// and > 0.
     static Result<std::unique_ptr<LossyScene>> follow(Scene& origin, double maxError);
     ~LossyScene() override;
 
-    /// In step with the origin after each of its frames, with the same sequence numbers. Not to be edited.
+    /// The scene to serve or log. It is in step with the origin after each frame, with the same state numbers. Do not
+    /// edit it.
     Scene& scene();
     double maxError() const;
     const LossyStatistics& statistics() const;

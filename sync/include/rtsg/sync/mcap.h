@@ -1,8 +1,8 @@
-// McapWriter: messages on topics into an MCAP file, the container that Foxglove and other viewers of robots' recordings
-// read: chunks with an index, a summary, checksums.
+// McapWriter: writes messages on topics into an MCAP file, with chunks, index, summary and checksums. Foxglove and
+// other viewers of robots' recordings read that format.
 //
-// Invariant: after close() the file is there, complete, with every checksum of the format; one that was not closed
-// never appears. Memory is bounded by a chunk and 16 bytes a message in it, beside 60 bytes a chunk.
+// Invariant: after close() the file is complete, with every checksum of the format. A file that was not closed never
+// appears. Memory is bounded by one chunk, 16 bytes for each message in it, and 60 bytes for each chunk.
 // Threading: one thread an object. Source: the MCAP specification, version 0 (mcap.dev/spec).
 #pragma once
 
@@ -22,7 +22,7 @@ namespace rtsg {
 
 struct McapOptions {
     std::uint64_t chunkBytes = std::uint64_t{1} << 20;
-    bool compress = true;  // chunks by zstd
+    bool compress = true;  // compresses chunks with zstd
     Existing existing = Existing::replace;
 };
 
@@ -31,12 +31,13 @@ class McapWriter {
     static Result<std::unique_ptr<McapWriter>> create(const std::filesystem::path& file, McapOptions options = {});
     ~McapWriter();
 
-    /// A topic of JSON messages; `schema` is a JSON Schema, `schemaName` what viewers know it by. Before any message of
-    /// it. Returns its number.
+    /// Adds a topic of JSON messages and returns its number. `schema` is a JSON Schema; viewers know it by
+    /// `schemaName`. Call it before writing messages of the topic.
     Result<std::uint16_t> addTopic(std::string_view topic, std::string_view schemaName, std::string_view schema);
-    /// `time`: seconds, >= 0, not before the message before.
+    /// `time` is in seconds, >= 0, and not before that of the last message.
     Result<> write(std::uint16_t topic, double time, std::string_view json);
-    /// Index, summary, footer. Errors of the last writes are only seen here; without it there is no file.
+    /// Writes index, summary and footer. Errors of the last writes are only reported here. Without close() there is no
+    /// file.
     Result<> close();
 
     std::uint64_t messages() const { return messages_; }
@@ -56,7 +57,7 @@ class McapWriter {
     std::optional<OutputFile> out_;  // until it is closed
     std::uint64_t size_ = 0, messages_ = 0, start_ = 0, end_ = 0;
     std::uint32_t crc_ = 0;          // of all bytes so far
-    ByteBuffer schemas_, channels_;  // their records, as the summary repeats them
+    ByteBuffer schemas_, channels_;  // the records that the summary repeats
     std::uint16_t topics_ = 0;
     std::map<std::uint16_t, std::uint64_t> counts_;
     ByteBuffer chunk_;  // records of the chunk being filled

@@ -1,8 +1,9 @@
-// MirrorRelay: passes a session on: a replica of an origin, served to peers of its own (PROTOCOL.md, "Relays").
+// MirrorRelay: follows an origin as a replica and serves that replica to peers of its own (PROTOCOL.md, "Relays").
 //
-// Invariant: who follows the relay is in a state that the origin had, with its number and hash. What peers send is
-// checked here by what they may, handed to the origin, which carries it out, and its verdict comes back when the effect
-// is there. That the origin is lost is told within a second of the last heartbeat. Threading: the replica's thread.
+// Invariant: a peer of the relay is always in a state that the origin had, with its number and hash. The relay checks
+// requests of peers against their permissions and passes them on. The origin carries them out; its verdict reaches the
+// peer when the effect is there. Peers learn within a second of the last heartbeat that the origin is lost. Threading:
+// the replica's thread.
 #pragma once
 
 #include <chrono>
@@ -16,13 +17,14 @@ namespace rtsg {
 
 class MirrorRelay {
   public:
-    /// `replica`: as MirrorClient's. Serves at `endpoint` from the first state of the origin's on.
+    /// `replica` has the same requirements as for MirrorClient. Serves at `endpoint` once the origin's first state has
+    /// come.
     static Result<std::unique_ptr<MirrorRelay>> connect(Scene& replica, const std::string& origin,
                                                         const std::string& endpoint, MirrorClientOptions from = {},
                                                         MirrorServerOptions to = {});
     ~MirrorRelay();
 
-    /// Passes on what has come, from either side; waits for it up to `timeout`. Returns the number of sets applied.
+    /// Passes on what either side has sent, and waits for it up to `timeout`. Returns the number of sets applied.
     /// Error: `endpoint` cannot be served.
     Result<std::size_t> poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
 

@@ -1,9 +1,9 @@
-// OptimisticScene: a replica as its user sees it, with their own edits shown at once, before the origin has them.
+// OptimisticScene: shows users their own edits of a replica at once, before the origin has them.
 //
-// Invariant: the replica itself is always in a state of the origin's. The scene shown is the replica with the edits
-// that wait for an answer laid over it; once there are none, both are equal. An edit that the origin refuses is taken
-// back, and of a field that somebody else has changed meanwhile the origin's value counts as soon as ours has been
-// answered. Costs the replica's memory again. Threading: the replica's thread.
+// Invariant: the replica itself is always in a state of the origin. The scene shown is the replica with the unanswered
+// edits on top; when all are answered, both are equal. A refused edit is taken back. If somebody else has changed the
+// same field meanwhile, the origin's value is shown once our edit is answered. Takes the replica's memory again.
+// Threading: the replica's thread.
 
 // Example:
 //     #include <rtsg/sync/optimistic_scene.h>
@@ -29,20 +29,20 @@ namespace rtsg {
 
 class OptimisticScene : public Subscriber {
   public:
-    /// `client` keeps `replica` in step; both must outlive this. Its answers are taken here from now on.
+    /// `client` keeps `replica` in step; both must outlive this. From now on this takes the client's verdicts.
     OptimisticScene(MirrorClient& client, Scene& replica);
     ~OptimisticScene() override;
 
-    /// What to show. It runs nothing by itself, and must not be edited but by edit().
+    /// The scene to show. It runs nothing by itself. Change it only by edit().
     Scene& scene() { return shown_; }
-    /// Shows the value and asks the origin for it. Errors, at once: as MirrorClient::submitEdit, no such node or field,
-    /// a field that refers to nodes (these are the origin's to number).
+    /// Shows the value and asks the origin for it. Errors, at once: as MirrorClient::submitEdit; no such node or field;
+    /// a field that refers to nodes, whose numbers only the origin gives.
     Result<std::uint64_t> edit(NodeId node, FieldIndex field, Value value);
-    /// MirrorClient::poll(); then what was answered is settled.
+    /// Calls MirrorClient::poll() and then settles what was answered.
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
-    /// As the client's, since the last call.
+    /// The verdicts since the last call, as from the client.
     std::vector<MirrorVerdict> takeVerdicts();
-    /// Fields that show something else than the replica has, or may.
+    /// Number of fields that may show another value than the replica's.
     std::size_t waiting() const { return ours_.size(); }
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
@@ -51,7 +51,7 @@ class OptimisticScene : public Subscriber {
   private:
     using Place = std::pair<std::uint32_t, FieldIndex>;
     struct Ours {
-        std::uint64_t request = 0;  // the last one of this field
+        std::uint64_t request = 0;  // the last one for this field
         Value value;
     };
     Result<> show(ChangeSet set);

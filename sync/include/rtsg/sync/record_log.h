@@ -1,11 +1,11 @@
-// RecordLog: a log of the steps of a scene that follows another one, written on a thread of its own.
+// RecordLog: logs the steps of a scene that follows another one, on a thread of its own.
 //
-// The bytes that came are what is written: no frame is encoded again unless it came otherwise, and no second scene is
-// kept; the follower's own, or a server's (MirrorServer::recordTo()), gives the keyframes. At most 128 steps and 64 MiB
-// of them wait for the disk; then add() waits too, and addInPassing() merges what comes into one frame.
-// Invariant: states up to acknowledged() are in the file, as LogWriter has it. A failure of the thread (a full disk, no
-// memory) ends the log without an index, not the process.
-// Threading: all calls on the scene's thread but acknowledged(), failure() and giveSnapshot(), which any may make.
+// It writes records in the bytes in which they came. It encodes only frames that came without a record, and keeps no
+// second scene: the follower's own scene, or the server's replica (MirrorServer::recordTo()), gives the keyframes. At
+// most 128 steps and 64 MiB wait for the disk; then add() waits too, and addInPassing() merges frames into one.
+// Invariant: states up to acknowledged() are in the file, as with LogWriter. A failure of the thread (full disk, no
+// memory) ends the log without an index, and not the process.
+// Threading: the scene's thread. acknowledged(), failure() and giveSnapshot() may be called on any.
 #pragma once
 
 #include <cstdint>
@@ -22,36 +22,36 @@ namespace rtsg {
 
 class RecordLog {
   public:
-    /// Returns once the scene's present state is in the file, or after ten seconds of a disk that hangs. Errors: as
+    /// Returns once the scene's present state is in the file, or after ten seconds if the disk hangs. Errors: as
     /// LogWriter's; Mode::input.
     static Result<std::unique_ptr<RecordLog>> start(const Scene& scene, const std::filesystem::path& file,
                                                     LogOptions options = {});
     ~RecordLog();
 
-    /// `scene` is in the state that the step led to. A snapshot of another state than the one before begins a new
-    /// session in the file. Nothing is done once the log has failed.
+    /// Logs a step; `scene` must be in the state that it led to. A snapshot of another state than the last one begins a
+    /// new session in the file. Does nothing once the log has failed.
     void add(const Scene& scene, const RecordStep& step);
 
-    /// The same for who may not wait; `changes` is what the step's record holds. True: the snapshot of this state is
-    /// wanted, and nothing more is written until giveSnapshot() has been called for it.
+    /// The same for callers that may not wait. `changes` is the content of the step's record. True if the snapshot of
+    /// this state is needed: nothing more is written until giveSnapshot() is called for it.
     bool addInPassing(const RecordStep& step, const ChangeSet& changes);
-    /// Null: there is none, and the log goes on without.
+    /// `snapshot` may be null if there is none; the log then goes on without it.
     void giveSnapshot(std::uint64_t state, std::shared_ptr<const ChangeSet> snapshot);
-    /// Calls `heard` with every state that is in the file from then on, and with how often the scene had started over
-    /// since the log's start: on the log's thread, and with the state that is there now at once. When nothing will be
-    /// written any more, both are the largest number. It must not call this log.
+    /// Calls `heard` on the log's thread with every state that is in the file from now on, and with how often the scene
+    /// has started over since the log began. The first call comes at once, with the present state. When nothing more
+    /// will be written, both numbers are the largest possible. `heard` must not call this log.
     void onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard);
-    /// Frames that were merged, as the disk took less than came.
+    /// Number of frames that were merged because the disk was too slow.
     std::uint64_t merged() const;
 
-    /// The last state that is in the file: safe from here on if this process is killed.
+    /// The last state in the file. It survives if this process is killed.
     std::uint64_t acknowledged() const;
-    /// Why nothing is written any more; empty while it is.
+    /// Why nothing more is written; empty while the log works.
     std::string failure() const;
     std::uint64_t bytes() const;
-    /// Frames that were encoded for the log, not written as they came.
+    /// Number of frames that were encoded for the log rather than written as they came.
     std::uint64_t encoded() const;
-    /// Writes what is left and the index, and closes. The first error there was.
+    /// Writes what is left and the index, and closes. Returns the first error that occurred.
     Result<> stop();
 
   private:

@@ -4,11 +4,12 @@
 //   rerun    the scene is built afresh and gets the recorded input (events, edits, clock); each frame's state has to be
 //            the recorded one, so a change in scene, scripts or behaviours is named by frame, node and field
 //
-// States are compared whole, by their hash, or in chosen fields, within a tolerance (field_comparison.h): then edits
-// of the document elsewhere change nothing, and what it does counts rather than what it says.
+// States are compared as a whole by their hash, or in chosen fields within a tolerance (field_comparison.h). With
+// chosen fields, edits elsewhere in the document change nothing: the test compares what the document does, not what it
+// says.
 //
-// Invariant: a test passes only if there was at least one frame, none was missing or damaged, and every one agreed.
-// A rerun that compares states whole stops at its first divergence: what comes after follows from it.
+// Invariant: a test passes only if there was at least one frame, none was missing or damaged, and all agreed. A rerun
+// that compares whole states stops at its first divergence, since later ones follow from it.
 // Threading: the calling thread.
 #pragma once
 
@@ -26,42 +27,41 @@ namespace rtsg {
 struct ReplayTest {
     std::filesystem::path log;
 
-    /// Rerun: builds the scene under test as the application does, without running a frame; the clock
-    /// stands where the log begins. Empty: replay.
+    /// Rerun: builds the scene under test as the application does, without running a frame. The clock stands where the
+    /// log begins. Empty: replay.
     std::function<Result<>(Scene&)> build;
-    /// Rerun: the application's own work before each frame, given the frame's time. With it, only recorded events are
-    /// sent; without it the edits that the application made are made again as recorded.
+    /// Rerun: does the application's own work before each frame, whose time it is given. With it only recorded events
+    /// are sent; without it the recorded edits of the application are made, too.
     std::function<Result<>(Scene&, double)> application;
 
-    /// Rerun: what is compared of each state. Empty: all of it, bit for bit.
+    /// Rerun: the fields to compare in each state. Empty: the whole state, bit for bit.
     FieldSelection compared;
 
-    /// Called once with the scene in its first state: where subscribers under test attach.
+    /// Called once with the scene in its first state, so that subscribers under test can attach.
     std::function<Result<>(Scene&)> attach;
-    /// Called at every state; an error fails the test there. This is where results of subscribers are compared.
+    /// Called at every state, to compare results of subscribers. An error fails the test there.
     std::function<Result<>(const Scene&)> check;
-    /// Called once every state of an instant has come: several share one where an Inline came, or the application
-    /// edited between frames. This is where frames of pictures and sound are made. An error fails the test there.
+    /// Called after the last state of each time, to make frames of pictures and sound. Several states have one time
+    /// when an Inline loads or the application edits between frames. An error fails the test there.
     std::function<Result<>(const Scene&)> frame;
-    /// Rerun: called once, in the first state that differs: the recorded scene and the one under test.
+    /// Rerun: called once in the first state that differs, with the recorded scene and the one under test.
     std::function<void(const Scene&, const Scene&)> differ;
-    /// Called at the end, however it went, while the scene is still there.
+    /// Called at the end, whether the test passed or not, while the scene still exists.
     std::function<Result<>()> finish;
 
-    /// Rerun: writes what the scene does now over the log (in one step, at the end) instead of comparing with it.
+    /// Rerun: replaces the log by what the scene does now (in one step, at the end) instead of comparing.
     bool update = false;
 };
 
 struct ReplayReport {
     std::uint64_t frames = 0;    // states reached
-    std::uint64_t verified = 0;  // of these, equal to the recorded ones
+    std::uint64_t verified = 0;  // those equal to the recorded ones
     std::optional<Divergence> divergence;
     bool updated = false;
-    bool closed = true;         // the log was: nothing of the session came after the last state
-    bool goesOn = false;        // it is a piece that another one follows
+    bool closed = true;         // the log was closed: nothing of the session came after the last state
+    bool goesOn = false;        // it is a piece that has a later piece
     double start = 0, end = 0;  // times of the first and the last state reached
-    /// With chosen fields: how many there were, those that differed, in the order in which they began, and their
-    /// values.
+    /// With chosen fields: the number of fields, the differences in the order in which they began, and their values.
     std::size_t fields = 0;
     std::vector<FieldDifference> differences;
     std::vector<FieldHistory> histories;
@@ -72,13 +72,12 @@ struct ReplayReport {
     std::string format() const;
 };
 
-/// Errors are what kept the test from being run at all: no such log, nothing intact in it, a scene that cannot be
-/// built.
+/// Errors are what kept the test from running: no such log, nothing intact in it, or a scene that cannot be built.
 Result<ReplayReport> runReplayTest(const ReplayTest& test);
 
-/// A test program's main: `PROGRAM LOG [--update] [--field P]... [--ignore P]... [--tolerance N]`, as
-/// rtsg_add_replay_test(... PROGRAM ...) calls it; what is given there goes before `test.compared`. Prints the report
-/// and returns the exit status: 0 passed, 1 not, 2 wrong usage.
+/// The main function of a test program: `PROGRAM LOG [--update] [--field P]... [--ignore P]... [--tolerance N]`, as
+/// rtsg_add_replay_test(... PROGRAM ...) calls it. These options come before `test.compared`. Prints the report and
+/// returns the exit status: 0 passed, 1 failed, 2 wrong usage.
 int replayTestMain(int argc, char** argv, ReplayTest test);
 
 }  // namespace rtsg

@@ -1,8 +1,9 @@
-// Scene files: .rtsgb, a scene's snapshot as one record of the bytes that travel (PROTOCOL.md, "Scene files"). Files of
-// before the catalogue, a head and a keyframe, are read as well.
+// Scene files: a .rtsgb file is a scene's snapshot as one record in the bytes of the wire (PROTOCOL.md, "Scene files").
+// Older files, which are a head and a keyframe, are read as well.
 //
-// Invariant: what is written is read back as the same state, hash and all; a damaged file is refused, and a file of
-// another build is read as far as its types are known here. Threading: the scene's thread.
+// Invariant: a written scene is read back as the same state with the same hash. A damaged file is refused. A file of
+// another build is read as far as this program knows its types.
+// Threading: the scene's thread.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -20,13 +21,13 @@
 
 namespace rtsg {
 
-/// The name of the file says nothing; callers use .rtsgb.
+/// Any file name will do; callers use .rtsgb.
 Result<> writeSceneFile(const Scene& scene, const std::filesystem::path& file, Existing existing = Existing::replace);
 
-/// Into an empty scene. Errors: no such file, damage (with the byte where it is), a state that cannot be applied.
+/// Reads into an empty scene. Errors: no such file, damage (with the byte where it is), a state that cannot be applied.
 Result<> readSceneFile(Scene& scene, const std::filesystem::path& file);
 
-/// By its first bytes, which logs have as well; false where there is no such file.
+/// Looks at the first bytes. True for logs as well, false if there is no such file.
 bool isSceneFile(const std::filesystem::path& file);
 
 }  // namespace rtsg

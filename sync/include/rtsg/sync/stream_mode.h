@@ -1,10 +1,11 @@
-// StreamMode: what a stream (a mirror's, a log's) carries and how tightly. Stated in its head (PROTOCOL.md, "Head").
+// StreamMode: says what a stream of a mirror or log carries, and how densely. The head states it (PROTOCOL.md, "Head").
 //
 //   state  results of the cascade, bit for bit: the default
 //   input  document, clock and outside events; the follower runs the same cascade
 //   lossy  as state, but values in motion lie on a grid within maxError of the origin's (lossy_scene.h); at rest exact
 //
-// Invariant: the numbers are part of the format. Threading: values.
+// Invariant: the numbers are part of the format.
+// Threading: values.
 #pragma once
 
 #include <array>
@@ -16,17 +17,18 @@ namespace rtsg {
 
 enum class Mode : std::uint8_t { state = 0, input = 1, lossy = 2 };
 
-/// How a writer packs the values of frames. Readers need not know: every column says how it is coded.
+/// How a writer packs the values of frames. Readers need no setting: every column says how it is coded.
 enum class Coding : std::uint8_t {
-    raw = 0,       // as they are: the least time
-    compact = 1,   // predicted from the values before, the differences packed to the bits they need
-    smallest = 2,  // the same, the differences through an adaptive arithmetic coder: the fewest bytes
+    raw = 0,       // as they are; takes the least time
+    compact = 1,   // predicted from earlier values; the differences take only the bits they need
+    smallest = 2,  // as compact, with the differences through an adaptive arithmetic coder; takes the fewest bytes
 };
 
 struct StreamMode {
     Mode mode = Mode::state;
     Coding coding = Coding::raw;
-    /// Mode::lossy only. Metres for positions, radians for rotations, the field's own unit for other floats; > 0.
+    /// Only for Mode::lossy, > 0. In metres for positions, radians for rotations, and the field's own unit for other
+    /// floats.
     double maxError = 0;
     friend bool operator==(const StreamMode&, const StreamMode&) = default;
 };

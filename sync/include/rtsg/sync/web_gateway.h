@@ -1,10 +1,11 @@
-// WebGateway: the page of sync/js/page by HTTP, and for each browser that shows it a connection to a mirror server.
+// WebGateway: serves the page of sync/js/page by HTTP, and connects each browser that shows it to a mirror server.
 //
-// Invariant: it looks into nothing. What comes by a WebSocket goes to the server as a client's messages, and back
-// (PROTOCOL.md, "Browsers"): so credit, merging, requests and limits are those of any mirror. Files are those of the
-// page's folder, and pictures and sounds that nodes of the scene name. Beyond loopback a token is asked for; on
-// loopback, pages of other origins are refused. HTTP and WebSocket come from Boost.Beast, in a module (librtsg_web.so)
-// that is loaded by start(). Threading: a thread of its own; service() on the scene's, all other functions from any.
+// Invariant: it passes messages on without reading them. What comes by a WebSocket goes to the server as a client's
+// messages, and back (PROTOCOL.md, "Browsers"), so credit, merging, requests and limits are those of any mirror. Files
+// are those of the page's folder, and pictures and sounds that nodes of the scene name. Beyond loopback it asks for a
+// token; on loopback it refuses pages of other origins. start() loads HTTP and WebSocket (Boost.Beast) as the module
+// librtsg_web.so.
+// Threading: a thread of its own; service() on the scene's, all other functions on any.
 
 // Example:
 //     #include <rtsg/sync/mirror_server.h>
@@ -35,58 +36,61 @@ namespace rtsg {
 class WebModule;
 
 struct WebGatewayOptions {
-    /// "8080": that port on loopback; "ADDRESS:8080", "[::]:8080": where others reach it. Port 0 is any free one.
+    /// "8080" is that port on loopback; "ADDRESS:8080" or "[::]:8080" can be reached by others. Port 0 is any free
+    /// port.
     std::string listen = "0";
-    /// The mirror server's, and what a client of it needs, if it has keys.
+    /// The endpoint of the mirror server, and the keys of a client if the server has keys.
     std::string endpoint;
     std::optional<MirrorKeys> keys;
-    /// Of the page; empty: beside the module, or in the source tree.
+    /// The folder of the page. Empty: it is beside the module, or in the source tree.
     std::filesystem::path folder;
-    /// What a browser has to know. Empty: nothing on loopback, else one is made up.
+    /// The token that a browser must send. Empty: none on loopback; elsewhere one is generated.
     std::string token;
-    /// PEM files: the server's certificate with those that vouch for it, and its private key. Both, or neither: then
-    /// pages and messages go in the clear.
+    /// PEM files: the server's certificate with its chain, and its private key. Give both, or neither for unencrypted
+    /// traffic.
     std::filesystem::path certificate, privateKey;
-    /// MirrorServer::callDescriptor(), which is readable then when service() has something to do; -1: none.
+    /// MirrorServer::callDescriptor(); it is then also readable when service() of the gateway has something to do. -1:
+    /// none.
     int call = -1;
-    /// Browsers at once.
+    /// The most browsers at once.
     std::size_t maximumConnections = 32;
-    /// For a request to be whole, for its file to come, and for the answer to be taken; then the connection ends.
+    /// The time for a request to be complete, for its file to come, and for the answer to be taken. Then the connection
+    /// is closed.
     std::chrono::milliseconds requestTimeout{20000};
 
-    /// What is wrong with it on any machine: `listen` is no place, the token is shorter than 16 or has other characters
-    /// than letters, digits, '-' and '_', of certificate and key one is missing.
+    /// Errors that do not depend on the machine: `listen` is no address; the token has fewer than 16 characters, or
+    /// others than letters, digits, '-' and '_'; only one of certificate and key is given.
     Result<> check() const;
 };
 
 struct WebGatewayStatistics {
-    std::size_t connections = 0;  // WebSockets now
-    std::uint64_t opened = 0;     // and ever
-    std::uint64_t requests = 0;   // of files
-    std::uint64_t refused = 0;    // of either, whatever the reason
+    std::size_t connections = 0;  // open WebSockets
+    std::uint64_t opened = 0;     // WebSockets opened so far
+    std::uint64_t requests = 0;   // requests for files
+    std::uint64_t refused = 0;    // refused WebSockets and requests, whatever the reason
 };
 
 class WebGateway {
   public:
-    /// Binds and begins to serve. Errors: as check(); no module, an address that cannot be had, no page in the folder,
-    /// a certificate or key that is none.
+    /// Binds and begins to serve. Errors: as check(); no module; an address that cannot be used; no page in the folder;
+    /// an invalid certificate or key.
     static Result<std::unique_ptr<WebGateway>> start(WebGatewayOptions options);
-    /// Ends the connections in order, and those that do not answer without it. End the mirror server first: its goodbye
-    /// then gets through.
+    /// Closes the connections in order, and drops those that do not answer. End the mirror server first, so that
+    /// browsers get its goodbye.
     ~WebGateway();
     WebGateway(const WebGateway&) = delete;
     WebGateway& operator=(const WebGateway&) = delete;
 
-    /// What to open in a browser, the token in it.
+    /// The address to open in a browser, with the token.
     const std::string& url() const { return url_; }
     WebGatewayStatistics statistics() const;
-    /// Gives browsers what textures and sound sources of the scene name, as far as `resources` open it: PNG, JPEG, GIF
-    /// and WebP; WAVE, Ogg, FLAC, MP3 and MP4; at most 32 MiB each. Call it between frames, on the scene's thread;
-    /// without it the page has no pictures in its textures, and is silent.
+    /// Lets browsers load the files that textures and sound sources of the scene name and `resources` can open: PNG,
+    /// JPEG, GIF and WebP; WAVE, Ogg, FLAC, MP3 and MP4; at most 32 MiB each. Call it between frames on the scene's
+    /// thread. Without it the page has no textures and no sound.
     void service(const Scene& scene, const Resources& resources);
 
-    /// What was refused since the last call, at most a hundred sentences. They name the page without the token, which
-    /// is nothing for those who read logs.
+    /// What was refused since the last call, at most a hundred sentences. They leave out the token, which readers of
+    /// logs must not learn.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:

@@ -1,0 +1,278 @@
+// rtsg touch: what a hand feels in a scene: its path, its proxy, the forces and contacts, by time.
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <locale>
+#include <memory>
+#include <sstream>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/output_file.h>
+#include <rtsg/haptics/haptic_renderer.h>
+#include <rtsg/sync/log_recorder.h>
+
+#include "files.h"
+#include "outputs.h"
+#include "running_scene.h"
+#include "touch_plot.h"
+
+namespace rtsg::app {
+
+namespace {
+
+struct TouchArguments {
+    std::string scene, device, out, record, duration, origin = "0 0 0";
+    std::vector<std::string> set;
+    ResourceArguments resources;
+    StartTime start;
+    double fps = 60, mass = 0, stiffness = 200, damping = 2;
+    HapticOptions options;
+    bool realtime = false, json = false, force = false;
+};
+
+/// What --device names.
+struct Hand {
+    std::unique_ptr<HapticDevice> device;
+    double seconds = 0;  // that its path has; 0: it goes on
+    bool isSimulated = false;
+    std::uint16_t port = 0;
+};
+
+Result<Hand> handOf(const TouchArguments& arguments) {
+    const std::string& name = arguments.device;
+    Hand hand;
+    if (name.starts_with("sim:")) {
+        auto path = readHandPath(name.substr(4));
+        if (!path) return std::unexpected(path.error());
+        hand.seconds = path->back().seconds;
+        hand.isSimulated = true;
+        hand.device = simulatedDevice({std::move(*path), arguments.mass, arguments.stiffness, arguments.damping});
+        return hand;
+    }
+    if (name.starts_with("udp:")) {
+        std::uint16_t port = 0;
+        const char* const end = name.data() + name.size();
+        const auto [rest, error] = std::from_chars(name.data() + 4, end, port);
+        if (error != std::errc() || rest != end)
+            throw UsageError("--device", "udp: takes the number of a port, 0 to 65535");
+        auto device = udpDevice(port, 0.1, &hand.port);
+        if (!device) return std::unexpected(device.error());
+        hand.device = std::move(*device);
+        return hand;
+    }
+    if (name == "spnav" || name.starts_with("spnav:")) {
+        auto device = name == "spnav" ? spaceMouse() : spaceMouse(name.substr(6));
+        if (!device) return std::unexpected(device.error());
+        hand.device = std::move(*device);
+        return hand;
+    }
+    throw UsageError("--device", fmt::format("is sim:FILE.csv, udp:PORT or spnav, not '{}'", name));
+}
+
+class Touching {
+  public:
+    Touching(const TouchArguments& arguments, RunningScene& running, HapticOptions options)
+        : arguments_(arguments), running_(running), renderer_(running.world().get(), std::move(options)) {}
+
+    Result<> attach() {
+        if (auto ok = renderer_.attachToScene(running_.scene()); !ok) return ok;
+        return renderer_.renderFrame();
+    }
+    HapticRenderer& renderer() { return renderer_; }
+
+    /// Frames and ticks in turn, by the clock of the scene: the same each time.
+    void simulate(HapticDevice& device, double seconds) {
+        SharedWorld& world = running_.world().get();
+        const double rate = renderer_.options().rate;
+        const auto ticks = static_cast<std::uint64_t>(std::ceil(seconds * rate));
+        std::uint64_t frame = 0;
+        for (std::uint64_t tick = 0; tick <= ticks && !interrupted(); ++tick) {
+            const double t = static_cast<double>(tick) / rate;
+            if (t * arguments_.fps >= static_cast<double>(frame)) {
+                if (frame) renderer_.sendEvents();
+                running_.frame(static_cast<double>(frame++) / arguments_.fps);
+                (void)world.present();
+            }
+            const auto place = device.place(t);
+            const Vec3d nowhere(std::nan(""));
+            device.push(renderer_.touch(place ? renderer_.inWorld(*place) : nowhere, t).force);
+        }
+        finishFrames();
+    }
+
+    /// By the clock on the wall: a thread ticks, this one runs frames.
+    Result<> live(std::unique_ptr<HapticDevice> device, double seconds) {
+        running_.frame(0);
+        if (auto ok = renderer_.start(std::move(device)); !ok) return ok;
+        Pace pace{seconds, arguments_.fps, true};
+        running_.run(pace, "touching " + arguments_.scene, [&](std::uint64_t, const ChangeSet&) {
+            renderer_.sendEvents();
+            return !interrupted() && !renderer_.hasEnded() && renderer_.failure().empty();
+        });
+        (void)renderer_.stop();
+        finishFrames();
+        return {};
+    }
+
+  private:
+    /// What the last contacts have sent.
+    void finishFrames() {
+        renderer_.sendEvents();
+        for (int i = 1; i <= 3; ++i) running_.frame(running_.time() + 1 / arguments_.fps);
+    }
+
+    const TouchArguments& arguments_;
+    RunningScene& running_;
+    HapticRenderer renderer_;
+};
+
+/// A line a tick.
+std::string tickTable(const std::vector<HapticTick>& ticks, const Scene& scene) {
+    std::string text =
+        "seconds,hand_x,hand_y,hand_z,proxy_x,proxy_y,proxy_z,force_x,force_y,force_z,touching,known,shape\n";
+    for (const HapticTick& t : ticks)
+        text += fmt::format("{:.6f},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{:.6g},{:.6g},{:d},{:d},{}\n",
+                            t.seconds, t.hand.x, t.hand.y, t.hand.z, t.proxy.x, t.proxy.y, t.proxy.z, t.force.x,
+                            t.force.y, t.force.z, t.touching, t.known, t.touching ? nodeLabel(scene, t.shape) : "");
+    return text;
+}
+
+Result<> write(const std::string& file, const std::string& text, bool force) {
+    auto out = OutputFile::create(file, existing(force));
+    if (!out) return std::unexpected(out.error());
+    if (auto ok = out->write(text); !ok) return ok;
+    return out->commit();
+}
+
+void printTouched(const TouchArguments& arguments, const HapticReport& report, const RunningScene& running) {
+    if (arguments.json)
+        fmt::print(
+            "{{\"t\":{:.3f},\"ticks\":{},\"missed\":{},\"unknown\":{},\"contacts\":{},\"largest_force_n\":{:.4f},"
+            "\"tick_us\":{{\"median\":{:.1f},\"worst\":{:.1f}}},\"scheduling\":{},\"hash\":\"{}\"}}\n",
+            running.time(), report.ticks, report.missed, report.unknown, report.contacts, report.largestForce,
+            1e6 * report.medianSeconds, 1e6 * report.worstSeconds,
+            report.scheduling.empty() ? "null" : jsonString(report.scheduling), running.scene().hash().hex());
+    else
+        fmt::print("{} ticks, {} contacts, at most {:.2f} N; a tick took {:.1f} us, at most {:.0f}{}\n", report.ticks,
+                   report.contacts, report.largestForce, 1e6 * report.medianSeconds, 1e6 * report.worstSeconds,
+                   report.missed ? fmt::format("; {} were missed", report.missed) : "");
+}
+
+Vec3d parseOrigin(const std::string& text) {
+    std::string plain = text;
+    std::ranges::replace(plain, ',', ' ');
+    std::istringstream in(plain);
+    in.imbue(std::locale::classic());
+    Vec3d place(0);
+    std::string rest;
+    if (!(in >> place.x >> place.y >> place.z) || in >> rest)
+        throw UsageError(fmt::format("--origin takes three numbers, metres, not '{}'", text));
+    return place;
+}
+
+int touch(const TouchArguments& arguments) {
+    HapticOptions options = arguments.options;
+    options.origin = parseOrigin(arguments.origin);
+    options.keepsTicks = !arguments.out.empty();
+    std::vector<OutputName> outputs;
+    if (!arguments.out.empty()) outputs.push_back({"-o", arguments.out, OutputKind::ticks});
+    if (!arguments.record.empty()) outputs.push_back({"--record", arguments.record, OutputKind::log});
+    if (auto ok = checkFiles({arguments.scene}, outputs, arguments.force); !ok) return printError(ok.error()), kBad;
+    auto hand = handOf(arguments);
+    if (!hand) return printError(hand.error()), kBad;
+    const bool isLive = arguments.realtime || !hand->isSimulated;
+    StartTime start = arguments.start;
+    if (isLive) start.kind = StartTime::Kind::live;
+    RunningScene running(arguments.scene, arguments.resources, start);
+    if (!running.load()) return kBad;
+    const double seconds = !arguments.duration.empty() ? parseSeconds(arguments.duration)
+                           : hand->isSimulated         ? hand->seconds
+                                                       : 1e9;
+    if (auto ok = running.inject(arguments.set, seconds); !ok) return printError(ok.error()), kUsage;
+    (void)interrupted();
+    std::unique_ptr<LogRecorder> recorder;
+    if (!arguments.record.empty()) {
+        LogOptions log;
+        log.existing = existing(arguments.force);
+        auto started = LogRecorder::start(running.scene(), arguments.record, log, LogRecorder::WhenBehind::wait);
+        if (!started) return printError(started.error()), kBad;
+        recorder = std::move(*started);
+    }
+    Touching touching(arguments, running, options);
+    Result<> result = touching.attach();
+    if (result && hand->port && !arguments.json)
+        fmt::print(stderr, "a device may send its places to udp:127.0.0.1:{}\n", hand->port);
+    if (result && isLive) result = touching.live(std::move(hand->device), seconds);
+    if (result && !isLive) touching.simulate(*hand->device, seconds);
+    const HapticReport report = touching.renderer().report();
+    if (result && !report.failure.empty()) result = fail(report.failure);
+    running.scene().seal();
+    if (recorder) result = allOf({[&] { return result; }, [&] { return recorder->stop(); }});
+    if (!arguments.out.empty()) {
+        const std::vector<HapticTick> ticks = touching.renderer().takeTicks();
+        const bool plots = arguments.out.ends_with(".svg");
+        const auto text = plots ? touchPlot(ticks) : tickTable(ticks, running.scene());
+        result = allOf({[&] { return result; }, [&] { return write(arguments.out, text, arguments.force); }});
+    }
+    print(report.diagnostics);
+    running.printDiagnostics();
+    if (!result) return printError(result.error()), kBad;
+    printTouched(arguments, report, running);
+    if (report.scheduling != "SCHED_FIFO" && !report.scheduling.empty())
+        fmt::print(stderr, "note: touch runs on {}\n", report.scheduling);
+    if (report.ticks == report.unknown) return printError("the device never said where the hand is"), kBad;
+    if (!interrupted()) return kDone;
+    printError(fmt::format("interrupted after {:.3f} s", running.time()));
+    return kBad;
+}
+
+}  // namespace
+
+Verb addTouch(Command& program) {
+    auto options = std::make_shared<TouchArguments>();
+    Command* command = program.addVerb("touch", "What a hand feels: forces and contacts, a thousand times a second");
+    command->addOption("SCENE", options->scene, "scene file, or -")->required();
+    command
+        ->addOption("--device", options->device,
+                    "sim:FILE.csv, a path of lines seconds,x,y,z; udp:PORT, where a driver sends places; or spnav, "
+                    "a 3D mouse")
+        ->required();
+    command->addOption("-o,--output", options->out, "every tick as .csv, or drawn as .svg");
+    command->addOption("--record", options->record, "log of the session, contacts included (.rlog)");
+    command->addOption("--for", options->duration, "how long; else as long as the path is, or until Ctrl-C");
+    command->addOption("--fps", options->fps, "frames of the scene a second")->preset()->range(1., 1e4);
+    command->addOption("--set", options->set,
+                       "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, "
+                       "wheel=, head=");
+    command->addOption("--rate", options->options.rate, "ticks a second")->preset()->range(1., 1e5);
+    command->addOption("--radius", options->options.radius, "of the ball that touches, metres")
+        ->preset()
+        ->range(1e-4, 1.);
+    command->addOption("--max-force", options->options.maxForce, "N")->preset()->range(0., 1e4);
+    command->addOption("--stiffness", options->options.surface.stiffness, "N/m, of surfaces that say none")
+        ->preset()
+        ->range(0., 1e6);
+    command->addOption("--origin", options->origin, "where the device's zero is in the world: X Y Z")->preset();
+    command->addOption("--scale", options->options.scale, "metres in the world for one of the device's")
+        ->preset()
+        ->range(1e-6, 1e6);
+    command->addOption("--mass", options->mass, "of sim: kg of a hand that an arm holds to the path; 0 is on it")
+        ->preset()
+        ->range(0., 1e3);
+    command->addOption("--arm-stiffness", options->stiffness, "of --mass: N/m")->preset()->range(0., 1e6);
+    command->addOption("--arm-damping", options->damping, "of --mass: N s/m")->preset()->range(0., 1e6);
+    options->start.addTo(*command);
+    options->resources.addTo(*command);
+    command->addFlag("--realtime", options->realtime, "of sim: one second a second, on a thread of its own");
+    command->addFlag("--force", options->force, "replace files that are there");
+    command->addFlag("--json", options->json, "the summary as JSON");
+    command->footer(
+        "Example: rtsg touch door.x3dv --device sim:knock.csv -o knock.csv --record knock.rlog\n"
+        "Example: rtsg touch hall.x3dv --device udp:5571 --origin \"0 1.2 3\"\n"
+        "Surfaces say how they feel in the metadata of their Appearance: stiffness, damping, staticFriction and "
+        "dynamicFriction in a MetadataSet named RTSG. TouchSensors answer to what is touched.");
+    return {command, [options] { return touch(*options); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,139 @@
+// Gathers the triangles around a hand, with their motion since the last tick.
+#include "near_triangles.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+namespace rtsg::haptics {
+
+namespace {
+
+constexpr double kMostAhead = 0.1;  // metres that what moves is looked for beyond where it was
+constexpr double kWayOut = 0.25;    // metres to the surface of what has come over the hand
+
+const RayInstance* instanceAt(const WorldMoment& moment, std::uint32_t slot) {
+    if (!moment.state || slot >= moment.state->rays->instances().size()) return nullptr;
+    const RayInstance& instance = moment.state->rays->instance(slot);
+    return instance.mesh ? &instance : nullptr;
+}
+
+const TouchTables::Mover* moverOf(const WorldMoment& moment, const RayInstance& instance) {
+    if (!moment.tables) return nullptr;
+    const auto found = moment.tables->movers.find(instance.info.id.slot);
+    return found != moment.tables->movers.end() && found->second.generation == instance.info.id.generation
+               ? &found->second
+               : nullptr;
+}
+
+/// How far ahead of its state a moment is, as a share of the time from the state before to this one.
+double ahead(const WorldMoment& moment, double seconds) {
+    if (!moment.tables || moment.tables->seconds <= 0) return 0;
+    return std::clamp((seconds - moment.since) / moment.tables->seconds, 0.0, 1.0);
+}
+
+WorldFromLocal poseAt(const WorldMoment& moment, const RayInstance& instance, double seconds) {
+    WorldFromLocal pose = instance.info.worldFromLocal;
+    const TouchTables::Mover* mover = moverOf(moment, instance);
+    if (mover && mover->steady) pose += ahead(moment, seconds) * (mover->to - mover->from);
+    return pose;
+}
+
+void placeCorners(const Mesh& mesh, const WorldFromLocal& pose, std::uint32_t triangle, Vec3d (&corners)[3]) {
+    for (std::uint32_t c = 0; c < 3; ++c)
+        corners[c] = pose * glm::dvec4(Vec3d(mesh.vertex(triangle, c)) + mesh.anchor, 1.0);
+}
+
+}  // namespace
+
+void NearTriangles::find(const WorldMoment& now, const Vec3d& from, const Vec3d& to, double radius, double seconds) {
+    now_ = now;
+    all_.clear();
+    found_.clear();
+    if (!now_.state) return;
+    const RayView& rays = *now_.state->rays;
+    const double way = glm::length(to - from);
+    const double moved = now_.tables ? std::min(now_.tables->farthest * ahead(now_, seconds), kMostAhead) : 0;
+    const Vec3d middle = 0.5 * (from + to);
+    // Places of rays are floats.
+    const double rounding = 1e-6 * (1 + glm::length(middle - rays.origin()));
+    const auto reach = static_cast<float>(0.5 * way + radius + moved + rounding + 2 * kSkin);
+    rays.visitNear(rays.fromWorld(middle), reach, [&](std::uint32_t slot, std::uint32_t triangle) {
+        found_.emplace_back(slot, triangle);
+        return reach;
+    });
+    std::ranges::sort(found_);
+    found_.erase(std::ranges::unique(found_).begin(), found_.end());
+    const bool changed = last_.state != now_.state;
+    for (const auto& [slot, triangle] : found_) {
+        const RayInstance* instance = instanceAt(now_, slot);
+        if (!instance || triangle >= instance->mesh->triangleCount) continue;
+        NearTriangle& t = all_.emplace_back();
+        t.slot = slot, t.triangle = triangle;
+        placeCorners(*instance->mesh, poseAt(now_, *instance, seconds), triangle, t.corners);
+        std::copy(t.corners, t.corners + 3, t.before);
+        const RayInstance* before = changed || moverOf(now_, *instance) ? instanceAt(last_, slot) : nullptr;
+        if (!before || before->info.id != instance->info.id ||
+            before->mesh->triangleCount != instance->mesh->triangleCount)
+            continue;
+        placeCorners(*before->mesh, poseAt(last_, *before, lastTime_), triangle, t.before);
+        t.moves = !std::equal(t.corners, t.corners + 3, t.before);
+    }
+}
+
+std::vector<NearTriangle> NearTriangles::still() const {
+    std::vector<NearTriangle> result;
+    std::ranges::copy_if(all_, std::back_inserter(result), [](const NearTriangle& t) { return !t.moves; });
+    return result;
+}
+
+std::optional<Vec3d> NearTriangles::wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
+                                           bool everything) const {
+    if (!now.state) return std::nullopt;
+    const RayView& rays = *now.state->rays;
+    const auto came = [&](const RayInstance& instance) {
+        const RayInstance* before = instanceAt(last_, instance.info.id.slot);
+        if (everything || !before || before->info.id != instance.info.id || before->mesh != instance.mesh) return true;
+        const TouchTables::Mover* mover = moverOf(now, instance);
+        return mover && !mover->steady;
+    };
+    double least = kWayOut;
+    Vec3d closest(0), front(0);
+    rays.visitNear(rays.fromWorld(place), static_cast<float>(least), [&](std::uint32_t slot, std::uint32_t triangle) {
+        const RayInstance* instance = instanceAt(now, slot);
+        if (instance && instance->mesh->solid && came(*instance)) {
+            Vec3d corners[3];
+            placeCorners(*instance->mesh, poseAt(now, *instance, seconds), triangle, corners);
+            const Vec3d at = closestOnTriangle(place, corners);
+            const double distance = glm::length(place - at);
+            const Vec3d face = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+            const double area = glm::length(face);
+            // At an edge or a corner all triangles that meet there count.
+            const bool meets = distance < least + 1e-9;
+            if (area > 0 && meets) {
+                const Vec3d normal = (instance->sign < 0 ? -1.0 : 1.0) / area * face;
+                front = distance < least - 1e-9 ? normal : front + normal;
+                closest = at;
+                least = std::min(least, distance);
+            }
+        }
+        return static_cast<float>(least * (1 + 1e-6) + 1e-6);
+    });
+    if (front == Vec3d(0) || glm::dot(place - closest, front) >= 0) return std::nullopt;
+    return closest + (radius + 2 * kSkin) / glm::length(front) * front;
+}
+
+TouchSurface NearTriangles::surfaceOf(const NearTriangle& triangle, const TouchSurface& otherwise) const {
+    const RayInstance* instance = instanceAt(now_, triangle.slot);
+    if (!instance || !now_.tables || !now_.tables->surfaces) return otherwise;
+    const auto found = now_.tables->surfaces->find(instance->info.appearance.value);
+    return found == now_.tables->surfaces->end() ? otherwise : found->second;
+}
+
+NodeId NearTriangles::shapeOf(const NearTriangle& triangle) const {
+    const RayInstance* instance = instanceAt(now_, triangle.slot);
+    return instance ? instance->info.shape : NodeId();
+}
+
+}  // namespace rtsg::haptics

@@ -1,0 +1,81 @@
+// A 3D mouse by the socket of its daemon (spacenavd): it moves the hand as long as its cap is pushed.
+#include <rtsg/haptics/haptic_device.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+namespace rtsg {
+
+namespace {
+
+constexpr double kFull = 350;         // of an axis, when the cap is pushed as far as it goes
+constexpr double kLongestTick = 0.1;  // seconds that a hand goes on at a speed
+
+class SpaceMouse final : public HapticDevice {
+  public:
+    SpaceMouse(int socket, double speed) : socket_(socket), speed_(speed) {}
+    ~SpaceMouse() override { ::close(socket_); }
+    SpaceMouse(const SpaceMouse&) = delete;
+    SpaceMouse& operator=(const SpaceMouse&) = delete;
+
+    Result<Vec3d> place(double seconds) override {
+        if (auto ok = take(); !ok) return std::unexpected(ok.error());
+        if (time_) at_ += std::clamp(seconds - *time_, 0.0, kLongestTick) * speed_ / kFull * axes_;
+        time_ = seconds;
+        return at_;
+    }
+    void push(const Vec3d&) override {}  // it has no motor
+
+  private:
+    /// Takes what has come: packets of eight numbers, a kind and then the axes.
+    Result<> take() {
+        for (int i = 0; i < 1000; ++i) {
+            const ssize_t got =
+                ::recv(socket_, reinterpret_cast<char*>(packet_) + held_, sizeof(packet_) - held_, MSG_DONTWAIT);
+            if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return {};
+            if (got <= 0) return fail("the 3D mouse's daemon has gone");
+            held_ += static_cast<std::size_t>(got);
+            if (held_ < sizeof(packet_)) continue;
+            held_ = 0;
+            // Of its axes z points away from the user, of the world's towards them.
+            if (packet_[0] == 0) axes_ = Vec3d(packet_[1], packet_[2], -packet_[3]);
+        }
+        return {};
+    }
+
+    const int socket_;
+    const double speed_;
+    std::int32_t packet_[8] = {};
+    std::size_t held_ = 0;  // bytes of a packet
+    Vec3d axes_{0}, at_{0};
+    std::optional<double> time_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<HapticDevice>> spaceMouse(const std::string& socket, double speed) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    if (socket.size() >= sizeof(address.sun_path)) return fail(fmt::format("{}: too long for a socket's name", socket));
+    std::copy(socket.begin(), socket.end(), address.sun_path);
+    const int made = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (made < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
+    if (::connect(made, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+        const std::string why = std::strerror(errno);
+        ::close(made);
+        return fail(fmt::format("{}: no 3D mouse: {} (is spacenavd running?)", socket, why));
+    }
+    return std::unique_ptr<HapticDevice>(std::make_unique<SpaceMouse>(made, speed));
+}
+
+}  // namespace rtsg
