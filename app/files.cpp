@@ -74,6 +74,8 @@ Names namesOf(OutputKind kind) {
             return {"MCAP files", {".mcap"}};
         case OutputKind::report:
             return {"reports", {".html", ".json", ".txt"}};
+        case OutputKind::map:
+            return {"maps", {".png", ".csv"}};
         case OutputKind::page:
             return {"pages", {".html", ".htm"}};
         case OutputKind::testResult:
@@ -141,6 +143,7 @@ std::string beginOf(const std::string& file) {
 bool isReport(const OutputName& output) {
     return output.kind == OutputKind::report || output.kind == OutputKind::page ||
            output.kind == OutputKind::testResult || output.kind == OutputKind::table ||
+           (output.kind == OutputKind::map && fs::path(output.file).extension() == ".csv") ||
            (output.kind == OutputKind::response && fs::path(output.file).extension() == ".sofa");
 }
 

@@ -19,8 +19,8 @@
 
 namespace rtsg::app {
 
-/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a
-/// touch, `table` one of fields by time.
+/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a touch, `table`
+/// one of fields by time, `map` a picture or a table of a RoomMap.
 enum class OutputKind : std::uint8_t {
     picture,
     sound,
@@ -29,6 +29,7 @@ enum class OutputKind : std::uint8_t {
     log,
     capture,
     report,
+    map,
     page,
     testResult,
     ticks,

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/audio/material_table.h>
+
 namespace rtsg::app {
 
 PictureSize PictureSize::parse(std::string_view text) {
@@ -122,6 +124,8 @@ void SoundArguments::addTo(Command& command) {
     s->excludes(a);
     command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else a sphere");
     given.addTo(command);
+    command.addOption("--materials", materials,
+                      "table of absorption by octaves, for materials by their names; goes before what the scene says");
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command.addOption("--diffraction", diffraction, "round how many edges in a row sound bends; 0: it goes straight")
@@ -149,6 +153,11 @@ ListenOptions SoundArguments::parse() const {
         auto head = Hrtf::load(sofa, options.render.sampleRate);
         if (!head) throw InputError("--sofa", head.error().text);
         options.render.hrtf = std::move(*head);
+    }
+    if (!materials.empty()) {
+        auto table = MaterialTable::read(materials);
+        if (!table) throw InputError("--materials", table.error().format());
+        options.render.materials = std::make_shared<const MaterialTable>(std::move(*table));
     }
     options.render.document = document;
     options.render.air = air;
@@ -195,6 +204,7 @@ void OutputArguments::addTo(Command& command, Options which) {
 std::vector<std::string> SoundArguments::files() const {
     std::vector<std::string> names = given.files();
     if (!sofa.empty()) names.push_back(sofa);
+    if (!materials.empty()) names.push_back(materials);
     return names;
 }
 

@@ -52,7 +52,7 @@ struct SoundArguments {
     double error = 0, length = 0;
     AirChoice air;
     bool noAir = false;
-    std::string sofa;
+    std::string sofa, materials;
     GivenSoundArguments given;
     std::string document;  // the scene's file, if any; set by the verb
 

@@ -119,10 +119,14 @@ void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
-    build.mediaLength = [](const Resource& file) -> std::optional<double> {
+    build.mediaLength = [most = resources_.policy().maximumSamples](const Resource& file) -> std::optional<double> {
         auto seconds = soundSeconds(file);
         if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
-        return seconds ? std::optional(*seconds) : std::nullopt;
+        if (seconds) return *seconds;
+        // Of sound without pictures heads tell little: it is as long as what is heard of it.
+        const auto sound = movieSound(file, most);
+        if (!sound) return std::nullopt;
+        return static_cast<double>(sound->samples.size()) / sound->channels / sound->sampleRate;
     };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);

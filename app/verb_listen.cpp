@@ -11,6 +11,7 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
+#include <rtsg/renderers/picture.h>
 
 #include "files.h"
 #include "outputs.h"
@@ -22,19 +23,30 @@ namespace {
 
 struct ListenArguments {
     std::string scene, out, duration = "5s", ir, report;
-    std::vector<std::string> places;
+    std::vector<std::string> places, maps;
+    std::string noise, voice = "male", grid, figure = "STI";
+    double speechLevel = SpeechOptions().level;
     ResourceArguments resources;
     StartTime start;
     SoundArguments sound;
     SentSoundArguments sent;
     std::string device;
     bool metrics = false, json = false, live = false;
+
+    SpeechOptions speech() const {
+        SpeechOptions options{voice == "female", speechLevel, std::nullopt};
+        if (noise.empty()) return options;
+        auto levels = noiseLevels(noise);
+        if (!levels) throw UsageError("--noise", levels.error().text);
+        options.noise = *levels;
+        return options;
+    }
 };
 
 /// Plays the sound while the scene runs in real time.
 int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
-        !options.sent.given.empty())
+        !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
         throw UsageError("--live plays and reports; files and figures are made without it");
     if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
     options.sound.given.check({options.scene});
@@ -125,27 +137,91 @@ Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
     return writeWholeFile(options.report, std::as_bytes(std::span(text)));
 }
 
-int listenTo(const ListenArguments& options) {
-    if (options.live) return listenLive(options);
-    if (!options.device.empty()) throw UsageError("--device is of --live");
-    if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json &&
-        options.sent.given.empty())
-        throw UsageError("-o, --ir, --report, --stream-out or --metrics is required");
-    options.sound.given.check({options.scene});
-    if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
-        throw UsageError("--place is of --report and of --ir FILE.sofa");
-    for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
-    // All of the sound is kept in memory until its end.
-    constexpr double kLongest = 24 * 3600;
-    if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
+/// "Y,STEP", metres.
+struct GridSpec {
+    double height = 0, step = 0;
+
+    static GridSpec parse(const std::string& text) {
+        GridSpec spec;
+        const std::size_t comma = text.find(',');
+        std::string plain = text;
+        if (comma != text.npos) plain[comma] = ' ';
+        std::istringstream in(plain);
+        in.imbue(std::locale::classic());
+        std::string rest;
+        if (comma == text.npos || !(in >> spec.height >> spec.step) || in >> rest || !(spec.step > 0))
+            throw UsageError("--grid",
+                             fmt::format("takes a height and a step, metres, such as 1.2,.5, not '{}'", text));
+        return spec;
+    }
+};
+
+/// Throws UsageError for what does not go together.
+void checkMaps(const ListenArguments& options) {
+    if (options.grid.empty() != options.maps.empty()) throw UsageError("--grid and --map go together");
+    if (options.grid.empty()) return;
+    static_cast<void>(GridSpec::parse(options.grid));
+    if (auto figure = MapFigure::parse(options.figure); !figure) throw UsageError("--figure", figure.error().text);
+}
+
+Result<> writeMaps(const ListenArguments& options, SoundRenderer& sound) {
+    const GridSpec spec = GridSpec::parse(options.grid);
+    auto map = sound.map(spec.height, spec.step);
+    if (interrupted()) {
+        std::string files;
+        for (const std::string& file : options.maps) files += (files.empty() ? "" : " and ") + file;
+        return fail(fmt::format("interrupted: {} {} not written", files, options.maps.size() > 1 ? "were" : "was"));
+    }
+    if (!map) return std::unexpected(map.error());
+    print(map->report.diagnostics);
+    for (const std::string& file : options.maps) {
+        Result<> written;
+        if (std::filesystem::path(file).extension() == ".csv") {
+            const std::string text = map->toCsv();
+            written = writeWholeFile(file, std::as_bytes(std::span(text)));
+        } else {
+            written = writePicture(map->picture(*MapFigure::parse(options.figure)), file);
+        }
+        if (!written) return written;
+    }
+    return {};
+}
+
+/// The files that are asked for.
+std::vector<OutputName> outputsOf(const ListenArguments& options) {
     std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
                                     {"--ir", options.ir, OutputKind::response},
                                     {"--report", options.report, OutputKind::report}};
     for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
+    for (const std::string& file : options.maps) outputs.push_back({"--map", file, OutputKind::map});
+    return outputs;
+}
+
+/// Throws UsageError for what does not go together.
+void checkListening(const ListenArguments& options) {
+    if (!options.device.empty()) throw UsageError("--device is of --live");
+    if (options.out.empty() && options.ir.empty() && options.report.empty() && options.maps.empty() &&
+        options.grid.empty() && !options.metrics && !options.json && options.sent.given.empty())
+        throw UsageError("-o, --ir, --report, --map, --stream-out or --metrics is required");
+    options.sound.given.check({options.scene});
+    if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
+        throw UsageError("--place is of --report and of --ir FILE.sofa");
+    for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
+    checkMaps(options);
+    // All of the sound is kept in memory until its end.
+    constexpr double kLongest = 24 * 3600;
+    if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
+}
+
+int listenTo(const ListenArguments& options) {
+    if (options.live) return listenLive(options);
+    checkListening(options);
+    const std::vector<OutputName> outputs = outputsOf(options);
     std::vector<std::string> inputs = options.sound.files();
     inputs.push_back(options.scene);
     if (auto ok = checkFiles(inputs, outputs, false); !ok) return printError(ok.error()), kBad;
     ListenOptions listening = options.sound.parse();
+    listening.speech = options.speech();
     listening.seconds = parseSeconds(options.duration);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
@@ -185,6 +261,8 @@ int listenTo(const ListenArguments& options) {
             return printError(ok.error()), kBad;
     if (!options.report.empty() || isSofa(options.ir))
         if (auto ok = writeSurvey(options, sound); !ok) return printError(ok.error()), kBad;
+    if (!options.maps.empty())
+        if (auto ok = writeMaps(options, sound); !ok) return printError(ok.error()), kBad;
     if (options.metrics || options.json) fmt::print("{}\n", report->toJson());
     return kDone;
 }
@@ -202,7 +280,8 @@ Verb addListen(Command& program) {
     options->start.addTo(*command);
     {
         const Command::Section section(*command, "Figures of the room");
-        command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
+        command->addFlag("--metrics", options->metrics,
+                         "print EDT T20 T30 C50 C80 D50 Ts G LF IACC per octave band, and STI, as JSON");
         command->addFlag("--json", options->json, "the same as --metrics");
         command->addOption(
             "--report", options->report,
@@ -215,6 +294,21 @@ Verb addListen(Command& program) {
         command
             ->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
             ->repeatable();
+        command->addOption(
+            "--grid", options->grid,
+            "Y,STEP: measure at points STEP metres apart all over the floor, at the height Y, for --map");
+        command->addOption("--map", options->maps, "of --grid: .png shows a figure in colours, .csv has all figures")
+            ->repeatable();
+        command->addOption("--figure", options->figure, "of --map: such as STI, T20, or C80@1000 for one octave")
+            ->preset();
+        command->addOption(
+            "--noise", options->noise,
+            "background noise at listeners for STI: NC35, NR35, or dB of octaves from 125 Hz with commas "
+            "between; none unless given");
+        command->addOption("--speech-level", options->speechLevel, "of speech for STI: dB(A) at 1 m")
+            ->preset()
+            ->range(0.0, 140.0);
+        command->addOption("--voice", options->voice, "of speech for STI")->preset()->oneOf({"male", "female"});
         command
             ->addOption("--error", options->sound.error,
                         "trace until the figures' 95 % half width is this many noticeable differences")

@@ -15,7 +15,8 @@ namespace {
 
 constexpr int kBuffer = 1 << 16;
 /// Formats of one file each: none of them names other files.
-constexpr const char* kFormats = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,ogg,mpeg,mpegvideo,gif,apng";
+constexpr const char* kFormats =
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,ogg,mpeg,mpegvideo,gif,apng,asf,aac,ac3,eac3";
 
 int openNothing(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
     return AVERROR(EACCES);

@@ -81,6 +81,7 @@ std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSo
     constexpr std::int64_t kMostPixels = 1 << 26;
     FilmFile file(std::move(bytes));
     if (std::string error = file.open(kMostPixels); !error.empty()) return error;
+    out.known = true;
     FilmDecoder decoder;
     if (std::string error = decoder.open(file, AVMEDIA_TYPE_AUDIO, kMostPixels); !error.empty()) return error;
     const int pictures = av_find_best_stream(&file.format(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);

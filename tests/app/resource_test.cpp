@@ -101,6 +101,18 @@ TEST_F(ResourceOptions, ASoundThatIsRefusedIsToldWhereNobodyListens) {
     EXPECT_EQ(allowed.err, "");
 }
 
+/// What is heard is never said to be silent for ever: clips without pictures, whatever they are packed in.
+TEST_F(ResourceOptions, ASoundThatIsHeardHasALength) {
+    const std::string data = std::string(RTSG_SOURCE_DIR) + "/tests/audio/scene/data";
+    for (const char* name : {"tone.aac", "tone.ac3", "tone.wma", "tone.mka", "tone.webm", "flac.ogg"}) {
+        const std::string given = document("Sound { source DEF CLIP AudioClip { url \"" + data + "/" + name + "\" } }");
+        const Outcome heard =
+            rtsg({"run", given, "--for", "0.1s", "--at", "0", "--allow", data, "--watch", "CLIP.duration_changed"});
+        EXPECT_EQ(heard.err, "") << name;
+        EXPECT_THAT(heard.out, HasSubstr("\"duration_changed\",\"value\":0.2")) << name;
+    }
+}
+
 TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
     const std::string given = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
                                        (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");

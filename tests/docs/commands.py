@@ -26,7 +26,8 @@ NOT_RUN = {
 # Durations and sizes that show the same in less time.
 SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
 TIMES = ("--for", "--seek")
-SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
+SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png",
+          "materials.csv": "examples/demo/materials.csv"}
 
 
 def commands(program):

@@ -5,7 +5,7 @@ namespace rtsg {
 
 AcousticRenderer::AcousticRenderer(const RayWorld& world, const Options& options,
                                    std::unique_ptr<AcousticEngine> engine)
-    : tables_(world, options.defaultMaterial, options.resources, options.keepStreams),
+    : tables_(world, options.defaultMaterial, options.resources, options.keepStreams, options.materials),
       rays_(&world),
       engine_(std::move(engine)) {}
 AcousticRenderer::~AcousticRenderer() = default;

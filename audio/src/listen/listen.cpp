@@ -7,8 +7,8 @@
 #include <rtsg/audio/listen.h>
 #include <rtsg/audio/sound_renderer.h>
 
-#include "json_text.h"
-#include "opening_text.h"
+#include "report/json_text.h"
+#include "report/opening_text.h"
 
 namespace rtsg {
 
@@ -20,20 +20,21 @@ std::string ListenReport::toJson() const {
         for (const Arrival& arrival : s.trace.arrivals) highest = std::max(highest, arrival.order);
         text += fmt::format(
             "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},\"bands_computed\":{},{},\"ci95\":{{{}}},{},"
-            "\"schroeder_hz\":{},"
+            "{},\"schroeder_hz\":{},"
             "\"image_"
             "order\":{},"
             "\"images\":{},\"edge_pairs\":{{\"heard\":{},\"left_out\":{}}},"
             "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{},\"losses\":{}}}",
             i ? "," : "", jsonString(s.source), jsonNumber(s.position.x), jsonNumber(s.position.y),
             jsonNumber(s.position.z), jsonArray(kBandHz), jsonBandsComputed(s.trace.bandsTraced, s.metrics.bandsApart),
-            jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95), jsonSlopes(s.metrics), jsonNumber(s.schroederHz),
-            highest, s.trace.arrivals.size(), s.trace.edgePairs.heard, s.trace.edgePairs.leftOut, s.trace.rays,
-            jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped), jsonArray(s.trace.truncated),
-            openingsJson(s.openings));
+            jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95), jsonSlopes(s.metrics), jsonSpeech(s.speech),
+            jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.edgePairs.heard,
+            s.trace.edgePairs.leftOut, s.trace.rays, jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped),
+            jsonArray(s.trace.truncated), openingsJson(s.openings));
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));
+    text += ",\"speech\":" + jsonSpeechOptions(speech);
     text += fmt::format(
         ",\"air\":{{\"absorbs\":{},\"temperature_c\":{},\"humidity_percent\":{},\"pressure_kpa\":{},\"speed_m_s\":{}}}",
         air.absorbs, jsonNumber(air.celsius), jsonNumber(air.relativeHumidity), jsonNumber(air.pressureKpa),

@@ -37,7 +37,7 @@ struct LiveSound::Impl {
     Impl(SharedWorld& w, const LiveOptions& o, std::unique_ptr<AcousticEngine> e, SoundDevice d)
         : world(w),
           options(o),
-          tables(w.rays(), o.render.defaultMaterial, o.render.resources),
+          tables(w.rays(), o.render.defaultMaterial, o.render.resources, false, o.render.materials),
           engine(std::move(e)),
           device(std::move(d)) {
         told.device = device.name();

@@ -9,7 +9,7 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "opening_text.h"
+#include "report/opening_text.h"
 #include "scene/sound_fields.h"
 
 namespace rtsg {

@@ -10,14 +10,20 @@
 #include <thread>
 #include <utility>
 
+#include <fmt/format.h>
+
+#include <rtsg/audio/interaural.h>
+#include <rtsg/audio/material_table.h>
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
+#include "place_figures.h"
 #include "response/places.h"
 #include "response/sealed_result.h"
+#include "room_materials.h"
 #include "scene/source_pattern.h"
 #include "sealed_text.h"
 #include "unheard_text.h"
@@ -79,7 +85,8 @@ struct SoundRenderer::Impl {
     double start = 0;
     std::size_t toldSealed = 0, toldLeaks = 0;
     bool hadSounds = false;
-    double measured = 0;  // share of a survey
+    double measured = 0;                   // share of a survey
+    std::unique_ptr<EarCorrelation> ears;  // once figures were asked for
     /// The openings that were looked for last, by what tells them: sources at one place have the same.
     struct {
         glm::dvec3 source{0};
@@ -109,6 +116,7 @@ struct SoundRenderer::Impl {
         const glm::dvec3 position = emitter.position();
         std::vector<std::optional<TraceResult>> directed(listeners.size());
         tracing.exits = 0;
+        tracing.lateral = false;
         for (std::size_t first = 0; first < listeners.size(); first += together) {
             tracing.pattern = patternOf(emitter, position, listeners[first], levels);
             if (!tracing.pattern || !tracing.goOn()) continue;
@@ -120,6 +128,15 @@ struct SoundRenderer::Impl {
             std::ranges::move(traces, directed.begin() + static_cast<std::ptrdiff_t>(first));
         }
         return directed;
+    }
+
+    const EarCorrelation& earsOf(double speedOfSound) {
+        if (!ears) {
+            constexpr int kRate = 48000;
+            const auto& head = options.render.hrtf;
+            ears = std::make_unique<EarCorrelation>(head ? *head : *Hrtf::sphere(kRate, kHeadRadius, speedOfSound));
+        }
+        return *ears;
     }
 
     /// What was found since this was last called.
@@ -231,6 +248,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     TraceOptions tracing = s.options.trace;
     tracing.air = s.renderer->air();
     tracing.exits = kExits;
+    tracing.lateral = true;
     // Whoever follows the progress is asked on this thread, which traces along with the others.
     std::atomic<bool> cancelled = false;
     const auto goOn = [&, self = std::this_thread::get_id()] {
@@ -262,7 +280,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         source.position = position;
         source.trace = std::move(traces[i]);
         source.directed = std::move(directed[i]);
-        source.metrics = source.trace.metrics();
+        setFigures(source, s.earsOf(tracing.air.speedOfSound), s.options.speech);
         source.openings = openings;
         source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[kBand1k]);
         s.renderer->note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
@@ -279,6 +297,7 @@ Result<> SoundRenderer::measure() {
     s.sought = {};
     s.report.listener = sounds.listener();
     s.report.air = s.renderer->air();
+    s.report.speech = s.options.speech;
     s.report.responses = s.options.responses;
     s.report.hrtf = s.options.render.hrtf;
     s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
@@ -298,14 +317,63 @@ Result<> SoundRenderer::measure() {
 }
 
 Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
-    // More would need much memory, and save little time.
-    constexpr std::size_t kTogether = 16;
-    const auto start = Clock::now();
+    if (!impl_->refused.empty()) return fail("listening failed: " + impl_->refused);
+    if (auto ok = begin(); !ok) return std::unexpected(ok.error());
+    if (places.empty()) places = impl_->renderer->scene().places();
+    auto report = surveyAt(places, Keeps::echograms);
+    if (report) describeRoom(*report);
+    return report;
+}
+
+void SoundRenderer::describeRoom(RoomReport& report) {
+    Impl& s = *impl_;
+    if (report.pairs.empty()) return;
+    const glm::dvec3 source = report.pairs.front().sourceAt, listener = report.pairs.front().listenerAt;
+    const OpenedGeometry room = s.renderer->geometryFor(source);
+    report.room = measureRoom(room, offSolids(room, source, listener));
+    const auto& materials = room.materials();
+    report.sabine = sabineTimes(report.room, materials, report.air);
+    report.eyring = eyringTimes(report.room, materials, report.air);
+    report.materials = materialsOf(world().scene(), report.room, materials,
+                                   [&](std::uint32_t at) { return s.renderer->nodeOfMaterial(at); });
+    AcousticBox box = report.room.box;
+    for (const RoomReport::Pair& pair : report.pairs) box.extend(pair.sourceAt), box.extend(pair.listenerAt);
+    report.plan = planOf(s.renderer->latest()->walls, listener.y, box);
+}
+
+Result<RoomMap> SoundRenderer::map(double height, double step) {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
     const SoundScene& sounds = s.renderer->scene();
-    if (places.empty()) places = sounds.places();
+    const auto source = std::ranges::find_if(sounds.emitters(), [&](const SoundEmitter& emitter) {
+        return sounds.sound(emitter).enabled && sounds.sound(emitter).reflected;
+    });
+    if (source == sounds.emitters().end()) return fail("there is no source of sound to measure the room with");
+    RoomMap map;
+    {
+        const glm::dvec3 from = sounds.position(*source);
+        const OpenedGeometry room = s.renderer->geometryFor(from);
+        const RoomSize size = measureRoom(room, offSolids(room, from, sounds.listener().position));
+        auto grid = gridIn(room, size, height, step);
+        if (!grid) return std::unexpected(grid.error());
+        map.grid = std::move(*grid);
+    }
+    std::vector<ListeningPlace> places;
+    for (const std::size_t point : map.grid.inside) places.push_back({{}, map.grid.place(point)});
+    auto report = surveyAt(places, Keeps::figures);
+    if (!report) return std::unexpected(report.error());
+    map.report = std::move(*report);
+    describeRoom(map.report);
+    return map;
+}
+
+Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPlace>& places, Keeps keeps) {
+    // More would need much memory, and save little time.
+    constexpr std::size_t kTogether = 16;
+    const auto start = Clock::now();
+    Impl& s = *impl_;
+    const SoundScene& sounds = s.renderer->scene();
     std::vector<glm::dvec3> listeners;
     for (const ListeningPlace& place : places) listeners.push_back(place.position);
     const ListenerPose& pose = sounds.listener();
@@ -315,6 +383,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();
+    report.speech = s.options.speech;
     const std::size_t all = sounds.emitters().size() * places.size();
     std::size_t done = 0;
     for (const SoundEmitter& emitter : sounds.emitters())
@@ -331,12 +400,20 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                 const ListenReport::Source& source = (*sources)[i];
                 const ListeningPlace& place = places[first + i];
                 rays = std::max(rays, source.trace.rays);
-                report.pairs.push_back({source.source, place.name, source.position, place.position, source.metrics,
-                                        source.trace.escaped, source.trace.echogram(),
-                                        source.directed ? std::optional(source.directed->echogram()) : std::nullopt,
-                                        source.trace.bandsTraced,
-                                        sounds.sound(emitter).directional(levels) ? emitter.aim() : glm::dvec3(0),
-                                        place.axes.value_or(axes), place.axes ? place.headRadius : pose.headRadius()});
+                RoomReport::Pair& pair = report.pairs.emplace_back();
+                pair.source = source.source, pair.sourceAt = source.position;
+                pair.listener = place.name, pair.listenerAt = place.position;
+                pair.metrics = source.metrics;
+                pair.speech = source.speech;
+                pair.schroederHz = source.schroederHz;
+                pair.escaped = source.trace.escaped;
+                pair.bandsTraced = source.trace.bandsTraced;
+                if (sounds.sound(emitter).directional(levels)) pair.sourceAim = emitter.aim();
+                pair.listenerAxes = place.axes.value_or(axes);
+                pair.headRadius = place.axes ? place.headRadius : pose.headRadius();
+                if (keeps == Keeps::figures) continue;
+                pair.echogram = source.trace.echogram();
+                if (source.directed) pair.directed = source.directed->echogram();
             }
             report.rays += rays;
             if (first == 0 && !sources->empty()) report.losses.push_back({emitter.name, sources->front().openings});
@@ -399,6 +476,13 @@ ListenReport SoundRenderer::finish() {
         tellUnheard(world().scene(), s.renderer->unheard(), s.report.diagnostics);
     else
         tellNoSounds(world().scene(), s.report.diagnostics);
+    if (const auto& materials = s.options.render.materials)
+        for (const std::string& name : s.renderer->scene().unusedMaterials())
+            s.report.diagnostics.warningAt(
+                materials->rows().at(name).place,
+                fmt::format("nothing in the scene is made of '{}': no AcousticProperties, Appearance or Material has "
+                            "that DEF name, or it as \"acousticMaterial\" in its metadata",
+                            name));
     return std::exchange(s.report, ListenReport());
 }
 

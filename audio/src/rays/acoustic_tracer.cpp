@@ -24,6 +24,19 @@ void mix(Bands& mean, const Bands& fresh, double weight) {
     for (std::size_t b = 0; b < kBandCount; ++b) mean[b] += (fresh[b] - mean[b]) * weight;
 }
 
+Bands times(const Bands& bands, double factor) {
+    Bands result = bands;
+    for (double& value : result) value *= factor;
+    return result;
+}
+
+/// TraceResult::across. Up is that of X3D.
+glm::dvec3 axisAcross(const glm::dvec3& source, const glm::dvec3& listener) {
+    const glm::dvec3 way = source - listener, right(-way.z, 0, way.x);
+    const double length = glm::length(right);
+    return length > 1e-6 * glm::length(way) ? right / length : glm::dvec3(1, 0, 0);
+}
+
 }  // namespace
 
 bool TraceResult::silent() const {
@@ -47,7 +60,7 @@ Echogram TraceResult::echogram() const {
 }
 
 MetricsEstimate TraceResult::metrics() const {
-    MetricsEstimate result = estimateMetrics(arrivals, batches);
+    MetricsEstimate result = estimateMetrics(arrivals, batches, across);
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     for (std::size_t b = 0; b < kBandCount; ++b)
         for (RoomMetrics* m : {&result.value, &result.ci95}) {
@@ -55,7 +68,7 @@ MetricsEstimate TraceResult::metrics() const {
             if (truncated[b] > 3e-4) m->t20[b] = kNan;
             if (truncated[b] <= 1e-2) continue;
             // What was still to come belongs to all of them: in a room that absorbs nothing there is no end of it.
-            for (Bands* figure : {&m->edt, &m->c50, &m->c80, &m->d50, &m->ts, &m->g}) (*figure)[b] = kNan;
+            for (Bands* figure : {&m->edt, &m->c50, &m->c80, &m->d50, &m->ts, &m->g, &m->lf}) (*figure)[b] = kNan;
         }
     // Nothing that arrived by chance is no proof that nothing would: how far the figures are off is not known.
     for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -64,7 +77,7 @@ MetricsEstimate TraceResult::metrics() const {
             }))
             continue;
         RoomMetrics& m = result.ci95;
-        for (Bands* figure : {&m.edt, &m.t20, &m.t30, &m.c50, &m.c80, &m.d50, &m.ts, &m.g}) (*figure)[b] = kNan;
+        for (Bands* figure : {&m.edt, &m.t20, &m.t30, &m.c50, &m.c80, &m.d50, &m.ts, &m.g, &m.lf}) (*figure)[b] = kNan;
     }
     return result;
 }
@@ -224,19 +237,22 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
     const Bands perBin = airShare(attenuation, metresPerBin);
     Bands tried{};
-    for (std::size_t i = 0; i < count; ++i) {
-        for (Bands& bin : result.batches[i].bins)
+    const auto mixIn = [&](std::vector<Bands>& mean, std::vector<Energy<N>>& bins, const EnergyHistogram& times) {
+        for (Bands& bin : mean)
             for (double& energy : bin) energy *= 1 - weight;
-        std::vector<Energy<N>>& bins = fresh[i].heard[listener].bins;
         while (!bins.empty() && !(largest<N>(bins.back()) > 0)) bins.pop_back();
-        if (result.batches[i].bins.size() < bins.size()) result.batches[i].bins.resize(bins.size(), Bands{});
+        if (mean.size() < bins.size()) mean.resize(bins.size(), Bands{});
         // What air takes is that of the middle of each bin.
-        Bands air = airShare(attenuation, (result.batches[i].startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
+        Bands air = airShare(attenuation, (times.startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
         for (std::size_t k = 0; k < bins.size(); ++k)
             for (std::size_t b = 0; b < kBandCount; ++b) {
-                result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], classes, b) * air[b];
+                mean[k][b] += weight * bandOf<N>(bins[k], classes, b) * air[b];
                 air[b] *= perBin[b];
             }
+    };
+    for (std::size_t i = 0; i < count; ++i) {
+        mixIn(result.batches[i].bins, fresh[i].heard[listener].bins, result.batches[i]);
+        mixIn(result.batches[i].lateral, fresh[i].heard[listener].lateral, result.batches[i]);
         result.batches[i].accumulate(known, weight);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tried[b] += bandOf<N>(fresh[i].heard[listener].tried, classes, b) / static_cast<double>(count);
@@ -319,8 +335,11 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     for (std::size_t k = 0; k < group.results.size(); ++k) {
         TraceResult& result = *group.results[k];
         const double weight = static_cast<double>(rays) / static_cast<double>(result.rays + rays);
-        const EnergyHistogram known =
+        EnergyHistogram known =
             echoOf(task.ears[k].near, classes, result.arrivals, result.batches.front(), options.air.speedOfSound);
+        // A wall beside the listener sends evenly from half of all directions.
+        if (options.lateral)
+            for (const Bands& bin : known.bins) known.lateral.push_back(times(bin, 1.0 / 3));
         addHeard(result, fresh, classes, k, known, options, attenuation, weight);
         mix(result.absorbed, fate.absorbed, weight);
         mix(result.escaped, fate.escaped, weight);
@@ -356,6 +375,7 @@ bool isAtTheListener(const glm::dvec3& source, const glm::dvec3& listener, const
 void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                  const TraceOptions& options, const WorthyImages& worth, double seconds, TraceResult& result) {
     result.seconds = seconds;
+    if (options.lateral) result.across = axisAcross(source, listener);
     result.bandsTraced = static_cast<int>(bandClasses(geometry.materials()).count);
     result.imageShare = worth.options.minShare;
     chooseReceiver(geometry, source, listener, options, result);

@@ -63,8 +63,8 @@ struct Shares {
 /// What one listener hears, without what air takes.
 template <std::size_t N>
 struct Heard {
-    std::vector<Energy<N>> bins;
-    Energy<N> tried{};  // some of what might have arrived
+    std::vector<Energy<N>> bins, lateral;  // the latter as EnergyHistogram has it
+    Energy<N> tried{};                     // some of what might have arrived
 };
 
 /// Without what air takes.
@@ -88,6 +88,8 @@ struct Ear {
     double radius, volume;
     bool cut;  // the ball, by walls
     double startMetres;
+    glm::dvec3 across;  // TraceResult::across
+    bool sided;         // whether that is asked for
     int imageOrder;
     double imageShare;
     ListenerImages images;  // what is scattered and then mirrored on one of their ways is looked for there
@@ -99,6 +101,8 @@ struct Ear {
           volume(result.receiverVolume),
           cut(volume < ballVolume(radius) * (1 - 1e-9)),
           startMetres(result.batches.front().start * speedOfSound),
+          across(result.across),
+          sided(across != glm::dvec3(0)),
           imageOrder(result.imageOrder),
           imageShare(result.imageShare) {}
 };

@@ -93,6 +93,8 @@ class BatchTracer {
     static constexpr double kBesideWall = 1e-3;
     /// Of 1 / m: nearer than a centimetre has the level of one, as direct sound and images.
     static double bounded(double inverse) { return inverse < 100 ? inverse : 100; }
+    /// Of what comes evenly from half of all directions, as from a wall beside the listener.
+    static constexpr double kLateralOfWalls = 1.0 / 3;
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
@@ -301,20 +303,25 @@ class BatchTracer {
 
     /// `from`: towards where it comes from. What walls right beside the listener scatter of it is heard as well.
     void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, const glm::dvec3& from) {
-        receive(who, energy, factor, travelled);
+        const double side = glm::dot(ears_[who].across, from);
+        receive(who, energy, factor, travelled, side * side);
         if (ears_[who].near.reach() > 0)
             ears_[who].near.echo(from, [&](double later, const Bands& shares) {
                 Energy<N> back;
                 for (std::size_t c = 0; c < N; ++c) back[c] = energy[c] * shares[c];
-                receive(who, back, factor, travelled + later);
+                receive(who, back, factor, travelled + later, kLateralOfWalls);
             });
     }
-    void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled) {
+    /// `lateral`: the share that a figure-of-eight microphone across hears.
+    void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, double lateral) {
         if (travelled >= maxDistance_) return;
-        std::vector<Energy<N>>& bins = batch_.heard[who].bins;
         const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - ears_[who].startMetres) * binsPerMetre_));
-        if (bin >= bins.size()) bins.resize(bin + 1 + bin / 4, Energy<N>{});
-        add<N>(bins[bin], energy, factor);
+        const auto addTo = [&](std::vector<Energy<N>>& bins, double share) {
+            if (bin >= bins.size()) bins.resize(bin + 1 + bin / 4, Energy<N>{});
+            add<N>(bins[bin], energy, share);
+        };
+        addTo(batch_.heard[who].bins, factor);
+        if (ears_[who].sided) addTo(batch_.heard[who].lateral, factor * lateral);
     }
 
     /// What becomes of the rays that met a wall: a bit for each that goes on.

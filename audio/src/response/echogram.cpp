@@ -7,9 +7,13 @@
 namespace rtsg {
 
 void EnergyHistogram::accumulate(const EnergyHistogram& other, double factor) {
-    if (bins.size() < other.bins.size()) bins.resize(other.bins.size(), Bands{});
-    for (std::size_t i = 0; i < other.bins.size(); ++i)
-        for (std::size_t b = 0; b < kBandCount; ++b) bins[i][b] += factor * other.bins[i][b];
+    const auto add = [&](std::vector<Bands>& to, const std::vector<Bands>& from) {
+        if (to.size() < from.size()) to.resize(from.size(), Bands{});
+        for (std::size_t i = 0; i < from.size(); ++i)
+            for (std::size_t b = 0; b < kBandCount; ++b) to[i][b] += factor * from[i][b];
+    };
+    add(bins, other.bins);
+    add(lateral, other.lateral);
 }
 
 double edgeToneHz(double tone) {

@@ -6,11 +6,13 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 
 #include <rtsg/renderers/parallel_for.h>
 
 #include "band_classes.h"
 #include "band_decay.h"
+#include "batch_interval.h"
 #include "decay_slopes.h"
 
 namespace rtsg {
@@ -23,11 +25,17 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kGridSeconds = 0.0001;
 /// Of what only tells how much figures vary.
 constexpr double kCoarseGridSeconds = 0.001;
-constexpr std::array<Bands RoomMetrics::*, 8> kFigures{&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30,
+constexpr std::array<Bands RoomMetrics::*, 9> kFigures{&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30,
                                                        &RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
-                                                       &RoomMetrics::ts,  &RoomMetrics::g};
-constexpr std::array<Bands RoomMetrics::*, 4> kFromOnset{&RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
-                                                         &RoomMetrics::ts};
+                                                       &RoomMetrics::ts,  &RoomMetrics::g,   &RoomMetrics::lf};
+constexpr std::array<Bands RoomMetrics::*, 5> kFromOnset{&RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
+                                                         &RoomMetrics::ts, &RoomMetrics::lf};
+
+/// One band of a response, and what a figure-of-eight microphone across hears of it, if that is known.
+struct SidedDecay {
+    BandDecay all;
+    std::optional<BandDecay> side = std::nullopt;
+};
 
 /// What is left of an echogram's energy from time to time: the levels between two of these, and what a line through
 /// them needs, are exact.
@@ -106,7 +114,8 @@ class DecayCurve {
 };
 
 /// Sets the figures of one band that count from the onset by themselves.
-void measureFromOnset(const BandDecay& decay, std::size_t band, RoomMetrics& metrics) {
+void measureFromOnset(const SidedDecay& sided, std::size_t band, RoomMetrics& metrics) {
+    const BandDecay& decay = sided.all;
     if (!(decay.total() > 0) || std::isnan(decay.onset())) {
         for (auto figure : kFromOnset) (metrics.*figure)[band] = kNan;
         return;
@@ -117,12 +126,18 @@ void measureFromOnset(const BandDecay& decay, std::size_t band, RoomMetrics& met
     metrics.c80[band] = after80 > 0 ? 10 * std::log10((decay.total() - after80) / after80) : kNan;
     metrics.d50[band] = 1 - after50 / decay.total();
     metrics.ts[band] = decay.moment() / decay.total() - decay.onset();
+    const double early = decay.total() - after80;
+    metrics.lf[band] =
+        sided.side && early > 0
+            ? (sided.side->after(decay.onset() + 0.005) - sided.side->after(decay.onset() + 0.08)) / early
+            : kNan;
 }
 
 /// Sets all figures of one band.
-void measureBand(const BandDecay& decay, double gridSeconds, std::size_t band, RoomMetrics& metrics) {
+void measureBand(const SidedDecay& sided, double gridSeconds, std::size_t band, RoomMetrics& metrics) {
+    const BandDecay& decay = sided.all;
     metrics.g[band] = decay.all() > 0 ? 10 * std::log10(decay.all() * 4 * std::numbers::pi * 100) : kNan;
-    measureFromOnset(decay, band, metrics);
+    measureFromOnset(sided, band, metrics);
     const DecayCurve curve(decay, gridSeconds);
     metrics.edt[band] = curve.reverberationTime(0, -10);
     metrics.t20[band] = curve.reverberationTime(-5, -25);
@@ -142,7 +157,7 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
     RoomMetrics metrics;
     const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
     for (std::size_t c = 0; c < classes.count; ++c)
-        measureBand(BandDecay(echogram, classes.first[c]), kGridSeconds, classes.first[c], metrics);
+        measureBand({BandDecay(echogram, classes.first[c])}, kGridSeconds, classes.first[c], metrics);
     spread(classes, metrics);
     return metrics;
 }
@@ -186,6 +201,16 @@ double largestError(const MetricsEstimate& m) {
     return worst;
 }
 
+double noticeableDifference(Bands RoomMetrics::* figure, double value) {
+    using M = RoomMetrics;
+    if (figure == &M::edt || figure == &M::t20 || figure == &M::t30) return 0.05 * value;
+    if (figure == &M::c80 || figure == &M::g) return 1;
+    if (figure == &M::c50) return 1.1;
+    if (figure == &M::d50 || figure == &M::lf) return 0.05;
+    if (figure == &M::ts) return 0.01;
+    return figure == &M::iaccEarly || figure == &M::iaccLate ? 0.075 : kNan;
+}
+
 double studentT95(double degreesOfFreedom) {
     if (!(degreesOfFreedom >= 1)) return kNan;
     constexpr std::array<double, 10> kSmall{12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228};
@@ -203,44 +228,6 @@ double studentT95(double degreesOfFreedom) {
 }
 
 namespace {
-
-/// Degrees of freedom of the variance of `values`, which are no better known than that: of n values from a normal
-/// distribution n - 1, and fewer where some are far from the others. By what the variance itself varies, 2 / (n - 1)
-/// and the kurtosis over n (Satterthwaite 1946; O'Neill 2014, "Some useful moment results in sampling problems").
-double varianceFreedom(std::span<const double> values) {
-    const auto n = static_cast<double>(values.size());
-    double mean = 0, squares = 0, fourths = 0;
-    for (const double value : values) mean += value / n;
-    for (const double value : values) {
-        const double square = (value - mean) * (value - mean);
-        squares += square;
-        fourths += square * square;
-    }
-    if (n < 4 || !(squares > 0)) return n - 1;
-    const double excess = n * fourths / (squares * squares) - 3;
-    const double unbiased = (n - 1) / ((n - 2) * (n - 3)) * ((n + 1) * excess + 6);
-    return 2 / (2 / (n - 1) + std::max(0.0, unbiased) / n);
-}
-
-/// From the delete-one jackknife over batches, `whole` with all of them. Its bias (Quenouille 1956) counts too: a
-/// figure that few rays make is off to one side by more than they vary.
-double halfWidth95(std::span<const double> without, double whole) {
-    const auto n = static_cast<double>(without.size());
-    double mean = 0, squares = 0, cubes = 0;
-    for (const double value : without) mean += value / n;
-    for (const double value : without) {
-        const double square = (value - mean) * (value - mean);
-        squares += square;
-        cubes += square * (value - mean);
-    }
-    const double bias = (n - 1) * (mean - whole), error = std::sqrt(squares * (n - 1) / n);
-    const double t = studentT95(varianceFreedom(without));
-    // Johnson 1978, "Modified t tests and confidence intervals for asymmetrical populations": the side of the long tail
-    // is as much farther. Of that skewness only counts what is not to be expected of any n values.
-    const double skewness = squares > 0 ? std::abs(cubes) / n / std::pow(squares / n, 1.5) : 0;
-    const double farther = std::max(0.0, skewness - std::sqrt(6 / n)) * (1 + 2 * t * t) / (6 * std::sqrt(n));
-    return t * std::hypot(error, bias) + farther * error;
-}
 
 /// What the onset's own scatter adds: of figures of the whole from where each batch left out would have it begin. It
 /// jumps where it hangs on few rays, and then by milliseconds that say little of how skew it is: neither bias nor
@@ -270,16 +257,42 @@ bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
 
 namespace {
 
-/// Bins of one band in each of some batches, as long as the longest.
-std::vector<std::vector<double>> binsOf(std::span<const EnergyHistogram> batches, std::size_t band) {
-    std::vector<std::vector<double>> bins;
-    std::size_t longest = 0;
-    for (const EnergyHistogram& batch : batches) {
-        bins.push_back(BandDecay::bandOf(batch, band));
-        longest = std::max(longest, bins.back().size());
+using BatchBins = std::vector<Bands> EnergyHistogram::*;
+
+/// Bins of one band in some batches, and what follows of them by leaving one out.
+struct BandBatches {
+    BandBatches(std::span<const EnergyHistogram> batches, BatchBins which, std::size_t band) {
+        std::size_t longest = 0;
+        for (const EnergyHistogram& batch : batches) longest = std::max(longest, (batch.*which).size());
+        sum.resize(longest);
+        for (const EnergyHistogram& batch : batches) {
+            std::vector<double>& part = bins.emplace_back(longest);
+            for (std::size_t k = 0; k < (batch.*which).size(); ++k) sum[k] += part[k] = (batch.*which)[k][band];
+        }
     }
-    for (std::vector<double>& part : bins) part.resize(longest);
-    return bins;
+    std::vector<double> mean() const {
+        std::vector<double> result(sum);
+        for (double& energy : result) energy /= static_cast<double>(bins.size());
+        return result;
+    }
+    std::vector<double> without(std::size_t batch) const {
+        std::vector<double> rest(sum.size());
+        for (std::size_t k = 0; k < rest.size(); ++k)
+            rest[k] = std::max(0.0, (sum[k] - bins[batch][k]) / static_cast<double>(bins.size() - 1));
+        return rest;
+    }
+
+    std::vector<std::vector<double>> bins;  // by batch
+    std::vector<double> sum;
+};
+
+/// With the energy that a figure-of-eight microphone along an axis hears.
+std::vector<Arrival> heardAcross(std::vector<Arrival> arrivals, const glm::dvec3& across) {
+    for (Arrival& arrival : arrivals) {
+        const double side = glm::dot(arrival.direction, across);
+        for (double& energy : arrival.energy) energy *= side * side;
+    }
+    return arrivals;
 }
 
 Echogram meanOf(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
@@ -295,11 +308,11 @@ Echogram meanOf(const std::vector<Arrival>& arrivals, std::span<const EnergyHist
 struct LeftOut {
     explicit LeftOut(std::size_t count) : without(count), moved(count) {}
 
-    void measure(std::size_t batch, BandDecay decay, BandDecay all, std::size_t band) {
-        const double begin = all.onset();
-        all.beginAt(decay.onset());
+    void measure(std::size_t batch, SidedDecay decay, SidedDecay all, std::size_t band) {
+        const double begin = all.all.onset();
+        all.all.beginAt(decay.all.onset());
         measureFromOnset(all, band, moved[batch]);
-        decay.beginAt(begin);
+        decay.all.beginAt(begin);
         measureBand(decay, kCoarseGridSeconds, band, without[batch]);
     }
 
@@ -321,33 +334,35 @@ struct LeftOut {
 
 }  // namespace
 
-MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
+MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches,
+                                const glm::dvec3& across) {
     const std::size_t count = batches.size();
     const EnergyHistogram times =
         count ? EnergyHistogram{batches.front().binsPerSecond, {}, batches.front().start} : EnergyHistogram{};
     const trace::BandClasses classes = trace::bandClasses(arrivals, batches);
+    const bool sided = across != glm::dvec3(0);
+    const std::vector<Arrival> sideArrivals = sided ? heardAcross(arrivals, across) : std::vector<Arrival>{};
     MetricsEstimate result;
     result.bandsApart = static_cast<int>(classes.count);
+    if (sided) result.ci95.lf = Bands{};
     LeftOut out(count);
     parallelFor(classes.count, [&](std::size_t c) {
         const std::size_t band = classes.first[c];
         const auto exact = std::make_shared<const BandArrivals>(arrivals, band);
-        const std::vector<std::vector<double>> bins = binsOf(batches, band);
-        std::vector<double> sum(bins.empty() ? 0 : bins.front().size());
-        for (const std::vector<double>& part : bins)
-            for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += part[k];
-        std::vector<double> mean(sum);
-        for (double& energy : mean) energy /= static_cast<double>(count);
-        const BandDecay whole(exact, times, mean);
+        const auto exactSide = sided ? std::make_shared<const BandArrivals>(sideArrivals, band) : nullptr;
+        const BandBatches bins(batches, &EnergyHistogram::bins, band);
+        const BandBatches sides(batches, &EnergyHistogram::lateral, band);
+        const auto decayOf = [&](const std::vector<double>& all, const std::vector<double>& side) {
+            SidedDecay decay{BandDecay(exact, times, all)};
+            if (sided) decay.side.emplace(exactSide, times, side);
+            return decay;
+        };
+        const SidedDecay whole = decayOf(bins.mean(), sides.mean());
         measureBand(whole, kGridSeconds, band, result.value);
         if (count < 2) return;
         measureBand(whole, kCoarseGridSeconds, band, out.whole);
-        parallelFor(count, [&](std::size_t i) {
-            std::vector<double> rest(sum.size());
-            for (std::size_t k = 0; k < rest.size(); ++k)
-                rest[k] = std::max(0.0, (sum[k] - bins[i][k]) / static_cast<double>(count - 1));
-            out.measure(i, BandDecay(exact, times, rest), whole, band);
-        });
+        parallelFor(count,
+                    [&](std::size_t i) { out.measure(i, decayOf(bins.without(i), sides.without(i)), whole, band); });
     });
     spread(classes, result.value);
     if (count == 0) return result;

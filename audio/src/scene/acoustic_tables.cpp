@@ -4,12 +4,12 @@
 namespace rtsg {
 
 AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults, Resources resources,
-                               bool keepsStreams)
-    : walls_(world, defaults), sounds_(&walls_, defaults, std::move(resources), keepsStreams) {}
+                               bool keepsStreams, std::shared_ptr<const MaterialTable> materials)
+    : walls_(world, defaults), sounds_(&walls_, defaults, std::move(resources), keepsStreams, std::move(materials)) {}
 
 Result<> AcousticTables::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     sounds_.apply(scene, changes, delta);
-    walls_.apply(delta);
+    walls_.apply(delta, [&](const Instance& instance) { return sounds_.materialNode(scene, instance); });
     sequence_ = delta.sequence;
     latest_.reset();
     return {};

@@ -22,20 +22,20 @@ namespace {
 /// Times that a clip is played faster than it was made and nothing of it aliases: work and reach grow with it.
 constexpr double kFastest = 16;
 
-/// Sound files by their own library; films, and what else is packed as films are, by that of films.
+/// Sound files by their own library; films, and what that library does not know, by that of films. Ogg files may be
+/// either.
 Result<SoundBuffer> readResource(Resource& file, std::uint64_t room, std::string& damage) {
-    // Ogg files may be either.
-    if (file.readAt(0, 4) == "OggS")
-        if (const auto bytes = file.read())
-            if (auto sound = readSoundBytes(*bytes, room, &damage); sound || !Movie::isMovie(file)) return sound;
-    if (Movie::isMovie(file)) {
-        auto sound = movieSound(file, room);
-        if (!sound) return std::unexpected(sound.error());
-        return SoundBuffer{sound->sampleRate, sound->channels, std::move(sound->samples)};
+    const bool film = Movie::isMovie(file) && file.readAt(0, 4) != "OggS";
+    const Result<> own = film ? fail("it is a film") : checkSound(file);
+    if (own) {
+        const auto bytes = file.read();
+        if (!bytes) return std::unexpected(bytes.error());
+        return readSoundBytes(*bytes, room, &damage);
     }
-    const auto bytes = file.read();
-    if (!bytes) return std::unexpected(bytes.error());
-    return readSoundBytes(*bytes, room, &damage);
+    bool known = false;
+    auto sound = movieSound(file, room, &known);
+    if (sound) return SoundBuffer{sound->sampleRate, sound->channels, std::move(sound->samples)};
+    return std::unexpected(known ? sound.error() : own.error());
 }
 
 }  // namespace

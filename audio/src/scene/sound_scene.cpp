@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/audio/material_table.h>
 #include <rtsg/audio/walls.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
@@ -63,6 +64,26 @@ bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Ban
         bands[static_cast<std::size_t>(b)] = values[static_cast<std::size_t>(index)];
     }
     return true;
+}
+
+/// What a MetadataString "acousticMaterial" in a node's metadata says; empty without one.
+std::string_view askedIn(const Scene& scene, NodeId metadata, int depth = 0) {
+    constexpr int kDeepest = 8;
+    const Node* node = scene.find(metadata);
+    if (!node || depth > kDeepest) return {};
+    if (node->is(x3d::MetadataSet::type)) {
+        for (const NodeId child : node->get(x3d::MetadataSet::value))
+            if (const std::string_view name = askedIn(scene, child, depth + 1); !name.empty()) return name;
+        return {};
+    }
+    if (!node->is(x3d::MetadataString::type) || node->get(x3d::MetadataString::name).view() != "acousticMaterial")
+        return {};
+    const auto& values = node->get(x3d::MetadataString::value);
+    return values.empty() ? std::string_view() : values[0].view();
+}
+
+std::string_view askedMaterial(const Scene& scene, const Node& node) {
+    return askedIn(scene, fieldOr(node, "metadata", NodeId{}));
 }
 
 /// Where a listener is, as far as that is finite: a Camera has a place and axes of its own for what is not.
@@ -203,8 +224,45 @@ const SoundEmitter* SoundVersion::find(InstanceId id) const {
     return it != emitters->end() && it->id == id ? &*it : nullptr;
 }
 
-SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults, Resources resources, bool keepsStreams)
-    : walls_(walls), defaults_(defaults), resources_(std::move(resources)), keepsStreams_(keepsStreams) {}
+SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults, Resources resources, bool keepsStreams,
+                       std::shared_ptr<const MaterialTable> materials)
+    : walls_(walls),
+      defaults_(defaults),
+      resources_(std::move(resources)),
+      keepsStreams_(keepsStreams),
+      materials_(std::move(materials)) {}
+
+std::string_view SoundScene::materialName(const Scene& scene, NodeId id) const {
+    const Node* node = scene.effectiveNode(id);
+    if (!node) return {};
+    // An instance of a prototype has a name of its own.
+    for (const std::string_view name : {askedMaterial(scene, *node), scene.name(id), scene.name(node->id())})
+        if (materials_->find(name)) return name;
+    return {};
+}
+
+NodeId SoundScene::materialNode(const Scene& scene, const Instance& instance) const {
+    if (!materials_) return instance.acoustics;
+    NodeId asking;  // for what is not there
+    const Node* appearance = scene.find(instance.appearance);
+    const bool whole = appearance && appearance->is(x3d::Appearance::type);
+    for (const NodeId id :
+         {instance.acoustics, instance.appearance, whole ? appearance->get(x3d::Appearance::material) : NodeId{}}) {
+        const Node* node = scene.effectiveNode(id);
+        if (!node) continue;
+        if (!materialName(scene, id).empty()) return id;
+        if (!asking && !askedMaterial(scene, *node).empty()) asking = id;
+    }
+    return instance.acoustics || !asking ? instance.acoustics : asking;
+}
+
+std::vector<std::string> SoundScene::unusedMaterials() const {
+    std::vector<std::string> names;
+    if (materials_)
+        for (const auto& [name, row] : materials_->rows())
+            if (!usedMaterials_.contains(name)) names.push_back(name);
+    return names;
+}
 
 std::vector<std::filesystem::path> SoundScene::foldersOf(const Scene& scene, const Node& node) const {
     return resources_.foldersOf(scene, node, node.type().findExact("url"));
@@ -321,25 +379,36 @@ void SoundScene::chooseListener(const Scene& scene) {
     listener_.earDistance = earDistance(scene, node);
 }
 
+void SoundScene::readMaterial(const Scene& scene, NodeId id) {
+    const Node* node = scene.effectiveNode(id);
+    if (node && materials_) {
+        if (const std::string_view asked = askedMaterial(scene, *node); !asked.empty() && !materials_->find(asked))
+            warnOnce(scene.placeOf(id),
+                     fmt::format("{}: the table of materials has no '{}'", nameOf(scene, *node), asked));
+        if (const std::string_view name = materialName(scene, id); !name.empty()) {
+            usedMaterials_.emplace(name);
+            return walls_->setMaterial(id, *materials_->find(name));
+        }
+    }
+    const bool says = node && node->is(x3d::AcousticProperties::type);
+    const auto tell = [&](NodeId metadata, std::string text) {
+        warnOnce(scene.placeOf(metadata), fmt::format("{}: {}", nameOf(scene, *node), text));
+    };
+    walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_, tell) : defaults_);
+}
+
 void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     if (!walls_) return;
     // In a scene that starts over, other nodes have the same numbers.
     if (changes.isSnapshot()) acousticsKnown_.clear();
-    const auto read = [&](NodeId id) {
-        const Node* node = scene.effectiveNode(id);
-        const bool says = node && node->is(x3d::AcousticProperties::type);
-        const auto tell = [&](NodeId metadata, std::string text) {
-            warnOnce(scene.placeOf(metadata), fmt::format("{}: {}", nameOf(scene, *node), text));
-        };
-        walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_, tell) : defaults_);
-    };
     // Known from before or not: while nothing had it nobody told of its changes.
     std::unordered_set<std::uint32_t> now;
     for (const auto* list : {&delta.added, &delta.rebound})
         for (const Instance& instance : *list)
-            if (instance.acoustics && now.insert(instance.acoustics.value).second) read(instance.acoustics);
+            if (const NodeId id = materialNode(scene, instance); id && now.insert(id.value).second)
+                readMaterial(scene, id);
     for (const NodeId id : delta.acousticsChanged)
-        if (acousticsKnown_.contains(id.value) && !now.contains(id.value)) read(id);
+        if (acousticsKnown_.contains(id.value) && !now.contains(id.value)) readMaterial(scene, id);
     acousticsKnown_.merge(now);
 }
 

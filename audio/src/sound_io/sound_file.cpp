@@ -119,6 +119,16 @@ Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamp
     return readAll(SoundBytes::of(bytes), maxSamples, damage ? *damage : found);
 }
 
+Result<> checkSound(const Resource& file) {
+    SoundBytes source = SoundBytes::of(file);
+    if (isMpegSound(source)) return {};
+    SF_INFO info{};
+    SF_VIRTUAL_IO io = virtualFile();
+    const File opened(sf_open_virtual(&io, SFM_READ, &info, &source));
+    if (!opened) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    return {};
+}
+
 Result<double> soundSeconds(const Resource& resource) {
     SoundBytes source = SoundBytes::of(resource);
     if (isMpegSound(source)) return mpegSoundSeconds(std::move(source));

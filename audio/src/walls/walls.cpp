@@ -11,10 +11,9 @@ Walls::Walls(const RayWorld& world, const AcousticMaterial& defaults) : world_(&
     materials_.change(0) = defaults;
 }
 
-std::uint32_t Walls::materialOf(NodeId acoustics) {
-    if (!acoustics) return 0;
-    const auto [at, fresh] =
-        materialByNode_.try_emplace(acoustics.value, static_cast<std::uint32_t>(materials_.size()));
+std::uint32_t Walls::materialOf(NodeId node) {
+    if (!node) return 0;
+    const auto [at, fresh] = materialByNode_.try_emplace(node.value, static_cast<std::uint32_t>(materials_.size()));
     if (fresh) {
         materials_.resize(materials_.size() + 1);
         materials_.change(at->second) = defaults_;
@@ -22,8 +21,14 @@ std::uint32_t Walls::materialOf(NodeId acoustics) {
     return at->second;
 }
 
-void Walls::setMaterial(NodeId acoustics, const AcousticMaterial& material) {
-    const std::uint32_t at = materialOf(acoustics);
+NodeId Walls::nodeOf(std::uint32_t material) const {
+    for (const auto& [node, at] : materialByNode_)
+        if (at == material) return NodeId{node};
+    return {};
+}
+
+void Walls::setMaterial(NodeId node, const AcousticMaterial& material) {
+    const std::uint32_t at = materialOf(node);
     if (materials_[at] == material) return;
     materials_.change(at) = material;
     ++stamp_;
@@ -55,17 +60,17 @@ void Walls::detach(std::uint32_t slot) {
     if (users.empty()) slotsOf_.erase(list);
 }
 
-void Walls::attach(const Instance& instance) {
+void Walls::attach(const Instance& instance, NodeId material) {
     const std::uint32_t number = instance.id.slot;
     if (slots_[number].id) detach(number);
     auto& users = slotsOf_[instance.geometry.value];
     slots_[number] = {instance.id, instance.geometry, static_cast<std::uint32_t>(users.size())};
     users.push_back(number);
     write(number);
-    walls_.change(number).material = materialOf(instance.acoustics);
+    walls_.change(number).material = materialOf(material);
 }
 
-void Walls::apply(const InstanceDelta& delta) {
+void Walls::apply(const InstanceDelta& delta, const MaterialNode& materialNode) {
     slots_.resize(std::max(slots_.size(), world_->instances().size()));
     walls_.resize(slots_.size());
     const auto holds = [&](InstanceId id) { return id.slot < slots_.size() && slots_[id.slot].id == id; };
@@ -76,8 +81,9 @@ void Walls::apply(const InstanceDelta& delta) {
             walls_.change(id.slot) = Wall{};
             walls_.change(id.slot).stamp = ++stamp_;
         }
-    for (const Instance& instance : delta.added) attach(instance);
-    for (const Instance& instance : delta.rebound) attach(instance);
+    for (const auto* list : {&delta.added, &delta.rebound})
+        for (const Instance& instance : *list)
+            attach(instance, materialNode ? materialNode(instance) : instance.acoustics);
     for (const InstanceDelta::Moved& moved : delta.moved)
         if (holds(moved.id)) write(moved.id.slot);
     for (const InstanceDelta::Geometry& geometry : delta.geometries)

@@ -41,6 +41,7 @@ class MovieFile {
 struct FileSound {
     int sampleRate = 0, channels = 0;
     std::vector<float> samples;  // interleaved
+    bool known = false;          // the file is of a format that is read, whatever becomes of its sound
 };
 
 /// The destination of a film that is made.
@@ -82,6 +83,6 @@ class MovieFiles {
 Result<const MovieFiles*> movieFiles();
 
 /// The name that the module exports; it changes whenever this header does.
-#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles5
+#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles6
 
 }  // namespace rtsg

@@ -105,13 +105,14 @@ Result<double> movieSeconds(const Resource& file) {
     return (*film)->seconds();
 }
 
-Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples) {
-    if (!Movie::isMovie(file)) return fail(fmt::format("{} is no film of a format that is read", file.name()));
+Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples, bool* known) {
+    if (known) *known = Movie::isMovie(file);
     const auto files = movieFiles();
     if (!files) return std::unexpected(files.error());
     FileSound sound;
-    if (const std::string error = (*files)->readSound(bytesOf(file), maximumSamples, sound); !error.empty())
-        return fail(fmt::format("{}: {}", file.name(), error));
+    const std::string error = (*files)->readSound(bytesOf(file), maximumSamples, sound);
+    if (known) *known = *known || sound.known;
+    if (!error.empty()) return fail(fmt::format("{}: {}", file.name(), error));
     return MovieSound{sound.sampleRate, sound.channels, std::move(sound.samples)};
 }
 

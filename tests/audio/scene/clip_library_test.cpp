@@ -1,6 +1,7 @@
 // Clips that are read once, within the limit on samples, silent where they cannot be, and played at any rate.
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <numbers>
 
@@ -11,6 +12,7 @@
 #include "scene/process_player.h"
 #include "support/plain_film.h"
 #include "support/temp_folder.h"
+#include "test_paths.h"
 
 namespace rtsg {
 namespace {
@@ -65,6 +67,30 @@ TEST_F(Clips, MayBeWhatAFilmIsHeardBy) {
     EXPECT_EQ(clips.diagnostics().warnings(), 0U);
     ClipLibrary few = library(20'000);
     EXPECT_TRUE(isSilent(*few.get(voice({"film.avi"}))));
+}
+
+/// A quarter of a second of 1 kHz at half of full scale, each as an encoder makes it: blocks may be filled up.
+TEST_F(Clips, OfCodecsThatTheSoundLibraryDoesNotKnowAreKnownByTheirContent) {
+    const std::filesystem::path data = std::filesystem::path(RTSG_SOURCE_DIR) / "tests/audio/scene/data";
+    for (const char* name : {"tone.aac", "tone.ac3", "tone.wma", "tone.mka", "tone.webm", "flac.ogg"}) {
+        std::filesystem::copy_file(data / name, folder_.path() / "clip.wav",  // whatever it is called
+                                   std::filesystem::copy_options::overwrite_existing);
+        ClipLibrary clips = library(1 << 20);
+        const auto sound = clips.get(voice({"clip.wav"}));
+        EXPECT_EQ(clips.diagnostics().warnings(), 0U) << name;
+        EXPECT_EQ(sound->channels, 1) << name;
+        EXPECT_NEAR(static_cast<double>(sound->frames()), 12'000, 3100) << name;
+        double squares = 0;
+        for (std::size_t i = 5000; i < 9800; ++i) squares += static_cast<double>(sound->samples[i] * sound->samples[i]);
+        EXPECT_NEAR(std::sqrt(2 * squares / 4800), .5, .03) << name;
+        EXPECT_TRUE(isSilent(*library(1000).get(voice({"clip.wav"})))) << name;
+    }
+    // What begins like one and is none is named by what the sound library says.
+    std::ofstream(folder_.path() / "clip.wav", std::ios::binary)
+        << "no sound at all, but some text that is long enough";
+    ClipLibrary clips = library(1 << 20);
+    EXPECT_TRUE(isSilent(*clips.get(voice({"clip.wav"}))));
+    EXPECT_NE(clips.diagnostics().all()[0].text.find("cannot read sound"), std::string::npos);
 }
 
 TEST_F(Clips, WhatCannotBeReadIsSilentAndIsNamed) {

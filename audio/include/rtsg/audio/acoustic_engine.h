@@ -28,6 +28,8 @@
 
 namespace rtsg {
 
+class MaterialTable;
+
 struct AcousticOptions {
     /// x3d: direct sound has the level that the node's distance law gives (times intensity, gain), reflections keep the
     /// physical ratio to it. physical: pressure 1 is that at 1 m, 1 / d beyond.
@@ -52,6 +54,8 @@ struct AcousticOptions {
     double error = 0;
     std::uint64_t maxRays = 4'000'000;
     AcousticMaterial defaultMaterial;
+    /// Goes before what the scene says of the materials that it has a name of; see SoundScene.
+    std::shared_ptr<const MaterialTable> materials;
     /// A response is traced anew at most this often (seconds of scene time), and only when something moved by more
     /// than `moveTolerance` metres or the walls changed.
     double retraceSeconds = 0.2;

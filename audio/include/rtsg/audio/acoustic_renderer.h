@@ -33,6 +33,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     std::shared_ptr<const AcousticState> latest() { return tables_.latest(); }
     int channels() const { return engine_->channels(); }
     const SoundScene& scene() const { return tables_.scene(); }
+    NodeId nodeOfMaterial(std::uint32_t material) const { return tables_.nodeOfMaterial(material); }
     OpenedGeometry geometryFor(const glm::dvec3& source);
     /// As the options and the scene say.
     Air air();

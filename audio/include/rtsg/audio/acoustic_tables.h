@@ -28,9 +28,9 @@ struct AcousticState {
 class AcousticTables final : public InstanceSubscriber {
   public:
     /// `world` must outlive this, and be applied the same deltas, before this is. `defaults`: of surfaces without
-    /// AcousticProperties. `resources`: where urls of clips start. `keepsStreams`: as SoundScene has it.
+    /// AcousticProperties. `resources`: where urls of clips start. `keepsStreams`, `materials`: as SoundScene has them.
     explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {}, Resources resources = {},
-                            bool keepsStreams = false);
+                            bool keepsStreams = false, std::shared_ptr<const MaterialTable> materials = nullptr);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
@@ -40,6 +40,8 @@ class AcousticTables final : public InstanceSubscriber {
     /// The state as of the last apply(); the same one until the next.
     std::shared_ptr<const AcousticState> latest();
     const SoundScene& scene() const { return sounds_; }
+    /// The node that says a material, by AcousticHit::material; none of the default one.
+    NodeId nodeOfMaterial(std::uint32_t material) const { return walls_.nodeOf(material); }
 
   private:
     Walls walls_;

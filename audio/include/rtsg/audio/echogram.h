@@ -75,6 +75,9 @@ struct EnergyHistogram {
     std::vector<Bands> bins;
     /// Such that bins begin with the first arrival, which mostly is the onset of the response; less than a bin.
     double start = 0;
+    /// Of each bin, energies times the squared cosine of their directions to TraceResult::across, as a figure-of-eight
+    /// microphone along it hears them; may end earlier. Empty: not asked for.
+    std::vector<Bands> lateral = {};
 
     double startOf(std::size_t bin) const { return start + static_cast<double>(bin) / binsPerSecond; }
     void add(double seconds, const Bands& energy) {

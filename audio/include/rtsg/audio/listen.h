@@ -15,6 +15,7 @@
 #include <rtsg/audio/room_metrics.h>
 #include <rtsg/audio/room_openings.h>
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/audio/speech_transmission.h>
 
 namespace rtsg {
 
@@ -32,6 +33,8 @@ struct ListenOptions {
     TraceOptions trace;
     /// Of ListenReport::impulseResponses().
     ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
+    /// Of the speech transmission index.
+    SpeechOptions speech;
     /// When positive: rays are added until the 95 % half widths from 125 Hz to 4 kHz are below `error` times the just
     /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
     double error = 0;
@@ -57,10 +60,12 @@ struct ListenReport {
         /// volume seen from the listener; NaN where that is not closed.
         double schroederHz = 0;
         RoomOpenings openings;  // where what it emits leaves the room
+        SpeechEstimate speech;
     };
     std::vector<Source> sources;
     ListenerPose listener;  // when it was measured
     Air air;
+    SpeechOptions speech;  // of their STI
     ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
     int ambisonicOrder = 1;
     std::shared_ptr<const Hrtf> hrtf;  // of binaural responses at its sample rate

@@ -12,17 +12,22 @@
 //     const std::string page = report.toHtml();
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <glm/glm.hpp>
 
+#include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/bands.h>
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/panning.h>
 #include <rtsg/audio/room_metrics.h>
 #include <rtsg/audio/room_openings.h>
+#include <rtsg/audio/room_plan.h>
+#include <rtsg/audio/room_size.h>
+#include <rtsg/audio/speech_transmission.h>
 #include <rtsg/core/diagnostic.h>
 
 namespace rtsg {
@@ -40,6 +45,14 @@ struct RoomReport {
         glm::dvec3 sourceAim{0};           // where it points, of unit length; 0 if it radiates alike to all sides
         glm::dmat3 listenerAxes{1.0};      // right, up, back
         double headRadius = kHeadRadius;   // of binaural responses
+        SpeechEstimate speech;
+        double schroederHz = std::numeric_limits<double>::quiet_NaN();  // ListenReport::Source::schroederHz
+    };
+    /// What surfaces are made of: by the name or the line of the node that says it.
+    struct Material {
+        std::string name;
+        double area = 0;  // m^2
+        AcousticMaterial material;
     };
     /// Where what one source emits leaves the room.
     struct Losses {
@@ -55,24 +68,38 @@ struct RoomReport {
     Air air;
     std::vector<Pair> pairs;
     std::vector<Losses> losses;  // a source
-    std::uint64_t rays = 0;      // those of a source once, however many listeners share them
-    double seconds = 0;          // of computing
-    Diagnostics diagnostics;     // leaks and sealed sources that were not told before
+    SpeechOptions speech;        // of the STI
+    /// The room around the first source, as far as it is known; what it is made of, the largest area first; what
+    /// formulas say of it, s.
+    RoomSize room;
+    std::vector<Material> materials;
+    Bands sabine = allBands(std::numeric_limits<double>::quiet_NaN()), eyring = sabine;
+    RoomPlan plan;            // at the height of the first listener
+    std::uint64_t rays = 0;   // those of a source once, however many listeners share them
+    double seconds = 0;       // of computing
+    Diagnostics diagnostics;  // leaks and sealed sources that were not told before
 
     Average average() const;
     /// The most bands that rays were followed for, and that figures were worked out for, at any pair: what walls and
     /// air treat alike is computed once.
     int bandsTraced() const;
     int bandsMeasured() const;
+    /// The mean of what is known of the STI; NaN of nothing.
+    double meanSpeech() const;
+    /// 2000 sqrt(T / V), Hz: below it single modes make the sound of the room, which rays know nothing of. Of the first
+    /// pair's, or else with Sabine's T; NaN where the room is not closed.
+    double schroederHz() const;
     /// The mean of the octaves of 500 and 1000 Hz.
     static double single(const Bands& figure) { return (figure[kBand1k - 1] + figure[kBand1k]) / 2; }
 
     std::string toText() const;
     /// {"title":…,"bands_hz":[…],"bands_computed":{"walls":…,"figures":…},"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
-    /// "single":{…},"losses":[{"source":…,"escaped":…,"openings":[{"kind":"leak","share":…,"center":[…],…}]}]}; what is
-    /// no number is null.
+    /// "single":{…},"room":{…},"losses":[{"source":…,"escaped":…,"openings":[{"kind":"leak","share":…,"center":[…],…}]}]};
+    /// what is no number is null.
     std::string toJson() const;
-    /// A page with tables, decay curves and energograms, drawn in SVG.
+    /// A page that is read on paper as well: figures with their intervals, a plan, materials, decay curves with the
+    /// lines that were fitted, reflectograms and energograms, drawn in SVG. Colours say how many just noticeable
+    /// differences an interval has, or a place is from the mean of all.
     std::string toHtml() const;
 };
 

@@ -33,6 +33,8 @@ Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples 
 /// As above, of a file's content.
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                                    std::string* damage = nullptr);
+/// Whether a file is of a format that these functions read, by its beginning; else why not.
+Result<> checkSound(const Resource& file);
 /// How long a file plays by its header, which may lie; in seconds. The sound itself is not read, but of an Ogg stream
 /// that was cut short.
 Result<double> soundSeconds(const Resource& file);

@@ -26,6 +26,7 @@
 #include <vector>
 
 #include <rtsg/audio/listen.h>
+#include <rtsg/audio/room_map.h>
 #include <rtsg/audio/room_report.h>
 #include <rtsg/audio/room_responses.h>
 #include <rtsg/renderers/world_renderer.h>
@@ -67,6 +68,9 @@ class SoundRenderer final : public WorldRenderer {
     /// Traces every source to every place, or if none is given to those of the scene (SoundScene::places()), at the
     /// present state; places share the rays of a source. Errors: cancelled, no sources.
     Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
+    /// The same at the points of a grid (gridIn()) of the room around the first source, which are in its order: figures
+    /// alone, without echograms.
+    Result<RoomMap> map(double height, double step);
     /// Impulse responses of the pairs of a survey() at the present state, with the channels that the options ask for:
     /// those of impulseResponses() where listener and source are the same.
     RoomResponses responses(const RoomReport& report, int sampleRate = 48000);
@@ -89,6 +93,10 @@ class SoundRenderer final : public WorldRenderer {
     /// One a listener; none for an emitter that walls do not reflect.
     Result<std::vector<ListenReport::Source>> measureAt(const SoundEmitter& emitter,
                                                         std::span<const glm::dvec3> listeners);
+    enum class Keeps : bool { figures, echograms };
+    Result<RoomReport> surveyAt(const std::vector<ListeningPlace>& places, Keeps keeps);
+    /// The room around the first source that walls reflect, and what it is made of.
+    void describeRoom(RoomReport& report);
 
     struct Impl;
     std::unique_ptr<Impl> impl_;

@@ -31,6 +31,7 @@
 namespace rtsg {
 
 class FieldNumbers;
+class MaterialTable;
 class Walls;
 
 /// What is wrong with a metadata node, and what counts.
@@ -210,9 +211,11 @@ struct SoundVersion {
 class SoundScene {
   public:
     /// Materials go to `walls` when there are any; they must outlive this. `resources`: where urls of clips start.
-    /// `keepsStreams`: somebody takes what StreamAudioDestinations get.
+    /// `keepsStreams`: somebody takes what StreamAudioDestinations get. `materials`: of this table is what it has the
+    /// name of, whatever fields say: the first of a shape's AcousticProperties, Appearance and Material that has one in
+    /// it, by a MetadataString "acousticMaterial" in its metadata or else by its DEF.
     explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {}, Resources resources = {},
-                        bool keepsStreams = false);
+                        bool keepsStreams = false, std::shared_ptr<const MaterialTable> materials = nullptr);
 
     void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
 
@@ -227,11 +230,18 @@ class SoundScene {
     const std::vector<ListeningPlace>& places() const { return places_; }
     /// Nodes that are there but cannot be heard, and why; each once.
     const Diagnostics& diagnostics() const { return diagnostics_; }
+    /// Which node says what a shape is made of.
+    NodeId materialNode(const Scene& scene, const Instance& instance) const;
+    /// Of the table, in its order: what nothing so far had the name of.
+    std::vector<std::string> unusedMaterials() const;
     /// As it is now. What changes next copies the emitters once.
     SoundVersion freeze();
 
   private:
     std::shared_ptr<const SoundNode> readSound(const Scene& scene, const Node& node);
+    /// The name by which the table has a node, if it does.
+    std::string_view materialName(const Scene& scene, NodeId id) const;
+    void readMaterial(const Scene& scene, NodeId id);
     void readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
     bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
     void nameEmitters();
@@ -266,6 +276,8 @@ class SoundScene {
     AcousticMaterial defaults_;
     Resources resources_;
     bool keepsStreams_;
+    std::shared_ptr<const MaterialTable> materials_;
+    std::unordered_set<std::string> usedMaterials_;
     int visits_ = 0;  // of readVoices, for the sound being read
     std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
     std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot

@@ -7,6 +7,8 @@
 #include <functional>
 #include <vector>
 
+#include <glm/glm.hpp>
+
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/image_sources.h>
@@ -40,6 +42,8 @@ struct TraceOptions {
     int exits = 0;
     /// Of what is radiated; paths to the images and rays alike.
     SourcePattern pattern = {};
+    /// Whether results tell what comes from the sides, which LF and IACC need: TraceResult::across.
+    bool lateral = false;
     /// Asked now and then while rays are traced, on any thread and on several at once; once it says false tracing ends
     /// soon, and what it gave is no result.
     std::function<bool()> goOn = {};
@@ -72,6 +76,9 @@ struct TraceResult {
     Bands absorbed{}, escaped{}, truncated{};
     /// Of the rays that escaped as many as were asked for, each with the same chance; some thousand at most.
     std::vector<EscapedRay> exits;
+    /// The level axis through the ears of who faces the source, to the right, unit (x where the source is straight
+    /// above or below): what EnergyHistogram::lateral is about. 0: not asked for.
+    glm::dvec3 across{0};
 
     /// Whether nothing arrived at all.
     bool silent() const;

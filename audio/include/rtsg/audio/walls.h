@@ -5,11 +5,12 @@
 //     const WallsVersion version = walls.freeze();   // for a reader on another thread
 //
 // Invariant: after apply() of the deltas the world was applied, it holds what one that reads the world anew would. Work
-// follows the delta, and a version costs next to nothing. Materials are handed in by the NodeId of their
-// AcousticProperties (see sound_scene.h). Threading: on the scene's thread; versions may be read from any.
+// follows the delta, and a version costs next to nothing. Materials are handed in by the NodeId of who
+// says them (see sound_scene.h). Threading: on the scene's thread; versions may be read from any.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <unordered_map>
 #include <vector>
@@ -40,9 +41,13 @@ class Walls {
     /// `world` must outlive this. `defaults`: of surfaces without AcousticProperties.
     explicit Walls(const RayWorld& world, const AcousticMaterial& defaults = {});
 
-    void setMaterial(NodeId acoustics, const AcousticMaterial& material);
+    void setMaterial(NodeId node, const AcousticMaterial& material);
+    /// Which node says what an instance is made of; else its AcousticProperties do.
+    using MaterialNode = std::function<NodeId(const Instance&)>;
     /// To be called after RayWorld::apply with the same delta.
-    void apply(const InstanceDelta& delta);
+    void apply(const InstanceDelta& delta, const MaterialNode& materialNode = {});
+    /// The node that a material was handed in by; none of the default one.
+    NodeId nodeOf(std::uint32_t material) const;
     WallsVersion freeze();
     /// Grows with every change.
     std::uint64_t version() const { return stamp_; }
@@ -54,9 +59,9 @@ class Walls {
         std::uint32_t place = 0;  // in slotsOf_ of the geometry
     };
     void write(std::uint32_t slot);
-    void attach(const Instance& instance);
+    void attach(const Instance& instance, NodeId material);
     void detach(std::uint32_t slot);
-    std::uint32_t materialOf(NodeId acoustics);
+    std::uint32_t materialOf(NodeId node);
 
     const RayWorld* world_;
     AcousticMaterial defaults_;

@@ -50,8 +50,10 @@ struct MovieSound {
     int sampleRate = 0, channels = 0;
     std::vector<float> samples;  // interleaved
 };
-/// Errors: as Movie::open(); no sound that can be decoded, more than `maximumSamples`, all channels counted.
-Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples);
+/// Of files that Movie::isMovie() knows, and of AAC, AC-3 and Windows Media by themselves, whatever their names.
+/// `known`: whether it is any of these. Errors: no such file; no sound that can be decoded, more than
+/// `maximumSamples`, all channels counted.
+Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples, bool* known = nullptr);
 
 /// The time of its film that a MovieTexture shows, by its clock and speed: 0 to `length`, in seconds. Before its clock
 /// has ever run, this is the film's beginning, or its end at a negative speed; later it is where the clock stopped.

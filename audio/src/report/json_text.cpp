@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "report_figures.h"
+
 namespace rtsg {
 
 std::string jsonNumber(double value) {
@@ -22,10 +24,21 @@ std::string jsonBandsComputed(int walls, int figures) {
 }
 
 std::string jsonFigures(const RoomMetrics& m) {
-    return fmt::format(
-        "\"EDT_s\":{},\"T20_s\":{},\"T30_s\":{},\"C50_db\":{},\"C80_db\":{},\"D50\":{},\"Ts_s\":{},\"G_db\":{}",
-        jsonArray(m.edt), jsonArray(m.t20), jsonArray(m.t30), jsonArray(m.c50), jsonArray(m.c80), jsonArray(m.d50),
-        jsonArray(m.ts), jsonArray(m.g));
+    std::string text;
+    for (const ReportFigure& figure : kReportFigures)
+        text += fmt::format("{}\"{}\":{}", text.empty() ? "" : ",", figure.key, jsonArray(m.*figure.values));
+    return text;
+}
+
+std::string jsonSpeech(const SpeechEstimate& speech) {
+    return fmt::format("\"STI\":{},\"STI_ci95\":{},\"MTI\":{},\"speech_level_db\":{}", jsonNumber(speech.sti),
+                       jsonNumber(speech.ci95), jsonArray(speech.mti), jsonArray(speech.level));
+}
+
+std::string jsonSpeechOptions(const SpeechOptions& speech) {
+    return fmt::format("{{\"standard\":\"IEC 60268-16:2011\",\"voice\":\"{}\",\"level_dba_1m\":{},\"noise_db\":{}}}",
+                       speech.female ? "female" : "male", jsonNumber(speech.level),
+                       speech.noise ? jsonArray(*speech.noise) : "null");
 }
 
 std::string jsonSlopes(const MetricsEstimate& m) {

@@ -4,12 +4,13 @@
 #include <limits>
 #include <string>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include <rtsg/audio/room_report.h>
 
-#include "listen_scene.h"
+#include "audio/listen/listen_scene.h"
 
 namespace rtsg {
 namespace {
@@ -96,20 +97,22 @@ TEST(RoomReport, ThePageNeedsNothingElse) {
     report.title = "a <hall> & \"more\" \x1b";
     report.pairs = {pair("A<b>", 1, 3), pair("B", 1.2, -1)};
     const std::string page = report.toHtml();
-    EXPECT_EQ(count(page, "<svg "), 4u);
-    EXPECT_EQ(count(page, "<polyline "), 2u * kBandCount);
+    // A plan, reverberation times, and three charts a pair.
+    EXPECT_EQ(count(page, "<svg "), 8u);
+    EXPECT_EQ(count(page, "class=\"decay\""), 2u * kBandCount);
     EXPECT_EQ(count(page, "http"), 0u);
     EXPECT_EQ(count(page, "src="), 0u);
     EXPECT_EQ(count(page, "<script"), 0u);
-    EXPECT_EQ(count(page, "<b>"), 0u);
+    EXPECT_EQ(count(page, "A<b>"), 0u);
     EXPECT_EQ(count(page, "\x1b"), 0u);
     EXPECT_NE(page.find("a &lt;hall&gt; &amp; &quot;more&quot; ?"), std::string::npos);
-    for (const char* tag : {"table", "tr", "td", "th", "svg", "p", "h2", "text", "i"})
+    for (const char* tag :
+         {"table", "tr", "td", "th", "svg", "p", "h2", "h3", "text", "i", "b", "div", "span", "section"})
         EXPECT_EQ(count(page, std::string("<") + tag + ">") + count(page, std::string("<") + tag + " "),
                   count(page, std::string("</") + tag + ">"))
             << tag;
     // A line of 60 dB in a second, drawn from the upper left corner to the lower right one.
-    const std::size_t line = page.find("<polyline points=\"48.0,10.0 ");
+    const std::size_t line = page.find("<polyline points=\"34.0,24.0 ");
     ASSERT_NE(line, std::string::npos);
 }
 
@@ -121,10 +124,75 @@ TEST(RoomReport, DrawsDecaysFromTheirOnsetOn) {
     echogram.arrivals.push_back({.02, allBands(1e-3), {}, 0});
     echogram.arrivals.push_back({.07, allBands(1), {}, 0});
     echogram.arrivals[0].energy[kBand1k] = .02;
-    // To -60 dB in .95 s, as half is direct sound, in steps of .01 s; .05 s on 640 pixels of that and these .05 s.
+    // To -60 dB in .95 s, as half is direct sound; .05 s on the 186 pixels of that and these .05 s, in each panel.
     const std::string page = report.toHtml();
-    EXPECT_EQ(count(page, "<polyline points=\"80.0,10.0 82.0,23.9 "), kBandCount - 1u);
-    EXPECT_EQ(count(page, "<polyline points=\"48.0,10.0 50.0,10.2 "), 1u);
+    for (int b = 0; b < kBandCount; ++b) {
+        const double x = 34 + 208 * (b % 5) + (b == kBand1k ? 0 : 186 * .05), y = b < 5 ? 24 : 186;
+        EXPECT_EQ(count(page, fmt::format("<polyline points=\"{:.1f},{:.1f} ", x, y)), 1u) << b;
+    }
+}
+
+/// Colours are those of the interval over the difference that is noticed; what is below Schroeder's frequency is grey.
+TEST(RoomReport, ThePageColoursByNoticeableDifferences) {
+    RoomReport report;
+    report.pairs = {pair("A", 1, 3)};
+    RoomReport::Pair& one = report.pairs[0];
+    const std::string plain = report.toHtml();
+    EXPECT_EQ(count(plain, "<td class=\"q2\">"), 0u);
+    EXPECT_EQ(count(plain, "<td class=\"low\">"), 0u);
+    EXPECT_EQ(count(plain, "class=\"fit t20\""), std::size_t{kBandCount});
+    one.metrics.ci95.t20 = allBands(.04);  // of .05
+    one.metrics.ci95.g = allBands(1.2);    // of 1
+    one.metrics.ci95.c80 = allBands(.4);
+    const std::string page = report.toHtml();
+    EXPECT_EQ(count(page, "<td class=\"q2\">1.000<i>&#177;0.040</i></td>"), std::size_t{kBandCount});
+    EXPECT_EQ(count(page, "<td class=\"q3\">3.00<i>&#177;1.20</i></td>"), std::size_t{kBandCount});
+    EXPECT_EQ(count(page, "<td class=\"q1\">3.00<i>&#177;0.40</i></td>"), std::size_t{kBandCount});
+    one.schroederHz = 100;
+    const std::string low = report.toHtml();
+    EXPECT_EQ(count(low, "<td class=\"q2\">1.000<i>&#177;0.040</i></td>"), kBandCount - 2u);
+    EXPECT_EQ(count(low, "<td class=\"low\">1.000<i>&#177;0.040</i></td>"), 2u);
+    EXPECT_NE(low.find("below 100 Hz (Schroeder)"), std::string::npos);
+
+    // Of several places: by how far each is from the mean.
+    report.pairs = {pair("A", 1, 3), pair("B", 1, 3), pair("C", 1, 0)};
+    const std::string places = report.toHtml();
+    EXPECT_EQ(count(places, "<td class=\"l2\">0.00</td>"), 3u) << "2 dB below the mean: C50, C80 and G";
+    EXPECT_EQ(count(places, "<td class=\"h2\">"), 0u);
+}
+
+TEST(RoomReport, TellsTheRoomAndHowSpeechIsUnderstood) {
+    RoomReport report;
+    report.pairs = {pair("A", 1, 3), pair("B", 1, 3)};
+    report.pairs[0].speech.sti = .6, report.pairs[0].speech.ci95 = .01;
+    report.pairs[1].speech.sti = .5;
+    report.speech.noise = allBands(40);
+    report.room.volume = 90, report.room.surface = 126;
+    report.room.box = {glm::dvec3(0), glm::dvec3(6, 3, 5)};
+    report.materials = {{"brick <1>", 100, {}}, {"wood", 26, {}}};
+    report.sabine = allBands(1.1), report.eyring = allBands(1.05);
+    report.plan.lines = {{glm::dvec2(0, 0), glm::dvec2(6, 0)}};
+    EXPECT_NEAR(report.meanSpeech(), .55, 1e-12);
+    EXPECT_NEAR(report.schroederHz(), 2000 * std::sqrt(1.1 / 90), 1e-9);
+    const auto json = nlohmann::json::parse(report.toJson());
+    EXPECT_EQ(json["pairs"][0]["STI"], .6);
+    EXPECT_EQ(json["pairs"][0]["STI_ci95"], .01);
+    EXPECT_EQ(json["single"]["STI"], .55);
+    EXPECT_EQ(json["room"]["volume_m3"], 90);
+    EXPECT_EQ(json["room"]["materials"][1]["name"], "wood");
+    EXPECT_EQ(json["speech"]["noise_db"][4], 40);
+    EXPECT_TRUE(json["pairs"][0]["LF"][0].is_null());
+    EXPECT_TRUE(json["pairs"][0].contains("IACC_early"));
+    const std::string text = report.toText();
+    for (const char* said :
+         {"room around the first source: 90 m3, 126 m2, mean free path 2.86 m", "100.0 m2 of brick <1>", "Sabine, s",
+          "STI             0.600 +- 0.010 D", "male speech of 60 dB(A) at 1 m, background noise of 40, 40,"})
+        EXPECT_NE(text.find(said), std::string::npos) << said;
+    const std::string page = report.toHtml();
+    EXPECT_NE(page.find("brick &lt;1&gt;"), std::string::npos);
+    EXPECT_NE(page.find("<b>STI 0.600</b> &#177;0.010 (D)"), std::string::npos);
+    EXPECT_NE(page.find("M26.0 26.0L515.6 26.0"), std::string::npos) << "5 m on 408 pixels, and 6 m by that";
+    EXPECT_EQ(count(page, "<tr><th>S1</th>"), 1u);
 }
 
 using ReportOfScene = test::Listen;
@@ -163,7 +231,22 @@ TEST_F(ReportOfScene, MeasuresEverySourceAtEveryListener) {
     EXPECT_EQ(report->bandsMeasured(), 1);
     const std::string computed = "Octave bands: 10; walls tell 1 of them apart, figures 1: no others are computed";
     EXPECT_NE(report->toText().find(computed + "\n"), std::string::npos);
-    EXPECT_NE(report->toHtml().find("<p>" + computed + ".</p>"), std::string::npos);
+    EXPECT_NE(report->toHtml().find(">" + computed + ".</p>"), std::string::npos);
+    // The box around them, and speech in it.
+    EXPECT_NEAR(report->room.volume, 90, .5);
+    EXPECT_NEAR(report->room.surface, 126, 1);
+    EXPECT_NEAR(report->eyring[kBand1k] / eyring, 1, .01);
+    ASSERT_EQ(report->materials.size(), 1u);
+    EXPECT_EQ(report->plan.lines.size(), 8u);
+    EXPECT_EQ(report->plan.height, 3);
+    for (const RoomReport::Pair& pair : report->pairs) {
+        EXPECT_GT(pair.speech.sti, .6);
+        EXPECT_LT(pair.speech.sti, .85);
+        EXPECT_LT(pair.speech.ci95, .03);
+        EXPECT_GT(pair.metrics.value.lf[kBand1k], .05);
+        EXPECT_LT(pair.metrics.value.lf[kBand1k], .5);
+        EXPECT_GT(pair.metrics.value.iaccEarly[kBand1k], pair.metrics.value.iaccLate[kBand1k]);
+    }
     EXPECT_EQ(nlohmann::json::parse(report->toJson())["bands_computed"].dump(), "{\"figures\":1,\"walls\":1}");
 
     auto chosen = sound.survey({{"mine", {3, 3, 1}}});

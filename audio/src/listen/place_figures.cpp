@@ -1,0 +1,33 @@
+// Works out the figures of a source at one listener.
+#include "place_figures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace rtsg {
+
+void setFigures(ListenReport::Source& source, const EarCorrelation& ears, const SpeechOptions& speech) {
+    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+    /// Of what is radiated: where more was still to come, figures of all that comes are not known.
+    constexpr double kMostTruncated = 1e-2;
+    const TraceResult& trace = source.trace;
+    source.metrics = trace.metrics();
+    const InterauralEstimate interaural = ears.estimate(trace.arrivals, trace.batches, trace.across);
+    source.metrics.value.iaccEarly = interaural.value.early;
+    source.metrics.value.iaccLate = interaural.value.late;
+    source.metrics.ci95.iaccEarly = interaural.ci95.early;
+    source.metrics.ci95.iaccLate = interaural.ci95.late;
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        if (std::isfinite(source.metrics.ci95.lf[b])) continue;
+        for (RoomMetrics* m : {&source.metrics.value, &source.metrics.ci95})
+            if (m == &source.metrics.ci95 || !std::isfinite(source.metrics.value.lf[b]))
+                m->iaccEarly[b] = m->iaccLate[b] = kNan;
+    }
+    source.speech = estimateSpeech(trace.arrivals, trace.batches, speech);
+    const auto speechOctaves = std::span(trace.truncated).subspan(kBand1k - 3, 7);
+    if (std::ranges::any_of(speechOctaves, [](double share) { return share > kMostTruncated; }))
+        source.speech.sti = source.speech.ci95 = kNan;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,12 @@
+// What is worked out of a trace besides RoomMetrics of its energy. Threading: pure functions.
+#pragma once
+
+#include <rtsg/audio/interaural.h>
+#include <rtsg/audio/listen.h>
+
+namespace rtsg {
+
+/// Sets the figures of a source at one listener by its trace: all of RoomMetrics, and speech.
+void setFigures(ListenReport::Source& source, const EarCorrelation& ears, const SpeechOptions& speech);
+
+}  // namespace rtsg

@@ -1,0 +1,19 @@
+// What the surfaces of a room are called. Threading: on the scene's thread.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include <rtsg/audio/room_report.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+/// The materials of a room with their names and areas, the largest first: what is alike and has the same name is one.
+/// `nodeOf`: the node that says a material.
+std::vector<RoomReport::Material> materialsOf(const Scene& scene, const RoomSize& room,
+                                              std::span<const AcousticMaterial> materials,
+                                              const std::function<NodeId(std::uint32_t)>& nodeOf);
+
+}  // namespace rtsg
