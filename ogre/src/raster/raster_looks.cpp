@@ -37,8 +37,13 @@ void RasterTextures::hand(std::uint32_t number, const Texture& texture, bool lin
                                                  1 / static_cast<float>(std::max(width, height)), access, space));
         handed.levels.push_back({width, height, {}, sampled});
     } else {
+        constexpr int kMost = 8192;  // that every graphics card takes
         for (int i = 0; i < texture.levels(); ++i) {
             const Texture::LevelPixels level = texture.level(i, space);
+            if (std::max(level.width, level.height) > kMost) {
+                lack_("a texture is shown with 8192 pixels a side at most");
+                continue;
+            }
             handed.levels.push_back({level.width, level.height, level.encoded, level.linear});
         }
         handed.decoded = linear;

@@ -231,6 +231,19 @@ bool usesSeveral(const SurfaceState::Look& look) {
 
 }  // namespace
 
+RasterScene::MeshTraits RasterScene::traitsOf(const Mesh* mesh) {
+    if (!mesh) return {};
+    MeshTraits traits;
+    traits.drawn = mesh->triangleCount > 0 || mesh->strokeCount > 0;
+    traits.solid = mesh->solid;
+    traits.fogged = mesh->fogDepths.present(), traits.colored = mesh->colors.present();
+    traits.generated = std::ranges::any_of(
+        mesh->texCoords, [](const TexCoords& c) { return c.generator != TexCoords::Generator::none; });
+    traits.kind = {mesh->strokeCount > 0, mesh->strokes == Mesh::Strokes::points, mesh->normals.present(),
+                   traits.colored && mesh->colors.components() == 4};
+    return traits;
+}
+
 void RasterScene::bringSlot(const SurfaceState& state, std::uint32_t at) {
     const Slot before = slots_[at];  // holds what both use while it is exchanged
     Slot& slot = slots_[at];
@@ -238,26 +251,23 @@ void RasterScene::bringSlot(const SurfaceState& state, std::uint32_t at) {
     const auto geometry = geometries_.find(instance.geometry.value);
     const Mesh* mesh = geometry != geometries_.end() ? geometry->second.mesh.get() : nullptr;
     if (slot.used && instance.volume) lack_("a volume is left out");
-    const bool drawn = slot.used && mesh && instance.seen && !instance.volume && !instance.clear &&
-                       (mesh->triangleCount > 0 || mesh->strokeCount > 0) && isFinite(instance.worldFromLocal);
+    const MeshTraits traits = traitsOf(mesh);
+    const bool drawn = slot.used && traits.drawn && instance.seen && !instance.volume && !instance.clear &&
+                       isFinite(instance.worldFromLocal);
     if (!drawn) return release(at);
     const SurfaceState::Look look = state.look(at);
     const std::size_t channel = channelOf(look);
     if (usesSeveral(look)) lack_("textures of one material share its first texture coordinates");
-    if (channel < mesh->texCoords.size() && mesh->texCoords[channel].generator != TexCoords::Generator::none)
-        lack_("a TextureCoordinateGenerator is left out");
-    const bool strokes = mesh->strokeCount > 0;
-    LookKind kind{strokes, mesh->strokes == Mesh::Strokes::points, mesh->normals.present(),
-                  mesh->colors.present() && mesh->colors.components() == 4};
+    if (traits.generated && look.material->textured()) lack_("a TextureCoordinateGenerator is left out");
+    const LookKind kind = traits.kind;
     RasterThing thing;
     thing.mesh = takeMesh(instance.geometry, channel);
     thing.place = placeOf(look, instance.layer), thing.layer = instance.layer;
-    thing.colored = mesh->colors.present(), thing.alphaColored = kind.alphaColored;
-    thing.fogged = mesh->fogDepths.present();
-    if (strokes) setStrokes(instance.strokes ? *instance.strokes : StrokeStyle(), kind.points, thing);
+    thing.colored = traits.colored, thing.alphaColored = kind.alphaColored, thing.fogged = traits.fogged;
+    if (kind.strokes) setStrokes(instance.strokes ? *instance.strokes : StrokeStyle(), kind.points, thing);
     setPlace(instance.worldFromLocal, origin_, thing);
     std::vector<std::uint32_t> materials{takeMaterial(look.material, kind)};
-    const bool backs = !mesh->solid && !strokes;
+    const bool backs = !traits.solid && !kind.strokes;
     const bool twice = backs && (look.material->back || materials_[materials[0]].made.clear);
     if (twice) materials.push_back(takeMaterial(look.material->back ? look.material->back : look.material, kind));
     for (std::uint32_t i = 0; i < materials.size(); ++i) {
@@ -280,9 +290,10 @@ void RasterScene::bring(const SurfaceState& state, const std::vector<LayerView>&
     for (const std::uint32_t node : std::exchange(dirtyGeometries_, {})) {
         const auto found = geometries_.find(node);
         if (found == geometries_.end()) continue;
-        handMeshes(found->second);
-        // Whether it has colours, is there at all, or is made of lines may have changed as well.
-        dirtySlots_.insert(found->second.slots.begin(), found->second.slots.end());
+        Geometry& geometry = found->second;
+        handMeshes(geometry);
+        if (const MeshTraits now = traitsOf(geometry.mesh.get()); std::exchange(geometry.traits, now) != now)
+            dirtySlots_.insert(geometry.slots.begin(), geometry.slots.end());
     }
     for (const std::uint32_t slot : std::exchange(dirtySlots_, {})) {
         bringSlot(state, slot);

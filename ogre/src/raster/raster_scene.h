@@ -52,8 +52,16 @@ class RasterScene {
         std::vector<std::uint32_t> materials;  // numbers that it uses, and its things, at most two
         std::uint32_t mesh = 0;                // number
     };
+    /// What of a mesh its instances' things depend on, besides the numbers in it.
+    struct MeshTraits {
+        bool drawn = false, solid = true, fogged = false, colored = false, generated = false;
+        LookKind kind;
+        friend bool operator==(const MeshTraits&, const MeshTraits&) = default;
+    };
+    static MeshTraits traitsOf(const Mesh* mesh);
     struct Geometry {
         std::shared_ptr<const Mesh> mesh;
+        MeshTraits traits;  // that bring() saw last
         std::set<std::uint32_t> slots;
         std::map<std::size_t, std::uint32_t> numbers;  // by channel
     };
