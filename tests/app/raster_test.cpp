@@ -12,9 +12,10 @@ namespace {
 using nlohmann::json;
 using testing::HasSubstr;
 
-TEST(Raster, DrawsAndSaysWhatItLeavesOut) {
+class Raster : public CommandLine {};
+
+TEST_F(Raster, DrawsAndSaysWhatItLeavesOut) {
     if (!haveDisplay()) GTEST_SKIP() << "there is no display, and no Xvfb";
-    const TempFolder folder;
     const Outcome one = rtsg({"render", RTSG_SOURCE_DIR "/examples/demo/hall.x3dv", "--integrator", "raster", "-o",
                               folder / "hall.png", "--size", "64x36", "--json"});
     if (one.err.find("built without a rasteriser") != one.err.npos) GTEST_SKIP() << one.err;
