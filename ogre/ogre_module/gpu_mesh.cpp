@@ -21,12 +21,13 @@ void GpuMesh::declare(bool strokes) {
         declaration.addElement(0, at, type, what, index);
     };
     if (strokes) {
-        add(offsetof(RasterStroke, position), VET_FLOAT3, VES_POSITION);
-        add(offsetof(RasterStroke, normal), VET_FLOAT3, VES_NORMAL);
-        add(offsetof(RasterStroke, start), VET_FLOAT3, VES_TEXTURE_COORDINATES, 0);
-        add(offsetof(RasterStroke, end), VET_FLOAT3, VES_TEXTURE_COORDINATES, 1);
-        add(offsetof(RasterStroke, corner), VET_FLOAT3, VES_TEXTURE_COORDINATES, 2);
-        add(offsetof(RasterStroke, color), VET_FLOAT4, VES_TEXTURE_COORDINATES, 3);
+        add(offsetof(RasterStroke, start), VET_FLOAT3, VES_POSITION);
+        add(offsetof(RasterStroke, startNormal), VET_FLOAT3, VES_NORMAL);
+        add(offsetof(RasterStroke, end), VET_FLOAT3, VES_TEXTURE_COORDINATES, 0);
+        add(offsetof(RasterStroke, endNormal), VET_FLOAT3, VES_TEXTURE_COORDINATES, 1);
+        add(offsetof(RasterStroke, startColor), VET_FLOAT4, VES_TEXTURE_COORDINATES, 2);
+        add(offsetof(RasterStroke, endColor), VET_FLOAT4, VES_TEXTURE_COORDINATES, 3);
+        add(offsetof(RasterStroke, corner), VET_FLOAT4, VES_TEXTURE_COORDINATES, 4);
     } else {
         add(offsetof(RasterVertex, position), VET_FLOAT3, VES_POSITION);
         add(offsetof(RasterVertex, normal), VET_FLOAT3, VES_NORMAL);

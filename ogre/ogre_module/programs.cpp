@@ -29,36 +29,37 @@ void main() {
 }
 )";
 
-// A line is drawn as a rectangle around its ends, as wide as it is in the picture and half of that longer at each end;
-// what is farther from its axis is left out by the fragment program.
+// A line is drawn as a rectangle around its ends, as wide as it is in the picture and half of that longer at each end.
+// The fragment program finds the place on the axis that is nearest in the picture, and what is there; it leaves out
+// what is farther from it than the line is wide.
 const char* const kStrokeVertex = R"(
 uniform mat4 world, viewProjection;
-uniform vec4 eyePlace, eyeForward, pictureSize, eyePixels;
+uniform vec4 eyePlace, eyeForward, pictureSize;
 uniform vec4 stroke, attenuation;
 in vec4 vertex;
 in vec3 normal;
 in vec3 uv0;
 in vec3 uv1;
-in vec3 uv2;
+in vec4 uv2;
 in vec4 uv3;
-out vec3 place, surfaceNormal, coordinates;
-out vec4 color;
-out float depth;
-out float run;
-noperspective out vec4 inPicture;
+in vec4 uv4;
+flat out vec3 startPlace, endPlace, startNormal, endNormal;
+flat out vec4 startColor, endColor, ends;
+flat out vec2 fogEnds;
+noperspective out vec3 inPicture;
 flat out float halfWidth;
+vec3 turned(mat3 m, vec3 n, vec3 along) {
+    n = mat3(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])) * n;
+    if (dot(cross(m[0], m[1]), m[2]) < 0.0) n = -n;
+    if (dot(along, along) == 0.0) return n;
+    vec3 across = n - along * (dot(along, n) / dot(along, along));
+    return length(across) > 1e-3 * length(n) ? across : n;
+}
 void main() {
-    vec3 a = (world * vec4(uv0, 1.0)).xyz, b = (world * vec4(uv1, 1.0)).xyz;
-    mat3 m = mat3(world);
-    surfaceNormal = mat3(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])) * normal;
-    if (dot(cross(m[0], m[1]), m[2]) < 0.0) surfaceNormal = -surfaceNormal;
-    vec3 along = b - a;
-    if (dot(along, along) > 0.0) {
-        vec3 across = surfaceNormal - along * (dot(along, surfaceNormal) / dot(along, along));
-        if (length(across) > 1e-3 * length(surfaceNormal)) surfaceNormal = across;
-    }
-    coordinates = vec3(0.0, 0.0, uv2.z);
-    color = uv3;
+    vec3 a = (world * vertex).xyz, b = (world * vec4(uv0, 1.0)).xyz;
+    startPlace = a, endPlace = b;
+    startNormal = turned(mat3(world), normal, b - a), endNormal = turned(mat3(world), uv1, b - a);
+    startColor = uv2, endColor = uv3, fogEnds = uv4.zw;
     // What lies behind the eye is cut off before it is projected.
     float da = dot(a - eyePlace.xyz, eyeForward.xyz), db = dot(b - eyePlace.xyz, eyeForward.xyz);
     float first = 0.0, last = 1.0;
@@ -68,33 +69,26 @@ void main() {
         if (db < least) last = (least - da) / (db - da);
     }
     vec3 start = mix(a, b, first), end = mix(a, b, last);
-    float share = uv2.x > 0.5 ? last : first;
-    place = uv2.x > 0.5 ? end : start;
-    vec4 at = viewProjection * vec4(place, 1.0);
     vec4 pa = viewProjection * vec4(start, 1.0), pb = viewProjection * vec4(end, 1.0);
+    ends = vec4(first, last, 1.0 / pa.w, 1.0 / pb.w);
     vec2 inA = pa.xy / pa.w * 0.5 * pictureSize.xy, inB = pb.xy / pb.w * 0.5 * pictureSize.xy;
     halfWidth = 0.5 * stroke.x;
     if (attenuation.w > 0.0) {
-        float r = length(place - eyePlace.xyz);
+        float r = length(a - eyePlace.xyz);
         float fall = attenuation.x + r * (attenuation.y + r * attenuation.z);
         halfWidth = 0.5 * clamp(stroke.x / max(fall, 1e-6), stroke.z, stroke.w);
     }
+    bool atEnd = uv4.x > 0.5;
     vec2 way = inB - inA;
     float size = length(way);
     vec2 ahead = size > 1e-6 ? way / size : vec2(1.0, 0.0), beside = vec2(-ahead.y, ahead.x);
 #ifdef POINTS
-    // Half open: a pixel's centre on the left or lower edge counts, one on the other two does not.
-    vec2 offset = halfWidth * vec2(uv2.x > 0.5 ? 1.0 : -1.0, uv2.y);
+    vec2 offset = halfWidth * vec2(atEnd ? 1.0 : -1.0, uv4.y);
 #else
-    float margin = halfWidth + 0.5;
-    vec2 offset = margin * (beside * uv2.y + ahead * (uv2.x > 0.5 ? 1.0 : -1.0));
+    vec2 offset = (halfWidth + 0.5) * (beside * uv4.y + ahead * (atEnd ? 1.0 : -1.0));
 #endif
-    inPicture = vec4((uv2.x > 0.5 ? size : 0.0) + dot(offset, ahead), dot(offset, beside), size, 0.0);
-    // How far along the line, in pixels of that place, for dashes.
-    run = share * length(along);
-    depth = dot(place - eyePlace.xyz, eyeForward.xyz);
-    // Nearer by a little: a line that lies in a surface is seen.
-    depth -= 0.00002 * length(place - eyePlace.xyz);
+    inPicture = vec3((atEnd ? size : 0.0) + dot(offset, ahead), dot(offset, beside), size);
+    vec4 at = atEnd ? pb : pa;
     gl_Position = at + vec4(offset / (0.5 * pictureSize.xy) * at.w, 0.0, 0.0);
     if (da <= 0.0 && db <= 0.0 && eyePlace.w == 0.0) gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
 }
@@ -168,13 +162,19 @@ uniform vec4 baseColor, specularColor, emissiveColor, numbers, more, hatching, m
 uniform vec4 squareX, squareY, squareZ;
 uniform vec4 rowS0, rowS1, rowS2, rowS3, rowS4, rowS5, rowS6, rowS7;
 uniform vec4 rowT0, rowT1, rowT2, rowT3, rowT4, rowT5, rowT6, rowT7;
+#ifdef STROKES
+flat in vec3 startPlace, endPlace, startNormal, endNormal;
+flat in vec4 startColor, endColor, ends;
+flat in vec2 fogEnds;
+noperspective in vec3 inPicture;
+flat in float halfWidth;
+vec3 place, surfaceNormal, coordinates;
+vec4 color;
+float depth;
+#else
 in vec3 place, surfaceNormal, coordinates;
 in vec4 color;
 in float depth;
-#ifdef STROKES
-in float run;
-noperspective in vec4 inPicture;
-flat in float halfWidth;
 #endif
 out vec4 result;
 
@@ -293,6 +293,17 @@ bool isDash(float type, float pixels, float width) {
 }
 #endif
 void main() {
+#ifdef STROKES
+    float share = inPicture.z > 0.0 ? clamp(inPicture.x / inPicture.z, 0.0, 1.0) : 0.0;
+    // Back from the picture: what is half way there is nearer to the nearer end.
+    share = ends.x + (ends.y - ends.x) * share * ends.w / max(ends.z * (1.0 - share) + ends.w * share, 1e-30);
+    place = mix(startPlace, endPlace, share);
+    surfaceNormal = mix(startNormal, endNormal, share);
+    color = mix(startColor, endColor, share);
+    coordinates = vec3(0.0, 0.0, mix(fogEnds.x, fogEnds.y, share));
+    // Nearer by a little: a line that lies in a surface is seen.
+    depth = dot(place - eyePlace.xyz, eyeForward.xyz) - 0.00002 * length(place - eyePlace.xyz);
+#endif
     vec3 from = place - eyePlace.xyz;
     float distance = eyePlace.w > 0.0 ? depth : length(from);
     if (depth < eyeLimits.x || depth > eyeLimits.y || distance > eyeLimits.z) discard;
@@ -306,7 +317,7 @@ void main() {
 #ifndef POINTS
     float past = max(max(-inPicture.x, inPicture.x - inPicture.z), 0.0);
     if (past * past + inPicture.y * inPicture.y > halfWidth * halfWidth) discard;
-    if (stroke.y > 1.0 && !isDash(stroke.y, run / max(eyePixels.x * depth + eyePixels.y, 1e-20), 2.0 * halfWidth)) discard;
+    if (stroke.y > 1.0 && !isDash(stroke.y, share * length(endPlace - startPlace) / max(eyePixels.x * depth + eyePixels.y, 1e-20), 2.0 * halfWidth)) discard;
 #endif
 #else
     // Pictures that are drawn into textures are upside down, so that fronts run the other way.

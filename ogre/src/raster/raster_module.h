@@ -24,12 +24,13 @@ struct RasterVertex {
     glm::vec3 coordinates{0};  // s and t, and how deep it is in fog (FogCoordinate)
     glm::vec4 color{1};
 };
-/// One of four corners of a line or point, which the rasteriser makes as wide as the picture wants it.
+/// One of four corners of a line or point, which the rasteriser makes as wide as the picture wants it. All four know
+/// both ends; a point has them in one place.
 struct RasterStroke {
-    glm::vec3 position{0}, normal{0};
-    glm::vec3 start{0}, end{0};  // of the line; a point has both in one place
-    glm::vec3 corner{0};         // 0 or 1: at which end; -1 or 1: on which side; and how deep it is in fog
-    glm::vec4 color{1};
+    glm::vec3 start{0}, end{0};
+    glm::vec3 startNormal{0}, endNormal{0};
+    glm::vec4 startColor{1}, endColor{1};
+    glm::vec4 corner{0};  // 0 or 1: at which end; -1 or 1: on which side; how deep both ends are in fog
 };
 
 /// Either vertices or strokes.

@@ -35,17 +35,18 @@ void addFogged(const Mesh& mesh, std::size_t channel, RasterArrays& out) {
 
 void addStrokes(const Mesh& mesh, RasterArrays& out) {
     for (std::uint32_t i = 0; i < mesh.strokeCount; ++i) {
-        const Vec3f start = mesh.vertex(i, 0), end = mesh.vertex(i, 1);
+        RasterStroke stroke;
+        stroke.start = mesh.vertex(i, 0), stroke.end = mesh.vertex(i, 1);
+        if (mesh.normals.present())
+            stroke.startNormal = mesh.shadingNormal(i, 0, 0), stroke.endNormal = mesh.shadingNormal(i, 1, 0);
+        stroke.startColor = colorOf(mesh.color(i, 0, 0)), stroke.endColor = colorOf(mesh.color(i, 1, 0));
+        if (mesh.fogDepths.present()) {
+            stroke.corner.z = mesh.fogDepths.interpolate(i, 0, 0).x;
+            stroke.corner.w = mesh.fogDepths.interpolate(i, 1, 0).x;
+        }
         const auto first = static_cast<std::uint32_t>(out.strokes.size());
         for (std::uint32_t corner = 0; corner < 4; ++corner) {
-            const float at = corner < 2 ? 0 : 1;
-            RasterStroke stroke;
-            stroke.start = start, stroke.end = end;
-            stroke.position = corner < 2 ? start : end;
-            if (mesh.normals.present()) stroke.normal = mesh.shadingNormal(i, at, 0);
-            const float deep = mesh.fogDepths.present() ? mesh.fogDepths.interpolate(i, at, 0).x : 0;
-            stroke.corner = {at, corner % 2 == 0 ? -1 : 1, deep};
-            stroke.color = colorOf(mesh.color(i, at, 0));
+            stroke.corner.x = corner < 2 ? 0 : 1, stroke.corner.y = corner % 2 == 0 ? -1 : 1;
             out.strokes.push_back(stroke);
         }
         for (const std::uint32_t corner : {0u, 1u, 2u, 2u, 1u, 3u}) out.indices.push_back(first + corner);
@@ -54,7 +55,7 @@ void addStrokes(const Mesh& mesh, RasterArrays& out) {
 
 Bounds boundsOf(const std::vector<RasterStroke>& strokes) {
     Bounds bounds;
-    for (const RasterStroke& stroke : strokes) bounds.extend(stroke.position);
+    for (const RasterStroke& stroke : strokes) bounds.extend(stroke.start), bounds.extend(stroke.end);
     return bounds;
 }
 
