@@ -239,6 +239,10 @@ INSTANTIATE_TEST_SUITE_P(
                 "Fog { color 1 0 0 visibilityRange 100 }\nShape { appearance Appearance { material Material { } } "
                 "geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 0 2 3 -1 ] coord Coordinate { point [ -3 -2 1, 3 "
                 "-2 1, 3 2 1, -3 2 1 ] } fogCoord FogCoordinate { depth [ 0, .3, 1, .6 ] } } }\n"},
+        Content{"cut by the edges of the picture",
+                shape("material Material { diffuseColor 1 0 0 }", "Box { size 1 9 1 }", "5.6 0 0") +
+                    shape("material Material { diffuseColor 0 1 0 }", "Box { size 9 1 1 }", "0 4.4 0") +
+                    shape("material Material { diffuseColor 0 0 1 }", "Box { size 1 1 9 }", "-5.4 -1 2")},
         Content{"near, far and sight",
                 "NavigationInfo { visibilityLimit 14 }\nViewpoint { nearDistance 8 }\n" +
                     shape("material Material { diffuseColor 1 0 0 }", "Box { size 3 3 5 }") +
