@@ -2,6 +2,7 @@
 #include "raster_scene.h"
 
 #include <algorithm>
+#include <ctime>
 #include <utility>
 
 #include "raster_shapes.h"
@@ -283,7 +284,18 @@ void RasterScene::bringSlot(const SurfaceState& state, std::uint32_t at) {
     dropMesh(before.mesh);
 }
 
+namespace {
+
+double threadCpuSeconds() {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
 void RasterScene::bring(const SurfaceState& state, const std::vector<LayerView>& layers, const Vec3d& eye) {
+    const double start = threadCpuSeconds();
     moveOrigin(eye);
     bringSkies(state, layers);
     bringTables(state, layers);
@@ -311,6 +323,7 @@ void RasterScene::bring(const SurfaceState& state, const std::vector<LayerView>&
     }
     counts_.textures = textures_.made();
     state_ = state, originMoved_ = false;
+    counts_.handing += threadCpuSeconds() - start;
 }
 
 }  // namespace rtsg

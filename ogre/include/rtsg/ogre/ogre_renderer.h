@@ -44,6 +44,7 @@ class OgreRenderer final : public WorldRenderer {
     /// What has been handed to the graphics system since the start; for tests of the invariant.
     struct Counts {
         std::uint64_t meshes = 0, textures = 0, materials = 0, things = 0, moved = 0, tables = 0;
+        double handing = 0;  // CPU seconds of the calling thread for all of that
     };
     const Counts& counts() const;
     RasterContent content() const;
