@@ -30,7 +30,8 @@ void PictureArguments::addTo(Command& command) {
     command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
     command
         .addOption("--integrator", integrator,
-                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
+                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, of rtsg render "
+                   "alone, without shadows and mirrors")
         ->preset()
         ->oneOf({"whitted", "path", "raster"});
     command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
@@ -68,13 +69,14 @@ void PictureArguments::addTo(Command& command) {
     command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
 }
 
-ImageOptions PictureArguments::parse() const {
+ImageOptions PictureArguments::parse(bool mayRaster) const {
     ImageOptions options;
     const PictureSize pixels = PictureSize::parse(size);
     options.settings.width = pixels.width, options.settings.height = pixels.height;
-    if (integrator == "raster")
-        throw UsageError("--integrator", integrator + " is not built in; there are: whitted, path");
-    options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
+    if (integrator == "raster") checkRaster(mayRaster);
+    options.settings.integrator = integrator == "path"     ? Integrator::path
+                                  : integrator == "raster" ? Integrator::raster
+                                                           : Integrator::whitted;
     options.settings.colorSpace = colorSpace == "linear"    ? ColorSpace::linear
                                   : colorSpace == "display" ? ColorSpace::display
                                                             : ColorSpace::automatic;
@@ -96,6 +98,20 @@ ImageOptions PictureArguments::parse() const {
                                                        : Shadows::automatic;
     options.viewpoint = viewpoint;
     return options;
+}
+
+void PictureArguments::checkRaster(bool mayRaster) const {
+    if (!mayRaster) throw UsageError("--integrator", "raster is of rtsg render; here there are: whitted, path");
+    const PictureArguments usual;
+    const auto refuse = [](bool asked, const char* option) {
+        if (asked) throw UsageError(option, "is nothing that --integrator raster can do");
+    };
+    refuse(shadows != usual.shadows && shadows != "none", "--shadows");
+    refuse(depth != usual.depth && depth != 0, "--depth");
+    refuse(colorSpace != usual.colorSpace, "--color-space");
+    refuse(error > 0, "--error");
+    refuse(shutter > 0, "--shutter");
+    refuse(caps, "--caps");
 }
 
 void PictureArguments::checkSize(const std::string& file, const ImageOptions& options) {

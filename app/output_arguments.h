@@ -34,13 +34,17 @@ struct PictureArguments {
     bool caps = false;
 
     void addTo(Command& command);
-    /// Throws UsageError for invalid options, and for what is not built in.
-    ImageOptions parse() const;
+    /// Throws UsageError for what is wrong, and for --integrator raster unless `mayRaster`, or with what that cannot
+    /// do.
+    ImageOptions parse(bool mayRaster = false) const;
     /// The value of --tessellation. Throws UsageError.
     TessellationError tessellationError() const;
     /// Throws UsageError if such a picture does not fit the file's format.
     static void checkSize(const std::string& file, const ImageOptions& options);
     ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
+
+  private:
+    void checkRaster(bool mayRaster) const;
 };
 
 /// --binaural, --stereo, --rays and so on.

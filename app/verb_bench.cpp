@@ -61,6 +61,8 @@ constexpr Bench kBenches[] = {
      always<bench::runtime>},
     {"rays", "light", "primary rays with shading against the bare intersections", bench::rays},
     {"paths", "light", "a room lit by panels until its picture is known to 5 %", always<bench::paths>},
+    {"raster", "light", "the paper's scenes by OGRE: frames by deltas, pictures beside rays; needs a display",
+     bench::raster, true},
     {"overlap", "world", "the next frame's cascade while this one is pictured, against one after the other",
      bench::overlap},
     {"frames", "light", "the paper's scenes: load, picture, work of a frame in three mappings; minutes", frames, true},

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/ogre/ogre_renderer.h>
+
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -55,6 +57,12 @@ std::uint32_t parseLayers(std::string_view list) {
 
 /// Adds the options of the eye: lens, panorama, stereo. Throws UsageError.
 void addEye(const RenderArguments& options, ImageOptions& image) {
+    if (image.settings.integrator == Integrator::raster) {
+        if (options.panorama) throw UsageError("--panorama", "is nothing that --integrator raster can do");
+        if (options.aperture > 0) throw UsageError("--aperture", "is nothing that --integrator raster can do");
+        if (options.stereo != "none") throw UsageError("--stereo", "is nothing that --integrator raster can do");
+        if (image.settings.layers != 0) throw UsageError("--layers", "is nothing that --integrator raster can do");
+    }
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
         throw UsageError("--panorama", "is of one eye without a lens");
     if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
@@ -70,9 +78,44 @@ double noiseOverMean(const RenderStats& stats) {
     return stats.mean > 0 ? stats.noise / stats.mean : 0;
 }
 
+/// How much a picture shows.
+struct Content {
+    std::uint64_t instances = 0, triangles = 0;
+};
+
+/// The renderer that --integrator names, on a world.
+class PictureMaker {
+  public:
+    PictureMaker(SharedWorld& world, const Resources& resources, Integrator integrator) : world_(world) {
+        LightRenderer::Options options(resources);
+        if (integrator == Integrator::raster)
+            raster_ = std::make_unique<OgreRenderer>(world, std::move(options));
+        else
+            light_ = std::make_unique<LightRenderer>(world, std::move(options));
+    }
+    Result<> remember(const ImageOptions& image) { return light_ ? light_->remember(image) : Result<>(); }
+    Result<int> write(const std::string& file, const ImageOptions& image, const AnimationOptions& animation,
+                      const ToneMap& toneMap) {
+        if (light_) return renderToFile(*light_, file, image, animation, toneMap);
+        const auto next = [&](RenderStats& stats) { return raster_->nextPicture(image, &stats); };
+        return renderToFile(world_.scene(), next, file, image, animation, toneMap);
+    }
+    const Diagnostics& diagnostics() const { return light_ ? light_->diagnostics() : raster_->diagnostics(); }
+    Content content() const {
+        if (light_) return {world_.rays().stats().traced, world_.rays().stats().instancedTriangles};
+        const RasterContent drawn = raster_->content();
+        return {drawn.instances, drawn.triangles};
+    }
+
+  private:
+    SharedWorld& world_;
+    std::unique_ptr<LightRenderer> light_;
+    std::unique_ptr<OgreRenderer> raster_;
+};
+
 /// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
-                const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
+                const Content& content, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
         std::string more;
         if (settings.error > 0)
@@ -84,19 +127,20 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
             "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{:.6g},\"seconds\":{:.6f},\"instances\":{},"
             "\"triangles\":{},\"missing\":{:.4g}{}}}\n",
             jsonString(options.out), settings.width, settings.height, options.frames, all.samples, all.seconds,
-            rays.traced, rays.instancedTriangles, all.missing, more);
+            content.instances, content.triangles, all.missing, more);
         return;
     }
-    fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing{}\n", options.out, settings.width, settings.height,
-               options.frames, options.frames == 1 ? "" : "s", all.seconds,
-               options.frames == 1 ? "" : keptText(all.kept));
+    const bool drawn = settings.integrator == Integrator::raster;
+    fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of {}{}\n", options.out, settings.width, settings.height,
+               options.frames, options.frames == 1 ? "" : "s", all.seconds, drawn ? "drawing" : "tracing",
+               options.frames == 1 || drawn ? "" : keptText(all.kept));
     if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
                    settings.error, noiseOverMean(all), all.samples);
 }
 
 int render(const RenderArguments& options) {
-    ImageOptions image = options.picture.parse();
+    ImageOptions image = options.picture.parse(true);
     (void)options.picture.tessellationError();  // throws
     image.settings.layers = parseLayers(options.layers);
     addEye(options, image);
@@ -128,9 +172,9 @@ int render(const RenderArguments& options) {
     // Geometry is made from the first state that is seen, as earlier ones are not drawn.
     running.runTo(remembers ? before : time);
     SharedWorld& world = running.world().get();
-    LightRenderer light(world, LightRenderer::Options(running.resources()));
+    PictureMaker maker(world, running.resources(), image.settings.integrator);
     if (remembers) {
-        if (auto ok = light.remember(image); !ok) return printError(ok.error()), kBad;
+        if (auto ok = maker.remember(image); !ok) return printError(ok.error()), kBad;
         running.runTo(time);
     }
     animation.start = running.start() + time;
@@ -154,11 +198,11 @@ int render(const RenderArguments& options) {
         if (noiseOverMean(stats) >= noiseOverMean(all)) all.noise = stats.noise, all.mean = stats.mean;
         all.samples += stats.samples / options.frames, all.kept += stats.kept / options.frames;
     };
-    const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
+    const auto written = maker.write(options.out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
     running.printDiagnostics();
     Diagnostics found = world.diagnostics();
-    found.append(light.diagnostics());
+    found.append(maker.diagnostics());
     found.setFile(options.scene);
     print(found);
     if (!written) return printError(written.error()), kBad;
@@ -167,7 +211,7 @@ int render(const RenderArguments& options) {
                                  : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
         return kBad;
     }
-    tellResult(options, image.settings, all, world.rays().stats(), running.world().cuts());
+    tellResult(options, image.settings, all, maker.content(), running.world().cuts());
     if (const std::string missing = missingError(options.picture.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;

@@ -31,6 +31,8 @@ void structure(const Report& report, bool quick);
 void runtime(const Report& report, bool quick);
 bool rays(const Report& report, bool quick);
 void paths(const Report& report, bool quick);
+/// False if there is no rasteriser here, or a scene cannot be made.
+bool raster(const Report& report, bool quick);
 /// False if the copy on the other thread differs.
 bool overlap(const Report& report, bool quick);
 void deform(const Report& report, bool quick);

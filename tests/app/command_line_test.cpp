@@ -1,6 +1,8 @@
 // What scripts rely on: exit statuses, diagnostics on standard error, JSON on standard output.
 #include "program.h"
 
+#include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <sstream>
 
@@ -72,7 +74,10 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file},
         {"render", file, "-o", folder / "a.png", "--size", "wide"},
         {"render", file, "-o", folder / "a.png", "--frames", "3"},
-        {"render", file, "-o", folder / "a.png", "--integrator", "raster"},
+        {"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "raster"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "raster", "--shadows", "all"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "raster", "--panorama"},
+        {"render", file, "-o", folder / "a.exr", "--integrator", "raster", "--layers", "depth"},
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
         {"render", file, "-o", folder / "a.png", "--error", "-1"},
         {"render", file, "-o", folder / "a.png", "--shutter", ".5", "--spp", "1"},
@@ -192,10 +197,23 @@ TEST_F(Usage, WhatExcludesEachOtherIsRefused) {
     }
 }
 
-TEST_F(Usage, WhatIsNotBuiltInSaysSo) {
-    EXPECT_THAT(rtsg({"render", file, "-o", folder / "a.png", "--integrator", "raster"}).err,
-                HasSubstr("not built in"));
+TEST_F(Usage, WhatCannotBeDoneSaysSo) {
+    EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "raster"}).err,
+                HasSubstr("raster is of rtsg render"));
     EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"}).err, HasSubstr("--ambisonic"));
+}
+
+// The rasteriser needs a display, or OGRE is not there at all.
+TEST_F(Usage, WithoutADisplayThereIsNoRasteriser) {
+    const char* const display = std::getenv("DISPLAY");
+    const std::string before = display ? display : "";
+    ::setenv("DISPLAY", ":987", 1);
+    const Outcome outcome = rtsg({"render", file, "-o", folder / "a.png", "--integrator", "raster"});
+    ::unsetenv("DISPLAY");
+    if (display) ::setenv("DISPLAY", before.c_str(), 1);
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("rasteriser"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "a.png"));
 }
 
 TEST_F(Usage, MissingInputIsStatusOne) {

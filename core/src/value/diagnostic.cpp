@@ -54,6 +54,7 @@ constexpr FileCode kFileCodes[] = {
     {"/renderers/src/tessellate/", DiagnosticCode("geometry")},
     {"/renderers/src/world/picking", DiagnosticCode("pick")},
     {"/renderers/src/", DiagnosticCode("picture")},
+    {"/ogre/src/", DiagnosticCode("picture")},
     {"/audio/src/", DiagnosticCode("sound")},
     {"/sync/src/codec/", DiagnosticCode("record")},
     {"/sync/src/log/mcap", DiagnosticCode("mcap")},

@@ -5,9 +5,11 @@
 
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/renderers/picture.h>
+#include <rtsg/renderers/surface_tables.h>
 
 #include "lighting/emitters.h"
 #include "lighting/lamps.h"
@@ -60,8 +62,14 @@ Result<Picture> drawNext(const std::shared_ptr<const LightState>& state,
                          const std::shared_ptr<const WorldVersion>& world, const Camera& camera,
                          const RenderSettings& settings, RenderStats& stats, Trail& trail);
 
+/// The boxes around the layers of what rays meet, which must outlive it.
+BoxOfLayer boxesOf(const LightState& state, const RayView& world);
 /// The camera of a viewpoint; null: of the standard's default viewpoint.
-Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+Camera cameraOf(const LightState& state, const BoxOfLayer& boxes, const PlacedEntry* chosen, std::uint16_t layer,
                 double aspect);
+/// Does what LightTracer::camera() and layers() do, for any renderer that knows how far its layers reach.
+Result<Camera> findCamera(const LightState& state, const BoxOfLayer& boxes, double aspect, std::string_view name);
+std::vector<LayerView> findLayers(const LightState& state, const BoxOfLayer& boxes, const Camera& camera, int width,
+                                  int height);
 
 }  // namespace rtsg::trace

@@ -104,6 +104,11 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
 
 std::vector<LayerView> LightTracer::layers(const LightState& state, const RayView& world, const Camera& camera,
                                            int width, int height) {
+    return findLayers(state, boxesOf(state, world), camera, width, height);
+}
+
+std::vector<LayerView> trace::findLayers(const LightState& state, const BoxOfLayer& boxes, const Camera& camera,
+                                         int width, int height) {
     if (!state.layers) return {{camera, 0, 0, width, height}};
     std::vector<LayerView> result;
     for (const LayerList::Layer& layer : state.layers->order) {
@@ -117,7 +122,7 @@ std::vector<LayerView> LightTracer::layers(const LightState& state, const RayVie
         const double aspect = static_cast<double>(view.width) / view.height;
         const bool whole = view.width == width && view.height == height;
         const auto ofLayer = [&](double shape) {
-            return cameraOf(state, world, active<View>(state, layer.number), layer.number, shape);
+            return cameraOf(state, boxes, active<View>(state, layer.number), layer.number, shape);
         };
         if (layer.number != camera.layer)
             view.camera = ofLayer(aspect);

@@ -93,6 +93,13 @@ Result<> PictureFiles::finish(std::uint64_t skipped) {
 
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation, const ToneMap& toneMap) {
+    const auto next = [&](RenderStats& stats) { return light.nextPicture(options, &stats); };
+    return renderToFile(light.world().scene(), next, file, options, animation, toneMap);
+}
+
+Result<int> renderToFile(Scene& scene, const std::function<Result<Picture>(RenderStats&)>& next,
+                         const std::filesystem::path& file, const ImageOptions& options,
+                         const AnimationOptions& animation, const ToneMap& toneMap) {
     if (animation.frames < 1) return fail("an animation needs at least one frame");
     if (!(animation.framesPerSecond > 0)) return fail("frames per second must be positive");
     PictureFiles files(file, animation.framesPerSecond, toneMap);
@@ -109,9 +116,9 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
         if (animation.runTo)
             animation.runTo(t);
         else
-            light.world().scene().newFrame(t);
+            scene.newFrame(t);
         RenderStats stats;
-        auto picture = light.nextPicture(options, &stats);
+        auto picture = next(stats);
         if (!picture) return std::unexpected(picture.error());
         if (stats.cancelled) break;
         if (animation.stats) animation.stats(stats);

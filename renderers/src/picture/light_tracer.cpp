@@ -86,8 +86,7 @@ struct LightTracer::Impl {
 LightTracer::LightTracer(Resources resources)
     : impl_(std::make_unique<Impl>(std::make_shared<TextureStore>(std::move(resources)))) {}
 LightTracer::LightTracer(SharedWorld& world, const Resources& resources)
-    : impl_(std::make_unique<Impl>(std::static_pointer_cast<TextureStore>(
-          world.shared(TextureStore::nameOf(resources), [&] { return std::make_shared<TextureStore>(resources); })))) {}
+    : impl_(std::make_unique<Impl>(sharedTextures(world, resources))) {}
 LightTracer::~LightTracer() = default;
 
 Result<> LightTracer::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {

@@ -30,11 +30,9 @@ GroupsOf<L> groupLights(const LightState& state, std::uint16_t layer, const ToTr
     for (std::size_t i = count; i-- > 0 && i < state.scopes.size();) {
         typename GroupsOf<L>::Group& group = result.groups[i];
         group.first = static_cast<std::uint32_t>(result.lights.size());
-        if (const auto& lights = state.scopes[i].lights)
-            for (const std::uint32_t slot : *lights)
-                if (state.placed[slot]->placed.layer == layer)
-                    if (std::optional<L> light = toTrace(std::get<Light>(state.placed[slot]->what)))
-                        result.lights.push_back(std::move(*light));
+        eachLight(state, static_cast<std::uint32_t>(i), layer, [&](const Light& from) {
+            if (std::optional<L> light = toTrace(from)) result.lights.push_back(std::move(*light));
+        });
         group.count = static_cast<std::uint32_t>(result.lights.size()) - group.first;
     }
     // Each looks outwards until it meets one that knows.
@@ -162,6 +160,13 @@ glm::dmat3 toSquare(const Camera& camera) {
 
 }  // namespace
 
+Fogs fogsOf(const LightState& state, std::uint16_t layer) {
+    Fogs fogs;
+    if (const PlacedEntry* fog = active<FogEntry>(state, layer)) fogs.setGlobal(std::get<FogEntry>(fog->what).fog);
+    findLocalFogs(state, fogs);
+    return fogs;
+}
+
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
                           const RenderSettings& settings, Part part) {
     static const Sky black, clear = [] {
@@ -193,24 +198,20 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);
     scene.slots = SlotPages(state.slots);
-    const PlacedEntry* sky = active<SkyEntry>(state, layer);
-    scene.sky = sky ? &std::get<SkyEntry>(sky->what).sky : part.over ? &clear : &black;
+    const Sky* sky = skyOf(state, layer);
+    scene.sky = sky ? sky : part.over ? &clear : &black;
     scene.evenSky = scene.sky->uniform();
     if (scene.evenSky) {
         scene.skyLinear = scene.sky->color({0, 1, 0}, ColorSpace::linear);
         scene.skyDisplay = scene.sky->color({0, 1, 0}, ColorSpace::display);
     }
-    if (const PlacedEntry* fog = active<FogEntry>(state, layer))
-        scene.fogs.setGlobal(std::get<FogEntry>(fog->what).fog);
-    findLocalFogs(state, scene.fogs);
+    scene.fogs = fogsOf(state, layer);
     scene.energyLimited = settings.integrator == Integrator::path;
     scene.space = settings.integrator == Integrator::path ? ColorSpace::linear : settings.colorSpace;
 
     TraceLight headlight;  // 23.4.4: intensity 1, colour 1 1 1, ambientIntensity 0, along the view
     headlight.color = Vec3f(1);
     headlight.direction = Vec3f(part.headlight);
-    const Navigation* navigation = activeNavigation(state, layer);
-    const bool lit = !navigation || navigation->headlight;
     scene.lightGroups = groupLights<TraceLight>(state, layer, traceLights(state, world, settings));
     limitShadows(state, world, settings, scene);
     scene.environments = groupLights<TraceEnvironment>(state, layer, traceEnvironment);
@@ -219,7 +220,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
             for (const TraceEnvironment& light : scene.environments.lights)
                 light.from->prepare(scene.materials.glossy());
         });
-    if (lit && part.headlight != Vec3d(0)) {
+    if (hasHeadlight(state, layer) && part.headlight != Vec3d(0)) {
         // The headlight belongs to the whole scene, and so to the group that was filled last.
         scene.lightGroups.lights.push_back(headlight);
         ++scene.lightGroups.groups[0].count;

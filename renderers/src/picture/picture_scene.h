@@ -18,6 +18,9 @@ struct Part {
     bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
 };
 
+/// The bound Fog of a layer, and the LocalFogs.
+Fogs fogsOf(const LightState& state, std::uint16_t layer);
+
 /// Reads `state` and `world`, which must outlive it.
 TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
                           const RenderSettings& settings, Part part);

@@ -59,7 +59,14 @@ Bounds boundsOf(const LightState& state, const RayView& world, std::uint16_t lay
 
 }  // namespace
 
-Camera trace::cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+BoxOfLayer trace::boxesOf(const LightState& state, const RayView& world) {
+    return [&state, &world](std::uint16_t layer) {
+        const Bounds bounds = boundsOf(state, world, layer);
+        return bounds.empty() ? WorldBox() : WorldBox{world.toWorld(bounds.min), world.toWorld(bounds.max)};
+    };
+}
+
+Camera trace::cameraOf(const LightState& state, const BoxOfLayer& boxes, const PlacedEntry* chosen, std::uint16_t layer,
                        double aspect) {
     Camera camera;
     if (const std::uint16_t of = chosen ? chosen->placed.layer : layer; isLaidOut(state, of)) {
@@ -69,8 +76,8 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     }
     if (!chosen) {
         camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
-        const Bounds bounds = state.layers ? Bounds{} : boundsOf(state, world, layer);
-        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
+        if (const WorldBox box = state.layers ? WorldBox() : boxes(layer); !box.empty())
+            camera.frame(box.lower, box.upper);
         camera.layer = layer;
         return camera;
     }
@@ -82,8 +89,8 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     camera.layer = chosen->placed.layer;
     camera.viewpoint = chosen->placed.node;
     if (view.viewAll)
-        if (const Bounds bounds = boundsOf(state, world, camera.layer); !bounds.empty())
-            camera.viewAll(world.toWorld(bounds.min), world.toWorld(bounds.max), chosen->placed.worldFromLocal[1]);
+        if (const WorldBox box = boxes(camera.layer); !box.empty())
+            camera.viewAll(box.lower, box.upper, chosen->placed.worldFromLocal[1]);
     if (view.nearDistance > 0) camera.nearDistance = view.nearDistance;
     if (view.farDistance > 0)
         camera.farDistance = view.farDistance;
@@ -94,6 +101,11 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
 
 Result<Camera> LightTracer::camera(const LightState& state, const RayView& world, double aspect,
                                    std::string_view name) {
+    return findCamera(state, boxesOf(state, world), aspect, name);
+}
+
+Result<Camera> trace::findCamera(const LightState& state, const BoxOfLayer& boxes, double aspect,
+                                 std::string_view name) {
     if (!(aspect > 0) || !std::isfinite(aspect)) return fail("a picture's width and height must be positive");
     const PlacedEntry* chosen = nullptr;
     const std::uint16_t layer = state.layers ? state.layers->active : std::uint16_t{0};
@@ -114,7 +126,7 @@ Result<Camera> LightTracer::camera(const LightState& state, const RayView& world
             return fail(
                 fmt::format("no viewpoint is called \"{}\"; there are: {}", name, known.empty() ? "none" : known));
     }
-    return cameraOf(state, world, chosen, layer, aspect);
+    return cameraOf(state, boxes, chosen, layer, aspect);
 }
 
 }  // namespace rtsg

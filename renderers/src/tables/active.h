@@ -52,4 +52,25 @@ inline const Navigation* activeNavigation(const LightState& state, std::uint16_t
     return brought && (isBound(*brought) || !own || !isBound(*own)) ? &*brought : own;
 }
 
+/// 23.4.4: whether the eye of a layer has a light of its own.
+inline bool hasHeadlight(const LightState& state, std::uint16_t layer) {
+    const Navigation* navigation = activeNavigation(state, layer);
+    return !navigation || navigation->headlight;
+}
+
+/// The background that counts; null: there is none.
+inline const Sky* skyOf(const LightState& state, std::uint16_t layer) {
+    const PlacedEntry* sky = active<SkyEntry>(state, layer);
+    return sky ? &std::get<SkyEntry>(sky->what).sky : nullptr;
+}
+
+/// Calls `take` with each light that is on in this scope, those around it not included, and in the layer.
+template <class Take>
+void eachLight(const LightState& state, std::uint32_t scope, std::uint16_t layer, const Take& take) {
+    if (scope >= state.scopes.size()) return;
+    if (const auto& lights = state.scopes[scope].lights)
+        for (const std::uint32_t slot : *lights)
+            if (state.placed[slot]->placed.layer == layer) take(std::get<Light>(state.placed[slot]->what));
+}
+
 }  // namespace rtsg::trace

@@ -13,8 +13,8 @@ namespace rtsg::trace {
 namespace {
 
 /// The planes through a window's edges that are no edges of the picture's.
-std::vector<ClipEntry::Plane> planesOf(const std::array<float, 4>& window, const Camera& eye) {
-    std::vector<ClipEntry::Plane> planes;
+std::vector<CutPlane> planesOf(const std::array<float, 4>& window, const Camera& eye) {
+    std::vector<CutPlane> planes;
     if (eye.panorama) return planes;
     const glm::dmat3 rows = glm::transpose(eye.steps());
     const auto add = [&](float share, double low, double high, const Vec3d& across, double side) {
@@ -39,21 +39,15 @@ class ClipFilter final : public RayFilter {
     static std::shared_ptr<const RayFilter> of(const LightState& state, const RayView& world,
                                                const RenderSettings& settings, const Camera* eye) {
         std::shared_ptr<ClipFilter> filter;
-        for (std::size_t i = 0; i < state.placed.size(); ++i) {
-            const PlacedEntry* entry = state.placed[i].get();
-            const ClipEntry* clip = entry ? std::get_if<ClipEntry>(&entry->what) : nullptr;
-            if (!clip) continue;
-            std::vector<ClipEntry::Plane> planes = clip->planes;
-            if (clip->window && eye) planes = planesOf(*clip->window, *eye);
-            if (planes.empty()) continue;
+        eachCut(state, eye, [&](const ClipEntry& clip, const std::vector<CutPlane>& planes) {
             if (!filter) filter = std::make_shared<ClipFilter>(state);
-            for (const ClipEntry::Plane& plane : planes) {
+            for (const CutPlane& plane : planes) {
                 const double offset = plane.offset + glm::dot(plane.normal, world.origin());
                 const Vec4f cut(Vec3f(plane.normal), static_cast<float>(offset));
-                filter->planes_[clip->scope].push_back(cut);
-                if (settings.caps && clip->capped) filter->caps_.push_back({cut, clip->scope});
+                filter->planes_[clip.scope].push_back(cut);
+                if (settings.caps && clip.capped) filter->caps_.push_back({cut, clip.scope});
             }
-        }
+        });
         // While a shutter is open things are elsewhere, too.
         if (filter && settings.shutter == 0) filter->findBounds(world);
         if (filter && filter->bounds_.empty()) return nullptr;
@@ -216,6 +210,18 @@ struct Extent {
 };
 
 }  // namespace
+
+void eachCut(const LightState& state, const Camera* eye,
+             const std::function<void(const ClipEntry&, const std::vector<CutPlane>&)>& take) {
+    for (std::size_t i = 0; i < state.placed.size(); ++i) {
+        const PlacedEntry* entry = state.placed[i].get();
+        const ClipEntry* clip = entry ? std::get_if<ClipEntry>(&entry->what) : nullptr;
+        if (!clip) continue;
+        const bool byEye = clip->window && eye;
+        if (const std::vector<CutPlane> planes = byEye ? planesOf(*clip->window, *eye) : clip->planes; !planes.empty())
+            take(*clip, planes);
+    }
+}
 
 std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
                                             const RenderSettings& settings, const Camera* eye) {

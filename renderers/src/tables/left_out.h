@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,6 +15,10 @@
 #include "lighting/trace_scene.h"
 
 namespace rtsg::trace {
+
+/// Calls `take` with each ClipPlane and Viewport, and with the planes that it cuts by. `eye`: as for clipFilter().
+void eachCut(const LightState& state, const Camera* eye,
+             const std::function<void(const ClipEntry&, const std::vector<CutPlane>&)>& take);
 
 /// Leaves out what ClipPlanes and Viewports cut off; null if they cut nothing. `eye` is the picture's; null if the
 /// picture's edges do not matter.

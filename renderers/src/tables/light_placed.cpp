@@ -104,8 +104,8 @@ void readColors(const Node& node, Sky& sky, const S*) {
 namespace {
 
 /// The plane in the world, if the frame's transform has an inverse; nothing if it has no direction.
-std::optional<ClipEntry::Plane> planeIn(const WorldFromLocal& m, const Vec4d& plane) {
-    ClipEntry::Plane result;
+std::optional<CutPlane> planeIn(const WorldFromLocal& m, const Vec4d& plane) {
+    CutPlane result;
     result.normal = glm::transpose(glm::inverse(glm::dmat3(m[0], m[1], m[2]))) * Vec3d(plane);
     result.offset = plane.w - glm::dot(result.normal, m[3]);
     const double length = glm::length(result.normal);

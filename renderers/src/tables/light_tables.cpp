@@ -12,6 +12,7 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/shared_world.h>
 
 #include "texture/volume.h"
 
@@ -47,6 +48,11 @@ void tellOfTextures(const Scene& scene, NodeId geometry, const Material& materia
 }
 
 }  // namespace
+
+std::shared_ptr<TextureStore> sharedTextures(SharedWorld& world, const Resources& resources) {
+    const auto make = [&] { return std::make_shared<TextureStore>(resources); };
+    return std::static_pointer_cast<TextureStore>(world.shared(TextureStore::nameOf(resources), make));
+}
 
 void LightTables::tellOfDamage() {
     textures_->tellOfDamage(said_);

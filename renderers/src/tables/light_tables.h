@@ -28,6 +28,8 @@
 
 namespace rtsg {
 
+class SharedWorld;
+
 namespace trace {
 
 class EmitterTable;
@@ -67,14 +69,10 @@ struct LocalFogEntry {
     Fog fog;
     std::uint32_t scope = 0;  // its number
 };
-/// Leaves out, of everything in its scope, what lies where x dot normal + offset < 0 (world) for any of its planes; and
+/// Leaves out, of everything in its scope, what lies on the wrong side of any of its planes; and
 /// what the eye of a picture sees outside of a window, as clipBoundaryOf() has it.
 struct ClipEntry {
-    struct Plane {
-        Vec3d normal{0, 1, 0};
-        double offset = 0;
-    };
-    std::vector<Plane> planes;
+    std::vector<CutPlane> planes;
     std::optional<std::array<float, 4>> window;
     std::uint32_t scope = 0;  // its number
     bool capped = false;      // where RenderSettings::caps says so: a ClipPlane, not a viewport
@@ -125,6 +123,9 @@ struct LightState {
     std::shared_ptr<trace::EmitterTable> emitterTable;              // of all versions; may be null
     std::shared_ptr<trace::SkyTable> skyTable;                      // the same
 };
+
+/// The textures of a world under one policy, of all who have the same.
+std::shared_ptr<TextureStore> sharedTextures(SharedWorld& world, const Resources& resources);
 
 class LightTables {
   public:

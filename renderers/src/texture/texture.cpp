@@ -412,6 +412,16 @@ const std::vector<Texture::Level>& Texture::coarse(bool decode) const {
     return c.levels;
 }
 
+int Texture::levels() const {
+    return static_cast<int>(coarse(false).size()) + 1;
+}
+
+Texture::LevelPixels Texture::level(int number, ColorSpace space) const {
+    const bool decode = content_ == Content::color && !wide_ && space == ColorSpace::linear;
+    const Level& level = number == 0 ? finest_ : coarse(decode)[static_cast<std::size_t>(number) - 1];
+    return {level.width, level.height, level.encoded, level.linear};
+}
+
 std::size_t Texture::bytes() const {
     const auto of = [](const Level& level) { return level.encoded.size() * 4 + level.linear.size() * sizeof(Vec4f); };
     std::size_t result = of(finest_);

@@ -35,6 +35,11 @@ struct AnimationOptions {
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
+/// The same with another renderer's pictures of the scene: `next` makes that of its present state.
+Result<int> renderToFile(Scene& scene, const std::function<Result<Picture>(RenderStats&)>& next,
+                         const std::filesystem::path& file, const ImageOptions& options,
+                         const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
+
 /// The files of pictures that come one after the other, by the name that is given: one for each, where it holds a place
 /// for a number such as %04d; a film (.mp4); a GIF that moves, once all are there; else one that each replaces.
 /// Threading: one thread.

@@ -230,4 +230,10 @@ struct Fog {
 /// Reads a Fog or LocalFog node. A volumetric fog whose direction is zero is no fog.
 Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
 
+/// Leaves out what lies in the world where dot(normal, x) + offset < 0. `normal` is a unit vector.
+struct CutPlane {
+    Vec3d normal{0, 1, 0};
+    double offset = 0;
+};
+
 }  // namespace rtsg

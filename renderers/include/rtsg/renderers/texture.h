@@ -96,6 +96,21 @@ class Texture {
     /// Bytes of a pixel of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
     unsigned bytesPerPixel() const { return wide_ ? 16 : 4; }
 
+    /// The pixels of one level, row by row from the lower left, in one of the two forms; neither of a picture in tiles.
+    /// Valid as long as the texture is.
+    struct LevelPixels {
+        int width = 0, height = 0;
+        /// R | G << 8 | B << 16 | A << 24: display values, of data the numbers themselves.
+        std::span<const std::uint32_t> encoded;
+        /// Of pictures with more than 8 bits: linear light, or the numbers themselves.
+        std::span<const Vec4f> linear;
+    };
+    /// How many levels there are: the picture itself and its coarser copies, down to one pixel.
+    int levels() const;
+    /// Level 0 is the finest, each next one half as wide and high. `space` (linear or display) is that in which the
+    /// pixels of the coarser ones were averaged. Precondition: 0 <= number < levels().
+    LevelPixels level(int number, ColorSpace space) const;
+
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
     /// 0: the finest. Coordinates that are not finite give the colour at 0, 0. `space` (linear or display) is that of
     /// the result; for data it changes nothing.

@@ -1,0 +1,371 @@
+// The module: OGRE's root, a scene manager for each rasteriser, and pictures of it.
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <OgreCamera.h>
+#include <OgreException.h>
+#include <OgreGpuProgramParams.h>
+#include <OgreHardwarePixelBuffer.h>
+#include <OgreLogManager.h>
+#include <OgreMaterialManager.h>
+#include <OgreRenderSystem.h>
+#include <OgreRenderTexture.h>
+#include <OgreRenderWindow.h>
+#include <OgreRoot.h>
+#include <OgreSceneManager.h>
+#include <OgreSceneNode.h>
+#include <OgreTextureManager.h>
+#include <OgreViewport.h>
+
+#include "gpu_thing.h"
+
+namespace rtsg {
+
+namespace {
+
+/// There is one in a process, and it stays: OGRE's parts are singletons, and contexts of graphics are dear.
+Ogre::Root* rootOf(std::string& problem) {
+    static Ogre::Root* root = nullptr;
+    static std::string failure;
+    if (root || !failure.empty()) {
+        problem = failure;
+        return root;
+    }
+    try {
+        auto* log = new Ogre::LogManager;
+        log->createLog("rtsg", true, false, true);
+        auto* made = new Ogre::Root("", "", "");
+        made->loadPlugin(RTSG_OGRE_PLUGINS "/RenderSystem_GL3Plus");
+        if (made->getAvailableRenderers().empty()) throw std::runtime_error("OGRE has no OpenGL 3 here");
+        made->setRenderSystem(made->getAvailableRenderers()[0]);
+        made->initialise(false);
+        Ogre::NameValuePairList parameters;
+        parameters["hidden"] = "true";
+        made->createRenderWindow("rtsg", 1, 1, false, &parameters)->setAutoUpdated(false);
+        root = made;
+    } catch (const Ogre::Exception& e) {
+        failure = e.getDescription();
+    } catch (const std::exception& e) {
+        failure = e.what();
+    }
+    problem = failure;
+    return root;
+}
+
+Ogre::Matrix4 matrix(const glm::mat4& m) {
+    return {m[0].x, m[1].x, m[2].x, m[3].x, m[0].y, m[1].y, m[2].y, m[3].y,
+            m[0].z, m[1].z, m[2].z, m[3].z, m[0].w, m[1].w, m[2].w, m[3].w};
+}
+Ogre::Vector3 vector(const glm::vec3& v) {
+    return {v.x, v.y, v.z};
+}
+Ogre::Vector4 vector(const glm::vec3& v, float w) {
+    return {v.x, v.y, v.z, w};
+}
+
+class OgreRaster final : public RasterModule {
+  public:
+    explicit OgreRaster(Ogre::Root& root) : root_(root), prefix_("rtsg" + std::to_string(++count()) + " ") {
+        library_ = std::make_unique<GpuLibrary>(prefix_);
+        scene_ = root_.createSceneManager();
+        eyeNode_ = scene_->getRootSceneNode()->createChildSceneNode();
+        camera_ = scene_->createCamera("eye");
+        eyeNode_->attachObject(camera_);
+        library_->setTable({});
+        const RasterVertex corners[3] = {{{-1, -1, 0}}, {{3, -1, 0}}, {{-1, 3, 0}}};
+        const std::uint32_t indices[3] = {0, 1, 2};
+        RasterMesh all;
+        all.vertices = corners, all.indices = indices;
+        whole_.set(all);
+    }
+    ~OgreRaster() override {
+        things_.clear();
+        backgrounds_.clear();
+        for (auto& [number, material] : materials_) forget(material.material);
+        dropTarget();
+        library_.reset();
+        root_.destroySceneManager(scene_);
+    }
+
+    std::string driver() const override { return root_.getRenderSystem()->getCapabilities()->getDeviceName(); }
+    std::string problem() override { return std::exchange(problem_, {}); }
+
+    void setMesh(std::uint32_t number, const RasterMesh& mesh) override {
+        guarded([&] {
+            Mesh& held = meshes_[number];
+            if (!held.mesh) held.mesh = std::make_unique<GpuMesh>();
+            held.mesh->set(mesh);
+            for (GpuThing* user : held.users) user->show(*held.mesh);
+        });
+    }
+    void dropMesh(std::uint32_t number) override { meshes_.erase(number); }
+    void setTexture(std::uint32_t number, const RasterTexture& texture) override {
+        guarded([&] { library_->setTexture(number, texture); });
+    }
+    void dropTexture(std::uint32_t number) override {
+        guarded([&] { library_->dropTexture(number); });
+    }
+    void setMaterial(std::uint32_t number, const RasterMaterial& material) override {
+        guarded([&] {
+            Ogre::MaterialPtr made = library_->makeMaterial("material", material);
+            Material& held = materials_[number];
+            for (GpuThing* user : held.users) user->setMaterial(made);
+            forget(held.material);
+            held.material = made;
+        });
+    }
+    void dropMaterial(std::uint32_t number) override {
+        guarded([&] {
+            forget(materials_[number].material);
+            materials_.erase(number);
+        });
+    }
+
+    void setThing(std::uint32_t number, const RasterThing& thing) override {
+        guarded([&] {
+            Placed& placed = things_[number];
+            if (!placed.object) {
+                placed.object = std::make_unique<GpuThing>(view_);
+                placed.scene = scene_;
+                placed.node = scene_->getRootSceneNode()->createChildSceneNode();
+                placed.node->attachObject(placed.object.get());
+            }
+            unlink(*placed.object);
+            placed.object->setThing(thing, recordOf(thing.place));
+            Mesh& mesh = meshes_.at(thing.mesh);
+            Material& material = materials_.at(thing.material);
+            placed.object->show(*mesh.mesh);
+            placed.object->setMaterial(material.material);
+            mesh.users.insert(placed.object.get()), material.users.insert(placed.object.get());
+            placed.node->setPosition(vector(thing.position));
+        });
+    }
+    void moveThing(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
+        const auto found = things_.find(number);
+        if (found == things_.end()) return;
+        found->second.object->setLinear(linear, mirrored);
+        found->second.node->setPosition(vector(position));
+    }
+    void dropThing(std::uint32_t number) override {
+        const auto found = things_.find(number);
+        if (found == things_.end()) return;
+        unlink(*found->second.object);
+        things_.erase(found);
+    }
+    void setTables(const RasterTables& tables) override {
+        guarded([&] { layOut(tables); });
+    }
+    void draw(int width, int height, const std::vector<RasterView>& views, std::vector<glm::vec4>& pixels) override {
+        pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), glm::vec4(0));
+        guarded([&] {
+            aim(width, height);
+            for (std::size_t i = 0; i < views.size(); ++i) drawView(views[i], i, height);
+            target_->getBuffer()->blitToMemory(Ogre::PixelBox(static_cast<Ogre::uint32>(width),
+                                                              static_cast<Ogre::uint32>(height), 1,
+                                                              Ogre::PF_FLOAT32_RGBA, pixels.data()));
+        });
+    }
+
+  private:
+    struct Placed {
+        std::unique_ptr<GpuThing> object;
+        Ogre::SceneNode* node = nullptr;
+        Ogre::SceneManager* scene = nullptr;
+        Placed() = default;
+        Placed(const Placed&) = delete;
+        Placed& operator=(const Placed&) = delete;
+        ~Placed() {
+            if (!node) return;
+            node->detachAllObjects();
+            scene->destroySceneNode(node);
+        }
+    };
+    struct Mesh {
+        std::unique_ptr<GpuMesh> mesh;
+        std::set<GpuThing*> users;
+    };
+    struct Material {
+        Ogre::MaterialPtr material;
+        std::set<GpuThing*> users;
+    };
+    struct Background {
+        RasterSky sky;
+        Ogre::MaterialPtr material;
+        Placed thing;
+        Background() = default;
+        Background(const Background&) = delete;
+        Background& operator=(const Background&) = delete;
+        ~Background() { forget(material); }
+    };
+
+    static int& count() {
+        static int made = 0;
+        return made;
+    }
+    static void forget(const Ogre::MaterialPtr& material) {
+        if (material) Ogre::MaterialManager::getSingleton().remove(material);
+    }
+    template <class Do>
+    void guarded(const Do& act) {
+        try {
+            act();
+        } catch (const Ogre::Exception& e) {
+            tell(e.getDescription());
+        } catch (const std::exception& e) {
+            tell(e.what());
+        }
+    }
+
+    /// The first one is what others follow from.
+    void tell(const std::string& what) {
+        if (problem_.empty()) problem_ = what;
+    }
+    void unlink(GpuThing& thing) {
+        if (const auto mesh = meshes_.find(thing.thing().mesh); mesh != meshes_.end()) mesh->second.users.erase(&thing);
+        if (const auto material = materials_.find(thing.thing().material); material != materials_.end())
+            material->second.users.erase(&thing);
+    }
+    int recordOf(std::uint32_t place) const { return place < records_.size() ? records_[place] : 0; }
+
+    void layOut(const RasterTables& tables) {
+        std::vector<glm::vec4> texels;
+        for (const RasterLight& l : tables.lights) {
+            texels.insert(texels.end(),
+                          {glm::vec4(l.kind, l.radius, l.localFromWorld, l.beamWidth),
+                           glm::vec4(l.color, l.cutOffAngle), glm::vec4(l.ambient, 0), glm::vec4(l.position, 0),
+                           glm::vec4(l.direction, 0), glm::vec4(l.attenuation, 0)});
+        }
+        records_.clear();
+        for (const RasterSurroundings& place : tables.places) {
+            const auto lights = texels.size();
+            for (const std::uint32_t light : place.lights)
+                texels.emplace_back(static_cast<float>(light * static_cast<std::uint32_t>(kLightTexels)), 0, 0, 0);
+            const auto cuts = texels.size();
+            texels.insert(texels.end(), place.cuts.begin(), place.cuts.end());
+            records_.push_back(static_cast<int>(texels.size()));
+            texels.insert(texels.end(), {glm::vec4(static_cast<float>(lights), static_cast<float>(place.lights.size()),
+                                                   static_cast<float>(cuts), static_cast<float>(place.cuts.size())),
+                                         glm::vec4(place.fogType, place.fogRange, place.fogBegin, 0),
+                                         glm::vec4(place.fogColor, 0), glm::vec4(place.fogAlong, 0)});
+        }
+        if (!library_->setTable(std::move(texels))) tell("there are too many lights at too many places");
+        for (auto& [id, thing] : things_) thing.object->setRecord(recordOf(thing.object->thing().place));
+    }
+
+    void dropTarget() {
+        if (target_) Ogre::TextureManager::getSingleton().remove(target_);
+        target_.reset();
+    }
+    void aim(int width, int height) {
+        const auto w = static_cast<Ogre::uint>(width), h = static_cast<Ogre::uint>(height);
+        if (target_ && target_->getWidth() == w && target_->getHeight() == h) return;
+        dropTarget();
+        target_ = Ogre::TextureManager::getSingleton().createManual(
+            prefix_ + "picture " + std::to_string(++targets_), Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME,
+            Ogre::TEX_TYPE_2D, w, h, 0, Ogre::PF_FLOAT16_RGBA, Ogre::TU_RENDERTARGET);
+        Ogre::RenderTexture* surface = target_->getBuffer()->getRenderTarget();
+        surface->setAutoUpdated(false);
+        viewport_ = surface->addViewport(camera_);
+        viewport_->setOverlaysEnabled(false);
+        viewport_->setShadowsEnabled(false);
+        viewport_->setBackgroundColour(Ogre::ColourValue(0, 0, 0, 0));
+    }
+
+    void setNumbers(const RasterView& v) {
+        const auto set = [&](DrawNumber which, const Ogre::Vector4& value) {
+            view_[static_cast<std::size_t>(which)] = value;
+        };
+        set(DrawNumber::eyePlace, vector(v.eye, v.orthographic ? 1.0f : 0.0f));
+        set(DrawNumber::eyeForward, vector(v.forward, v.upPixels.z));
+        set(DrawNumber::eyeRight, vector(v.right, v.headlight ? 1.0f : 0.0f));
+        set(DrawNumber::eyeUp, vector(v.up, v.upPixels.y));
+        set(DrawNumber::eyeLimits, {v.nearDistance, v.farDistance, v.visibilityLimit, v.upPixels.x});
+        set(DrawNumber::eyePixels, {v.pixelSpread, v.pixelSize, 0, 0});
+        set(DrawNumber::eyeMore, {v.sampleShare, v.acrossPixels.x, v.acrossPixels.y, v.acrossPixels.z});
+        set(DrawNumber::eyeEdges, {v.left, v.rightEdge, v.bottom, v.top});
+        set(DrawNumber::squareX, vector(v.square[0], v.uneven ? 1.0f : 0.0f));
+        set(DrawNumber::squareY, vector(v.square[1], 0)), set(DrawNumber::squareZ, vector(v.square[2], 0));
+        set(DrawNumber::pictureSize, {static_cast<float>(v.width), static_cast<float>(v.height), 0, 0});
+    }
+
+    void showBackground(const RasterView& view, std::size_t number) {
+        for (auto& [id, other] : backgrounds_) other.thing.object->setVisible(false);
+        if (view.sky.colors.empty()) return;
+        Background& background = backgrounds_[number];
+        if (!background.thing.object) {
+            background.thing.object = std::make_unique<GpuThing>(view_);
+            background.thing.scene = scene_;
+            background.thing.node = scene_->getRootSceneNode()->createChildSceneNode();
+            background.thing.node->attachObject(background.thing.object.get());
+            background.thing.object->setRenderOperation(whole_.operation());
+            background.thing.object->setBackground();
+        }
+        if (!background.material || background.sky != view.sky) {
+            const Ogre::MaterialPtr before = background.material;
+            background.material = library_->makeBackground("background", view.sky);
+            background.thing.object->setMaterial(background.material);
+            background.sky = view.sky;
+            forget(before);
+        }
+        background.thing.object->setVisible(true);
+    }
+
+    void drawView(const RasterView& view, std::size_t number, int height) {
+        Ogre::RenderTexture* surface = target_->getBuffer()->getRenderTarget();
+        const auto w = static_cast<float>(surface->getWidth()), h = static_cast<float>(height);
+        viewport_->setDimensions(static_cast<float>(view.x) / w, static_cast<float>(view.y) / h,
+                                 static_cast<float>(view.width) / w, static_cast<float>(view.height) / h);
+        viewport_->setClearEveryFrame(true, number == 0 ? Ogre::FBT_COLOUR | Ogre::FBT_DEPTH : Ogre::FBT_DEPTH);
+        viewport_->setVisibilityMask(1u << std::min<unsigned>(view.layer, 31));
+        eyeNode_->setPosition(vector(view.eye));
+        camera_->setCustomViewMatrix(true, Ogre::Affine3(matrix(view.viewFromWorld)));
+        camera_->setCustomProjectionMatrix(true, matrix(view.projection));
+        setNumbers(view);
+        showBackground(view, number);
+        surface->update();
+    }
+
+    Ogre::Root& root_;
+    const std::string prefix_;
+    std::unique_ptr<GpuLibrary> library_;
+    Ogre::SceneManager* scene_ = nullptr;
+    Ogre::SceneNode* eyeNode_ = nullptr;
+    Ogre::Camera* camera_ = nullptr;
+    Ogre::Viewport* viewport_ = nullptr;
+    Ogre::TexturePtr target_;
+    int targets_ = 0;
+    ViewNumbers view_{};
+    GpuMesh whole_;  // a triangle over the whole picture
+    std::map<std::uint32_t, Mesh> meshes_;
+    std::map<std::uint32_t, Material> materials_;
+    std::map<std::uint32_t, Placed> things_;
+    std::map<std::size_t, Background> backgrounds_;  // by the number of the view
+    std::vector<int> records_;                       // by place
+    std::string problem_;
+};
+
+std::unique_ptr<RasterModule> openRaster(std::string& problem) {
+    Ogre::Root* root = rootOf(problem);
+    if (!root) return nullptr;
+    try {
+        return std::make_unique<OgreRaster>(*root);
+    } catch (const Ogre::Exception& e) {
+        problem = e.getDescription();
+    } catch (const std::exception& e) {
+        problem = e.what();
+    }
+    return nullptr;
+}
+
+}  // namespace
+
+}  // namespace rtsg
+
+extern "C" __attribute__((visibility("default"))) rtsg::OpenRaster rtsg_open_raster_1() {
+    return &rtsg::openRaster;
+}

@@ -1,0 +1,274 @@
+// Follows a shared world, hands what has changed to the rasteriser, and asks it for pictures.
+#include <rtsg/ogre/ogre_renderer.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <set>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/module.h>
+#include <rtsg/renderers/surface_tables.h>
+
+#include "raster_looks.h"
+#include "raster_module.h"
+#include "raster_scene.h"
+
+namespace rtsg {
+
+namespace {
+
+Result<std::unique_ptr<RasterModule>> openRaster() {
+#ifdef RTSG_NO_OGRE
+    return fail("this program was built without a rasteriser: OGRE 1.12 was not there, or RTSG_OGRE was off");
+#else
+    const auto found = loadModule("rtsg_ogre", RTSG_OGRE_SYMBOL, "pictures by the rasteriser need");
+    if (!found) return std::unexpected(found.error());
+    std::string problem;
+    auto module = reinterpret_cast<OpenRaster (*)()>(*found)()(problem);
+    if (!module) return fail(fmt::format("there is no rasteriser here: {}", problem));
+    return module;
+#endif
+}
+
+/// What a rasteriser cannot do is refused.
+Result<> checkOptions(const ImageOptions& options) {
+    const RenderSettings& s = options.settings;
+    constexpr int kMaxSide = 1 << 14;
+    if (s.width < 1 || s.height < 1 || s.width > kMaxSide || s.height > kMaxSide)
+        return fail(fmt::format("the rasteriser cannot draw {} x {} pixels; both must be from 1 to {}", s.width,
+                                s.height, kMaxSide));
+    if (s.samplesPerPixel < 1 || s.samplesPerPixel > 1 << 20)
+        return fail(fmt::format("cannot take {} samples per pixel", s.samplesPerPixel));
+    const auto refuse = [](const char* what) { return fail(fmt::format("the rasteriser draws no {}", what)); };
+    if (s.shadows == Shadows::all || s.shadows == Shadows::authored) return refuse("shadows");
+    if (s.layers != 0) return refuse("layers of data");
+    if (s.error > 0) return fail("the rasteriser does not estimate errors");
+    if (s.shutter > 0) return refuse("blur of motion");
+    if (s.colorSpace != ColorSpace::automatic) return refuse("pictures in another colour space than auto");
+    if (s.caps) return refuse("caps");
+    if (options.panorama) return refuse("panoramas");
+    if (options.lensRadius > 0) return refuse("blur of lenses");
+    if (options.stereo != Stereo::none) return refuse("pictures for two eyes");
+    return {};
+}
+
+/// The place of a sample in a pixel, from 0 to 1: the middle, or a row of places that fills it evenly.
+Vec2d placeOf(int sample, int samples) {
+    if (samples == 1) return {.5, .5};
+    double y = 0, share = .5;
+    for (auto bits = static_cast<unsigned>(sample); bits; bits >>= 1, share /= 2) y += (bits & 1u) ? share : 0;
+    return {(sample + .5) / samples, y + .5 / samples};
+}
+
+glm::mat4 viewOf(const Camera& camera, const Vec3d& origin) {
+    const glm::dmat3 steps = camera.steps();
+    const glm::dmat3 rows = glm::transpose(steps);
+    const Vec3d eye = camera.position - origin;
+    const Vec3d axes[3] = {rows[0], rows[1], -rows[2]};
+    glm::mat4 view(1.0f);
+    for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c) view[c][r] = static_cast<float>(axes[r][c]);
+        view[3][r] = static_cast<float>(-glm::dot(axes[r], eye));
+    }
+    return view;
+}
+
+/// Depths are the fragments' own matter: this one only cuts off what is behind the eye.
+glm::mat4 projectionOf(const RasterView& view, bool orthographic) {
+    const float width = view.rightEdge - view.left, height = view.top - view.bottom;
+    glm::mat4 m(0.0f);
+    m[0][0] = 2 / width, m[1][1] = 2 / height;
+    const float x = (view.rightEdge + view.left) / width, y = (view.top + view.bottom) / height;
+    if (orthographic) {
+        m[3] = {-x, -y, 0, 1};
+        m[2][2] = -1e-12f;  // far enough for whatever is seen, and not 0, since OGRE inverts the matrix
+        return m;
+    }
+    constexpr float kNear = 1e-6f;
+    m[2] = {x, y, -1, -1};
+    m[3][2] = -2 * kNear;
+    return m;
+}
+
+RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& place, int samples) {
+    const Camera& camera = layer.camera;
+    RasterView view;
+    view.x = layer.left, view.y = layer.top, view.width = layer.width, view.height = layer.height;
+    view.layer = camera.layer;
+    const double across = (camera.rightEdge - camera.left) * (place.x - .5) / layer.width;
+    const double upwards = (camera.top - camera.bottom) * (.5 - place.y) / layer.height;
+    view.left = static_cast<float>(camera.left + across),
+    view.rightEdge = static_cast<float>(camera.rightEdge + across);
+    view.bottom = static_cast<float>(camera.bottom + upwards), view.top = static_cast<float>(camera.top + upwards);
+    view.orthographic = camera.orthographic;
+    view.viewFromWorld = viewOf(camera, origin);
+    view.projection = projectionOf(view, camera.orthographic);
+    view.eye = Vec3f(camera.position - origin), view.forward = Vec3f(camera.forward);
+    view.right = Vec3f(camera.right), view.up = Vec3f(camera.up);
+    const glm::dmat3 rows = glm::transpose(camera.steps()) * (camera.pixel(1) / (camera.top - camera.bottom));
+    view.acrossPixels = Vec3f(rows[0]), view.upPixels = Vec3f(rows[1]);
+    const auto pixel = static_cast<float>(camera.pixel(layer.height));
+    view.pixelSpread = camera.orthographic ? 0 : pixel, view.pixelSize = camera.orthographic ? pixel : 0;
+    const auto limit = [](double distance) { return static_cast<float>(std::min(distance, 1e30)); };
+    view.nearDistance = limit(camera.nearDistance), view.farDistance = limit(camera.farDistance);
+    view.visibilityLimit = limit(camera.visibilityLimit);
+    view.uneven = !camera.isEven();
+    const glm::dmat3 axes = camera.axes();
+    view.square = glm::mat3(glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps());
+    constexpr int kMostSharing = 64;  // as the light tracer's
+    view.sampleShare = 1 / std::sqrt(static_cast<float>(std::min(samples, kMostSharing)));
+    return view;
+}
+
+}  // namespace
+
+struct OgreRenderer::Impl {
+    Impl(SharedWorld& w, LightRenderer::Options o)
+        : world(w), options(std::move(o)), tables(w, options.resources), scene([this](const char* what) {
+              if (lacks.insert(what).second) said.warning({}, fmt::format("the rasteriser: {}", what));
+          }) {}
+
+    SharedWorld& world;
+    LightRenderer::Options options;
+    SurfaceTables tables;
+    std::unique_ptr<RasterModule> module;  // outlives what is handed to it
+    RasterScene scene;
+    std::string refused;
+    Picture frame;
+    Camera camera;
+    Diagnostics said;
+    std::size_t taken = 0;  // of the tables'
+    std::set<std::string> lacks;
+
+    void takeDiagnostics() {
+        const auto& news = tables.diagnostics().all();
+        for (; taken < news.size(); ++taken) said.add(news[taken]);
+    }
+    Result<std::vector<LayerView>> views(const ImageOptions& asked) {
+        const RenderSettings& s = asked.settings;
+        const SurfaceState state = tables.latest();
+        const BoxOfLayer boxes = [this](std::uint16_t layer) { return scene.box(layer); };
+        auto found = state.camera(boxes, static_cast<double>(s.width) / s.height, asked.viewpoint);
+        if (!found) return std::unexpected(found.error());
+        camera = *found;
+        return state.layers(boxes, camera, s.width, s.height);
+    }
+    Picture draw(const RenderSettings& s, const std::vector<LayerView>& layers);
+};
+
+OgreRenderer::OgreRenderer(SharedWorld& world, LightRenderer::Options options)
+    : WorldRenderer(world), impl_(std::make_unique<Impl>(world, std::move(options))) {
+    if (auto ok = attachToScene(world.scene()); !ok) impl_->refused = ok.error().text;
+}
+
+OgreRenderer::~OgreRenderer() {
+    OgreRenderer::detachFromScene();
+}
+
+Result<> OgreRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    if (auto ok = impl_->tables.apply(scene, changes, delta); !ok) return ok;
+    impl_->scene.follow(delta);
+    return {};
+}
+
+std::optional<PictureSight> OgreRenderer::looksFrom() {
+    const auto layers = impl_->views(impl_->options.image);
+    if (!layers) return std::nullopt;
+    const RenderSettings& s = impl_->options.image.settings;
+    const Camera& camera = impl_->camera;
+    return PictureSight{EyePlace(camera.position, camera.up), LightTracer::sights(*layers, s.width, s.height)};
+}
+
+Picture OgreRenderer::Impl::draw(const RenderSettings& s, const std::vector<LayerView>& layers) {
+    Picture picture(s.width, s.height);
+    picture.space = ColorSpace::display;
+    scene.bring(tables.latest(), layers, camera.position);
+    std::vector<Vec4f> drawn;
+    for (int sample = 0; sample < s.samplesPerPixel; ++sample) {
+        std::vector<RasterView> rasterViews;
+        for (const LayerView& layer : layers) {
+            rasterViews.push_back(
+                rasterView(layer, scene.origin(), placeOf(sample, s.samplesPerPixel), s.samplesPerPixel));
+            rasterViews.back().headlight = tables.latest().headlight(layer.camera.layer);
+            rasterViews.back().sky = scene.sky(rasterViews.size() - 1);
+        }
+        module->draw(s.width, s.height, rasterViews, drawn);
+        for (std::size_t i = 0; i < drawn.size(); ++i)
+            picture.pixels[i] += drawn[i] / static_cast<float>(s.samplesPerPixel);
+        if (s.progress && !s.progress((sample + 1.0) / s.samplesPerPixel)) break;
+    }
+    return picture;
+}
+
+Result<Picture> OgreRenderer::nextPicture(const ImageOptions& options, RenderStats* stats) {
+    Impl& s = *impl_;
+    if (!s.refused.empty()) return fail(s.refused);
+    if (auto ok = checkOptions(options); !ok) return std::unexpected(ok.error());
+    if (!s.module) {
+        auto module = openRaster();
+        if (!module) return std::unexpected(module.error());
+        s.module = std::move(*module);
+        s.scene.open(s.module.get());
+    }
+    if (auto ok = begin(); !ok) return std::unexpected(ok.error());
+    const auto start = std::chrono::steady_clock::now();
+    auto layers = s.views(options);
+    if (!layers) return std::unexpected(layers.error());
+    std::vector<LayerSight> sights;
+    if (world().flattener().usesPixels())
+        sights = LightTracer::sights(*layers, options.settings.width, options.settings.height);
+    if (auto ok = world().setViewer(EyePlace(s.camera.position, s.camera.up), std::move(sights)); !ok)
+        return std::unexpected(ok.error());
+    presentsNow();
+    bool cancelled = false;
+    RenderSettings settings = options.settings;
+    settings.progress = [&](double share) {
+        cancelled = options.settings.progress && !options.settings.progress(share);
+        return !cancelled;
+    };
+    Picture picture = s.draw(settings, *layers);
+    if (const std::string problem = s.module->problem(); !problem.empty())
+        return fail(fmt::format("the rasteriser failed: {}", problem));
+    if (stats) {
+        *stats = {};
+        stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        stats->samples = settings.samplesPerPixel;
+        stats->cancelled = cancelled;
+    }
+    return picture;
+}
+
+Result<> OgreRenderer::renderFrame() {
+    auto picture = nextPicture(impl_->options.image);
+    if (!picture) return std::unexpected(picture.error());
+    impl_->frame = std::move(*picture);
+    return {};
+}
+
+const Picture& OgreRenderer::frame() const {
+    return impl_->frame;
+}
+const Camera& OgreRenderer::camera() const {
+    return impl_->camera;
+}
+std::string OgreRenderer::driver() const {
+    return impl_->module ? impl_->module->driver() : std::string();
+}
+const OgreRenderer::Counts& OgreRenderer::counts() const {
+    return impl_->scene.counts();
+}
+RasterContent OgreRenderer::content() const {
+    return impl_->scene.content();
+}
+const Diagnostics& OgreRenderer::diagnostics() const {
+    impl_->takeDiagnostics();
+    return impl_->said;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,171 @@
+// What is handed to a rasteriser follows a scene at the cost of what changed, and is what the scene anew would give.
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include <gmock/gmock.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+
+#include "renderers/scene_edits.h"
+#include "seen_edits.h"
+#include "written_raster.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// A scene with a follower.
+struct Told {
+    explicit Told(const std::string& body) {
+        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Immersive\n" + body, diagnostics));
+        world = std::make_unique<SharedWorld>(scene);
+        written = std::make_unique<Written>(*world);
+        frame();
+    }
+    void frame() { scene.newFrame(++time); }
+    NodeId node(const char* name) { return scene.findName(name); }
+    Scene scene;
+    Diagnostics diagnostics;
+    double time = 0;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<Written> written;
+};
+
+const char* const kTwo =
+    "DEF A Transform { children DEF S Shape { appearance DEF Look Appearance { material DEF M Material { } } geometry "
+    "DEF "
+    "B Box { } } }\n"
+    "DEF C Transform { translation 3 0 0 children USE S }\n";
+
+TEST(RasterScene, SharesMeshesAndMaterialsAndMovesThingsAlone) {
+    Told t(kTwo);
+    EXPECT_EQ(t.written->content().size(), 2u);
+    EXPECT_EQ(t.written->raster.meshes.size(), 1u);
+    EXPECT_EQ(t.written->raster.materials.size(), 1u);
+    // The first move says that it moves at all, which is more than a move.
+    ASSERT_TRUE(t.scene.set(t.node("A"), x3d::Transform::translation, Vec3f(0, 1, 0)));
+    t.frame();
+    (void)t.written->content();
+    const OgreRenderer::Counts before = t.written->scene.counts();
+    ASSERT_TRUE(t.scene.set(t.node("A"), x3d::Transform::translation, Vec3f(0, 5, 0)));
+    t.frame();
+    EXPECT_THAT(t.written->content(), Contains(HasSubstr("(0 5 0)")));
+    const OgreRenderer::Counts moved = t.written->scene.counts();
+    EXPECT_EQ(moved.moved, before.moved + 1);
+    EXPECT_EQ(moved.things, before.things);
+    EXPECT_EQ(moved.meshes, before.meshes);
+    EXPECT_EQ(moved.materials, before.materials);
+    EXPECT_EQ(moved.tables, before.tables);
+    ASSERT_TRUE(t.scene.set(t.node("M"), x3d::Material::diffuseColor, Color{0, 1, 0}));
+    t.frame();
+    (void)t.written->content();
+    const OgreRenderer::Counts painted = t.written->scene.counts();
+    EXPECT_EQ(painted.meshes, moved.meshes);
+    EXPECT_EQ(painted.materials, moved.materials + 1);
+    EXPECT_EQ(t.written->raster.materials.size(), 1u) << "the old one is given back";
+}
+
+TEST(RasterScene, ADeformingMeshKeepsItsNumber) {
+    Told t(
+        "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] coord DEF P Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] "
+        "} "
+        "} }\n");
+    (void)t.written->content();
+    const std::uint32_t number = t.written->raster.meshes.begin()->first;
+    ASSERT_TRUE(t.scene.set(t.node("P"), x3d::Coordinate::point, Array<Vec3f>{{0, 0, 0}, {1, 0, 0}, {0, 7, 0}}));
+    t.frame();
+    EXPECT_THAT(t.written->content(), Contains(HasSubstr("(0 7 0)")));
+    ASSERT_EQ(t.written->raster.meshes.size(), 1u);
+    EXPECT_EQ(t.written->raster.meshes.begin()->first, number);
+    EXPECT_EQ(t.written->raster.meshes.begin()->second.set, 2);
+    // One that has nothing to show any more is not drawn, and comes back.
+    ASSERT_TRUE(t.scene.set(t.node("P"), x3d::Coordinate::point, Array<Vec3f>{}));
+    t.frame();
+    EXPECT_TRUE(t.written->content().empty());
+    ASSERT_TRUE(t.scene.set(t.node("P"), x3d::Coordinate::point, Array<Vec3f>{{0, 0, 0}, {1, 0, 0}, {0, 2, 0}}));
+    t.frame();
+    EXPECT_EQ(t.written->content().size(), 1u);
+}
+
+TEST(RasterScene, ClearAndTwoSidedSurfacesAreDrawnBacksFirst) {
+    Told t(
+        "Shape { appearance Appearance { material Material { transparency .5 } } geometry IndexedFaceSet { solid FALSE "
+        "coordIndex [ 0 1 2 ] coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } } }\n"
+        "Shape { appearance Appearance { material Material { } backMaterial Material { diffuseColor 1 0 0 } } geometry "
+        "IndexedFaceSet { solid FALSE coordIndex [ 0 1 2 ] coord Coordinate { point [ 0 0 5, 1 0 5, 0 1 5 ] } } }\n"
+        "Shape { geometry Box { } }\n");
+    (void)t.written->content();
+    int fronts = 0, backs = 0, first = 0;
+    for (const auto& [id, thing] : t.written->raster.things)
+        fronts += thing.fronts, backs += thing.backs, first += thing.first;
+    EXPECT_EQ(t.written->raster.things.size(), 5u);
+    EXPECT_EQ(fronts, 3);
+    EXPECT_EQ(backs, 2) << "the Box has none";
+    EXPECT_EQ(first, 2);
+}
+
+// 2,000 km away places are still told to a hair.
+TEST(RasterScene, PlacesAreRelativeToAnOriginNearTheEye) {
+    Told t(
+        "Viewpoint { position 2000000 0 10 }\n"
+        "Transform { translation 2000000 .0625 0 children Shape { geometry Box { } } }\n");
+    EXPECT_EQ(t.written->content().size(), 1u);
+    EXPECT_EQ(t.written->raster.things.begin()->second.position, glm::vec3(0, .0625f, -10));
+    EXPECT_EQ(t.written->scene.origin(), Vec3d(2000000, 0, 10));
+}
+
+TEST(RasterScene, WhatItCannotShowIsNamed) {
+    Told t(
+        "EnvironmentLight { }\n"
+        "Shape { appearance Appearance { texture MultiTexture { texture PixelTexture { image 1 1 3 0xFF0000 } } } "
+        "geometry Box { } }\n");
+    (void)t.written->content();
+    EXPECT_THAT(t.written->lacks, Contains(HasSubstr("EnvironmentLight")));
+    EXPECT_THAT(t.written->lacks, Contains(HasSubstr("MultiTexture")));
+}
+
+std::pair<std::vector<std::string>, std::vector<std::string>> differencesOf(const std::vector<std::string>& a,
+                                                                            const std::vector<std::string>& b) {
+    std::pair<std::vector<std::string>, std::vector<std::string>> only;
+    std::ranges::set_difference(a, b, std::back_inserter(only.first));
+    std::ranges::set_difference(b, a, std::back_inserter(only.second));
+    return only;
+}
+
+TEST(RasterScene, RandomEditsGiveWhatTheSceneAnewGives) {
+    for (const std::uint64_t seed : {1u, 2u, 3u}) {
+        SCOPED_TRACE(seed);
+        Scene scene;
+        SeenEdits edits(scene, seed);
+        Edits groups(scene, seed);  // of the hierarchy around, with nodes of its own
+        SharedWorld world(scene);
+        Written written(world);
+        for (int set = 0; set < 300; ++set) {
+            for (int i = 0; i < 8; ++i) {
+                edits.step();
+                if (seed == 3) groups.step();
+            }
+            scene.newFrame(set);
+            if (set % 5 != 4) continue;
+            const std::vector<std::string> followed = written.content();
+            Written anew(world);
+            const auto [onlyFollowed, onlyAnew] = differencesOf(followed, anew.content());
+            ASSERT_THAT(onlyFollowed, IsEmpty())
+                << testing::PrintToString(onlyAnew) << " after " << set << " sets of changes";
+            EXPECT_TRUE(followed.size() > 5 || seed == 3) << "little is seen: this test proves nothing";
+        }
+        const std::size_t things = written.raster.things.size();
+        EXPECT_LE(written.raster.meshes.size(), things) << "what nobody shows is given back";
+        EXPECT_LE(written.raster.materials.size(), things);
+        EXPECT_LE(written.raster.textures.size(), things);
+    }
+}
+
+}  // namespace
+}  // namespace rtsg

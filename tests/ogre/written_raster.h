@@ -1,0 +1,149 @@
+// A rasteriser that draws nothing and writes down what it is told, and a follower of a scene that tells it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/renderers/shared_world.h>
+
+#include "raster/raster_module.h"
+#include "raster/raster_scene.h"
+
+namespace rtsg::test {
+
+class WrittenRaster final : public RasterModule {
+  public:
+    struct Mesh {
+        std::string text;
+        int set = 0;  // how often
+    };
+    std::map<std::uint32_t, Mesh> meshes;
+    std::map<std::uint32_t, std::string> textures;
+    std::map<std::uint32_t, RasterMaterial> materials;
+    std::map<std::uint32_t, RasterThing> things;
+    RasterTables tables;
+    int wrong = 0;  // numbers that it was told of and does not know
+
+    std::string driver() const override { return "paper"; }
+    std::string problem() override { return {}; }
+    void setMesh(std::uint32_t number, const RasterMesh& mesh) override {
+        Mesh& held = meshes[number];
+        ++held.set;
+        held.text = fmt::format("{} {}:", mesh.vertices.size(), mesh.strokes.size());
+        for (const RasterVertex& v : mesh.vertices) held.text += textOf(v.position) + textOf(v.normal);
+        for (const RasterStroke& v : mesh.strokes) held.text += textOf(v.start) + textOf(v.end);
+        for (const std::uint32_t i : mesh.indices) held.text += fmt::format("{} ", i);
+    }
+    void dropMesh(std::uint32_t number) override {
+        wrong += meshes.erase(number) != 1;
+        for (const auto& [id, thing] : things) wrong += thing.mesh == number;
+    }
+    void setTexture(std::uint32_t number, const RasterTexture& texture) override {
+        std::string& text = textures[number] = fmt::format("{} {}:", texture.levels.size(), texture.decoded);
+        if (!texture.levels.empty())
+            for (const std::uint32_t pixel : texture.levels[0].bytes) text += fmt::format("{:x} ", pixel);
+    }
+    void dropTexture(std::uint32_t number) override { wrong += textures.erase(number) != 1; }
+    void setMaterial(std::uint32_t number, const RasterMaterial& material) override {
+        for (const RasterUse& use : material.uses) wrong += use.texture != 0 && !textures.contains(use.texture);
+        materials[number] = material;
+    }
+    void dropMaterial(std::uint32_t number) override {
+        wrong += materials.erase(number) != 1;
+        for (const auto& [id, thing] : things) wrong += thing.material == number;
+    }
+    void setThing(std::uint32_t number, const RasterThing& thing) override {
+        wrong += !meshes.contains(thing.mesh) || !materials.contains(thing.material);
+        things[number] = thing;
+    }
+    void moveThing(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
+        wrong += !things.contains(number);
+        RasterThing& thing = things[number];
+        thing.linear = linear, thing.position = position, thing.mirrored = mirrored;
+    }
+    void dropThing(std::uint32_t number) override { wrong += things.erase(number) != 1; }
+    void setTables(const RasterTables& to) override { tables = to; }
+    void draw(int, int, const std::vector<RasterView>&, std::vector<glm::vec4>&) override {}
+
+    /// What is drawn, in words that do not depend on numbers or on the order in which it came.
+    std::vector<std::string> content(const Vec3d& origin) const {
+        std::vector<std::string> all;
+        for (const auto& [id, t] : things) {
+            std::string text = fmt::format("{} {} {}{}{}{}{}{}{} ", meshes.at(t.mesh).text, t.layer, t.fronts, t.backs,
+                                           t.first, t.mirrored, t.colored, t.alphaColored, t.fogged);
+            text += textOf(t.linear[0]) + textOf(t.linear[1]) + textOf(t.linear[2]);
+            text +=
+                textOf(Vec3f(Vec3d(t.position) + origin)) + textOf(materials.at(t.material)) + textAt(t.place, origin);
+            all.push_back(std::move(text));
+        }
+        std::ranges::sort(all);
+        return all;
+    }
+
+  private:
+    static std::string textOf(const glm::vec3& v) {
+        const auto rounded = [](float x) { return std::round(x * 1024) / 1024 + 0.0f; };
+        return fmt::format("({:g} {:g} {:g})", rounded(v.x), rounded(v.y), rounded(v.z));
+    }
+    std::string textOf(const RasterMaterial& m) const {
+        std::string text =
+            fmt::format("model {} clear {} opacity {:g} ", static_cast<int>(m.model), m.clear, m.opacity);
+        text += textOf(m.base) + textOf(m.specular) + textOf(m.emissive);
+        for (const RasterUse& use : m.uses)
+            if (use.texture != 0) text += textures.at(use.texture);
+        return text;
+    }
+    std::string textAt(std::uint32_t place, const Vec3d& origin) const {
+        if (place >= tables.places.size()) return "nowhere";
+        const RasterSurroundings& around = tables.places[place];
+        std::vector<std::string> lights;
+        for (const std::uint32_t light : around.lights) {
+            const RasterLight& l = tables.lights.at(light);
+            lights.push_back(fmt::format("light {} ", l.kind) + textOf(l.color) +
+                             textOf(Vec3f(Vec3d(l.position) + origin)) + textOf(l.direction));
+        }
+        std::ranges::sort(lights);
+        std::string text = fmt::format("fog {} {:g} ", around.fogType, around.fogRange);
+        for (const std::string& light : lights) text += light;
+        return text;
+    }
+};
+
+/// Follows a world for such a rasteriser.
+class Written final : public InstanceSubscriber {
+  public:
+    explicit Written(SharedWorld& w) : world(w) {
+        scene.open(&raster);
+        world.add(*this);
+    }
+    ~Written() override { world.remove(*this); }
+    Result<> apply(const Scene& from, const ChangeSet& changes, const InstanceDelta& delta) override {
+        if (auto ok = tables.apply(from, changes, delta); !ok) return ok;
+        scene.follow(delta);
+        return {};
+    }
+    /// What a picture would show.
+    std::vector<std::string> content() {
+        const SurfaceState state = tables.latest();
+        const BoxOfLayer boxes = [this](std::uint16_t layer) { return scene.box(layer); };
+        const auto camera = state.camera(boxes, 1);
+        EXPECT_TRUE(camera);
+        scene.bring(state, state.layers(boxes, *camera, 64, 64), camera->position);
+        EXPECT_EQ(raster.wrong, 0);
+        return raster.content(scene.origin());
+    }
+
+    SharedWorld& world;
+    SurfaceTables tables;
+    WrittenRaster raster;  // outlives what is handed to it
+    std::vector<std::string> lacks;
+    RasterScene scene{[this](const char* what) { lacks.emplace_back(what); }};
+};
+
+}  // namespace rtsg::test
