@@ -18,6 +18,7 @@
 //     }
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -124,6 +125,13 @@ class MirrorClient {
     /// where others here can use it: for a RecordLog or a RecordQueue, which spare the replica's bus. Repairs are no
     /// steps, as what led to the state came before. None: an empty function.
     void onStep(std::function<void(const RecordStep&)> heard);
+    /// What whoever waits by other means, on whatever thread, waits for until poll() is called again: that one of the
+    /// descriptors is readable, or that so long has passed.
+    struct Waiting {
+        std::array<int, 2> descriptors{-1, -1};
+        std::chrono::milliseconds most{0};
+    };
+    Waiting waiting() const;
     /// From now on poll() returns early as well when this descriptor is readable; none: -1.
     void wakeBy(int descriptor);
     /// There is a connection, at a relay one of its own too, and the replica is in the newest state heard of.
