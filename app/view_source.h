@@ -11,6 +11,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/window/scene_window.h>
 
 #include "running_scene.h"
 
@@ -37,21 +38,37 @@ class ViewSource {
     virtual const Resources& resources() const = 0;
     /// Brings the scene to `t` seconds after the start; `acts`: somebody has done something. False: it has ended.
     virtual bool advance(double t, bool acts) = 0;
-    /// Nothing will change by itself before this time, in seconds from the start, as far as is known.
+    /// Nothing will change by itself before this time, in seconds from the start, as far as is known; or `wake` is
+    /// called.
     virtual double restsUntil() const = 0;
+    /// From now on, from any thread: something has come. None: an empty function, from when on the old one is not
+    /// called.
+    virtual void wakeBy(std::function<void()> wake) { (void)wake; }
     /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
+    /// As SceneWindowOptions::look and change.
+    virtual Result<> look(NodeId viewpoint) = 0;
+    virtual Result<> change(NodeId node, FieldIndex field, Value value) = 0;
     /// Where to look from, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;
-    /// Seconds to skip, back or ahead. Error: its time cannot be chosen.
-    virtual Result<> seek(double seconds) = 0;
+    /// Its time stops or goes on. Error: it has no time of its own.
+    virtual Result<> pause(bool on) = 0;
+    /// Of a time line: skip, seek, step, rate, history. Error: it has none.
+    virtual Result<> answer(const SceneWindowRequest& request) {
+        (void)request;
+        return fail("a scene that runs has one time: a log of it has all");
+    }
     /// For the title: what is worth knowing.
     virtual std::string status() const { return {}; }
+    /// For the overlay.
+    virtual void tell(SceneWindowStatus& status) { (void)status; }
     /// At the end: what went wrong; and says what there is to say.
     virtual Result<> finish() = 0;
 };
 
 /// A scene's file, by what the name says; ENDPOINT or LOG else. Errors: it cannot be opened.
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments);
+Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceArguments& arguments);
+Result<std::unique_ptr<ViewSource>> openLog(const ViewSourceArguments& arguments);
 
 }  // namespace rtsg::app

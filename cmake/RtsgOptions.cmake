@@ -21,6 +21,7 @@ option(RTSG_FONTS "Draw Text (FreeType, fontconfig; HarfBuzz where it is there)"
 option(RTSG_PHYSICS "Rigid bodies (ODE, where it is there)" ON)
 option(RTSG_WEB "Serve browsers (Boost.Beast)" ON)
 option(RTSG_WINDOW "A window to look into scenes with (SDL 2, where it is there)" ON)
+option(RTSG_OVERLAY "Figures, nodes and a time line over the window's picture (Dear ImGui, where it is there)" ON)
 option(RTSG_BENCH "rtsg bench and rtsg chart" ON)
 if(RTSG_TESTS AND NOT (RTSG_SCRIPTS AND RTSG_SOUND_DEVICE AND RTSG_IMAGES AND RTSG_MOVIES AND RTSG_FONTS AND RTSG_WEB AND RTSG_BENCH))
   message(FATAL_ERROR "The tests need every part: leave parts out together with -DRTSG_TESTS=OFF")
