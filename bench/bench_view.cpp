@@ -23,7 +23,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-double since(Clock::time_point start) {
+double passedSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 double share(std::vector<double> values, double of) {
@@ -63,10 +63,10 @@ class Viewer {
     void key(const char* name, bool down) { (void)sendKey(scene_, *KeyInput::named(name, down)); }
     /// A frame, and what is shown until the next one is due.
     void turn() {
-        const double now = since(start_);
+        const double now = passedSince(start_);
         scene_.newFrame(now);
         window_->turn(std::chrono::ceil<std::chrono::milliseconds>(
-            std::chrono::duration<double>(std::max(0., 1 / 60.0 - (since(start_) - now)))));
+            std::chrono::duration<double>(std::max(0., 1 / 60.0 - (passedSince(start_) - now)))));
         if (const auto shown = window_->shown(); shown && shown != last_) {
             last_ = shown;
             if (shown->isMoving) widths_.push_back(shown->width);
@@ -75,15 +75,15 @@ class Viewer {
     template <class Wanted>
     double until(const Wanted& wanted) {
         const Clock::time_point begun = Clock::now();
-        while (!wanted() && since(begun) < 20) turn();
-        return since(begun);
+        while (!wanted() && passedSince(begun) < 20) turn();
+        return passedSince(begun);
     }
     void walk(double seconds) {
         const char* const ways[] = {"UP", "LEFT", "DOWN", "RIGHT"};
-        for (const double end = since(start_) + seconds; since(start_) < end;) {
+        for (const double end = passedSince(start_) + seconds; passedSince(start_) < end;) {
             const char* way = ways[steps_++ % 4];
             key(way, true);
-            for (const double turned = since(start_) + .7; since(start_) < turned;) turn();
+            for (const double turned = passedSince(start_) + .7; passedSince(start_) < turned;) turn();
             key(way, false);
         }
     }
@@ -109,8 +109,8 @@ class Viewer {
         turn();
         // Its clocks stop with it.
         const Clock::time_point begun = Clock::now();
-        while (!(window_->shown() && window_->shown()->whole) && since(begun) < 20) window_->turn(5ms);
-        return since(begun);
+        while (!(window_->shown() && window_->shown()->whole) && passedSince(begun) < 20) window_->turn(5ms);
+        return passedSince(begun);
     }
 
     Scene& scene() { return scene_; }

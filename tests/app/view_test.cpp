@@ -65,6 +65,18 @@ TEST_F(View, AServedSceneIsFollowed) {
     EXPECT_THAT(ended.err, HasSubstr("silent"));
 }
 
+/// It waits at its connection: between heartbeats and pings nobody is woken.
+TEST_F(View, AtRestTheWindowOfAServedSceneWakesSeldom) {
+    const std::string still = folder / "still.x3dv";
+    writeFile(still, "#X3D V4.0 utf8\nPROFILE Immersive\nShape { geometry Box { } }\n");
+    serve({"--for", "90s"}, "ipc://" + folder / "socket", still);
+    const auto turns = [&](const char* duration) {
+        return view({endpoint, "--for", duration}).at("frames").get<std::int64_t>();
+    };
+    const std::int64_t begun = turns("5s");  // what it takes to get there
+    EXPECT_LE(turns("11s") - begun, 5 * 6);
+}
+
 TEST_F(View, ALogIsPlayed) {
     const std::string log = folder / "a.rlog";
     const Outcome made = rtsg({"record", file, "-o", log, "--for", "500ms", "--json"});

@@ -23,7 +23,10 @@ class SdlWindow final : public WindowModule {
   public:
     ~SdlWindow() override {
         if (pad_) SDL_GameControllerClose(pad_);
-        if (window_) SDL_DestroyWindow(window_);
+        if (window_) {
+            letWakesArrive();
+            SDL_DestroyWindow(window_);
+        }
         SDL_Quit();
     }
 
@@ -117,6 +120,14 @@ class SdlWindow final : public WindowModule {
     }
 
   private:
+    /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would end the process
+    /// (BadWindow); where the display has answered, it has read what was sent by others before.
+    void letWakesArrive() {
+        constexpr int kAnswers = 3;
+        SDL_Rect bounds;
+        for (int i = 0; i < kAnswers; ++i) (void)SDL_GetDisplayUsableBounds(0, &bounds);
+    }
+
     std::pair<int, int> size() const {
         int width = 1, height = 1;
         SDL_GetWindowSize(window_, &width, &height);

@@ -201,6 +201,7 @@ OverlayContent::Picked OverlayMaker::describe(const Node& node) const {
         if (value.type() == FieldType::MFNode && elements(value) == 1) field.node = value.as<Array<NodeId>>()[0].value;
         picked.fields.push_back(std::move(field));
     }
+    std::ranges::stable_partition(picked.fields, [](const OverlayContent::Field& f) { return !f.isDefault; });
     for (const auto& routes : {scene.routesTo(node.id()), scene.routesFrom(node.id())})
         for (const Route& route : routes)
             if (picked.routes.size() < kMostRoutes) picked.routes.push_back(routeText(scene, route));
