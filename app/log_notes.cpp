@@ -150,7 +150,7 @@ void LogNotes::readHistory(const std::string& field) {
         lines.push_back({field, steps.error().text, true, {}});
     } else {
         const double start = logStart(file_);
-        lines.push_back({field, fmt::format("{} values", steps->size()), false, {}});
+        lines.push_back({field, fmt::format("{} value{}", steps->size(), steps->size() == 1 ? "" : "s"), false, {}});
         for (std::size_t i = 0; i < steps->size(); ++i) {
             const FieldStep& step = (*steps)[i];
             // What the scene itself drives is told once.

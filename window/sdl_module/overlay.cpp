@@ -252,8 +252,16 @@ void Overlay::viewpoints() {
 void Overlay::tree() {
     put(kAccent, "Scene");
     ImGui::BeginChild("rows");
+    const float line = ImGui::GetTextLineHeightWithSpacing();
+    const std::uint32_t picked = content_->picked ? content_->picked->node : 0;
+    // What has just been picked comes into sight.
+    const auto at = std::ranges::find_if(content_->tree, [](const OverlayContent::Row& row) { return row.isPicked; });
+    if (std::exchange(picked_, picked) != picked && at != content_->tree.end()) {
+        const float y = line * static_cast<float>(at - content_->tree.begin()), seen = ImGui::GetWindowHeight();
+        if (y < ImGui::GetScrollY() || y + line > ImGui::GetScrollY() + seen) ImGui::SetScrollY(y - seen / 2);
+    }
     ImGuiListClipper clipper;
-    clipper.Begin(static_cast<int>(content_->tree.size()), ImGui::GetTextLineHeightWithSpacing());
+    clipper.Begin(static_cast<int>(content_->tree.size()), line);
     while (clipper.Step())
         for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
             ImGui::PushID(i);

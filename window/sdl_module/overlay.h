@@ -61,7 +61,8 @@ class Overlay {
     Coverage atlas_;
     std::shared_ptr<const OverlayContent> content_;
     std::vector<OverlayAction> actions_;
-    std::vector<Box> panels_;  // of the last frame
+    std::vector<Box> panels_;   // of the last frame
+    std::uint32_t picked_ = 0;  // a node, in the last frame
     float x_ = -1, y_ = -1;
     bool held_ = false;     // pressed in a panel
     bool outside_ = false;  // pressed elsewhere

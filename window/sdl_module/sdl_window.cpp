@@ -120,8 +120,8 @@ class SdlWindow final : public WindowModule {
     }
 
   private:
-    /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would end the process
-    /// (BadWindow); where the display has answered, it has read what was sent by others before.
+    /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would be an error,
+    /// which ends the process; where the display has answered, it has read what was sent by others before.
     void letWakesArrive() {
         constexpr int kAnswers = 3;
         SDL_Rect bounds;
