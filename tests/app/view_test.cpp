@@ -51,9 +51,10 @@ TEST_F(View, WhatIsSetAndPointedAtHappens) {
 
 TEST_F(View, AServedSceneIsFollowed) {
     serve({"--for", "60s"}, "ipc://" + folder / "socket");
-    const json summary = view({endpoint, "--for", "1s"});
+    const json summary = view({endpoint, "--for", "3s"});
     EXPECT_GT(summary.at("sequence"), 3) << summary;
     EXPECT_GT(summary.at("pictures"), 1) << summary;
+    EXPECT_GT(summary.at("frames"), 20) << "what comes by the connection wakes it: " << summary;
     view({"ipc://" + folder / "nobody", "--wait", "300ms"}, 1);
     EXPECT_THAT(said, HasSubstr("no server for 0.3 s"));
     // One that dies is missed, with the status of something that went wrong.

@@ -181,6 +181,32 @@ def test_a_time_line_is_clicked_and_a_state_stepped(user):
     check(290 <= sequence <= 312, f"30 s of 60: state {sequence}")
 
 
+def colours_in(rows, columns):
+    width, pixels = picture_of_screen()
+    return {tuple(pixels[3 * (y * width + x):][:3]) for y in rows for x in columns}
+
+
+def test_marks_of_a_time_line_are_where_something_came_and_where_bytes_are_damaged(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    user.run("record", "touch.x3dv", "-o", "marks.rlog", "--for", "60s", "--fps", "10", "--set", "TS.enabled=FALSE@30")
+    whole = user.path("marks.rlog").read_bytes()
+    user.path("damaged.rlog").write_bytes(whole[:len(whole) // 2] + bytes(64) + whole[len(whole) // 2 + 64:])
+    yellow, red = (255, 204, 92), (255, 122, 92)
+    with display():
+        for name, colour, columns in (("marks.rlog", yellow, range(198, 203)), ("damaged.rlog", red, range(30, 380))):
+            viewer = view(user, name)
+            window_of(viewer)
+            hand("key", "F1")
+            check(is_shown(viewer), "there is a panel")
+            end = time.monotonic() + 20
+            while colour not in colours_in(range(255, 285), columns) and time.monotonic() < end:
+                time.sleep(0.2)
+            check(colour in colours_in(range(255, 285), columns), f"a mark in {name}")
+            check(colour != red or red not in colours_in(range(255, 285), (25,)), "and not everywhere")
+            hand("key", "Escape")
+            viewer.wait()
+
+
 def test_keys_write_a_log_and_a_film(user):
     user.path("touch.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
     with display():
