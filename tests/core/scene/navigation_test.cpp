@@ -123,7 +123,7 @@ TEST(Navigation, SticksTurnTheViewerOrLeadHimRound) {
     NavigatedScene goesRound("NavigationInfo { type \"EXAMINE\" } Viewpoint { }");
     goesRound.scene.newFrame(1);
     turn(goesRound, .5, 0);
-    goesRound.expect({10 * std::sin(.5), 0, 10 * std::cos(.5)}, {-std::sin(.5), 0, -std::cos(.5)});
+    goesRound.expect({-10 * std::sin(.5), 0, 10 * std::cos(.5)}, {std::sin(.5), 0, -std::cos(.5)});  // as by RIGHT
 }
 
 TEST(Navigation, ApplicationsMoveTheViewer) {
