@@ -9,6 +9,7 @@
 #include "bench/bench_frames.h"
 #include "bench/bench_sync.h"
 #include "bench/bench_sync_mirror.h"
+#include "bench/bench_view.h"
 #include "bench/scenes/scenes.h"
 #include "cli.h"
 
@@ -21,7 +22,7 @@ struct Bench {
     const char* group;  // the name of the group, which runs all but onlyByName
     const char* about;
     bool (*run)(const bench::Report& report, bool quick);
-    bool onlyByName = false;  // it takes minutes and gigabytes
+    bool onlyByName = false;  // takes minutes and gigabytes, or real time
 };
 
 /// Wraps a bench that cannot fail.
@@ -69,6 +70,8 @@ constexpr Bench kBenches[] = {
     {"instances", "world", "rays through 100,000 things that may move against one flat BVH", always<bench::instances>},
     {"stage", "world", "one world: light, sound, and readers on threads of their own", always<bench::stage>},
     {"export", "world", "one box of many moves: what writing it as MCAP adds", always<bench::exporting>},
+    {"view", "light", "the window, walking through the demo's hall: pictures a second, key to picture, rest to whole",
+     bench::view, true},
     {"features", "light", "Text, lines and points; what content costs that no ray meets", always<bench::features>},
     {"sound", "audio", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
     {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",

@@ -1,4 +1,4 @@
-// rtsg view: a window onto a scene, to look, walk, point, click and listen.
+// rtsg view: a window onto a scene: look, walk, point, click, hear.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -16,6 +16,7 @@
 #include <rtsg/window/scene_window.h>
 
 #include "outputs.h"
+#include "view_recorder.h"
 #include "view_source.h"
 
 namespace rtsg::app {
@@ -26,15 +27,16 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
-constexpr double kAnyAspect = 16. / 9;     // pictures use their own aspect
-constexpr milliseconds kLongestTurn{200};  // so that Ctrl-C is noticed
+constexpr double kAnyAspect = 16. / 9;     // pictures take their own
+constexpr milliseconds kLongestTurn{500};  // Ctrl-C is noticed then
+constexpr double kStatusEvery = 0.1;       // seconds
 
 struct ViewArguments {
     ViewSourceArguments source;
     PictureArguments picture;
     std::string duration, screenshot, device;
     double fps = 30;
-    bool fullscreen = false, mute = false, watch = false, force = false, json = false;
+    bool fullscreen = false, mute = false, overlay = false, watch = false, force = false, json = false;
 };
 
 double percentile(std::vector<double> values, double share) {
@@ -64,8 +66,7 @@ class Viewing {
             listen();
             loop();
             if (!next_) return finish();
-            sound_.reset();
-            window_.reset();
+            close();
             (void)source_->finish();
             source_ = std::move(next_);
         }
@@ -81,14 +82,28 @@ class Viewing {
         options.picture.budget = 1 / options_.fps;
         options.picture.resources = source_->resources();
         if (options.picture.settings.integrator == Integrator::path) options.picture.mostSamples = 1 << 14;
+        options.overlay = overlay_;
+        options.look = [this](NodeId viewpoint) { return source_->look(viewpoint); };
+        options.change = [this](NodeId node, FieldIndex field, Value value) {
+            return source_->change(node, field, std::move(value));
+        };
         options.send = [this](FieldIndex field, Value value) { return source_->send(field, std::move(value)); };
         auto window = SceneWindow::open(source_->world(), std::move(options));
         if (!window) return std::unexpected(window.error());
         window_ = std::move(*window);
+        source_->wakeBy([w = window_.get()] { w->wake(); });
         return {};
     }
+    /// What was being written of this scene ends with it.
+    void close() {
+        if (auto ok = recorder_.finish(); !ok) printError(ok.error());
+        sound_.reset();
+        source_->wakeBy({});
+        overlay_ = window_->showsOverlay();
+        window_.reset();
+    }
 
-    /// Plays sound. Without a device there are still pictures.
+    /// Without a device there are pictures all the same.
     void listen() {
         if (options_.mute || !hasSound()) return;
         LiveOptions live;
@@ -111,42 +126,85 @@ class Viewing {
 
     void loop() {
         const double begun = clock();
-        double paused = 0;  // seconds of pauses, which do not count
         double due = 0;
         std::uint64_t events = 0;
-        time_ = 0;
+        time_ = told_ = 0;
         for (;;) {
-            const double now = clock() - begun;
-            if (window_->isPaused()) paused = now - time_;
-            const double t = now - paused;
+            const double t = clock() - begun;
             if (interrupted() || clock() >= duration_) return;
             if (opensNext()) return;
             const bool acts = std::exchange(events, window_->statistics().events) != window_->statistics().events;
-            if (!window_->isPaused()) {
-                time_ = t;
-                if (!source_->advance(t, acts)) return;
-                ++frames_;
-            }
+            answer();
+            time_ = t;
+            if (!source_->advance(t, acts)) return;
+            ++frames_;
             if (sound_) sound_->sendEvents();
             say();
             window_->lookFrom(source_->eye(kAnyAspect));
-            seek();
-            if (const std::string status = source_->status(); status != status_)
-                window_->setTitle(fmt::format("{} - {} - rtsg", shown_.name, status_ = status));
-            // The next frame is due a sixtieth of a second after the last one, or when something happens.
+            tell();
+            // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
-            const double rests = window_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
-            const double wait = std::min(rests - t, duration_ - clock());
+            const double wait = std::min(std::max(source_->restsUntil(), due) - t, duration_ - clock());
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
             if (!window_->turn(std::min(most, kLongestTurn))) return;
+            recorder_.show(*window_, clock());
         }
     }
 
-    /// Skips when the user presses Ctrl and an arrow.
-    void seek() {
-        const double seconds = window_->takeSkip();
-        if (seconds == 0) return;
-        if (auto ok = source_->seek(seconds); !ok) fmt::print(stderr, "note: {}\n", terminalText(ok.error().text));
+    /// What somebody has asked for.
+    void answer() {
+        using Kind = SceneWindowRequest::Kind;
+        for (const SceneWindowRequest& request : window_->takeRequests()) {
+            Result<> done;
+            switch (request.kind) {
+                case Kind::log:
+                    recorder_.toggleLog(source_->scene());
+                    break;
+                case Kind::film:
+                    recorder_.toggleFilm(*window_, clock());
+                    break;
+                case Kind::pause:
+                    done = source_->pause(request.on);
+                    if (!done) window_->setPaused(false);
+                    break;
+                case Kind::step:
+                    done = source_->answer(request);
+                    if (done) window_->setPaused(true);
+                    break;
+                default:
+                    done = source_->answer(request);
+            }
+            if (!done) fmt::print(stderr, "note: {}\n", terminalText(done.error().text));
+        }
+    }
+
+    /// The title, and the overlay's figures.
+    void tell() {
+        std::string status = source_->status();
+        if (const std::string writes = recorder_.status(); !writes.empty())
+            status += (status.empty() ? "" : ", ") + writes;
+        if (status != status_)
+            window_->setTitle(fmt::format("{} - {}{}rtsg", shown_.name, status, status.empty() ? "" : " - "));
+        status_ = status;
+        if (!window_->showsOverlay() || (told_ > 0 && time_ - told_ < kStatusEvery)) return;
+        told_ = time_;
+        SceneWindowStatus all;
+        source_->tell(all);
+        if (sound_) tellSound(all);
+        if (const std::string writes = recorder_.status(); !writes.empty())
+            all.lines.push_back({"writing", writes, false, {}});
+        window_->setStatus(std::move(all));
+    }
+    void tellSound(SceneWindowStatus& all) const {
+        constexpr double kSilent = 1e-5;
+        const LiveReport heard = sound_->report();
+        const std::string level =
+            heard.level > kSilent ? fmt::format("{:.0f} dB", 20 * std::log10(heard.level)) : "silent";
+        const bool fails = !heard.failure.empty();
+        all.lines.push_back({"sound",
+                             fails ? heard.failure : fmt::format("{}, {} underruns", level, heard.underruns),
+                             fails || heard.underruns > 0,
+                             {}});
     }
 
     double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
@@ -156,8 +214,8 @@ class Viewing {
         return error ? std::nullopt : std::optional(time);
     }
 
-    /// Opens what was dropped on the window, or the same file if --watch finds it edited. If it cannot be opened, the
-    /// present one stays.
+    /// What was dropped on the window, or the file itself if --watch finds it edited. What cannot be opened leaves what
+    /// is shown.
     bool opensNext() {
         ViewSourceArguments next = shown_;
         const std::vector<std::string> dropped = window_->takeDropped();
@@ -171,7 +229,7 @@ class Viewing {
         next.mayHaveErrors = !dropped.empty();
         auto source = openViewSource(next);
         if (!source) return printError(source.error()), false;
-        // An edited version of the same scene is seen from where its viewer was.
+        // The same scene, edited, is seen from where its viewer is.
         if (dropped.empty()) (void)moveViewer((*source)->scene(), viewerPose(source_->scene()), false);
         next_ = std::move(*source);
         shown_ = next;
@@ -191,9 +249,11 @@ class Viewing {
         say();
         const std::uint64_t state = source_->scene().sequence();
         const std::string hash = source_->scene().hash().hex();
+        const Result<> written = recorder_.finish();
         sound_.reset();
+        source_->wakeBy({});
         window_.reset();
-        result = allOf({[&] { return result; }, [&] { return source_->finish(); }});
+        result = allOf({[&] { return result; }, [&] { return written; }, [&] { return source_->finish(); }});
         if (!result) printError(result.error());
         const double p50 = percentile(statistics.intervals, .5), p95 = percentile(statistics.intervals, .95);
         if (options_.json)
@@ -213,12 +273,14 @@ class Viewing {
     const double duration_;
     const Clock::time_point start_ = Clock::now();
     ViewSourceArguments shown_;
-    std::optional<std::filesystem::file_time_type> written_;  // time of the file that is shown
+    std::optional<std::filesystem::file_time_type> written_;  // the file that is shown
     std::unique_ptr<ViewSource> source_, next_;
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
+    ViewRecorder recorder_;
+    bool overlay_ = options_.overlay;
     std::string status_;
-    double time_ = 0;
+    double time_ = 0, told_ = 0;
     std::uint64_t frames_ = 0;
 };
 
@@ -244,6 +306,7 @@ Verb addView(Command& program) {
     command->addOption("--wait", options->source.patience, "of an endpoint: give up after so long without a server")
         ->preset();
     command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
+    command->addFlag("--overlay", options->overlay, "show figures, nodes and a log's time line; F1 changes it");
     command->addFlag("--watch", options->watch, "open the scene's file again whenever it has been edited");
     command->addFlag("--mute", options->mute, "no sound");
     command->addOption("--device", options->device, "of sound; else the default one");
@@ -260,8 +323,9 @@ Verb addView(Command& program) {
         "Example: rtsg view hall.rlog\n"
         "Arrow keys and the dragged pointer walk or go round, as the scene's NavigationInfo says; PGUP and PGDN go "
         "from "
-        "viewpoint to viewpoint. Escape closes, F11 fills the screen, Ctrl+S writes a picture, Ctrl+Space pauses; in a "
-        "log Ctrl+LEFT and Ctrl+RIGHT go 5 s back and ahead. In a served scene and in a log the viewer is your own, "
+        "viewpoint to viewpoint. Escape closes, F1 shows figures and nodes, F11 fills the screen, Ctrl+S writes a "
+        "picture, Ctrl+L a log, Ctrl+F a film, Ctrl+Space pauses; in a log Ctrl+LEFT and Ctrl+RIGHT go 5 s back and "
+        "ahead. In a served scene and in a log the viewer is your own, "
         "and "
         "HOME goes back to the scene's.");
     return {command, [options] { return Viewing(*options).run(); }};

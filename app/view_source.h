@@ -1,4 +1,4 @@
-// ViewSource: what `rtsg view` shows: a scene that runs here, a replica of a served scene, or a log.
+// ViewSource: whatever `rtsg view` shows: a scene that runs here, the replica of one that is served, or a log.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -11,6 +11,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/window/scene_window.h>
 
 #include "running_scene.h"
 
@@ -19,7 +20,7 @@ namespace rtsg::app {
 struct ViewSourceArguments {
     std::string name, key, author, patience = "5s";
     std::vector<std::string> set;
-    bool mayHaveErrors = true;  // a file with errors is shown as far as possible
+    bool mayHaveErrors = true;  // the file: what is left is shown
     ResourceArguments resources;
     StartTime start;
     NetworkArguments network;
@@ -35,24 +36,39 @@ class ViewSource {
     virtual Scene& scene() = 0;
     virtual SharedWorld& world() = 0;
     virtual const Resources& resources() const = 0;
-    /// Brings the scene to `t` seconds after the start. `acts` means that the user has done something. Returns false at
-    /// the end.
+    /// Brings the scene to `t` seconds after the start; `acts`: somebody has done something. False: it has ended.
     virtual bool advance(double t, bool acts) = 0;
-    /// As far as is known, nothing changes by itself before this time, in seconds from the start.
+    /// Nothing will change by itself before this time, in seconds from the start, as far as is known; or `wake` is
+    /// called.
     virtual double restsUntil() const = 0;
-    /// Sends an event to a field of the scene's root: see SceneWindowOptions::send.
+    /// From now on, from any thread: something has come. None: an empty function, from when on the old one is not
+    /// called.
+    virtual void wakeBy(std::function<void()> wake) { (void)wake; }
+    /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
-    /// The camera, if it is not the bound viewpoint.
+    /// As SceneWindowOptions::look and change.
+    virtual Result<> look(NodeId viewpoint) = 0;
+    virtual Result<> change(NodeId node, FieldIndex field, Value value) = 0;
+    /// Where to look from, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;
-    /// Skips so many seconds, back or ahead. Error: the source's time cannot be chosen.
-    virtual Result<> seek(double seconds) = 0;
-    /// Text for the title.
+    /// Its time stops or goes on. Error: it has no time of its own.
+    virtual Result<> pause(bool on) = 0;
+    /// Of a time line: skip, seek, step, rate, history. Error: it has none.
+    virtual Result<> answer(const SceneWindowRequest& request) {
+        (void)request;
+        return fail("a scene that runs has one time: a log of it has all");
+    }
+    /// For the title: what is worth knowing.
     virtual std::string status() const { return {}; }
-    /// Reports at the end. Error: something went wrong.
+    /// For the overlay.
+    virtual void tell(SceneWindowStatus& status) { (void)status; }
+    /// At the end: what went wrong; and says what there is to say.
     virtual Result<> finish() = 0;
 };
 
-/// Opens a scene's file if the name says that it is one, else an endpoint or a log. Errors: it cannot be opened.
+/// A scene's file, by what the name says; ENDPOINT or LOG else. Errors: it cannot be opened.
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments);
+Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceArguments& arguments);
+Result<std::unique_ptr<ViewSource>> openLog(const ViewSourceArguments& arguments);
 
 }  // namespace rtsg::app

@@ -51,9 +51,10 @@ TEST_F(View, WhatIsSetAndPointedAtHappens) {
 
 TEST_F(View, AServedSceneIsFollowed) {
     serve({"--for", "60s"}, "ipc://" + folder / "socket");
-    const json summary = view({endpoint, "--for", "1s"});
+    const json summary = view({endpoint, "--for", "3s"});
     EXPECT_GT(summary.at("sequence"), 3) << summary;
     EXPECT_GT(summary.at("pictures"), 1) << summary;
+    EXPECT_GT(summary.at("frames"), 20) << "what comes by the connection wakes it: " << summary;
     view({"ipc://" + folder / "nobody", "--wait", "300ms"}, 1);
     EXPECT_THAT(said, HasSubstr("no server for 0.3 s"));
     // One that dies is missed, with the status of something that went wrong.
@@ -63,6 +64,18 @@ TEST_F(View, AServedSceneIsFollowed) {
     const Outcome ended = window.wait();
     EXPECT_EQ(ended.status, 1);
     EXPECT_THAT(ended.err, HasSubstr("silent"));
+}
+
+/// It waits at its connection: between heartbeats and pings nobody is woken.
+TEST_F(View, AtRestTheWindowOfAServedSceneWakesSeldom) {
+    const std::string still = folder / "still.x3dv";
+    writeFile(still, "#X3D V4.0 utf8\nPROFILE Immersive\nShape { geometry Box { } }\n");
+    serve({"--for", "90s"}, "ipc://" + folder / "socket", still);
+    const auto turns = [&](const char* duration) {
+        return view({endpoint, "--for", duration}).at("frames").get<std::int64_t>();
+    };
+    const std::int64_t begun = turns("5s");  // what it takes to get there
+    EXPECT_LE(turns("11s") - begun, 5 * 6);
 }
 
 TEST_F(View, ALogIsPlayed) {

@@ -3,6 +3,7 @@
 display is Xvfb's, the hand is xdotool's; where these are not installed the tests are skipped."""
 import contextlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -122,6 +123,108 @@ def test_a_session_is_gone_through(user):
     check(200 <= sequence <= 300, f"20 s on, and what was played: state {sequence}")
 
 
+def picture_of_screen():
+    """Width, and the red, green and blue bytes of what is on the display now."""
+    if not shutil.which("import"):
+        raise Skipped("imagemagick is not installed")
+    shot = subprocess.run(["import", "-window", "root", "-depth", "8", "ppm:-"], capture_output=True, check=True).stdout
+    head, width, height, depth = re.match(rb"(P6)\s+(\d+)\s+(\d+)\s+(\d+)\s", shot).groups()
+    return int(width), shot[-3 * int(width) * int(height):]
+
+
+def is_shown(viewer):
+    end = time.monotonic() + 20
+    while time.monotonic() < end:
+        width, pixels = picture_of_screen()
+        # The corner of the first panel lies over what is black there.
+        if max(pixels[3 * (30 * width + 14):][:3]) > 8:
+            return True
+        if "no overlay" in viewer.err:
+            raise Skipped("built without overlay")
+        time.sleep(0.2)
+    return False
+
+
+def test_f1_shows_what_is_under_the_hand_and_its_panels_keep_their_clicks(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with display():
+        viewer = view(user, "touch.x3dv", "--screenshot", "end.png")
+        window_of(viewer)
+        hand("key", "F1")
+        check(is_shown(viewer), "there is a panel")
+        # The second viewpoint's line is somewhere below the figures: the box is small then.
+        for y in range(120, 296, 6):
+            hand("mousemove", 60, y, "click", 1)
+            time.sleep(0.05)
+        hand("key", "F1")
+        time.sleep(2)
+        hand("key", "Escape")
+        viewer.done()
+    user.path("moved.x3dv").write_text(TOUCH.replace("Viewpoint { position 0 0 6 }\n", ""))
+    user.run("render", "moved.x3dv", "-o", "same.png", "--size", "400x300")
+    equal(user.path("end.png").read_bytes(), user.path("same.png").read_bytes(), "the picture from that viewpoint")
+
+
+def test_a_time_line_is_clicked_and_a_state_stepped(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    user.run("record", "touch.x3dv", "-o", "long.rlog", "--for", "60s", "--fps", "10")
+    with display():
+        viewer = view(user, "long.rlog")
+        window_of(viewer)
+        hand("key", "F1")
+        check(is_shown(viewer), "there is a panel")
+        hand("key", "ctrl+space")
+        hand("mousemove", 200, 270, "click", 1)  # the middle of the time line
+        time.sleep(0.5)
+        hand("key", "Escape")
+        sequence = viewer.done()["sequence"]
+    check(290 <= sequence <= 312, f"30 s of 60: state {sequence}")
+
+
+def colours_in(rows, columns):
+    width, pixels = picture_of_screen()
+    return {tuple(pixels[3 * (y * width + x):][:3]) for y in rows for x in columns}
+
+
+def test_marks_of_a_time_line_are_where_something_came_and_where_bytes_are_damaged(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    user.run("record", "touch.x3dv", "-o", "marks.rlog", "--for", "60s", "--fps", "10", "--set", "TS.enabled=FALSE@30")
+    whole = user.path("marks.rlog").read_bytes()
+    user.path("damaged.rlog").write_bytes(whole[:len(whole) // 2] + bytes(64) + whole[len(whole) // 2 + 64:])
+    yellow, red = (255, 204, 92), (255, 122, 92)
+    with display():
+        for name, colour, columns in (("marks.rlog", yellow, range(198, 203)), ("damaged.rlog", red, range(30, 380))):
+            viewer = view(user, name)
+            window_of(viewer)
+            hand("key", "F1")
+            check(is_shown(viewer), "there is a panel")
+            end = time.monotonic() + 20
+            while colour not in colours_in(range(255, 285), columns) and time.monotonic() < end:
+                time.sleep(0.2)
+            check(colour in colours_in(range(255, 285), columns), f"a mark in {name}")
+            check(colour != red or red not in colours_in(range(255, 285), (25,)), "and not everywhere")
+            hand("key", "Escape")
+            viewer.wait()
+
+
+def test_keys_write_a_log_and_a_film(user):
+    user.path("touch.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
+    with display():
+        viewer = view(user, "touch.x3dv")
+        window_of(viewer)
+        hand("key", "ctrl+l")
+        hand("key", "ctrl+f")
+        time.sleep(2)
+        hand("key", "ctrl+f")
+        time.sleep(1)
+        hand("key", "Escape")  # ends the log as well
+        viewer.done()
+    report = user.run("info", "rtsg-1.rlog", "--json")
+    check(report["frames"] > 20 and report["closed"], f"a whole log: {report}")
+    film = user.path("rtsg-1.mp4").read_bytes()
+    check(film[4:8] == b"ftyp" and b"moov" in film, "a whole film")
+
+
 def test_a_window_that_is_closed_ends_in_order(user):
     user.path("touch.x3dv").write_text(TOUCH)
     with display():
@@ -133,6 +236,14 @@ def test_a_window_that_is_closed_ends_in_order(user):
         viewer.done()
     check(is_whole_png(user.path("last.png")), "the picture of the end")
     equal(int.from_bytes(user.path("last.png").read_bytes()[16:20], "big"), 320, "as wide as the window was then")
+
+
+@only_long
+def test_windows_that_close_while_pictures_come_end_well(user):
+    user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
+    with display():
+        for i in range(200):
+            user.run("view", "spin.x3dv", "--mute", "--size", "200x120", "--fps", "200", "--for", f"{100 + i}ms")
 
 
 if __name__ == "__main__":

@@ -88,5 +88,51 @@ TEST(OwnEyes, ItSeesAsTheBoundViewpointDoes) {
     EXPECT_EQ(walked.eye->throughPicture(gone).kind, PointerInput::Kind::absent);
 }
 
+/// The viewpoint and the NavigationInfo that count are the active layer's.
+TEST(OwnEyes, OfASceneInLayersItBeginsAtTheActiveOne) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Immersive\nCOMPONENT Layering:1\nLayerSet { activeLayer 1 order [1] "
+                 "layers [ Layer { children [ NavigationInfo { type \"FLY\" speed 3 } Viewpoint { position 0 0 5 "
+                 "fieldOfView .6 } ] } ] }",
+                 diagnostics));
+    scene.newFrame(0);
+    SharedWorld world(scene);
+    OwnEye eye(world);
+    eye.take(Root::key.index, Value(KeyInput::named("UP", true)->toValue()));
+    for (double t = 0; t < 1; t += 1 / 30.0) eye.advance(t);
+    const auto camera = eye.camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_NEAR(camera->position.z, 2, .3) << "3 m/s ahead";
+    EXPECT_NEAR(camera->top, std::tan(.3), 1e-6);
+}
+
+TEST(OwnEyes, ItGoesToViewpointsWhereverTheyStand) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { }\nTransform { translation 5 0 0 rotation 0 1 0 "
+                 "1.5708 children Transform { scale 2 2 2 children DEF V Viewpoint { position 0 0 3 fieldOfView "
+                 ".5 } } }\nDEF BOX Transform { }",
+                 diagnostics));
+    scene.newFrame(0);
+    SharedWorld world(scene);
+    OwnEye eye(world);
+    const Hash128 before = scene.hash();
+    ASSERT_TRUE(eye.goTo(scene.findName("V")));
+    const auto camera = eye.camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_NEAR(camera->position.x, 11, 1e-3) << "6 m along what was the z axis";
+    EXPECT_NEAR(camera->position.z, 0, 1e-3);
+    EXPECT_NEAR(camera->forward.x, -1, 1e-4);
+    EXPECT_NEAR(camera->top, std::tan(.25), 1e-6);
+    EXPECT_FALSE(eye.goTo(scene.findName("BOX")));
+    EXPECT_FALSE(eye.goTo(NodeId{9999}));
+    EXPECT_EQ(scene.hash(), before) << "the scene is not touched";
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -1,14 +1,19 @@
 // A window by SDL 2. The processor writes its pixels, so it needs no graphics card.
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <memory>
 #include <string>
 #include <tuple>
 #include <utility>
+#include <vector>
 
 #include <SDL.h>
 
 #include "../src/view/window_module.h"
+#ifdef RTSG_HAS_OVERLAY
+#include "overlay.h"
+#endif
 
 namespace rtsg {
 
@@ -17,7 +22,11 @@ namespace {
 class SdlWindow final : public WindowModule {
   public:
     ~SdlWindow() override {
-        if (window_) SDL_DestroyWindow(window_);
+        if (pad_) SDL_GameControllerClose(pad_);
+        if (window_) {
+            letWakesArrive();
+            SDL_DestroyWindow(window_);
+        }
         SDL_Quit();
     }
 
@@ -38,6 +47,9 @@ class SdlWindow final : public WindowModule {
         if (!window_) return problem = SDL_GetError(), false;
         woken_ = SDL_RegisterEvents(1);
         SDL_StartTextInput();
+        // Gamepads are looked at in next(): SDL would do so a thousand times a second, also while nothing moves.
+        SDL_SetHint(SDL_HINT_AUTO_UPDATE_JOYSTICKS, "0");
+        SDL_InitSubSystem(SDL_INIT_GAMECONTROLLER);  // without one there is none
         return true;
     }
 
@@ -46,8 +58,16 @@ class SdlWindow final : public WindowModule {
 
     WindowEvent next(int milliseconds) override {
         SDL_Event event;
-        const bool some = milliseconds > 0 ? SDL_WaitEventTimeout(&event, milliseconds) : SDL_PollEvent(&event);
-        return some ? translated(event) : WindowEvent{};
+        SDL_GameControllerUpdate();
+        if (SDL_PollEvent(&event)) return translated(event);
+        if (milliseconds <= 0) return {};
+        // Who holds a gamepad is heard as often as pictures are made.
+        if (!pad_) return SDL_WaitEventTimeout(&event, milliseconds) ? translated(event) : WindowEvent{};
+        for (int left = milliseconds; left > 0; left -= kPadEvery) {
+            if (SDL_WaitEventTimeout(&event, std::min(left, kPadEvery))) return translated(event);
+            SDL_GameControllerUpdate();
+        }
+        return SDL_PollEvent(&event) ? translated(event) : WindowEvent{};
     }
 
     bool present(const std::uint8_t* pixels, int width, int height) override {
@@ -65,8 +85,28 @@ class SdlWindow final : public WindowModule {
         else if (!linear || SDL_SoftStretchLinear(picture, nullptr, screen, nullptr) != 0)
             failed = SDL_BlitScaled(picture, nullptr, screen, nullptr);
         SDL_FreeSurface(picture);
+#ifdef RTSG_HAS_OVERLAY
+        if (overlay_ && screen->format->BytesPerPixel == 4)
+            overlay_->paint({static_cast<std::uint8_t*>(screen->pixels), screen->w, screen->h, screen->pitch});
+#endif
         return failed == 0 && SDL_UpdateWindowSurface(window_) == 0;
     }
+
+#ifdef RTSG_HAS_OVERLAY
+    bool setOverlay(std::shared_ptr<const OverlayContent> content) override {
+        if (!content) return overlay_.reset(), true;
+        if (!overlay_) overlay_ = std::make_unique<Overlay>();
+        overlay_->setSize(width(), height());
+        overlay_->set(std::move(content));
+        return true;
+    }
+    std::vector<OverlayAction> takeActions() override {
+        return overlay_ ? overlay_->takeActions() : std::vector<OverlayAction>();
+    }
+#else
+    bool setOverlay(std::shared_ptr<const OverlayContent>) override { return false; }
+    std::vector<OverlayAction> takeActions() override { return {}; }
+#endif
 
     void setTitle(const std::string& title) override { SDL_SetWindowTitle(window_, title.c_str()); }
     void toggleFullscreen() override {
@@ -81,14 +121,38 @@ class SdlWindow final : public WindowModule {
     }
 
   private:
+    /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would be an error,
+    /// which ends the process; where the display has answered, it has read what was sent by others before.
+    void letWakesArrive() {
+        constexpr int kAnswers = 3;
+        SDL_Rect bounds;
+        for (int i = 0; i < kAnswers; ++i) (void)SDL_GetDisplayUsableBounds(0, &bounds);
+    }
+
     std::pair<int, int> size() const {
         int width = 1, height = 1;
         SDL_GetWindowSize(window_, &width, &height);
         return {std::max(width, 1), std::max(height, 1)};
     }
 
-    WindowEvent pointerAt(int x, int y, Uint32 buttons) const {
+    /// Which are down once this has happened: SDL itself tells of what has come since, too.
+    Uint32 buttonsAfter(const SDL_MouseButtonEvent& event) {
+        const Uint32 one = SDL_BUTTON(event.button);
+        return buttons_ = event.state == SDL_PRESSED ? buttons_ | one : buttons_ & ~one;
+    }
+
+    WindowEvent pointerAt(int x, int y, Uint32 buttons) {
         WindowEvent event;
+        buttons_ = buttons;
+#ifdef RTSG_HAS_OVERLAY
+        if (overlay_ &&
+            overlay_->pointer(static_cast<float>(x), static_cast<float>(y), (buttons & SDL_BUTTON_LMASK) != 0)) {
+            // What it was over in the scene it is over no longer.
+            event.kind = std::exchange(inScene_, false) ? WindowEvent::Kind::left : WindowEvent::Kind::overlay;
+            return event;
+        }
+#endif
+        inScene_ = true;
         event.kind = WindowEvent::Kind::pointer;
         const auto [width, height] = size();
         event.x = (x + .5) / width, event.y = (y + .5) / height;
@@ -156,7 +220,7 @@ class SdlWindow final : public WindowModule {
         return event;
     }
 
-    WindowEvent translated(const SDL_Event& from) const {
+    WindowEvent translated(const SDL_Event& from) {
         using Kind = WindowEvent::Kind;
         WindowEvent event;
         event.kind = Kind::other;
@@ -178,8 +242,14 @@ class SdlWindow final : public WindowModule {
                 return pointerAt(from.motion.x, from.motion.y, from.motion.state);
             case SDL_MOUSEBUTTONDOWN:
             case SDL_MOUSEBUTTONUP:
-                return pointerAt(from.button.x, from.button.y, SDL_GetMouseState(nullptr, nullptr));
+                return pointerAt(from.button.x, from.button.y, buttonsAfter(from.button));
             case SDL_MOUSEWHEEL:
+#ifdef RTSG_HAS_OVERLAY
+                if (overlay_ && overlay_->wheel(-from.wheel.preciseY)) {
+                    event.kind = Kind::overlay;
+                    break;
+                }
+#endif
                 event.kind = Kind::wheel;
                 event.across = from.wheel.preciseX, event.downwards = -from.wheel.preciseY;
                 break;
@@ -188,13 +258,71 @@ class SdlWindow final : public WindowModule {
                 event.text = from.drop.file;
                 SDL_free(from.drop.file);
                 break;
+            case SDL_CONTROLLERDEVICEADDED:
+                if (!pad_) pad_ = SDL_GameControllerOpen(from.cdevice.which);
+                break;
+            case SDL_CONTROLLERDEVICEREMOVED:
+                return padRemoved(from.cdevice.which);
+            case SDL_CONTROLLERAXISMOTION:
+                return sticks();
+            case SDL_CONTROLLERBUTTONDOWN:
+            case SDL_CONTROLLERBUTTONUP:
+                return padButton(from.cbutton);
             default:
                 break;
         }
         return event;
     }
 
-    WindowEvent windowEvent(const SDL_WindowEvent& from) const {
+    // ---- gamepads ----------------------------------------------------------------------------------------------
+    static constexpr int kPadEvery = 16;    // ms
+    static constexpr double kMiddle = .15;  // of a stick's way: that near to the middle it rests
+    double stick(SDL_GameControllerAxis axis) const {
+        const double at = std::clamp(SDL_GameControllerGetAxis(pad_, axis) / 32767., -1., 1.);
+        const double way = std::abs(at) - kMiddle;
+        return way <= 0 ? 0 : std::copysign(way / (1 - kMiddle), at);
+    }
+    WindowEvent sticks() const {
+        WindowEvent event;
+        event.kind = WindowEvent::Kind::sticks;
+        event.leftX = stick(SDL_CONTROLLER_AXIS_LEFTX), event.leftY = stick(SDL_CONTROLLER_AXIS_LEFTY);
+        event.rightX = stick(SDL_CONTROLLER_AXIS_RIGHTX), event.rightY = stick(SDL_CONTROLLER_AXIS_RIGHTY);
+        return event;
+    }
+    /// All sticks are in the middle then.
+    WindowEvent padRemoved(SDL_JoystickID which) {
+        WindowEvent event;
+        event.kind = WindowEvent::Kind::other;
+        if (!pad_ || SDL_JoystickInstanceID(SDL_GameControllerGetJoystick(pad_)) != which) return event;
+        SDL_GameControllerClose(std::exchange(pad_, nullptr));
+        event.kind = WindowEvent::Kind::sticks;
+        return event;
+    }
+    static WindowEvent padButton(const SDL_ControllerButtonEvent& from) {
+        using Button = WindowEvent::PadButton;
+        WindowEvent event;
+        event.kind = WindowEvent::Kind::button;
+        event.down = from.state == SDL_PRESSED;
+        switch (from.button) {
+            case SDL_CONTROLLER_BUTTON_LEFTSHOULDER:
+                event.padButton = Button::leftShoulder;
+                break;
+            case SDL_CONTROLLER_BUTTON_RIGHTSHOULDER:
+                event.padButton = Button::rightShoulder;
+                break;
+            case SDL_CONTROLLER_BUTTON_START:
+                event.padButton = Button::start;
+                break;
+            case SDL_CONTROLLER_BUTTON_BACK:
+                event.padButton = Button::back;
+                break;
+            default:
+                break;
+        }
+        return event;
+    }
+
+    WindowEvent windowEvent(const SDL_WindowEvent& from) {
         using Kind = WindowEvent::Kind;
         WindowEvent event;
         event.kind = Kind::other;
@@ -206,6 +334,9 @@ class SdlWindow final : public WindowModule {
                 event.kind = Kind::exposed;
                 break;
             case SDL_WINDOWEVENT_LEAVE:
+#ifdef RTSG_HAS_OVERLAY
+                if (overlay_) overlay_->pointerLeft();
+#endif
                 event.kind = Kind::left;
                 break;
             case SDL_WINDOWEVENT_SIZE_CHANGED:
@@ -219,7 +350,12 @@ class SdlWindow final : public WindowModule {
     }
 
     SDL_Window* window_ = nullptr;
-    Uint32 woken_ = 0;
+    SDL_GameController* pad_ = nullptr;  // the first that came
+    Uint32 woken_ = 0, buttons_ = 0;
+    bool inScene_ = false;  // the pointer, as was told last
+#ifdef RTSG_HAS_OVERLAY
+    std::unique_ptr<Overlay> overlay_;
+#endif
 };
 
 std::unique_ptr<WindowModule> openWindow(const WindowSettings& settings, std::string& problem) {
@@ -232,6 +368,6 @@ std::unique_ptr<WindowModule> openWindow(const WindowSettings& settings, std::st
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenWindow rtsg_open_window_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenWindow rtsg_open_window_2() {
     return &rtsg::openWindow;
 }

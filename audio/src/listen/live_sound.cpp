@@ -30,6 +30,7 @@ using Clock = std::chrono::steady_clock;
 constexpr double kApart = 0.1;
 /// Of a core: sound that takes more waits for its turn as others do, so that these have something of a single core.
 constexpr double kHurried = 0.8;
+constexpr double kLevelSeconds = 0.2;
 
 }  // namespace
 
@@ -82,6 +83,7 @@ struct LiveSound::Impl {
             told.latencySeconds = std::max(told.latencySeconds, device.latencySeconds());
             told.busy =
                 std::chrono::duration<double>(working).count() / std::chrono::duration<double>(now - begin).count();
+            told.level = std::sqrt(meanSquare);
             told.heard = engine->heard();
             told.failure = failure;
         }
@@ -108,11 +110,17 @@ struct LiveSound::Impl {
     }
 
     void clip(std::span<float> samples) {
+        double sum = 0;
         for (float& sample : samples) {
             if (std::abs(sample) > 1) ++clipped;
             loudest = std::max(loudest, std::abs(sample));
             sample = std::clamp(sample, -1.0f, 1.0f);
+            sum += double{sample} * double{sample};
         }
+        if (samples.empty()) return;
+        const double seconds = static_cast<double>(options.render.blockSize) / options.render.sampleRate;
+        const double share = std::min(1.0, seconds / kLevelSeconds);
+        meanSquare += share * (sum / static_cast<double>(samples.size()) - meanSquare);
     }
 
     SharedWorld& world;
@@ -128,6 +136,7 @@ struct LiveSound::Impl {
     std::optional<double> ahead;  // of the scene's places, s
     std::uint64_t blocks = 0, clipped = 0;
     float loudest = 0;
+    double meanSquare = 0;
     std::atomic<bool> stop = false;
     std::atomic<bool> wanted = true;  // what nodes find
     mutable std::mutex mutex;

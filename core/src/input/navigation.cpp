@@ -32,6 +32,7 @@ constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
 struct Devices {
     double seconds = 0;  // since the frame before
     Vec2d wheel{0};
+    Vec2d turn{0};  // radians to the right and up, of a gamepad's stick
     std::vector<KeyInput> keys;
     std::optional<PointerInput> pointer;  // number 0
     bool anyMoved = true;                 // geometry or views, since the frame before
@@ -225,7 +226,8 @@ class Navigator {
     }
     void examine(const Devices& devices) {
         const double turn = kTurnRate * devices.seconds;
-        orbit(between(Key::kLeft, Key::kRight) * turn, between(Key::kDown, Key::kUp) * turn);
+        orbit(between(Key::kLeft, Key::kRight) * turn + devices.turn.x,
+              between(Key::kDown, Key::kUp) * turn + devices.turn.y);
         if (devices.wheel.y != 0)
             pose_.position = center() + (pose_.position - center()) * portable::pow(kWheelStep, -devices.wheel.y);
     }
@@ -248,7 +250,7 @@ class Navigator {
         motion += (alt && !walks ? up : ahead) * (forward * length);
         if (alt) motion += aside * (right * length);
         const double left = alt ? 0 : -right * kTurnRate * devices.seconds;
-        if (left != 0) pose_ = turned(pose_, left, 0);
+        if (left != 0 || devices.turn != Vec2d(0)) pose_ = turned(pose_, left - devices.turn.x, devices.turn.y);
         if (walks && (left != 0 || motion != glm::dvec3(0))) state_.walking = true;
         go(motion, walks, devices);
     }
@@ -520,6 +522,7 @@ void Scene::State::navigate(double t) {
         } else if (event.field == Root::wheel.index) {
             const auto& steps = event.value.as<Array<double>>();
             if (steps.size() >= 2 && std::isfinite(steps[0] + steps[1])) devices.wheel += Vec2d(steps[0], steps[1]);
+            if (steps.size() >= 4 && std::isfinite(steps[2] + steps[3])) devices.turn += Vec2d(steps[2], steps[3]);
         } else if (event.field == Root::key.index) {
             if (const auto key = KeyInput::fromValue(event.value.as<Array<std::int32_t>>()))
                 devices.keys.push_back(*key);
@@ -541,7 +544,7 @@ void Scene::State::navigate(double t) {
     if (given) {
         // An application's own counts; of the devices, which keys are down.
         devices.seconds = 0;
-        devices.wheel = Vec2d(0);
+        devices.wheel = devices.turn = Vec2d(0);
         devices.pointer.reset();
     }
     NodeId bind;

@@ -529,8 +529,8 @@ std::size_t Flattener::instanceCount() const {
     return impl_->instances.live;
 }
 bool Flattener::usesPixels() const {
-    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty() || impl_->layered > 0 ||
-           (impl_->options.error.pixels > 0 && !impl_->details.empty());
+    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty() ||
+           impl_->layerCount > 0 || (impl_->options.error.pixels > 0 && !impl_->details.empty());
 }
 const std::vector<LayerSight>& Flattener::sights() const {
     return impl_->sights;

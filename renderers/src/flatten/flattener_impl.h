@@ -52,6 +52,7 @@ struct Occurrence {
     bool wasSeen = false;                         // its transform has changed though that was not foreseen
     bool moving = false;                          // it or one around it is a mover
     bool turned = false;                          // it or one around it follows the picture: a Billboard, a layout ...
+    bool isLayer = false;                         // it is in a LayerSet
     std::uint16_t layer = 0;
 };
 
@@ -368,7 +369,7 @@ struct Flattener::Impl {
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::vector<std::uint32_t> levels;                                // occurrences of LODs
     std::vector<std::uint32_t> billboards;                            // occurrences of what turns
-    std::size_t layered = 0;                                          // of both, those in a layer of a LayerSet
+    std::size_t layerCount = 0;                                       // occurrences of layers of a LayerSet
     std::unordered_map<std::uint32_t, flatten::Region> regions;       // of occurrences that lay out
     bool regionChanged = false;                                       // of the last that localForEye() laid out
     std::unordered_set<std::uint32_t> clearMaterials;                 // of shapes that show nothing, maybe gone by now

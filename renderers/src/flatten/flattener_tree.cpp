@@ -49,6 +49,8 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
             const auto& layers = flatten::read<Array<NodeId>>(set, roles.of(set).children[0]);
             const auto* at = std::find(layers.begin(), layers.end(), node.id());
             o.layer = static_cast<std::uint16_t>(at - layers.begin() + 1);
+            o.isLayer = true;
+            ++layerCount;
         }
     }
     if (role.visible != kNoField && !flatten::read<bool>(node, role.visible)) o.hidden = true;
@@ -60,7 +62,6 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     if (role.turns) {
         o.slot = static_cast<std::uint32_t>(billboards.size());
         billboards.push_back(index);
-        layered += o.layer != 0;
         if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
@@ -80,7 +81,6 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     } else if (role.role == Role::level) {
         o.slot = static_cast<std::uint32_t>(levels.size());
         levels.push_back(index);
-        layered += o.layer != 0;
         o.level = flatten::chooseLevel(node, role, frames[o.frame], eyeIn(o.layer));
     }
     o.isMover = isMover(node, role);
@@ -350,6 +350,7 @@ void Flattener::Impl::pruneContent(std::uint32_t top) {
 
 void Flattener::Impl::release(std::uint32_t index) {
     Occurrence& o = tree[index];
+    layerCount -= o.isLayer;
     touchBoxes(index);
     if (o.role == Role::shape) {
         dropInstance(index);
@@ -360,14 +361,12 @@ void Flattener::Impl::release(std::uint32_t index) {
         levels[o.slot] = levels.back();
         tree[levels.back()].slot = o.slot;
         levels.pop_back();
-        layered -= o.layer != 0;
     } else if (o.slot != kNone) {
         screenGroups.erase(index);
         regions.erase(index);
         billboards[o.slot] = billboards.back();
         tree[billboards.back()].slot = o.slot;
         billboards.pop_back();
-        layered -= o.layer != 0;
     }
     if (o.previousOfNode != kNone)
         tree[o.previousOfNode].nextOfNode = o.nextOfNode;

@@ -302,14 +302,16 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::latest(std::chrono::nanos
     using Clock = std::chrono::steady_clock;
     Impl& s = *impl_;
     const Clock::time_point end = Clock::now() + patience;
+    // What is current while it waits does not count: a scene that asks for rays before each frame hands a state over
+    // that this frame makes old at once, and nobody would ever have the newest one.
+    const std::uint64_t asked = s.current.load(std::memory_order_acquire);
     for (std::chrono::microseconds pause{50};; pause = std::min(2 * pause, std::chrono::microseconds(1000))) {
         std::shared_ptr<const WorldState> state = s.states.get();
-        const std::uint64_t now = s.current.load(std::memory_order_acquire);
         s.wanted.store(true, std::memory_order_relaxed);
         if (s.failed.load(std::memory_order_relaxed))
             return fail("the world follows its scene no longer; SharedWorld::failure() says why");
-        if (state && state->moment >= now) return state;
-        if (s.refusedAt.load(std::memory_order_acquire) == now || Clock::now() >= end) {
+        if (state && state->moment >= asked) return state;
+        if (s.refusedAt.load(std::memory_order_acquire) >= asked || Clock::now() >= end) {
             if (state) return state;
             return fail(
                 "no state of the scene was handed over: its thread must run frames, or call SharedWorld::update(), and "

@@ -41,6 +41,9 @@ std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
 void MirrorClient::onStep(std::function<void(const RecordStep&)> heard) {
     impl_->onStep(std::move(heard));
 }
+MirrorClient::Waiting MirrorClient::waiting() const {
+    return impl_->waiting();
+}
 void MirrorClient::wakeBy(int descriptor) {
     impl_->wakeBy(descriptor);
 }

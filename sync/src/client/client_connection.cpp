@@ -314,6 +314,14 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
     return ready > 0;
 }
 
+/// As wait() and poll() do: a socket that was not found empty may hold something of which no descriptor tells.
+MirrorClient::Waiting MirrorClient::Impl::waiting() const {
+    MirrorClient::Waiting waiting;
+    waiting.descriptors = {socket_.descriptor(), monitor_.descriptor()};
+    if (socket_.foundEmpty() && !cut_ && !(helloPending_ && linked())) waiting.most = untilDue(longestSleep());
+    return waiting;
+}
+
 /// How long to sleep if nothing comes. While all is well little is due.
 std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();

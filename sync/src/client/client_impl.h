@@ -32,6 +32,7 @@ class MirrorClient::Impl {
 
     Result<> start(const std::string& endpoint);
     std::size_t poll(std::chrono::milliseconds timeout);
+    MirrorClient::Waiting waiting() const;
     void wakeBy(int descriptor) { wakes_ = descriptor; }
     void onStep(std::function<void(const RecordStep&)> heard) { onStep_ = std::move(heard); }
     bool inStep() const {

@@ -2,6 +2,7 @@
 #include <random>
 
 #include <rtsg/renderers/picking.h>
+#include <rtsg/renderers/world_queries.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -377,6 +378,31 @@ TEST(Layers, BillboardsAndLevelsAreForTheirOwnEyes) {
         EXPECT_NEAR(green, 100, 1);
         s.scene.newFrame(1), alone.scene.newFrame(1);
     }
+}
+
+// 35.2: what a layer shows is clicked where it is seen, though nothing in it has its size from the picture.
+TEST(Layers, APointerMeetsWhatAPlainLayerShows) {
+    LightScene s(
+        "DEF BACK Transform { children [ " + box("0 1 0", "0 0 5", 9) +
+            " ] } DEF SET LayerSet { order [ 0 1 ] layers [ DEF L Layer { children [ DEF HUD Transform { children [ " +
+            box("1 0 0", "2 2 0") + " ] } ] } ] }",
+        40, 40);
+    const Picture p = s.picture();
+    WorldQueries queries(*s.world);
+    int layer = 0;
+    for (int y = 0; y < 40; ++y)
+        for (int x = 0; x < 40; ++x) {
+            const auto seen = queries.throughPicture((x + .5) / 40, (y + .5) / 40, std::nullopt);
+            ASSERT_TRUE(seen && seen->hit) << x << ' ' << y;
+            const bool isLayers = std::ranges::find(seen->hit->path, s.node("HUD")) != seen->hit->path.end();
+            EXPECT_EQ(isLayers, p.at(x, y).r > p.at(x, y).g) << x << ' ' << y;
+            layer += isLayers;
+        }
+    EXPECT_GT(layer, 10);
+    // Without layers there is nothing to look for.
+    ASSERT_TRUE(s.scene.setField(s.node("SET"), x3d::LayerSet::layers.index, Array<NodeId>{}));
+    s.scene.newFrame(1);
+    EXPECT_FALSE(queries.throughPicture(.5, .5, std::nullopt));
 }
 
 }  // namespace

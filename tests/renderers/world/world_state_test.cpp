@@ -280,6 +280,39 @@ TEST(WorldState, AReaderWaitsForTheNextFrameAndTheSceneForNobody) {
     EXPECT_EQ(failed, 0);
 }
 
+/// As navigation does: it asks for rays, and so brings the world up to date, just before each frame.
+TEST(WorldState, AReaderGetsAStateThoughEachIsOldAsSoonAsItIsHandedOver) {
+    constexpr int kCalls = 20, kFrames = 600;  // some two a call are needed; some seventy if each must be the newest
+    Stage stage;
+    stage.world.rays();
+    stage.addBox();
+    std::atomic<bool> done{false};
+    std::atomic<std::uint64_t> known{0};
+    std::atomic<int> got{0};
+    int frames = 0;
+    const auto frame = [&] {
+        (void)stage.world.update();
+        stage.moveBox(static_cast<float>(frames++ % 100));
+        known = stage.scene.sequence();
+        std::this_thread::sleep_for(3ms);
+    };
+    frame();
+    std::thread reader([&] {
+        for (int i = 0; i < kCalls; ++i) {
+            const std::uint64_t before = known;
+            const auto state = stage.world.latest(600s);
+            got += state && (*state)->sequence >= before;
+        }
+        done = true;
+    });
+    while (!done && frames < kFrames) frame();
+    const int needed = frames;
+    for (; !done; std::this_thread::sleep_for(3ms)) (void)stage.world.update();
+    reader.join();
+    EXPECT_EQ(got, kCalls) << "as new as the scene was at the call";
+    EXPECT_LT(needed, kFrames) << "it waited until nothing moved";
+}
+
 const char* const kRoom = R"(#X3D V4.0 utf8
 PROFILE Immersive
 Viewpoint { }

@@ -126,8 +126,11 @@ struct LivePicture::Impl {
     // ---- the thread ------------------------------------------------------------------------------------------
     Result<Camera> cameraOf(const Subject& what) const {
         const double aspect = static_cast<double>(what.width) / what.height;
-        if (what.eye) return what.eye->shaped(aspect);
-        return LightTracer::camera(*what.light, *what.state->rays, aspect);
+        auto bound = LightTracer::camera(*what.light, *what.state->rays, aspect);
+        if (!what.eye || !bound) return bound;
+        Camera eye = what.eye->shaped(aspect);
+        eye.layer = bound->layer;  // it looks at what the bound viewpoint would
+        return eye;
     }
 
     /// Null: something has changed meanwhile. `isMoving`: it is made to its end all the same.
@@ -153,13 +156,15 @@ struct LivePicture::Impl {
         return std::optional(std::move(*made));
     }
 
-    void publish(const Picture& picture, const Subject& what, int samples, Clock::time_point start) {
+    void publish(const Picture& picture, const Subject& what, int samples, Clock::time_point start,
+                 bool isMoving = false) {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
         next->sequence = what.state->sequence;
         next->samples = samples;
         next->whole = isWhole;
+        next->isMoving = isMoving;
         next->seconds = secondsSince(start);
         {
             const std::scoped_lock lock(mutex);
@@ -186,7 +191,7 @@ struct LivePicture::Impl {
         if (!made) return std::unexpected(made.error());
         pictured = of;
         isWhole = width == what.width;
-        publish(**made, what, 1, start);
+        publish(**made, what, 1, start, true);
         const double spent = secondsSince(start) / (static_cast<double>(width) * height);
         secondsAPixel += kNewTimes * (spent - secondsAPixel);
         return {};

@@ -2,9 +2,12 @@
 #include <rtsg/window/own_eye.h>
 
 #include <algorithm>
+#include <cmath>
+#include <string_view>
 #include <utility>
 
 #include <rtsg/core/navigation.h>
+#include <rtsg/core/placement.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/world_queries.h>
@@ -44,9 +47,29 @@ class Walls final : public SpaceQueries {
     WorldQueries queries_;
 };
 
-/// The node on top of a stack of the scene's root; none if it is empty.
-const Node* bound(const Scene& scene, Field<Array<NodeId>> stack) {
-    const Array<NodeId> all = scene.node(scene.root()).get(stack);
+/// What takes the coordinates around a node, by its first place in the hierarchy, to the world's.
+glm::dmat4 worldAroundNode(const Scene& scene, NodeId id) {
+    constexpr int kDeepest = 10'000;
+    glm::dmat4 world(1);
+    for (int depth = 0; depth < kDeepest; ++depth) {
+        const std::vector<ParentRef> parents = scene.parents(id);
+        const auto place = std::ranges::find_if(
+            parents, [&](const ParentRef& p) { return isPlace(scene.node(p.node).type(), p.field); });
+        if (place == parents.end()) break;
+        id = place->node;
+        world = parentFromLocal(scene, scene.node(id)) * world;
+    }
+    return world;
+}
+
+/// The node on top of a stack of the active layer, or of the root where there is none; null if it is empty.
+const Node* bound(const Scene& scene, std::string_view stack) {
+    const Node& root = scene.node(scene.root());
+    const Node* layer = scene.find(root.get(Root::_activeLayer));
+    const Node& holder = layer ? *layer : root;
+    const FieldIndex field = holder.type().findExact(stack);
+    if (field == kNoField || holder.type().fields[field].type != FieldType::MFNode) return nullptr;
+    const Array<NodeId>& all = holder.get(Field<Array<NodeId>>{field});
     return all.empty() ? nullptr : scene.find(all[0]);
 }
 
@@ -62,26 +85,27 @@ struct OwnEye::Impl {
     double fieldOfView = 0.7854;
 
     /// From where the other scene's viewer is.
-    void begin() {
+    void begin() { begin(viewerPose(world.scene()), bound(world.scene(), "_viewpointStack")); }
+    /// `theirs`: the other scene's viewpoint, whose angle and centre count; or none.
+    void begin(const ViewerPose& pose, const Node* theirs) {
         using V = x3d::Viewpoint;
         using N = x3d::NavigationInfo;
         const Scene& other = world.scene();
-        const ViewerPose pose = viewerPose(other);
         own = std::make_unique<Scene>();
         own->setNavigation(true);
         own->setSpaceQueries(&walls);
         const NodeId view = own->createNode(V::type), navigation = own->createNode(N::type);
         (void)own->set(view, V::position, Vec3f(pose.position));
         (void)own->set(view, V::orientation, orientationOf(pose));
-        if (const Node* theirs = bound(other, Root::_viewpointStack); theirs && theirs->is(V::type)) {
+        if (theirs && theirs->is(V::type)) {
             fieldOfView = static_cast<double>(theirs->get(V::fieldOfView));
             (void)own->set(view, V::centerOfRotation, theirs->get(V::centerOfRotation));
         }
-        if (const Node* theirs = bound(other, Root::_navigationStack); theirs && theirs->is(N::type)) {
-            for (FieldIndex f = 0; f < theirs->type().fields.size(); ++f) {
-                const FieldDef& def = theirs->type().fields[f];
+        if (const Node* info = bound(other, "_navigationStack"); info && info->is(N::type)) {
+            for (FieldIndex f = 0; f < info->type().fields.size(); ++f) {
+                const FieldDef& def = info->type().fields[f];
                 if (def.access == Access::inputOutput && !def.hidden && sf(def.type) != FieldType::SFNode)
-                    (void)own->setField(navigation, f, theirs->value(f));
+                    (void)own->setField(navigation, f, info->value(f));
             }
         }
         (void)own->setField(own->root(), Root::children.index, Array<NodeId>{view, navigation});
@@ -119,6 +143,22 @@ void OwnEye::take(FieldIndex field, const Value& value) {
         s.begin();
     }
     (void)s.own->sendEvent(s.own->root(), field, value);
+}
+
+Result<> OwnEye::goTo(NodeId viewpoint) {
+    const Scene& scene = impl_->world.scene();
+    const Node* node = scene.find(viewpoint);
+    const auto pose = node ? viewOf(*node) : std::nullopt;
+    if (!pose) return fail("this is no viewpoint that one can go to");
+    const glm::dmat4 world = worldAroundNode(scene, viewpoint);
+    glm::dmat3 turn(world);
+    for (int i = 0; i < 3; ++i) turn[i] = glm::normalize(turn[i]);
+    ViewerPose there{world * glm::dvec4(pose->position, 1), glm::normalize(glm::quat_cast(turn) * pose->orientation)};
+    const glm::dquat& q = there.orientation;
+    if (!std::isfinite(there.position.x + there.position.y + there.position.z + q.x + q.y + q.z + q.w))
+        return fail("this viewpoint is nowhere");
+    impl_->begin(there, node);
+    return {};
 }
 
 void OwnEye::advance(double seconds) {

@@ -2,6 +2,8 @@
 #include <rtsg/window/scene_window.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cmath>
 #include <deque>
 #include <filesystem>
 #include <set>
@@ -12,8 +14,10 @@
 #include <rtsg/core/module.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/world_queries.h>
 
 #include "key_input.h"
+#include "overlay_maker.h"
 #include "window_module.h"
 
 namespace rtsg {
@@ -27,6 +31,12 @@ using Root = x3d::RtsgScene;
 constexpr std::size_t kIntervalsKept = 1000;
 constexpr double kSkip = 5;              // seconds
 constexpr double kLongestInterval = .5;  // seconds: longer ones are rests
+constexpr double kStickSteps = 4;        // of the wheel a second: NavigationInfo's speed
+constexpr double kStickTurn = M_PI / 2;  // radians a second
+constexpr double kStickLongest = .1;     // seconds that a stick counts for at once
+constexpr auto kStickEvery = std::chrono::milliseconds(16);
+constexpr auto kOverlayEvery = std::chrono::milliseconds(100);
+constexpr std::size_t kFrameTimes = 120;
 
 Result<std::unique_ptr<WindowModule>> openWindow(const WindowSettings& settings) {
 #ifdef RTSG_NO_WINDOW
@@ -45,7 +55,7 @@ Result<std::unique_ptr<WindowModule>> openWindow(const WindowSettings& settings)
 }  // namespace
 
 struct SceneWindow::Impl {
-    Impl(SharedWorld& w, SceneWindowOptions o) : world(w), options(std::move(o)) {}
+    Impl(SharedWorld& w, SceneWindowOptions o) : world(w), options(std::move(o)), maker(w) {}
 
     SharedWorld& world;
     SceneWindowOptions options;
@@ -61,9 +71,21 @@ struct SceneWindow::Impl {
     Diagnostics diagnostics;
     std::set<std::string> told;
     std::string failure;
-    double skip = 0;  // seconds
-    bool closed = false, paused = false, lost = false;
+    std::vector<SceneWindowRequest> requests;
+    bool closed = false, paused = false, lost = false, wasMoving = false;
+    std::atomic<bool> called{false};
     int screenshots = 0;
+    WindowEvent sticks;  // as they are
+    Clock::time_point steered{};
+
+    bool overlay = false, stale = false;  // it is shown; it must be made anew
+    OverlayMaker maker;
+    std::shared_ptr<const OverlayContent> content;
+    Clock::time_point made{};
+    SceneWindowStatus status;
+    std::shared_ptr<const std::vector<OverlayContent::Mark>> marks;
+    std::optional<WorldQueries> queries;
+    std::uint32_t buttons = 0;  // of the pointer, as it was last
 
     void tell(const std::string& what) {
         if (told.insert(what).second) diagnostics.warning({}, what);
@@ -82,7 +104,73 @@ struct SceneWindow::Impl {
         input.x = event.x, input.y = event.y;
         input.aspect = static_cast<double>(window->width()) / window->height();
         input.buttons = event.buttons;
+        if (overlay && (event.buttons & ~buttons & PointerInput::kPrimary) != 0) pick(input);
+        buttons = event.buttons;
         send(Root::pointer.index, Value(input.toValue()));
+    }
+    /// What is seen there is described in the overlay.
+    void pick(const PointerInput& at) {
+        if (!queries) queries.emplace(world, options.picture.resources);
+        std::optional<PointerHit> hit;
+        if (eye) {
+            const Camera camera = eye->shaped(at.aspect);
+            const Vec3d direction = camera.forward +
+                                    camera.right * (camera.left + (camera.rightEdge - camera.left) * at.x) +
+                                    camera.up * (camera.top + (camera.bottom - camera.top) * at.y);
+            hit = queries->firstHit(camera.position, direction);
+        } else if (const auto seen = queries->throughPicture(at.x, at.y, std::nullopt)) {
+            hit = seen->hit;
+        } else {
+            const Bearing bearing = bearingThrough(world.scene(), at.x, at.y, at.aspect);
+            hit = queries->firstHit(bearing.origin, bearing.direction);
+        }
+        maker.pickOnPath(hit ? hit->path : std::vector<NodeId>());
+        forgetHistory();
+        stale = true;
+    }
+    /// It was of the node that was picked before.
+    void forgetHistory() {
+        status.history.clear();
+        if (status.tellsHistory) ask({SceneWindowRequest::Kind::history, 0, false, maker.picked(), {}});
+    }
+
+    /// Sticks that are not in the middle move the viewer on.
+    void steer() {
+        const Clock::time_point now = Clock::now();
+        const double seconds = std::chrono::duration<double>(now - std::exchange(steered, now)).count();
+        if (!isSteered()) return;
+        const double count = std::min(seconds, kStickLongest), steps = kStickSteps * count, turn = kStickTurn * count;
+        const double moves[] = {sticks.leftX * steps, sticks.leftY * steps, sticks.rightX * turn,
+                                -sticks.rightY * turn};
+        send(Root::wheel.index, Value(Array<double>(std::span<const double>(moves))));
+    }
+    bool isSteered() const {
+        return sticks.leftX != 0 || sticks.leftY != 0 || sticks.rightX != 0 || sticks.rightY != 0;
+    }
+    void padButton(const WindowEvent& event) {
+        using Button = WindowEvent::PadButton;
+        const bool isNext = event.padButton == Button::rightShoulder;
+        if (isNext || event.padButton == Button::leftShoulder) {
+            KeyInput key;
+            key.down = event.down;
+            key.action = isNext ? ActionKey::pageDown : ActionKey::pageUp;
+            send(Root::key.index, Value(key.toValue()));
+        }
+        if (event.down && event.padButton == Button::start) togglePause();
+        if (event.down && event.padButton == Button::back) showOverlay(!overlay);
+    }
+
+    void ask(SceneWindowRequest request) {
+        // Of a drag along the time line the last place counts.
+        if (request.kind == SceneWindowRequest::Kind::seek && !requests.empty() && requests.back().kind == request.kind)
+            requests.pop_back();
+        requests.push_back(std::move(request));
+    }
+    void ask(SceneWindowRequest::Kind kind, double number = 0) { ask({kind, number, false, {}, {}}); }
+    void togglePause() {
+        paused = !paused;
+        ask({SceneWindowRequest::Kind::pause, 0, paused, {}, {}});
+        stale = true;
     }
 
     /// True: the key was for the window itself.
@@ -91,13 +179,18 @@ struct SceneWindow::Impl {
         const bool isPause = event.control && event.key == WindowEvent::Key::space;
         const bool isBack = event.control && event.key == WindowEvent::Key::left;
         const bool isAhead = event.control && event.key == WindowEvent::Key::right;
+        const bool isLog = event.control && event.character == U'l', isFilm = event.control && event.character == U'f';
         const bool isClose = event.key == WindowEvent::Key::escape;
-        if (!isClose && event.functionKey != 11 && !isSave && !isPause && !isBack && !isAhead) return false;
-        if (event.down && (isBack || isAhead)) skip += isBack ? -kSkip : kSkip;
+        const bool isFunction = event.functionKey == 1 || event.functionKey == 11;
+        if (!isClose && !isFunction && !isSave && !isLog && !isFilm && !isPause && !isBack && !isAhead) return false;
+        if (event.down && (isBack || isAhead)) ask(SceneWindowRequest::Kind::skip, isBack ? -kSkip : kSkip);
         if (!event.down || event.repeats) return true;
         if (isClose) closed = true;
+        if (event.functionKey == 1) showOverlay(!overlay);
         if (event.functionKey == 11) window->toggleFullscreen();
-        if (isPause) paused = !paused;
+        if (isPause) togglePause();
+        if (isLog) ask(SceneWindowRequest::Kind::log);
+        if (isFilm) ask(SceneWindowRequest::Kind::film);
         if (isSave) takeScreenshot();
         return true;
     }
@@ -134,7 +227,18 @@ struct SceneWindow::Impl {
                 return;
             case Kind::pointer:
             case Kind::left:
+                lost = lost || overlay;
                 return point(event);
+            case Kind::sticks:
+                sticks = event;
+                steered = Clock::now();
+                return;
+            case Kind::button:
+                return padButton(event);
+            case Kind::overlay:
+                lost = true;
+                for (const OverlayAction& action : window->takeActions()) act(action);
+                return;
             case Kind::wheel: {
                 const double steps[] = {event.across, event.downwards};
                 return send(Root::wheel.index, Value(Array<double>(std::span<const double>(steps))));
@@ -153,6 +257,110 @@ struct SceneWindow::Impl {
         }
     }
 
+    // ---- the overlay -------------------------------------------------------------------------------------------
+    void showOverlay(bool on) {
+        if (on && !window->setOverlay(std::make_shared<const OverlayContent>()))
+            return tell("there is no overlay: Dear ImGui was not there when this was built, or RTSG_OVERLAY was off");
+        overlay = on;
+        stale = lost = true;
+        content.reset();
+        if (!on) (void)window->setOverlay(nullptr);
+    }
+    void act(const OverlayAction& action) {
+        using Kind = OverlayAction::Kind;
+        using Asked = SceneWindowRequest::Kind;
+        const NodeId node{action.node};
+        stale = true;
+        switch (action.kind) {
+            case Kind::viewpoint:
+                return look(node);
+            case Kind::open:
+                return maker.toggle(node);
+            case Kind::pick:
+                maker.pick(node);
+                return forgetHistory();
+            case Kind::hide:
+                return hide(node);
+            case Kind::history:
+                return ask({Asked::history, 0, false, node, action.name});
+            case Kind::pause:
+                return togglePause();
+            case Kind::seek:
+                return ask(Asked::seek, action.number);
+            case Kind::step:
+                return ask(Asked::step, action.number);
+            case Kind::rate:
+                return ask(Asked::rate, action.number);
+        }
+    }
+    void heard(const Result<>& done) {
+        ++statistics.events;
+        if (!done) tell(done.error().text);
+    }
+    void look(NodeId viewpoint) {
+        Scene& scene = world.scene();
+        if (options.look) return heard(options.look(viewpoint));
+        if (const Node* node = scene.find(viewpoint))
+            heard(scene.sendEvent(viewpoint, node->type().findExact("set_bind"), Value(true)));
+    }
+    void hide(NodeId id) {
+        Scene& scene = world.scene();
+        const Node* node = scene.find(id);
+        const FieldIndex field = node ? node->type().findExact("visible") : kNoField;
+        if (field == kNoField) return;
+        const Value now(!node->get(Field<bool>{field}));
+        heard(options.change ? options.change(id, field, now) : scene.sendEvent(id, field, now));
+    }
+
+    /// Makes it anew where it may have changed; what is equal is not drawn again.
+    void refreshOverlay() {
+        const Clock::time_point now = Clock::now();
+        if (!overlay || (!std::exchange(stale, false) && now < made + kOverlayEvery)) return;
+        made = now;
+        auto next = std::make_shared<OverlayContent>();
+        maker.fill(*next);
+        addFigures(*next);
+        for (const SceneWindowStatus::Line& line : status.lines)
+            next->lines.push_back({line.name, line.value, line.isWrong, line.time});
+        for (const SceneWindowStatus::Line& line : status.history)
+            next->history.push_back({line.name, line.value, line.isWrong, line.time});
+        if (status.timeline)
+            next->timeline =
+                OverlayContent::Timeline{status.timeline->time, status.timeline->length, status.timeline->rate, marks};
+        next->isPaused = paused;
+        next->hasHistory = status.tellsHistory;
+        if (content && *content == *next) return;
+        content = std::move(next);
+        (void)window->setOverlay(content);
+        lost = true;
+    }
+    void addFigures(OverlayContent& to) const {
+        const auto add = [&](const char* name, std::string value) {
+            to.lines.push_back({name, std::move(value), false, {}});
+        };
+        to.budget = static_cast<float>(1e3 * options.picture.budget);
+        const std::size_t first = intervals.size() > kFrameTimes ? intervals.size() - kFrameTimes : 0;
+        double sum = 0;
+        for (std::size_t i = first; i < intervals.size(); ++i) {
+            to.frameTimes.push_back(static_cast<float>(1e3 * intervals[i]));
+            sum += intervals[i];
+        }
+        if (sum > 0)
+            add("in motion", fmt::format("{:.0f} pictures/s", static_cast<double>(intervals.size() - first) / sum));
+        if (shown) {
+            add("resolution",
+                fmt::format("{} x {}{}", shown->width, shown->height,
+                            shown->whole ? ", whole" : fmt::format(" of {} x {}", window->width(), window->height())));
+            add("samples", fmt::format("{} a pixel, {:.0f} ms", shown->samples, 1e3 * shown->seconds));
+            const std::uint64_t newest = world.scene().sequence();
+            add("state", newest == shown->sequence ? fmt::format("{}", newest)
+                                                   : fmt::format("{}, shown {}", newest, shown->sequence));
+        }
+        add("triangles", fmt::format("{}", maker.triangles()));
+        add("nodes", fmt::format("{}", world.scene().nodeCount()));
+        if (paused) add("time", "stopped");
+    }
+
     // ---- what people see ---------------------------------------------------------------------------------------
     void present() {
         if (auto next = picture->take()) {
@@ -160,7 +368,9 @@ struct SceneWindow::Impl {
             lost = true;
             const Clock::time_point now = Clock::now();
             const double interval = std::chrono::duration<double>(now - std::exchange(presentedAt, now)).count();
-            if (interval < kLongestInterval && statistics.presented > 0) {
+            const bool moves = shown->isMoving && std::exchange(wasMoving, shown->isMoving);
+            wasMoving = shown->isMoving;
+            if (interval < kLongestInterval && moves) {
                 intervals.push_back(interval);
                 if (intervals.size() > kIntervalsKept) intervals.pop_front();
             }
@@ -196,6 +406,7 @@ Result<std::unique_ptr<SceneWindow>> SceneWindow::open(SharedWorld& world, Scene
     pictures.wake = [w = impl->window.get()] { w->wake(); };
     impl->picture = std::make_unique<LivePicture>(world, std::move(pictures));
     if (auto ok = impl->picture->show(); !ok) return std::unexpected(ok.error());
+    if (impl->options.overlay) impl->showOverlay(true);
     return std::unique_ptr<SceneWindow>(new SceneWindow(std::move(impl)));
 }
 
@@ -205,21 +416,27 @@ bool SceneWindow::turn(std::chrono::milliseconds atMost) {
         s.failure = ok.error().text;
         return false;
     }
-    const Clock::time_point end = Clock::now() + atMost;
-    s.present();
     const std::uint64_t before = s.statistics.events;
+    s.steer();
+    const Clock::time_point end = Clock::now() + (s.isSteered() ? std::min(atMost, kStickEvery) : atMost);
+    s.refreshOverlay();
+    s.present();
     while (!s.closed) {
         const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()).count();
         const WindowEvent event = s.window->next(static_cast<int>(std::max<std::int64_t>(0, left)));
         if (event.kind == Kind::none) break;
         s.handle(event);
+        s.refreshOverlay();
         s.present();
-        if (s.statistics.events == before && s.dropped.empty() && s.skip == 0) continue;
+        const bool isSteered = event.kind == Kind::sticks;
+        if (s.statistics.events == before && s.dropped.empty() && s.requests.empty() && !isSteered && !s.called)
+            continue;
         // What was done is the scene's turn, once all that has come is read.
         for (WindowEvent more = s.window->next(0); more.kind != Kind::none && !s.closed; more = s.window->next(0))
             s.handle(more);
         break;
     }
+    s.called = false;
     return !s.closed;
 }
 
@@ -229,8 +446,35 @@ std::string SceneWindow::failure() const {
 bool SceneWindow::isPaused() const {
     return impl_->paused;
 }
-double SceneWindow::takeSkip() {
-    return std::exchange(impl_->skip, 0);
+void SceneWindow::setPaused(bool on) {
+    impl_->stale = impl_->stale || impl_->paused != on;
+    impl_->paused = on;
+}
+std::vector<SceneWindowRequest> SceneWindow::takeRequests() {
+    return std::exchange(impl_->requests, {});
+}
+void SceneWindow::wake() {
+    if (!impl_->called.exchange(true)) impl_->window->wake();
+}
+bool SceneWindow::showsOverlay() const {
+    return impl_->overlay;
+}
+std::shared_ptr<const LivePictureShown> SceneWindow::shown() const {
+    return impl_->shown;
+}
+std::pair<int, int> SceneWindow::size() const {
+    return {impl_->window->width(), impl_->window->height()};
+}
+void SceneWindow::setStatus(SceneWindowStatus status) {
+    Impl& s = *impl_;
+    if (status.timeline &&
+        (!s.marks || !s.status.timeline || s.status.timeline->marksVersion != status.timeline->marksVersion)) {
+        auto marks = std::make_shared<std::vector<OverlayContent::Mark>>();
+        for (const SceneWindowStatus::Mark& mark : status.timeline->marks)
+            marks->push_back({mark.time, mark.text, mark.isDamage});
+        s.marks = std::move(marks);
+    }
+    s.status = std::move(status);
 }
 std::vector<std::string> SceneWindow::takeDropped() {
     return std::exchange(impl_->dropped, {});

@@ -7,6 +7,9 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
+
+#include "overlay_content.h"
 
 namespace rtsg {
 
@@ -31,7 +34,12 @@ struct WindowEvent {
         left,     // the pointer has left the window
         wheel,    // across, down: steps
         dropped,  // text: a file
+        sticks,   // of a gamepad: leftX and so on, as they are now
+        button,   // of a gamepad: down, padButton
+        overlay,  // it was for the overlay: present() is due
     };
+    /// Of a gamepad. Sticks are 0 in the middle and in a zone around it, 1 at the right and at the bottom.
+    enum class PadButton : std::uint8_t { none, leftShoulder, rightShoulder, start, back };
     /// Keys that are no text. Others are named by what they write without modifiers, in `character`.
     enum class Key : std::uint8_t {
         none,
@@ -62,6 +70,8 @@ struct WindowEvent {
     double x = 0, y = 0;        // of 1, from the left and the top
     std::uint32_t buttons = 0;  // 1: the first one
     double across = 0, downwards = 0;
+    double leftX = 0, leftY = 0, rightX = 0, rightY = 0;
+    PadButton padButton = PadButton::none;
     std::string text;
 };
 
@@ -75,6 +85,10 @@ class WindowModule {
     /// Fills the window with a picture: `pixels` are B, G, R, X, row by row from the top, enlarged as needed. False:
     /// the display refused.
     virtual bool present(const std::uint8_t* pixels, int width, int height) = 0;
+    /// What present() draws over the picture from now on; null: nothing. False: the module was built without overlay.
+    virtual bool setOverlay(std::shared_ptr<const OverlayContent> content) = 0;
+    /// What people have done in it since the last call.
+    virtual std::vector<OverlayAction> takeActions() = 0;
     virtual void setTitle(const std::string& title) = 0;
     virtual void toggleFullscreen() = 0;
     virtual void wake() = 0;
@@ -83,6 +97,6 @@ class WindowModule {
 /// Null, and why.
 using OpenWindow = std::unique_ptr<WindowModule> (*)(const WindowSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenWindow.
-#define RTSG_WINDOW_SYMBOL "rtsg_open_window_1"
+#define RTSG_WINDOW_SYMBOL "rtsg_open_window_2"
 
 }  // namespace rtsg

@@ -31,6 +31,7 @@ struct LiveReport {
     double seconds = 0;         // played
     double latencySeconds = 0;  // from rendering to hearing, the largest seen
     double busy = 0;            // share of the time that its thread needs
+    double level = 0;           // of what plays, root mean square of both channels over the last fifth of a second
     std::uint64_t blocks = 0, underruns = 0;
     std::uint64_t clipped = 0;  // samples beyond full scale, of both channels, which a device plays as 1
     HeardResponses heard;

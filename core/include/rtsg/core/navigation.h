@@ -13,6 +13,7 @@
 //     WALK        forwards, back, turn; with ALT    look round         forwards, speed / 4 a step
 //                 sideways
 //     FLY         the same, where one looks         look round         the same
+// Sticks of gamepads are events of the wheel with two numbers more: radians by which to turn, to the right and up.
 // HOME, END, PGUP, PGDN bind the first, last, previous, next viewpoint; HOME once more goes back to it.
 
 // Example:

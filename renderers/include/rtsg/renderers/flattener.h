@@ -120,8 +120,8 @@ class Flattener {
     const std::vector<Instance>& instances() const;
     const std::vector<Placed>& placed() const;
     std::size_t instanceCount() const;
-    /// Whether anything has its place or size from a picture's pixels, or turns to the eye of a layer; if not, no
-    /// sights are needed.
+    /// Whether anything has its place or size from a picture's pixels, or lies in a layer, by whose own eye it turns
+    /// and pointers find it; if not, no sights are needed.
     bool usesPixels() const;
     /// The sights that setViewer() was given last.
     const std::vector<LayerSight>& sights() const;

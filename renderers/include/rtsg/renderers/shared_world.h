@@ -90,8 +90,8 @@ class SharedWorld {
 
     /// Brings all to the scene's present state: edits not yet sealed belong to it. Error: failure().
     Result<> update();
-    /// The newest state, for readers on any thread. If what is there is older than the scene, the scene's thread is
-    /// asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long to wait
+    /// The newest state, for readers on any thread. If what is there is older than the scene at the call, the scene's
+    /// thread is asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long to wait
     /// for that; then, and while readers hold RayWorld::kMostVersions states, the newest one that exists is returned. A
     /// reader recognises a state that it knows by `moment`. The scene pays nothing while nobody asks, and forgets the
     /// last state when nobody has asked for kForget deliveries. Errors: none was handed over within `patience`; the

@@ -19,6 +19,7 @@
 //     }
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -129,6 +130,13 @@ class MirrorClient {
     /// can use it. A RecordLog or a RecordQueue takes steps from here without the replica's bus. Repairs are no steps,
     /// as they lead to no new state. An empty function switches this off.
     void onStep(std::function<void(const RecordStep&)> heard);
+    /// What whoever waits by other means, on whatever thread, waits for until poll() is called again: that one of the
+    /// descriptors is readable, or that so long has passed.
+    struct Waiting {
+        std::array<int, 2> descriptors{-1, -1};
+        std::chrono::milliseconds most{0};
+    };
+    Waiting waiting() const;
     /// From now on poll() also returns early when this descriptor is readable; -1 for none.
     void wakeBy(int descriptor);
     /// True if there is a connection and the replica is in the newest state heard of. A relay must also be connected to

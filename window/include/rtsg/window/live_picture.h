@@ -37,6 +37,7 @@ struct LivePictureShown {
     std::uint64_t sequence = 0;        // the scene's state
     int samples = 0;                   // a pixel
     bool whole = false;                // it has all pixels
+    bool isMoving = false;             // it was made because something had changed, not to be better
     double seconds = 0;                // that it took
 };
 

@@ -23,6 +23,8 @@ class OwnEye {
 
     /// What a device did, as an event for a field of a scene's root (key, wheel or pointer); others do nothing.
     void take(FieldIndex field, const Value& value);
+    /// Goes to a viewpoint of the other scene. Error: it is none, or no longer there.
+    Result<> goTo(NodeId viewpoint);
     /// `seconds`: of a clock that goes on. Moves what is in motion.
     void advance(double seconds);
     /// Something moves it.

@@ -2,9 +2,10 @@
 //
 // The application runs its scene on its own thread, as ever, and calls turn() in between: it shows the newest picture,
 // and sends what people do as device input (rtsg/core/device_input.h), so that sensors and navigation answer it, and
-// logs and mirrors have it. Pictures are made beside it (LivePicture). Keys of its own: Escape closes, F11 fills the
-// screen, Ctrl+S writes a picture, Ctrl+Space pauses, Ctrl+LEFT and Ctrl+RIGHT skip.
-// Threading: the scene's thread, which should be the program's first.
+// logs and mirrors have it. Pictures are made beside it (LivePicture). Keys of its own: Escape closes, F1 shows
+// figures, nodes and, of a log, a time line over the picture, F11 fills the screen, Ctrl+S writes a picture, Ctrl+L a
+// log, Ctrl+F a film, Ctrl+Space pauses, Ctrl+LEFT and Ctrl+RIGHT skip. Threading: the scene's thread, which should be
+// the program's first.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -25,11 +26,56 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/window/live_picture.h>
 
 namespace rtsg {
+
+/// What the application knows beside the scene, for the overlay.
+struct SceneWindowStatus {
+    struct Line {
+        std::string name, value;
+        bool isWrong = false;        // it is told in a warning colour
+        std::optional<double> time;  // a place on the time line to go to, seconds
+    };
+    struct Mark {
+        double time = 0;  // seconds, on the time line
+        std::string text;
+        bool isDamage = false;
+    };
+    struct Timeline {
+        double time = 0, length = 0, rate = 1;  // seconds, seconds, seconds a second
+        std::vector<Mark> marks;                // in no order
+        std::uint64_t marksVersion = 0;         // another one: other marks
+    };
+    std::vector<Line> lines;
+    std::optional<Timeline> timeline;  // of what can be gone through; else none
+    /// Who changed the field that SceneWindowRequest::Kind::history asked for; `tellsHistory`: such requests are
+    /// answered.
+    std::vector<Line> history;
+    bool tellsHistory = false;
+};
+
+/// What somebody has asked of the application.
+struct SceneWindowRequest {
+    enum class Kind : std::uint8_t {
+        pause,    // on: time stops, or goes on
+        skip,     // number: seconds, back if negative
+        seek,     // number: to that place on the time line, seconds
+        step,     // number: states, back if negative
+        rate,     // number: seconds a second
+        history,  // node, field: who has changed it; no field: it is asked no longer
+        log,      // a log is to be begun, or to end
+        film,     // the same of a film
+    };
+    Kind kind = Kind::pause;
+    double number = 0;
+    bool on = false;
+    NodeId node;
+    std::string field;
+};
 
 struct SceneWindowOptions {
     std::string title = "rtsg";
@@ -39,6 +85,11 @@ struct SceneWindowOptions {
     /// Sends an event to a field of the scene's root; none: Scene::sendEvent(). For replicas, whose origin is to have
     /// it. Errors are told once each.
     std::function<Result<>(FieldIndex, Value)> send;
+    /// Looks from a viewpoint that was chosen in the overlay; none: binds it. Errors are told once each.
+    std::function<Result<>(NodeId viewpoint)> look;
+    /// Sets a field of a node, as the overlay's tree does to hide one; none: Scene::sendEvent(). Errors as above.
+    std::function<Result<>(NodeId, FieldIndex, Value)> change;
+    bool overlay = false;  // it is shown from the start
     /// Where Ctrl+S writes pictures: "NAME-%d.png" with numbers from 1.
     std::string screenshots = "rtsg-%d.png";
 };
@@ -64,10 +115,21 @@ class SceneWindow {
     /// False: the window has been closed, or failure() says what went wrong.
     bool turn(std::chrono::milliseconds atMost);
     std::string failure() const;
-    /// Whether Ctrl+Space has stopped the scene's time; the application should run no frame then.
+    /// From any thread: turn() returns.
+    void wake();
+    /// Whether the scene's time is stopped; the application should run no frame then. setPaused() is for one whose time
+    /// cannot be stopped, or has been by other means.
     bool isPaused() const;
-    /// Seconds of the scene's time to skip, as Ctrl+LEFT and Ctrl+RIGHT asked for since the last call.
-    double takeSkip();
+    void setPaused(bool on);
+    /// What people have asked for since the last call, in order.
+    std::vector<SceneWindowRequest> takeRequests();
+    /// For the overlay: to be called when something of it has changed, at most ten times a second.
+    void setStatus(SceneWindowStatus status);
+    bool showsOverlay() const;
+    /// The newest picture that is shown; null: there is none yet.
+    std::shared_ptr<const LivePictureShown> shown() const;
+    /// Width and height, pixels.
+    std::pair<int, int> size() const;
     /// Files that were dropped on the window since the last call.
     std::vector<std::string> takeDropped();
     /// Seen from there, not from the bound viewpoint.

@@ -1,0 +1,253 @@
+// A window that nobody sees, with the events of SDL: keys of its own, the overlay, a gamepad.
+#ifdef RTSG_HAS_SDL
+#include <cmath>
+#include <cstdlib>
+#include <thread>
+
+#include <SDL.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/core/navigation.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/renderers/world_queries.h>
+#include <rtsg/window/scene_window.h>
+
+#include "test_paths.h"
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+using Request = SceneWindowRequest::Kind;
+
+const char* const kRoom = R"(#X3D V4.0 utf8
+PROFILE Immersive
+NavigationInfo { type "WALK" speed 2 }
+Viewpoint { position 0 1.6 6 description "near" }
+DEF FAR Viewpoint { position 0 1.6 30 description "far" }
+DEF BOX Transform { translation 0 1.6 0 children DEF LEAF Shape { geometry Box { } } }
+Transform { translation 0 -.05 0 children Shape { geometry Box { size 90 .1 90 } } }
+)";
+
+class AWindow : public testing::Test {
+  protected:
+    AWindow() {
+        ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
+        ::setenv("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1", 1);  // nobody gives a window without a screen the focus
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene, kRoom, diagnostics));
+        scene.setNavigation(true);
+        scene.newFrame(0);
+        world.emplace(scene);
+    }
+    ~AWindow() override { ::unsetenv("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS"); }
+    void open(SceneWindowOptions options = {}) {
+        options.picture.settings.width = 320, options.picture.settings.height = 200;
+        options.picture.settings.threads = 1;
+        auto opened = SceneWindow::open(*world, std::move(options));
+        ASSERT_TRUE(opened) << opened.error().text;
+        window = std::move(*opened);
+    }
+    /// Frames at a sixtieth, until it is as asked.
+    template <class Wanted>
+    bool run(const Wanted& wanted, int frames = 2000) {
+        for (int i = 0; i < frames; ++i) {
+            scene.newFrame(time += 1 / 60.0);
+            if (!window->turn(4ms)) return false;
+            if (wanted()) return true;
+        }
+        return false;
+    }
+    static void key(SDL_Keycode code, Uint16 modifiers = 0) {
+        for (const Uint32 type : {Uint32{SDL_KEYDOWN}, Uint32{SDL_KEYUP}}) {
+            SDL_Event event{};
+            event.type = type;
+            event.key.state = type == SDL_KEYDOWN ? SDL_PRESSED : SDL_RELEASED;
+            event.key.keysym.sym = code;
+            event.key.keysym.mod = modifiers;
+            SDL_PushEvent(&event);
+        }
+    }
+    static void button(int x, int y, bool down) {
+        SDL_Event event{};
+        event.type = down ? SDL_MOUSEBUTTONDOWN : SDL_MOUSEBUTTONUP;
+        event.button.button = SDL_BUTTON_LEFT;
+        event.button.state = down ? SDL_PRESSED : SDL_RELEASED;
+        event.button.x = x, event.button.y = y;
+        SDL_PushEvent(&event);
+    }
+
+    Scene scene;
+    std::optional<SharedWorld> world;
+    std::unique_ptr<SceneWindow> window;
+    double time = 0;
+};
+
+TEST_F(AWindow, KeysOfItsOwnAskTheApplication) {
+    open();
+    key(SDLK_SPACE, KMOD_LCTRL);
+    key(SDLK_RIGHT, KMOD_LCTRL);
+    key(SDLK_l, KMOD_LCTRL);
+    key(SDLK_f, KMOD_LCTRL);
+    std::vector<Request> kinds;
+    EXPECT_TRUE(run([&] {
+        for (const auto& request : window->takeRequests()) kinds.push_back(request.kind);
+        return kinds.size() >= 4;
+    }));
+    EXPECT_EQ(kinds, (std::vector{Request::pause, Request::skip, Request::log, Request::film}));
+    EXPECT_TRUE(window->isPaused());
+    window->setPaused(false);
+    EXPECT_FALSE(window->isPaused());
+    key(SDLK_ESCAPE);
+    EXPECT_FALSE(run([] { return false; }, 50)) << "it is closed";
+}
+
+TEST_F(AWindow, AGamepadsSticksMoveTheViewerAndTheirMiddleDoesNot) {
+    open();
+    if (!run([] { return SDL_WasInit(SDL_INIT_GAMECONTROLLER) != 0; }, 10)) GTEST_SKIP() << "SDL has no gamepads here";
+    const int device = SDL_JoystickAttachVirtual(SDL_JOYSTICK_TYPE_GAMECONTROLLER, SDL_CONTROLLER_AXIS_MAX,
+                                                 SDL_CONTROLLER_BUTTON_MAX, 0);
+    ASSERT_GE(device, 0) << SDL_GetError();
+    SDL_Joystick* pad = SDL_JoystickOpen(device);
+    ASSERT_TRUE(pad);
+    (void)run([] { return false; }, 30);  // it is found
+    const ViewerPose before = viewerPose(scene);
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_LEFTY,
+                               3000);  // a stick that rests is never quite in the middle
+    (void)run([] { return false; }, 20);
+    EXPECT_EQ(viewerPose(scene), before);
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_LEFTY, -32768);
+    EXPECT_TRUE(run([&] { return viewerPose(scene).position.z < before.position.z - 1; })) << "ahead";
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_LEFTY, 0);
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_RIGHTX, 32767);
+    EXPECT_TRUE(run([&] {
+        const Vec3d ahead = viewerPose(scene).orientation * Vec3d(0, 0, -1);
+        return ahead.x > .3;
+    })) << "turned to the right";
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_RIGHTX, 0);
+    (void)run([] { return false; }, 20);
+    const ViewerPose rests = viewerPose(scene);
+    (void)run([] { return false; }, 20);
+    EXPECT_EQ(viewerPose(scene), rests);
+    SDL_JoystickSetVirtualButton(pad, SDL_CONTROLLER_BUTTON_RIGHTSHOULDER, SDL_PRESSED);
+    EXPECT_TRUE(run([&] { return viewerPose(scene).position.z > 25; })) << "the next viewpoint";
+    // One that is pulled out lets go of its sticks.
+    SDL_JoystickSetVirtualAxis(pad, SDL_CONTROLLER_AXIS_LEFTY, -32768);
+    EXPECT_TRUE(run([&] { return viewerPose(scene).position.z < 29.5; }));
+    SDL_JoystickClose(pad);
+    SDL_JoystickDetachVirtual(device);
+    (void)run([] { return false; }, 30);
+    const ViewerPose left = viewerPose(scene);
+    (void)run([] { return false; }, 30);
+    EXPECT_EQ(viewerPose(scene), left);
+}
+
+TEST_F(AWindow, TheOverlayTakesWhatIsClickedInItsPanels) {
+    int looked = 0;
+    SceneWindowOptions options;
+    options.look = [&](NodeId viewpoint) -> Result<> {
+        looked += scene.name(viewpoint) == "FAR";
+        return {};
+    };
+    open(std::move(options));
+    EXPECT_FALSE(window->showsOverlay());
+    key(SDLK_F1);
+    ASSERT_TRUE(run([&] { return window->statistics().presented > 0 && window->statistics().events == 0; }));
+    if (!window->showsOverlay()) GTEST_SKIP() << "built without overlay";
+    (void)run([] { return false; }, 60);
+    for (int y = 10; y < 190 && looked == 0; y += 3) {
+        button(60, y, true), button(60, y, false);
+        (void)run([] { return false; }, 2);
+    }
+    EXPECT_GT(looked, 0) << "the viewpoint's line was met";
+    key(SDLK_F1);
+    EXPECT_TRUE(run([&] { return !window->showsOverlay(); }));
+}
+
+/// Text that is fixed to the eye, by a ProximitySensor and by a layer: it stays at its place in the picture while
+/// somebody walks and turns, and a click there is a click on it.
+TEST(AHeadUpDisplay, AnswersWhereItIsSeenAfterAWalk) {
+    ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, RTSG_SOURCE_DIR "/examples/hud.x3dv", diagnostics));
+    ASSERT_EQ(diagnostics.errors(), 0u);
+    scene.setNavigation(true);
+    double time = 0;
+    scene.newFrame(time);
+    SharedWorld world(scene);
+    WorldQueries queries(world);
+    scene.setSpaceQueries(&queries);
+    SceneWindowOptions options;
+    options.picture.settings.width = 320, options.picture.settings.height = 200;
+    options.picture.settings.threads = 1;
+    auto window = SceneWindow::open(world, std::move(options));
+    ASSERT_TRUE(window) << window.error().text;
+    const auto frames = [&](int count) {
+        for (int i = 0; i < count; ++i) {
+            scene.newFrame(time += 1 / 60.0);
+            ASSERT_TRUE((*window)->turn(1ms));
+        }
+    };
+    const auto push = [](Uint32 type, int x, int y) {
+        SDL_Event event{};
+        event.type = type;
+        event.button.button = SDL_BUTTON_LEFT;
+        event.button.state = type == SDL_MOUSEBUTTONDOWN ? SDL_PRESSED : SDL_RELEASED;
+        event.button.x = x, event.button.y = y;
+        SDL_PushEvent(&event);
+    };
+    const auto hold = [&](const char* name, int count) {
+        ASSERT_TRUE(sendKey(scene, *KeyInput::named(name, true)));
+        frames(count);
+        ASSERT_TRUE(sendKey(scene, *KeyInput::named(name, false)));
+        frames(3);
+    };
+    const auto isOn = [&] { return scene.node(scene.findName("LAMP")).get(x3d::PointLight::on); };
+    const auto bound = [&] {
+        const bool above = scene.node(scene.findName("ABOVE")).get(x3d::Viewpoint::isBound);
+        return std::string(above ? "ABOVE" : "START");
+    };
+    // Of the picture's half height, at distance 1.
+    const double half = std::tan(.7854 / 2);
+    const auto across = [&](double x) { return static_cast<int>(160 + x / half * 100); };
+    const int y = static_cast<int>(100 + .26 / half * 100);
+    ASSERT_TRUE(isOn());
+    for (int i = 0; i < 2; ++i) {
+        push(SDL_MOUSEBUTTONDOWN, across(-.38), y), frames(3);
+        push(SDL_MOUSEBUTTONUP, across(-.38), y), frames(3);
+        EXPECT_EQ(isOn(), i == 1) << "the lamp, the " << i + 1 << ". time";
+        hold("UP", 40);
+        hold("LEFT", 30);
+    }
+    const ViewerPose walked = viewerPose(scene);
+    EXPECT_LT(walked.position.z, 7);
+    EXPECT_EQ(bound(), "START");
+    push(SDL_MOUSEBUTTONDOWN, across(.38), y), frames(3);
+    EXPECT_EQ(bound(), "ABOVE") << "by the layer";
+    push(SDL_MOUSEBUTTONUP, across(.38), y), frames(90);  // it takes a second to get there
+    EXPECT_EQ(bound(), "START");
+    EXPECT_LT(glm::length(viewerPose(scene).position - walked.position), .01) << "back where somebody had walked";
+    push(SDL_MOUSEBUTTONDOWN, 160, 100), frames(3);
+    push(SDL_MOUSEBUTTONUP, 160, 100), frames(3);
+    EXPECT_TRUE(isOn()) << "elsewhere nothing happens";
+    EXPECT_EQ(bound(), "START");
+    scene.setSpaceQueries(nullptr);
+}
+
+TEST_F(AWindow, WakeEndsATurnFromAnotherThread) {
+    open();
+    ASSERT_TRUE(run([&] { return window->isSettled(); }));
+    for (int i = 0; i < 20; ++i) {
+        std::thread other([&] { window->wake(); });
+        const auto begun = std::chrono::steady_clock::now();
+        EXPECT_TRUE(window->turn(60s));
+        EXPECT_LT(std::chrono::steady_clock::now() - begun, 30s);
+        other.join();
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
+#endif

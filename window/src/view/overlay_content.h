@@ -1,0 +1,93 @@
+// What is drawn over the picture, as plain data: it is made on the scene's side and drawn by the window's module.
+//
+// Invariant: nothing here knows how it is drawn; two contents that are equal look the same. Nodes go by their numbers.
+// Threading: plain data.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace rtsg {
+
+struct OverlayContent {
+    struct Line {
+        std::string name, value;
+        bool isWrong = false;        // it is told in a warning colour
+        std::optional<double> time;  // a place on the time line to go to, seconds
+        friend bool operator==(const Line&, const Line&) = default;
+    };
+    struct Viewpoint {
+        std::uint32_t node = 0;
+        std::string name;
+        bool isBound = false;
+        friend bool operator==(const Viewpoint&, const Viewpoint&) = default;
+    };
+    /// A line of the tree of nodes.
+    struct Row {
+        std::uint32_t node = 0;  // 0: of no node, a remark
+        int depth = 0;
+        std::string name, type;  // its DEF name, which may be empty
+        bool opens = false, isOpen = false, isPicked = false;
+        bool hides = false, isVisible = true;  // it has a field `visible`
+        friend bool operator==(const Row&, const Row&) = default;
+    };
+    struct Field {
+        std::string name, value;
+        bool isDefault = false;
+        std::uint32_t node = 0;  // that it refers to; 0: none, or several
+        friend bool operator==(const Field&, const Field&) = default;
+    };
+    struct Picked {
+        std::uint32_t node = 0;
+        std::string name, type;
+        std::vector<Field> fields;
+        std::vector<std::string> routes;
+        friend bool operator==(const Picked&, const Picked&) = default;
+    };
+    struct Mark {
+        double time = 0;  // seconds
+        std::string text;
+        bool isDamage = false;
+        friend bool operator==(const Mark&, const Mark&) = default;
+    };
+    struct Timeline {
+        double time = 0, length = 0, rate = 1;  // seconds, seconds, seconds a second
+        std::shared_ptr<const std::vector<Mark>> marks;
+        friend bool operator==(const Timeline&, const Timeline&) = default;
+    };
+
+    std::vector<Line> lines;
+    std::vector<float> frameTimes;  // milliseconds between pictures in motion, the last ones
+    float budget = 0;               // milliseconds
+    std::vector<Viewpoint> viewpoints;
+    std::vector<Row> tree;
+    std::optional<Picked> picked;
+    std::vector<Line> history;  // of a field
+    std::optional<Timeline> timeline;
+    bool isPaused = false, hasHistory = false;  // the application can tell who changed a field
+    friend bool operator==(const OverlayContent&, const OverlayContent&) = default;
+};
+
+/// What somebody did in it.
+struct OverlayAction {
+    enum class Kind : std::uint8_t {
+        viewpoint,  // node: to be looked from
+        open,       // node: its row opens or closes
+        pick,       // node
+        hide,       // node: to be seen or no longer
+        history,    // node, name: of which field
+        pause,      // time stops or goes on
+        seek,       // number: seconds
+        step,       // number: states, back if negative
+        rate,       // number
+    };
+    Kind kind = Kind::pick;
+    std::uint32_t node = 0;
+    double number = 0;
+    std::string name;
+};
+
+}  // namespace rtsg
