@@ -53,17 +53,18 @@ TEST(MeshBodies, ABoxIsItselfHoweverItIsTurned) {
     EXPECT_LT(glm::distance(body.boxFromWorld * body.half[1], glm::dvec3(0, 1, 0)), 1e-9);
 }
 
-TEST(MeshBodies, WhatHasCornersInCommonIsOneAndWhatIsOpenIsNone) {
+TEST(MeshBodies, WhatMeetsIsOneAndWhatIsOpenIsNone) {
     // In each other, side by side, and apart.
     const MeshBodies bodies(boxMesh({{glm::vec3(0), glm::vec3(1)},
                                      {glm::vec3(.5f, 0, 0), glm::vec3(2, 1, 1)},
                                      {glm::vec3(2, 0, 0), glm::vec3(3, 1, 1)},
                                      {glm::vec3(4, 0, 0), glm::vec3(5, 1, 1)}}));
-    ASSERT_EQ(bodies.all().size(), 3u);
-    const MeshBody& joined = bodies.all()[bodies.at({2, 1, 0})];
-    EXPECT_NEAR(joined.volume, 2.5, 1e-9);
-    EXPECT_EQ(joined.low, glm::dvec3(.5, 0, 0));
+    ASSERT_EQ(bodies.all().size(), 2u);
+    const MeshBody& joined = bodies.all()[bodies.at({0, 0, 0})];
+    EXPECT_NEAR(joined.volume, 3.5, 1e-9);
+    EXPECT_EQ(joined.low, glm::dvec3(0));
     EXPECT_EQ(joined.high, glm::dvec3(3, 1, 1));
+    EXPECT_EQ(bodies.at({3, 1, 1}), bodies.at({0, 0, 0}));
     EXPECT_NEAR(bodies.all()[bodies.at({4, 0, 0})].volume, 1, 1e-9);
     // A tetrahedron, with a face and without it, and with one turned over.
     const std::vector<glm::vec3> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
