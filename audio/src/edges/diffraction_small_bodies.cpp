@@ -94,11 +94,12 @@ bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& sh
         if (!geometry_.closest(a + direction * done, direction, distance - margin - done, kNoPlane, hit)) return true;
         const glm::dvec3 place = a + direction * (done + hit.distance);
         const WallBody* const body = bodyAt(place, margin);
-        if (!body || surface == kMostSurfaces || isAtWall(*body, place)) return false;
+        if (!body || surface == kMostSurfaces) return false;
+        // Of a room nothing beside its walls is asked about, where no path goes.
+        const Tones& weights = of(body);
+        if (!(weights.front() < 1) || isAtWall(*body, place)) return false;
         if (std::ranges::find(passed, body) != passed.end()) continue;
         passed.push_back(body);
-        const Tones& weights = of(body);
-        if (!(weights.front() < 1)) return false;
         for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= 1 - weights[t];
     }
     return true;
