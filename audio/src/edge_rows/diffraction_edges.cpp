@@ -53,7 +53,7 @@ class Diffraction {
           seconds_(seconds),
           attenuation_(airAttenuation(options.air)),
           tones_(geometry, options.air.speedOfSound),
-          bodies_(geometry, options.air.speedOfSound),
+          bodies_(geometry, source, listener, options.air.speedOfSound),
           arrivals_(arrivals),
           known_(arrivals.size()),
           field_(field) {

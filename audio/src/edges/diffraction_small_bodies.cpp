@@ -26,17 +26,26 @@ double weight(const WallBody& body, double k) {
     return share > kWhole ? 1 : share;
 }
 
+/// Its box, `margin` metres wider.
+bool holds(const WallBody& body, const glm::dvec3& place, double margin) {
+    const glm::dvec3 at = glm::abs(body.boxFromWorld * (place - body.middle));
+    for (int i = 0; i < 3; ++i)
+        if (!((at[i] - 1) * glm::length(body.half[i]) <= margin)) return false;
+    return true;
+}
+
 }  // namespace
 
-BodyWeights::BodyWeights(const AcousticGeometry& geometry, double speedOfSound)
-    : geometry_(geometry.unnoted()), speedOfSound_(speedOfSound) {
+BodyWeights::BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                         double speedOfSound)
+    : geometry_(geometry.unnoted()), source_(source), listener_(listener), speedOfSound_(speedOfSound) {
     one_.fill(1);
 }
 
 const BodyWeights::Tones& BodyWeights::of(const WallBody* body) {
     if (!body || !diffractionParts().smallBodies) return one_;
     const auto [known, fresh] = known_.try_emplace(body, one_);
-    if (fresh)
+    if (fresh && !holds(*body, source_, 0) && !holds(*body, listener_, 0))
         for (std::size_t t = 0; t < kEdgeTones; ++t)
             known->second[t] = weight(*body, 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound_);
     return known->second;
@@ -55,11 +64,7 @@ const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) cons
     const auto sizeOf = [](const WallBody& body) { return std::abs(glm::determinant(body.half)); };
     const WallBody* found = nullptr;
     for (const WallBody* body : noted_) {
-        const glm::dvec3 at = glm::abs(body->boxFromWorld * (place - body->middle));
-        if (std::max({at.x, at.y, at.z}) > 1.01) continue;
-        bool within = true;
-        for (int i = 0; i < 3; ++i) within = within && (at[i] - 1) * glm::length(body->half[i]) <= margin;
-        if (within && (!found || sizeOf(*body) < sizeOf(*found))) found = body;
+        if (holds(*body, place, margin) && (!found || sizeOf(*body) < sizeOf(*found))) found = body;
     }
     return found;
 }

@@ -23,9 +23,11 @@ class BodyWeights {
   public:
     using Tones = std::array<double, kEdgeTones>;
 
-    BodyWeights(const AcousticGeometry& geometry, double speedOfSound);
+    /// For one source and one listener.
+    BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                double speedOfSound);
 
-    /// Of the pressure; 1 of what is no body.
+    /// Of the pressure; 1 of what is no body, and of one in whose box either of both is, as of a room.
     const Tones& of(const WallBody* body);
     /// Of two edges, of which each may be of one.
     Tones of(const WallBody* first, const WallBody* second);
@@ -42,6 +44,7 @@ class BodyWeights {
     bool isAtWall(const WallBody& body, const glm::dvec3& place) const;
 
     const AcousticGeometry& geometry_;
+    const glm::dvec3 source_, listener_;
     const double speedOfSound_;
     Tones one_;
     std::map<const WallBody*, Tones> known_;
