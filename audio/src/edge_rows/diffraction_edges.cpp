@@ -165,8 +165,7 @@ class Diffraction {
         const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
         const bool whole = (parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length) ||
                            (!parts.empty() && !diffractionParts().hiddenParts);
-        if (whole) return bend(one.edge, one.round, nullptr, nullptr);
-        Pressures sum{};
+        if (whole) return bend(one.edge, one.round, nullptr);
         bool heard = false;
         const auto bendPart = [&](double from, double to, const BodyWeights::Tones* through) {
             WallEdge part = one.edge;
@@ -174,7 +173,7 @@ class Diffraction {
             part.length = to - from;
             RoundEdge round;
             if (part.length > 0 && pathRound(part, source_, listener_, round))
-                heard = bend(part, round, through, &sum) || heard;
+                heard = bend(part, round, through) || heard;
         };
         // What small bodies alone hide is there as far as they are not. In the plane of a face it is chance whether
         // one sees along it: there nothing is heard through what the face is of.
@@ -193,20 +192,7 @@ class Diffraction {
             end = seen.to;
         }
         bendHidden(end, one.edge.length);
-        if (!heard) return false;
-        // What is left for those who go round what hides it: nothing if half of the edge is there, as at the boundary
-        // of a shadow half of what sends straight.
-        const std::array<EdgeEnd, 2> ends = endsOf(one.edge, one.round, c());
-        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, bodies_.of(one.edge.body));
-        Pressures unhidden{};
-        addPressures(all, ends, one.round.path.shortestWay(), unhidden);
-        PartlySeen partly{one.edge, {}};
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double of = std::abs(unhidden[t]);
-            partly.left[t] = static_cast<float>(of > 0 ? std::max(0.0, 1 - 2 * std::abs(sum[t]) / of) : 0);
-        }
-        alone_.partly.push_back(partly);
-        return true;
+        return heard;
     }
 
     /// What the faces of small bodies mirror.
@@ -243,21 +229,8 @@ class Diffraction {
         return share.front() < 1;
     }
 
-    using Pressures = std::array<std::complex<double>, kEdgeTones>;
-
-    /// With all phases; `way`: that of the wave by the shortest way.
-    void addPressures(const EdgeShares& shares, const std::array<EdgeEnd, 2>& ends, double way, Pressures& sum) const {
-        const auto add = [&](const EdgeTonePressures& wave, double by) {
-            const auto turned = turnedBy(by, c());
-            for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += std::complex<double>(wave[t]) * turned[t];
-        };
-        add(shares.wave, way);
-        for (std::size_t e = 0; e < 2; ++e) add(shares.ends[e], ends[e].way);
-    }
-
-    /// Whether it is heard, what small bodies let `through` of it if they hide it; its pressures are added to `sum` if
-    /// there is one.
-    bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones* through, Pressures* sum) {
+    /// Whether it is heard, what small bodies let `through` of it if they hide it.
+    bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones* through) {
         const WedgePath& path = round.path;
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         const glm::dvec3 about = offEnds(edge, round.by);
@@ -272,7 +245,6 @@ class Diffraction {
         if (through)
             for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= (*through)[t];
         const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, weights);
-        if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
         ImagePart image;
         image.image = imagePlace(edge, round, source_);
         const double apart = glm::distance(image.image, listener_);

@@ -5,8 +5,6 @@
 
 #include <array>
 #include <complex>
-#include <cstddef>
-#include <numbers>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -58,12 +56,6 @@ bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
 struct PairField {
     std::array<std::complex<double>, kEdgeTones> wave{};
     std::vector<FacePair::End> ends;
-
-    std::complex<double> sum(std::size_t tone, double waveNumber, double way) const {
-        std::complex<double> result = wave[tone] * std::polar(1.0, -waveNumber * way);
-        for (const FacePair::End& end : ends) result += end.pressure[tone] * std::polar(1.0, -waveNumber * end.way);
-        return result;
-    }
 };
 
 PairField fieldOf(const PairWay& way, const EdgeTones& tones, double speedOfSound);

@@ -27,12 +27,6 @@ struct BentByOne {
     bool lit = false;
 };
 
-/// An edge of which something hides a part, and what it leaves to pairs of it and another edge, by tone.
-struct PartlySeen {
-    WallEdge edge;
-    std::array<float, kEdgeTones> left{};
-};
-
 /// Edges by which sound may go, with the way by each alone, or its bound.
 struct EdgeCandidate {
     WallEdge edge;
@@ -52,7 +46,6 @@ constexpr std::size_t kLookedAtEdges = 256;
 /// What is known of edges by themselves, and whether direct sound is heard.
 struct EdgesAlone {
     std::vector<BentByOne> bent;
-    std::vector<PartlySeen> partly;
     bool heardStraight = false;
 };
 

@@ -4,9 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <numbers>
-#include <utility>
 #include <vector>
 
 #include "edges/diffraction_paths.h"
@@ -18,7 +16,10 @@ namespace {
 struct Mark {
     double at = 0;
     bool begins = false;
-    const WallEdge* edge = nullptr;
+};
+/// A face on a straight way in its plane: metres on from where that begins.
+struct RowFace {
+    double from = 0, to = 0;
 };
 
 /// The plane of a face, and the straight way in it.
@@ -40,7 +41,7 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
         std::abs(toward) < kAlong)
         return false;
-    mark = {glm::dot(way, face) / toward, toward > 0, &edge};
+    mark = {glm::dot(way, face) / toward, toward > 0};
     const double on = glm::dot(line.along * mark.at - way, edge.axis);
     return on >= 0 && on <= edge.length;
 }
@@ -49,22 +50,21 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
 std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
     std::vector<RowFace> faces;
-    Mark begun;
+    double begun = from;
     int open = 0;
     for (const Mark& mark : marks) {
         if (mark.at < from || mark.at > to) continue;
         if (mark.begins) {
-            if (open++ == 0) begun = mark;
+            if (open++ == 0) begun = mark.at;
         } else if (open > 0) {
-            if (--open == 0) faces.push_back({begun.at, mark.at, begun.edge, mark.edge, begun.edge->body});
+            if (--open == 0) faces.push_back({begun, mark.at});
         } else if (faces.empty()) {
-            faces.push_back({from, mark.at, nullptr, mark.edge, mark.edge->body});
+            faces.push_back({from, mark.at});
         } else {
             faces.back().to = mark.at;
-            faces.back().end = mark.edge;
         }
     }
-    if (open > 0) faces.push_back({begun.at, to, begun.edge, nullptr, begun.edge->body});
+    if (open > 0) faces.push_back({begun, to});
     return faces;
 }
 
@@ -74,8 +74,8 @@ std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, s
     for (const WallEdge* edge : edges)
         if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
     if (marks.empty()) return marks;
-    marks.push_back({0, true, way.first});
-    marks.push_back({second, false, way.second});
+    marks.push_back({0, true});
+    marks.push_back({second, false});
     return marks;
 }
 
@@ -122,25 +122,18 @@ class Row {
     }
 
     bool hasGaps() const { return faces_.size() > 1 && last_ < faces_.size(); }
-    const std::vector<RowFace>& faces() const { return faces_; }
-    bool isOfPair(std::size_t face) const { return face == first_ || face == last_; }
 
-    /// Of all faces those whose bits are set are there.
-    double shareOf(std::uint32_t there, double waveNumber) const {
-        std::vector<std::size_t> present;
-        for (std::size_t i = 0; i < faces_.size(); ++i)
-            if (there >> i & 1) present.push_back(i);
-        const double begin = faces_[present.front()].from, end = faces_[present.back()].to;
+    double share(double waveNumber) const {
+        const double begin = faces_.front().from, end = faces_.back().to;
         const double toFirst = nearPlane(begin - from_, to_ - from_, cosine(source_, begin, -1), waveNumber);
         const double fromLast = nearPlane(to_ - end, to_ - from_, cosine(listener_, end, 1), waveNumber);
         double share = 1;
-        for (std::size_t p = 1; p < present.size(); ++p) {
-            const std::size_t i = present[p - 1], next = present[p];
-            const double gapFrom = faces_[i].to, gapTo = faces_[next].from;
+        for (std::size_t i = 0; i + 1 < faces_.size(); ++i) {
+            const double gapFrom = faces_[i].to, gapTo = faces_[i + 1].from;
             const double left =
                 leftBeyond(gapFrom - begin + toFirst, std::max(0.0, gapTo - gapFrom), end - gapTo + fromLast);
-            if (i >= first_ && next <= last_) share *= left;
-            if (next == first_ || i == last_) share *= 2 - 2 * left;
+            if (i >= first_ && i < last_) share *= left;
+            if (i + 1 == first_ || i == last_) share *= 2 - 2 * left;
         }
         return share;
     }
@@ -160,49 +153,16 @@ class Row {
     std::size_t first_ = 0, last_ = 0;
 };
 
-/// Of faces that are there in part: each more doubles the cases.
-constexpr std::size_t kMostInPart = 4;
-/// Of faces on one way.
-constexpr std::size_t kMostFaces = 16;
-
 }  // namespace
 
-std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges) {
-    const double second = glm::distance(way.byFirst, way.bySecond);
-    std::vector<Mark> marks = marksOn(lineOf(way), way, second, edges);
-    return facesOf(marks, 0, second);
-}
-
 BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
-                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
-                              double speedOfSound) {
+                              bool secondHides, std::span<const WallEdge* const> edges, double speedOfSound) {
     BodyWeights::Tones result;
     result.fill(1);
     const Row row(way, source, firstHides, listener, secondHides, edges);
-    if (!row.hasGaps() || row.faces().size() > kMostFaces) return result;
-    std::vector<std::pair<std::size_t, const BodyWeights::Tones*>> inPart;
-    for (std::size_t i = 0; i < row.faces().size() && inPart.size() < kMostInPart; ++i) {
-        const WallBody* const body = row.faces()[i].body;
-        if (row.isOfPair(i) || body == way.first->body || body == way.second->body) continue;
-        if (const BodyWeights::Tones& weights = bodies.of(body); weights.front() < 1) inPart.emplace_back(i, &weights);
-    }
-    const std::uint32_t all = (1u << row.faces().size()) - 1;
-    for (std::size_t t = 0; t < kEdgeTones; ++t) {
-        const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound;
-        double sum = 0;
-        for (std::uint32_t missing = 0; missing < 1u << inPart.size(); ++missing) {
-            std::uint32_t there = all;
-            double chance = 1;
-            for (std::size_t i = 0; i < inPart.size(); ++i) {
-                const auto& [face, weights] = inPart[i];
-                const bool isMissing = missing >> i & 1;
-                if (isMissing) there &= ~(1u << face);
-                chance *= isMissing ? 1 - (*weights)[t] : (*weights)[t];
-            }
-            if (chance > 0) sum += chance * row.shareOf(there, k);
-        }
-        result[t] = sum;
-    }
+    if (!row.hasGaps()) return result;
+    for (std::size_t t = 0; t < kEdgeTones; ++t)
+        result[t] = row.share(2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound);
     return result;
 }
 

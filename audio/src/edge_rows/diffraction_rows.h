@@ -11,7 +11,6 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
 #include <glm/glm.hpp>
 
@@ -22,22 +21,10 @@
 
 namespace rtsg {
 
-/// A face on a straight way in its plane: metres on from where that begins, and the edges there; null: not known.
-struct RowFace {
-    double from = 0, to = 0;
-    const WallEdge *begin = nullptr, *end = nullptr;
-    const WallBody* body = nullptr;
-};
-/// Of a way along a face of both edges those that it leads over, from the first edge to the second one; `edges`: among
-/// them are those that it passes.
-std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges);
-
 /// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
 /// it passes. An edge hides the source, or the listener, if that is below the plane: then faces beyond the edge are
-/// what hides it; where neither is see diffraction_lit_rows.h. Faces of small bodies are there as far as the bodies
-/// are.
+/// what hides it.
 BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
-                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
-                              double speedOfSound);
+                              bool secondHides, std::span<const WallEdge* const> edges, double speedOfSound);
 
 }  // namespace rtsg

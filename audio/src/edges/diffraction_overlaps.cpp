@@ -2,6 +2,7 @@
 #include "diffraction_overlaps.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "diffraction_paths.h"
 
@@ -10,6 +11,10 @@ namespace {
 
 glm::dvec3 endOf(const WallEdge& edge) {
     return edge.from + edge.axis * edge.length;
+}
+
+double boxVolume(const WallBody& body) {
+    return std::abs(glm::determinant(body.half));
 }
 
 bool haveSameFaces(const WallEdge& a, const WallEdge& b) {
@@ -37,7 +42,8 @@ bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {
     low = std::min(low, 0.0);
     both.from += a.axis * low;
     both.length = std::max(high, a.length) - low;
-    if (a.body != b.body) both.body = nullptr;
+    // Of two bodies that stand in each other the larger one.
+    if (!a.body || !b.body || boxVolume(*b.body) > boxVolume(*a.body)) both.body = a.body ? b.body : nullptr;
     return true;
 }
 

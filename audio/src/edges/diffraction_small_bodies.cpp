@@ -1,9 +1,8 @@
-// Sizes of bodies beside a wave, and what touches them.
+// Sizes of bodies beside a wave, and ways straight through those that are small.
 #include "diffraction_small_bodies.h"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "geometry/diffraction_parts.h"
@@ -17,66 +16,23 @@ constexpr double kPlate = 0.3;
 constexpr double kVolume = 8, kSection = 1.46;
 /// More than this is all: .01 dB.
 constexpr double kWhole = 0.999;
-/// The size of what has no end, metres: any that waves of 31 Hz are small to.
-constexpr double kEndless = 1e6;
-/// Of its size, from a surface: it is at it. A tolerance of drawing, as of a chair above its floor.
-constexpr double kNear = 0.05;
-/// Metres between surfaces that are in one plane. A tolerance of drawing.
-constexpr double kContact = 1e-3;
 
-/// In the box around it.
-bool isIn(const WallBody& body, const glm::dvec3& place, double margin) {
-    const glm::dvec3 at = body.boxFromWorld * (place - body.middle);
-    const glm::dmat3 rows = glm::transpose(body.boxFromWorld);
+double weight(const WallBody& body, double k) {
+    std::array<double, 3> sides{};
+    for (int i = 0; i < 3; ++i) sides[static_cast<std::size_t>(i)] = 2 * glm::length(body.half[i]);
+    std::ranges::sort(sides);
+    const double section = body.fill * std::hypot(sides[0], kPlate * sides[1]) * sides[1], volume = section * sides[2];
+    const double share = 1 / (1 + kVolume / (k * k * k * volume) + kSection / (k * k * k * k * section * section));
+    return share > kWhole ? 1 : share;
+}
+
+/// Its box, `margin` metres wider.
+bool holds(const WallBody& body, const glm::dvec3& place, double margin) {
+    const glm::dvec3 at = glm::abs(body.boxFromWorld * (place - body.middle));
     for (int i = 0; i < 3; ++i)
-        if (!(std::abs(at[i]) <= 1 + margin * glm::length(rows[i]))) return false;
+        if (!((at[i] - 1) * glm::length(body.half[i]) <= margin)) return false;
     return true;
 }
-
-bool fillsItsBox(const WallBody& body) {
-    return body.volume * std::abs(glm::determinant(body.boxFromWorld)) > 8 * (1 - 1e-3);
-}
-
-/// The surfaces of bodies on a straight way, place by place: so that what is in the box around a body is told from it.
-class WayThrough {
-  public:
-    WayThrough(const glm::dvec3& from, const glm::dvec3& to, double margin) : from_(from), to_(to), margin_(margin) {}
-
-    /// Whether this surface has been met at this place: along an edge two are met in turn for ever.
-    bool meetsAgain(const AcousticHit& hit) {
-        if (hit.distance > margin_) here_.clear();
-        return std::ranges::find(here_, hit.plane, &AcousticHit::plane) != here_.end();
-    }
-    void add(const AcousticHit& hit, const WallBody& body) {
-        auto known = std::ranges::find(passed_, &body, &Passed::body);
-        if (known == passed_.end())
-            known = passed_.insert(
-                known, {&body, 0, fillsItsBox(body) || isIn(body, from_, margin_) || isIn(body, to_, margin_)});
-        first_ = known->surfaces == 0;
-        // At an edge the way may go in, out, or beside the body.
-        if (!here_.empty()) known->mayEndIn = true;
-        ++known->surfaces;
-        here_.push_back(hit);
-    }
-    /// Whether what was added last is the first of its body.
-    bool isFirst() const { return first_; }
-    /// Whether it has left each body that it went into: else what it met last was something else's.
-    bool ends() const {
-        return std::ranges::all_of(passed_, [](const Passed& one) { return one.mayEndIn || one.surfaces % 2 == 0; });
-    }
-
-  private:
-    struct Passed {
-        const WallBody* body;
-        int surfaces;
-        bool mayEndIn;
-    };
-    glm::dvec3 from_, to_;
-    double margin_;
-    bool first_ = false;
-    std::vector<AcousticHit> here_;  // at the place of the last one
-    std::vector<Passed> passed_;
-};
 
 }  // namespace
 
@@ -87,9 +43,11 @@ BodyWeights::BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& sou
 }
 
 const BodyWeights::Tones& BodyWeights::of(const WallBody* body) {
-    if (!body) return one_;
+    if (!body || !diffractionParts().smallBodies) return one_;
     const auto [known, fresh] = known_.try_emplace(body, one_);
-    if (fresh) known->second = tonesOf(*body);
+    if (fresh && !holds(*body, source_, 0) && !holds(*body, listener_, 0))
+        for (std::size_t t = 0; t < kEdgeTones; ++t)
+            known->second[t] = weight(*body, 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound_);
     return known->second;
 }
 
@@ -101,105 +59,55 @@ BodyWeights::Tones BodyWeights::of(const WallBody* first, const WallBody* second
     return weights;
 }
 
-double BodyWeights::weight(const glm::dvec3& size, double fill, double waveNumber) const {
-    std::array<double, 3> sides{size.x, size.y, size.z};
-    std::ranges::sort(sides);
-    const double section = fill * std::hypot(sides[0], kPlate * sides[1]) * sides[1];
-    const double k = waveNumber, volume = section * sides[2];
-    return 1 / (1 + kVolume / (k * k * k * volume) + kSection / (k * k * k * k * section * section));
-}
-
-BodyWeights::Tones BodyWeights::tonesOf(const WallBody& body) const {
-    const auto waveNumber = [&](std::size_t tone) {
-        return 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound_;
-    };
-    const double fill = body.volume / (body.size.x * body.size.y * body.size.z);
-    const auto has = [&](const glm::dvec3& place) {
-        return isIn(body, place, 0) || isIn(body, geometry_.onceMore(place), 0);
-    };
-    if (!diffractionParts().smallBodies || weight(body.size, fill, waveNumber(0)) > kWhole || has(source_) ||
-        has(listener_))
-        return one_;
-    const glm::dvec3 size = sizeWith(body);
-    Tones weights;
-    for (std::size_t t = 0; t < kEdgeTones; ++t) {
-        weights[t] = weight(size, fill, waveNumber(t));
-        if (weights[t] > kWhole) weights[t] = 1;
-    }
-    return weights;
-}
-
-glm::dvec3 BodyWeights::sizeWith(const WallBody& body) const {
-    glm::dvec3 size = body.size;
-    for (int i = 0; i < 3; ++i) {
-        const double near = 1e-3 + kNear * body.size[i];
-        const bool low = touches(body, i, -1, near), high = touches(body, i, 1, near);
-        size[i] *= low && high ? kEndless : low || high ? 2 : 1;
-    }
-    return size;
-}
-
-/// Whether a surface is there, no farther than `reach`, that goes on beyond the body: just beside the middles of a
-/// side's longer edges.
-bool BodyWeights::touches(const WallBody& body, int axis, double side, double reach) const {
-    constexpr double kBeside = 1.05;  // of half of its size: beyond what counts as at it
-    const glm::dvec3 out = side * body.axes[axis];
-    int across = (axis + 1) % 3;
-    if (body.size[(axis + 2) % 3] < body.size[across]) across = (axis + 2) % 3;
-    return std::ranges::any_of(std::array{-1.0, 1.0}, [&](double to) {
-        const glm::dvec3 at = body.center + 0.5 * body.size[axis] * out +
-                              to * (0.5 * kBeside * body.size[across] + 1e-3) * body.axes[across];
-        AcousticHit hit;
-        return geometry_.closestAsBuilt(body.center, at - reach * out, out, 2 * reach, hit);
-    });
-}
-
 /// The smallest one, as bodies are in the boxes of rooms.
 const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) const {
+    const auto sizeOf = [](const WallBody& body) { return std::abs(glm::determinant(body.half)); };
     const WallBody* found = nullptr;
-    for (const Noted& one : noted_) {
-        if (found && !(one.body->volume < found->volume)) continue;
-        const glm::dvec3 off = place - one.middle;
-        if (glm::dot(off, off) <= 1.01 * one.squared + margin && isIn(*one.body, place, margin)) found = one.body;
+    for (const WallBody* body : noted_) {
+        if (holds(*body, place, margin) && (!found || sizeOf(*body) < sizeOf(*found))) found = body;
     }
     return found;
 }
 
-/// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one.
-bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const {
+/// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one. So it is
+/// where a surface goes on beside the body.
+bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place) const {
+    constexpr double kBeside = 1.05, kContact = 1e-3;  // of half of its size; m, a tolerance of drawing
     for (int i = 0; i < 3; ++i) {
-        const double along = glm::dot(place - body.center, body.axes[i]);
-        if (std::abs(along) >= 0.5 * body.size[i] - margin && touches(body, i, along < 0 ? -1 : 1, kContact))
-            return true;
+        const double size = glm::length(body.half[i]), at = (body.boxFromWorld * (place - body.middle))[i];
+        if ((1 - std::abs(at)) * size > kContact) continue;
+        const glm::dvec3 side = body.half[i] * std::copysign(1.0, at), out = side / size;
+        for (const int across : {(i + 1) % 3, (i + 2) % 3})
+            for (const double to : {-kBeside, kBeside}) {
+                const glm::dvec3 beside = body.middle + side + to * body.half[across];
+                AcousticHit hit;
+                if (geometry_.closest(beside - kContact * out, out, 2 * kContact, kNoPlane, hit)) return true;
+            }
     }
     return false;
 }
 
 bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& share) {
+    constexpr int kMostSurfaces = 64;  // a bound of work
     share = one_;
     const double distance = glm::distance(a, b), margin = 1e-5 * (1 + distance);
-    if (!(distance > 2 * margin)) return true;
-    WayThrough way(a, b, margin);
     const glm::dvec3 direction = (b - a) / distance;
-    glm::dvec3 from = a;
-    double left = distance - margin;
-    std::uint32_t plane = kNoPlane;
+    std::vector<const WallBody*> passed;
     AcousticHit hit;
-    while (left > 0 && geometry_.closest(from, direction, left, plane, hit)) {
-        const double step = way.meetsAgain(hit) ? hit.distance + margin : hit.distance;
-        from += direction * step;
-        left -= step;
-        plane = hit.plane;
-        if (step > hit.distance) continue;
-        const WallBody* const met = bodyAt(from, margin);
-        if (!met || isAtWall(*met, from, margin)) return false;
-        way.add(hit, *met);
-        if (!way.isFirst()) continue;
-        const Tones& weights = of(met);
-        if (!(weights.front() < 1)) return false;
+    double done = 0;
+    for (int surface = 0; done < distance - margin; ++surface, done += hit.distance + margin) {
+        if (!geometry_.closest(a + direction * done, direction, distance - margin - done, kNoPlane, hit)) return true;
+        const glm::dvec3 place = a + direction * (done + hit.distance);
+        const WallBody* const body = bodyAt(place, margin);
+        if (!body || surface == kMostSurfaces) return false;
+        // Of a room nothing beside its walls is asked about, where no path goes.
+        const Tones& weights = of(body);
+        if (!(weights.front() < 1) || isAtWall(*body, place)) return false;
+        if (std::ranges::find(passed, body) != passed.end()) continue;
+        passed.push_back(body);
         for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= 1 - weights[t];
     }
-    return way.ends();
+    return true;
 }
 
 }  // namespace rtsg

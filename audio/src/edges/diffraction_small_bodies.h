@@ -4,8 +4,7 @@
 // w (p of its edges and faces - open), w = 1 / (1 + 8 / (k^3 V) + 1.5 / (k^4 A^2)), V being its volume and A that of
 // its section across its longest side: what scatters of a small body grows as k^2 V, of a thin rod as (k A^(1/2))^(3/2)
 // k^(1/2). Thin plates move as much air aside as thicker ones of .3 of their width. Fitted to the integral over the
-// surfaces of rigid boxes of 1 : 1 : 1 to 1 : 10 : 120. A body that stands on something is as large as with its mirror
-// image there, and one between walls goes on for ever. Threading: one thread per object.
+// surfaces of rigid boxes of 1 : 1 : 1 to 1 : 10 : 120. Threading: one thread per object.
 #pragma once
 
 #include <array>
@@ -28,41 +27,28 @@ class BodyWeights {
     BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                 double speedOfSound);
 
-    /// Of the pressure; 1 of what is no body, and of one that either of both is in.
+    /// Of the pressure; 1 of what is no body, and of one in whose box either of both is, as of a room.
     const Tones& of(const WallBody* body);
     /// Of two edges, of which each may be of one.
     Tones of(const WallBody* first, const WallBody* second);
-    /// Of all that are told of, and nothing else, it is known that they are in a way. One and the same in a row is no
-    /// more work.
+    /// Of all that are told of, and nothing else, it is known that they are in a way.
     void note(const WallBody* body) {
-        if (body && (noted_.empty() || noted_.back().body != body))
-            noted_.push_back({body->middle, body->radius * body->radius, body});
+        if (body && (noted_.empty() || noted_.back() != body)) noted_.push_back(body);
     }
-    /// The share of the pressure that goes straight from one place to another, or nearly there, as if bodies were not
-    /// in its way; false where something is that is not small.
+    /// The share of the pressure that goes straight from one place to another, as if bodies were not in its way; false
+    /// where something is that is not small.
     bool straightOn(const glm::dvec3& from, const glm::dvec3& to, Tones& share);
 
   private:
-    double weight(const glm::dvec3& size, double fill, double waveNumber) const;
-    Tones tonesOf(const WallBody& body) const;
-    /// Its size, with what it touches.
-    glm::dvec3 sizeWith(const WallBody& body) const;
-    bool touches(const WallBody& body, int axis, double side, double reach) const;
-    bool isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const;
+    const WallBody* bodyAt(const glm::dvec3& place, double margin) const;
+    bool isAtWall(const WallBody& body, const glm::dvec3& place) const;
 
     const AcousticGeometry& geometry_;
     const glm::dvec3 source_, listener_;
     const double speedOfSound_;
     Tones one_;
     std::map<const WallBody*, Tones> known_;
-    struct Noted {
-        glm::dvec3 middle;
-        double squared = 0;  // of the radius about it
-        const WallBody* body = nullptr;
-    };
-    const WallBody* bodyAt(const glm::dvec3& place, double margin) const;
-
-    std::vector<Noted> noted_;
+    std::vector<const WallBody*> noted_;
 };
 
 }  // namespace rtsg

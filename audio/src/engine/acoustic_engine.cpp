@@ -76,6 +76,7 @@ const Diagnostics& AcousticEngine::diagnostics() const {
 }
 OpenedGeometry AcousticEngine::geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source) {
     impl_->follow(state, rays);
+    impl_->geometry.settle();
     const auto around = impl_->geometry.instancesAround(source, impl_->options.bodySize);
     return {impl_->geometry, impl_->bodyOf(around, state.sounds.listener.position)};
 }
@@ -104,7 +105,7 @@ bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dve
 
 /// Seen under so small an angle that what sound does there is a small part of all; what is no number is not.
 bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
-    constexpr double kSmall = 0.2;
+    constexpr double kSmall = 0.35;
     return glm::length(box.high - box.low) < kSmall * box.distance(place);
 }
 
@@ -132,7 +133,7 @@ void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, cons
 
 /// Takes over the walls and marks the emitters that what changed may concern.
 void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& rays) {
-    const WorldGeometry::Changes& changes = geometry.follow(state.walls, rays);
+    const WorldGeometry::Changes& changes = geometry.note(state.walls, rays);
     std::span<const AcousticBox> boxes(changes.boxes);
     AcousticBox all;
     if (boxes.size() > kManyChanges) {

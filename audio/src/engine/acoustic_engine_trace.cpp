@@ -217,6 +217,7 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
     state.tracedBack = listener.back;
     state.tracedBy = state.reflectedBy;
     state.tracedRadius = listener.headRadius();
+    geometry.settle();
     if (!worker) return takeResponse(traceResponse(job, geometry));
     job.state = liveState;
     job.rays = liveRays;

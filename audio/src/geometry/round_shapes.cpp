@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -45,7 +44,6 @@ glm::dvec3 faceFrom(const Vec3f& place, const Gentle& edge) {
 std::vector<Gentle> gentleOf(const std::vector<MeshEdge>& edges) {
     std::vector<Gentle> result;
     for (std::uint32_t i = 0; i < edges.size(); ++i) {
-        if (!edges[i].mayBeRound) continue;
         Gentle one;
         one.turn = turnOf(edges[i]);
         if (one.turn > kMostRoundTurn) continue;
@@ -245,84 +243,6 @@ void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, 
     }
 }
 
-/// Counts keys; of two that fall together both.
-class KeyCounts {
-  public:
-    explicit KeyCounts(std::size_t keys) : counts_(std::bit_ceil(4 * keys)) {}
-
-    template <std::size_t kParts>
-    static std::uint64_t keyOf(const std::array<std::int64_t, kParts>& parts) {
-        std::uint64_t sum = 0;
-        for (const std::int64_t part : parts) {
-            sum = (sum ^ static_cast<std::uint64_t>(part)) * 0x9E3779B97F4A7C15ull;
-            sum ^= sum >> 29;
-        }
-        return sum;
-    }
-    void add(std::uint64_t key) {
-        std::uint16_t& count = counts_[key & (counts_.size() - 1)];
-        if (count < 0xFFFF) ++count;
-    }
-    std::size_t at(std::uint64_t key) const { return counts_[key & (counts_.size() - 1)]; }
-
-  private:
-    std::vector<std::uint16_t> counts_;
-};
-
-/// Of places on a grid the number of the one that is nearest; 0 of what is none.
-std::int64_t stepOf(double value, double step, double offset) {
-    const double at = value / step + offset;
-    return std::abs(at) < 1e15 ? std::lrint(at) : 0;
-}
-
-/// Such that no border of either grid is at whole numbers, where places often are.
-double gridOffset(std::size_t grid) {
-    return 0.25 + 0.5 * static_cast<double>(grid);
-}
-
-/// Direction, and from where to where along that; on two grids, one of which has no border near it.
-std::array<std::uint64_t, 2> alongKeys(const MeshEdge& edge) {
-    constexpr double kDirection = 1.0 / 2048;
-    const glm::dvec3 from = edge.from, way = glm::dvec3(edge.to) - from;
-    const double length = glm::length(way);
-    // The same for both ways along it.
-    const glm::dvec3 size = glm::abs(way);
-    const double largest = size.x >= size.y && size.x >= size.z ? way.x : size.y >= size.z ? way.y : way.z;
-    const glm::dvec3 axis = way / std::copysign(length, largest);
-    const auto [low, high] = std::minmax({glm::dot(from, axis), glm::dot(from + way, axis)});
-    std::array<std::uint64_t, 2> keys{};
-    for (std::size_t i = 0; i < 2; ++i) {
-        const double offset = gridOffset(i), along = 0.006 * length;
-        keys[i] = KeyCounts::keyOf(std::array{stepOf(axis.x, kDirection, offset), stepOf(axis.y, kDirection, offset),
-                                              stepOf(axis.z, kDirection, offset), stepOf(low, along, offset),
-                                              stepOf(high, along, offset)});
-    }
-    return keys;
-}
-
-/// The sphere through the corners of both facets; `none` if it is larger than that.
-std::array<std::uint64_t, 2> sphereKeys(const MeshEdge& edge, double largest, std::uint64_t none) {
-    constexpr double kCoarse = 0.04;
-    const glm::dvec3 from = edge.from, u = glm::dvec3(edge.to) - from, v = glm::dvec3(edge.besideA) - from,
-                     w = glm::dvec3(edge.besideB) - from;
-    const double volume = 2 * glm::dot(u, glm::cross(v, w));
-    const glm::dvec3 off =
-        (glm::dot(u, u) * glm::cross(v, w) + glm::dot(v, v) * glm::cross(w, u) + glm::dot(w, w) * glm::cross(u, v)) /
-        (std::abs(volume) > 0 ? volume : 1e-300);
-    if (!(glm::length(off) < largest)) return {none, none};
-    const glm::dvec3 center = from + off;
-    std::array<std::uint64_t, 2> keys{};
-    for (std::size_t i = 0; i < 2; ++i) {
-        const double offset = gridOffset(i);
-        int octave = 0;
-        std::frexp(glm::length(off) * (1 + offset), &octave);
-        const double step = std::ldexp(kCoarse, octave);
-        keys[i] = KeyCounts::keyOf(
-            std::array{stepOf(center.x, step, offset), stepOf(center.y, step, offset), stepOf(center.z, step, offset)});
-    }
-    return keys;
-}
-
 /// Edges that hang together by their corners, and what sphere all of them are on.
 class Spheres {
   public:
@@ -386,31 +306,6 @@ class Spheres {
 };
 
 }  // namespace
-
-void markUnlikelyRound(std::vector<MeshEdge>& edges) {
-    // Of fewer each is looked at.
-    constexpr std::size_t kMany = 4096;
-    if (edges.size() < kMany) return;
-    glm::dvec3 low(1e300), high(-1e300);
-    for (const MeshEdge& edge : edges)
-        low = glm::min(low, glm::dvec3(edge.from)), high = glm::max(high, glm::dvec3(edge.from));
-    const glm::dvec3 size = high - low;
-    const double largest = std::min({size.x, size.y, size.z});  // of a sphere that is whole
-    std::array<std::vector<std::array<std::uint64_t, 2>>, 2> keys;
-    for (std::uint64_t i = 0; i < edges.size(); ++i) {
-        keys[0].push_back(alongKeys(edges[i]));
-        keys[1].push_back(sphereKeys(edges[i], 0.51 * largest, i));
-    }
-    for (MeshEdge& edge : edges) edge.mayBeRound = false;
-    for (std::size_t shape = 0; shape < 2; ++shape)
-        for (std::size_t grid = 0; grid < 2; ++grid) {
-            KeyCounts counts(edges.size());
-            for (const auto& key : keys[shape]) counts.add(key[grid]);
-            for (std::size_t i = 0; i < edges.size(); ++i)
-                if (counts.at(keys[shape][i][grid]) >= (shape == 0 ? kFewest : kFewestCorners / 2))
-                    edges[i].mayBeRound = true;
-        }
-}
 
 std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges) {
     std::vector<MeshRound> rounds;

@@ -3,6 +3,7 @@
 // Threading: pure functions.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
@@ -13,6 +14,8 @@ namespace rtsg {
 
 /// Radians; what turns less is a plane to them: corners in single precision tell no more.
 constexpr double kFlatFacet = 0.0025;
+/// In meshes of more edges than this nothing round is looked for: a bound of work, as for landscapes that change.
+constexpr std::size_t kMostEdgesOfRounds = 8192;
 /// What turns more is an edge by itself: a prism of eleven sides has edges, one of twelve is round.
 constexpr double kMostRoundTurn = 0.55;
 
@@ -20,10 +23,6 @@ constexpr double kMostRoundTurn = 0.55;
 struct MeshRound {
     RoundBody body;
 };
-
-/// Of very many edges of a mesh those are told that belong to no round body, as most in a landscape: there are few
-/// others that lie along them side by side, and few whose facets are on the same sphere.
-void markUnlikelyRound(std::vector<MeshEdge>& edges);
 
 /// `edges` of one mesh, straight ones joined; those between the facets of what is found are told by its number.
 std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges);

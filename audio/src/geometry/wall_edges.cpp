@@ -90,13 +90,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     for (const Edge& edge : found.edges())
         // Where more than two meet there is no wedge.
         if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
-            result.push_back({edge.from, edge.to, edge.besideA, edge.besideB, MeshEdge::kNotRound, true});
-    if (flat < kFlatEdge) {
-        markUnlikelyRound(result);
-        std::erase_if(result, [](const MeshEdge& edge) {
-            return !edge.mayBeRound && facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < -std::cos(kFlatEdge);
-        });
-    }
+            result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // By their ends, however the triangles are numbered.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
         return a.from != b.from ? isBefore(a.from, b.from) : isBefore(a.to, b.to);
@@ -122,14 +116,14 @@ glm::dvec3 endOf(const WallEdge& edge) {
     return edge.from + edge.axis * edge.length;
 }
 
-double largest(const glm::dvec3& place) {
+double largestPart(const glm::dvec3& place) {
     const glm::dvec3 size = glm::abs(place);
     return std::max({size.x, size.y, size.z});
 }
 
 /// What roundings of an edge's places are measured by, metres.
 double sizeOf(const WallEdge& edge) {
-    return 1 + std::max(largest(edge.from), largest(endOf(edge)));
+    return 1 + std::max(largestPart(edge.from), largestPart(endOf(edge)));
 }
 /// Nearer than this, places in numbers of single precision are one.
 double rounding(double size) {
@@ -231,8 +225,10 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     if (cached.mesh.lock() == mesh) return cached.found;
     Found found;
     found.edges = edgesOf(*mesh, kFlatFacet);
+    const bool mayBeRound = found.edges.size() <= kMostEdgesOfRounds && diffractionParts().roundBodies;
+    if (!mayBeRound) std::erase_if(found.edges, [](const MeshEdge& edge) { return turnOf(edge) < kFlatEdge; });
     joinStraight(found.edges);
-    if (diffractionParts().roundBodies) found.rounds = roundsOf(found.edges);
+    if (mayBeRound) found.rounds = roundsOf(found.edges);
     const auto isFlat = [](const MeshEdge& edge) {
         return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
     };

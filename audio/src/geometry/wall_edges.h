@@ -26,7 +26,6 @@ struct MeshEdge {
     Vec3f from{0}, to{0}, besideA{0}, besideB{0};
     std::uint32_t round = kNotRound;  // the MeshRound that it is a part of
     std::uint32_t body = kNoBody;     // the MeshBody
-    bool mayBeRound = true;
 
     static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
 };

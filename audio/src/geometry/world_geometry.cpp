@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <functional>
+#include <utility>
 
 #include <rtsg/audio/plane_index.h>
 
@@ -89,32 +90,47 @@ void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& material
         });
 }
 
-const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version, const RayView& rays) {
+const WorldGeometry::Changes& WorldGeometry::note(const WallsVersion& version, const RayView& rays) {
     rays_ = &rays;
     changes_.boxes.clear();
     changes_.slots.clear();
     changes_.everything = !followed_;
     followed_ = true;
     followMaterials(version.materials);
-    bool changed = false;
     PagedArray<Wall>::differences(walls_.walls, version.walls,
                                   [&](std::size_t at, const Wall& before, const Wall& now) {
                                       ++compared_;
                                       if (before.stamp == now.stamp) return;
-                                      changed = true;
-                                      few_->change(static_cast<std::uint32_t>(at), before, now);
-                                      planes_->change(static_cast<std::uint32_t>(at), now);
-                                      if (edges_) edges_->change(static_cast<std::uint32_t>(at), now);
+                                      const auto slot = static_cast<std::uint32_t>(at);
+                                      few_->change(slot, before, now);
+                                      if (slot >= isUnsettled_.size()) isUnsettled_.resize(slot + 1);
+                                      if (!std::exchange(isUnsettled_[slot], 1)) unsettled_.push_back(slot);
                                       for (const AcousticBox& box : {worldBox(before), worldBox(now)})
                                           if (!box.empty()) {
                                               changes_.boxes.push_back(box);
-                                              changes_.slots.push_back(static_cast<std::uint32_t>(at));
+                                              changes_.slots.push_back(slot);
                                           }
                                   });
-    planes_->settle(version.walls, materials_);
-    if (changed) few_->build(version.walls, *planes_, rays);
     walls_ = version;
     return changes_;
+}
+
+void WorldGeometry::settle() {
+    if (!rays_) return;
+    for (const std::uint32_t slot : unsettled_) {
+        const Wall wall = slot < walls_.walls.size() ? walls_.walls[slot] : Wall();
+        planes_->change(slot, wall);
+        if (edges_) edges_->change(slot, wall);
+        isUnsettled_[slot] = 0;
+    }
+    planes_->settle(walls_.walls, materials_);
+    if (!unsettled_.empty()) few_->build(walls_.walls, *planes_, *rays_);
+    unsettled_.clear();
+}
+
+std::uint32_t WorldGeometry::planeOf(std::uint32_t slot, std::uint32_t triangle) const {
+    const bool settled = slot < isUnsettled_.size() && !isUnsettled_[slot];
+    return settled && planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
 }
 
 /// The normal of what was hit, and its distance: those of the plane in double precision; of a triangle without one as
@@ -144,7 +160,7 @@ void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t 
 WorldGeometry::Judged WorldGeometry::judge(const Hit& found, double rough, std::span<const std::uint32_t> open,
                                            const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                                            std::uint32_t except, AcousticHit& hit) const {
-    const std::uint32_t known = planes_->usable() ? planes_->planeOf(found.instance, found.triangle) : kNoPlane;
+    const std::uint32_t known = planeOf(found.instance, found.triangle);
     // Without a plane the triangle itself is left out.
     const std::uint32_t plane = known != kNoPlane ? known : looseNumber(found.instance, found.triangle);
     if (plane == except || std::find(open.begin(), open.end(), found.instance) != open.end()) return Judged::doubtful;
@@ -250,7 +266,7 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
         glm::dvec3 corners[3];
         cornersOf(wall, triangle, corners);
         if (distanceToTriangle(point, corners) > reach) return searched;
-        const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
+        const std::uint32_t plane = planeOf(slot, triangle);
         glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
         // A mirror turns a triangle over, not the side that it faces.
         const WorldFromLocal& m = wall.worldFromLocal;
@@ -284,7 +300,7 @@ bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const 
         [&](std::uint32_t slot, std::uint32_t triangle) {
             WallTriangle one;
             cornersOf(walls_.walls[slot], triangle, one.corners);
-            one.plane = planes_->planeOf(slot, triangle);
+            one.plane = planeOf(slot, triangle);
             if (distanceToTriangle(point, one.corners) > radius || std::ranges::find(open, slot) != open.end())
                 return searched;
             if (one.plane == kNoPlane) {

@@ -106,7 +106,7 @@ inline bool WorldGeometry::meetsLoose(const PacketHits16& found, double rough, d
 
 std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
                                           AcousticHits& hits) const {
-    if (few_->usable() && open.empty()) return few_->closest(rays, hits);
+    if (few_->usable() && unsettled_.empty() && open.empty()) return few_->closest(rays, hits);
     RayPacket16 packet;
     PacketHits16 found;
     alignas(64) double early[kLanes], rounding[kLanes];  // early: metres that a ray starts before its origin
@@ -121,7 +121,8 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
     }
     const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
     rays_->hits(packet, mask, found);
-    const bool onPlanes = planes_->usable() && open.empty(), onNone = !planes_->usable() && open.empty();
+    const bool all = open.empty() && unsettled_.empty();
+    const bool onPlanes = all && planes_->usable(), onNone = all && !planes_->usable();
     std::uint32_t met = 0;
     for (int i = 0; i < rays.count; ++i) {
         AcousticHit& hit = hits[static_cast<std::size_t>(i)];
@@ -149,7 +150,7 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
 }
 
 std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
-    if (few_->usable() && open.empty()) return few_->blocked(rays);
+    if (few_->usable() && unsettled_.empty() && open.empty()) return few_->blocked(rays);
     RayPacket16 packet;
     startLooks(rays, rays_->origin(), packet);
     std::uint32_t blocked = rays_->occluded(packet, false, RayKind::sound);

@@ -50,15 +50,6 @@ bool MirrorWorld::closest(const glm::dvec3& origin, const glm::dvec3& direction,
     return true;
 }
 
-bool MirrorWorld::closestAsBuilt(const glm::dvec3& beside, const glm::dvec3& origin, const glm::dvec3& direction,
-                                 double maxDistance, AcousticHit& hit) const {
-    const bool beyond = isBeyond(beside);
-    const bool met = geometry_.closest(beyond ? mirrored(origin) : origin, beyond ? turned(direction) : direction,
-                                       maxDistance, kNoPlane, hit);
-    if (met && beyond) hit.normal = turned(hit.normal);
-    return met;
-}
-
 bool MirrorWorld::blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
                           double distance, std::uint32_t except) const {
     static_cast<void>(facing);
@@ -149,9 +140,8 @@ const WallBody* MirrorWorld::mirrored(const WallBody* body) const {
     WallBody& image = known->second;
     if (fresh) {
         const glm::dmat3 turn = glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal_, normal_);
-        image.center = mirrored(body->center);
         image.middle = mirrored(body->middle);
-        image.axes = turn * body->axes;
+        image.half = turn * body->half;
         image.boxFromWorld = body->boxFromWorld * turn;
     }
     return &image;

@@ -26,9 +26,6 @@ class MirrorWorld final : public AcousticGeometry {
     std::span<const AcousticMaterial> materials() const override { return geometry_.materials(); }
     bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                  AcousticHit& hit) const override;
-    bool closestAsBuilt(const glm::dvec3& beside, const glm::dvec3& origin, const glm::dvec3& direction,
-                        double maxDistance, AcousticHit& hit) const override;
-    glm::dvec3 onceMore(const glm::dvec3& place) const override { return mirrored(place); }
     bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
                  std::uint32_t except) const override;
     double distanceToSurface(const glm::dvec3& point) const override;

@@ -1,15 +1,13 @@
 // Waves by way of edges, for who renders each of them for itself while source and listener move.
 //
-// Their delays are those of the shortest ways by their edges. What a single edge bends is known for every place: its
-// field relative to its delay is a sum of four functions W(w t) = exp(i w t) erfc(sqrt(i w t)), one for each boundary
-// of light and shadow, where t is 0 and its sign turns over (see diffraction_wedge.h; Macdonald's solution for a half
-// plane). W is a sum of low passes: the integral of 2 / sqrt(pi^3) D(sqrt(p t)) / (p + i w) over p, D being Dawson's
-// function. So the weights of a PoleBank follow from t by one product with a matrix. All else is as it was when it was
-// traced. Threading: pure functions.
+// Their delays are those of the shortest ways by their edges. What a single edge bends is known for every place
+// (diffraction_wedge.h): weights of a PoleBank are fitted to its tones. All else is as it was when it was traced.
+// Threading: pure functions.
 #pragma once
 
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -24,15 +22,12 @@
 namespace rtsg {
 
 struct FollowedEdge {
-    static constexpr std::size_t kLowPasses = 31, kColumns = kLowPasses + 1;  // the last: what is let through as it is
-
     EdgeRoute route;
     BendingEdge bends;  // if opening > 0
     double way = 0;     // metres, when it was traced
     double speedOfSound = 343;
-    /// From low passes to weights: of what is beside direct sound, and beside what the faces mirror.
-    using Makes = std::array<PoleBank::Weights, kColumns>;
-    std::array<Makes, 2> makes;
+    Bands colour{};  // amplitudes of what comes by the edge, by what the source sent there and air took
+    std::shared_ptr<const PoleFit> fit;
     /// What is not known for other places, as it was.
     PoleBank::Weights rest{};
     std::array<bool, 2> mirrored{};  // whether the image by either face was in the light

@@ -1,10 +1,9 @@
 // BatchTracer: follows the rays of one batch through a geometry, for one listener or for several at once.
 //
 // From a wall that scatters one of the listeners and their images (response/listener_images.h) is looked for by chance,
-// or where there are no images the one listener always. Of several without images each is looked for with a chance that
-// grows with what it might hear. What is heard is divided by the chance: the expectation stays, and a ray takes hardly
-// longer for several. Source: see acoustic_tracer.h; Veach 1997, chapters 9 and 10, on connections. Threading: one
-// thread an object.
+// which grows with what it might hear, or the one listener always where there are no images. What is heard is divided
+// by the chance: the expectation stays, and a ray takes hardly longer for several. Source: see acoustic_tracer.h; Veach
+// 1997, chapters 9 and 10, on connections. Threading: one thread an object.
 #pragma once
 
 #include <algorithm>
@@ -20,7 +19,6 @@
 #include <rtsg/audio/trace_result.h>
 
 #include "batch_task.h"
-#include "listener_chances.h"
 #include "ray_lanes.h"
 #include "response/directions.h"
 #include "response/listener_choice.h"
@@ -42,11 +40,10 @@ class BatchTracer {
           batch_(batch),
           random_(seed),
           exitRandom_(Random::mix(seed, 0xE517)),
-          looks_(ears_),
           choice_(task.planes.size()) {
         batch_.heard.resize(ears_.size());
         wasTried_.resize(ears_.size());
-        if (std::any_of(ears_.begin(), ears_.end(), [](const Ear& ear) { return !ear.images.all().empty(); }))
+        if (ears_.size() > 1 || !ears_.front().images.all().empty())
             for (std::size_t i = 0; i < ears_.size(); ++i) {
                 choice_.add({ears_[i].position, i, ListenerImages::kNone}, 1);
                 for (std::uint32_t k = 0; k < ears_[i].images.all().size(); ++k)
@@ -338,7 +335,10 @@ class BatchTracer {
         else if (ears_.size() == 1 && !task_.transmits)
             lookForListener(scattering);
         else
-            forEachBit(scattering, [&](int i) { lookForListeners(i, look[i]); });
+            forEachBit(scattering, [&](int i) {
+                nextEvent(0, 1, lanes_.rays.origin[i], lanes_.rays.facing[i], lanes_.scattered(i),
+                          hits_[static_cast<std::size_t>(i)], lanes_.travelled[i]);
+            });
         if (task_.underWay.known()) {
             left = weigh(left);
             lanes_.goOn(choice, across, round, task_.planes);
@@ -419,24 +419,6 @@ class BatchTracer {
             ask(0, lanes_.scattered(i), factor[i], lanes_.travelled[i] + distance[i], rays.origin[i], rays.facing[i],
                 direction[i], distance[i], hits_[static_cast<std::size_t>(i)]);
         });
-    }
-
-    /// From a wall that scatters: the one listener, or some of several. `comb`: in [0, 1).
-    void lookForListeners(int i, double comb) {
-        const std::size_t count = ears_.size();
-        const glm::dvec3 point = lanes_.rays.origin[i], normal = lanes_.rays.facing[i];
-        const Energy<N> energy = lanes_.scattered(i);
-        const AcousticHit& wall = hits_[static_cast<std::size_t>(i)];
-        if (count == 1) return nextEvent(0, 1, point, normal, energy, wall, lanes_.travelled[i]);
-        looks_.weigh(point, normal);
-        // Chances in a row, and a comb across them with teeth at distances of 1: each is met with its chance.
-        for (std::size_t who = 0; who < count; ++who) {
-            const double chance = looks_.chance(who);
-            comb += chance;
-            if (comb < 1) continue;
-            comb -= 1;
-            if (chance > 0) nextEvent(who, 1 / chance, point, normal, energy, wall, lanes_.travelled[i]);
-        }
     }
 
     /// Lambert: of the energy scattered at `point` the listener gets cos / (pi d^2), through whatever lets sound pass;
@@ -571,7 +553,6 @@ class BatchTracer {
         Energy<N> energy[AcousticRays::kMost];
         double factor[AcousticRays::kMost], travelled[AcousticRays::kMost];
     } events_;
-    ListenerChances looks_;
     struct {
         AcousticRays rays;
         Connection of[AcousticRays::kMost];

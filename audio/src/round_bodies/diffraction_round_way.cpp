@@ -104,10 +104,6 @@ double RoundWay::size(double waveNumber) const {
     return std::cbrt(0.5 * waveNumber * sine_ * path_.radius);
 }
 
-double RoundWay::curvature(double size) const {
-    return (path_.sphere ? -0.35 : -0.1) / (size * size);
-}
-
 Complex RoundWay::dark(double waveNumber) const {
     const double a = path_.radius, first = before_ / sine_, last = after_ / sine_, m = size(waveNumber);
     // How wide it has become across: on a sphere it comes together again behind it, to no less than a wave.
@@ -118,7 +114,7 @@ Complex RoundWay::dark(double waveNumber) const {
         if (width < 0) turned = kRoundI;
         width = std::max(std::abs(width), path_.sourceRadius * path_.receiverRadius / (a * (1 + waveNumber * a)));
     }
-    const Complex along = surfaceFunction(m * turn_, curvature(m)) -
+    const Complex along = surfaceFunction(m * turn_) -
                           roundTransition(waveNumber * first * last / (first + last), turn_ * sine_) * (sine_ / m);
     return -kRoundEighth * turned * (m / sine_) * along * std::sqrt(2 / (waveNumber * first * last * width));
 }
@@ -135,7 +131,7 @@ Complex RoundWay::lightBy(double waveNumber, double mirrors) const {
     const double share = 1 - (1 - mirrors) * light(waveNumber);
     // What mirrors and the edge of the shadow cancel each other's poles.
     const double pole = 0.5 / (std::sqrt(kRoundPi) * xi);
-    const Complex surface = surfaceFunction(xi, curvature(m)) - pole;
+    const Complex surface = surfaceFunction(xi) - pole;
     const Complex along = share * surface + (pole - edge);
     const double flat = before_ + after_;
     const double wide = (flat + 2 * before_ * after_ / (path_.radius * cosine_)) / sine_;

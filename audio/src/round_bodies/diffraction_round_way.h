@@ -1,9 +1,9 @@
 // A way of sound round one side of a rigid cylinder or sphere: straight to where it touches, along the surface by the
 // shortest way, and straight on; or in the light by way of the place that mirrors.
 //
-// Source: Pathak, Burnside and Marhefka, IEEE Trans. AP-28 (1980), 631-642, with what diffraction_surface_waves.h adds.
-// Relative to the source in the open at 1 m, time as exp(i w t). From bodies of a sixth of a wave length round on (k a
-// = .2) within a decibel of exact series, next to the surface, too. Threading: pure functions.
+// Source: Pathak, Burnside and Marhefka, IEEE Trans. AP-28 (1980), 631-642. Relative to the source in the open at 1 m,
+// time as exp(i w t). From bodies of a sixth of a wave length round on (k a = .2) a decibel from exact series, single
+// tones 3. Threading: pure functions.
 #pragma once
 
 #include <complex>
@@ -46,9 +46,8 @@ class RoundWay {
     std::complex<double> by(double waveNumber, double mirrors) const;
     std::complex<double> dark(double waveNumber) const;
     std::complex<double> lightBy(double waveNumber, double mirrors) const;
-    /// Of wave lengths the third root that counts, and what is left of the curvature, see surfaceFunction().
+    /// Of wave lengths the third root that counts.
     double size(double waveNumber) const;
-    double curvature(double size) const;
     void findMirror();
 
     RoundPath path_;

@@ -1,7 +1,7 @@
-// Closed bodies of a mesh, by what they take up: volume, middle and moments.
+// Closed bodies of a mesh: what they take up, and the boxes around them.
 //
 // Surfaces that have corners in common are one body, if each of their edges is met as often one way as the other; so
-// are bodies whose boxes meet.
+// are bodies whose boxes share some room.
 // Threading: pure functions.
 #pragma once
 
@@ -16,11 +16,10 @@
 
 namespace rtsg {
 
+/// In the mesh's frame.
 struct MeshBody {
+    glm::dvec3 low{std::numeric_limits<double>::infinity()}, high{-std::numeric_limits<double>::infinity()};
     double volume = 0;
-    glm::dvec3 center{0};
-    glm::dmat3 moments{0.0};     // about that, over the volume
-    glm::dvec3 low{0}, high{0};  // corners of the box around it
 };
 
 class MeshBodies {
@@ -34,22 +33,6 @@ class MeshBodies {
     std::uint32_t at(const Vec3f& corner) const;
 
   private:
-    /// And the box around it.
-    struct Part {
-        MeshBody all;
-        glm::dvec3 low{std::numeric_limits<double>::infinity()}, high{-std::numeric_limits<double>::infinity()};
-
-        void extend(const glm::dvec3& place) {
-            low = glm::min(low, place);
-            high = glm::max(high, place);
-        }
-        bool reaches(double x) const;
-        bool meets(const Part& other) const;
-        void add(const Part& other);
-        MeshBody body() const;
-    };
-    std::vector<std::uint32_t> join(const std::vector<Part>& parts);
-
     struct Hash {
         std::size_t operator()(const Vec3f& corner) const;
     };
@@ -57,7 +40,7 @@ class MeshBodies {
     std::unordered_map<Vec3f, std::uint32_t, Hash> corners_;  // which body
 };
 
-/// In the world, as the box of the same volume and moments; nothing where that is none.
+/// In the world; false where nothing is left of it.
 bool placedBody(const MeshBody& body, const WorldFromLocal& worldFromLocal, WallBody& result);
 
 }  // namespace rtsg

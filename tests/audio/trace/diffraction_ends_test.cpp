@@ -49,59 +49,6 @@ std::array<EdgePressure, 2> alongEdge(const WedgePath& path, double waveNumber, 
     return sum;
 }
 
-TEST(EdgeEnds, WhatIsBeyondAPlaceIsTheIntegralFromThereOn) {
-    const unsigned seed = 20261128;
-    SCOPED_TRACE(seed);
-    std::mt19937 random(seed);
-    const auto between = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
-    for (int i = 0; i < 60; ++i) {
-        WedgePath path;
-        path.opening = between(M_PI + .1, 2 * M_PI);
-        path.sourceRadius = std::exp(between(-1.5, 1.5));
-        path.receiverRadius = std::exp(between(-1.5, 1.5));
-        path.along = between(-3, 3);
-        path.sourceAngle = between(.05, path.opening - .05);
-        path.receiverAngle = between(.05, path.opening - .05);
-        const double waveNumber = std::exp(between(std::log(.4), std::log(200.0)));
-        const double offset = std::exp(between(std::log(.003), std::log(4.0))) * (i % 2 ? 1 : -1);
-        const double way = path.wayBy(offset);
-        // One by itself is what it is among all.
-        WedgeEnd beyond;
-        wedgeBeyond(path, waveNumber, way, {&beyond, 1});
-        std::array<WedgeEnd, 21> all;
-        wedgeBeyond(path, waveNumber / 32, way, all);
-        EXPECT_NEAR(std::abs(all[10].besideDirect - beyond.besideDirect), 0, 1e-4 * std::abs(beyond.besideDirect)) << i;
-        const std::array<EdgePressure, 2> exact =
-            offset > 0 ? alongEdge(path, waveNumber, offset, 3000) : alongEdge(path, waveNumber, -3000, offset);
-        const EdgePressure turned = std::polar(1.0, -waveNumber * way);
-        const double open = 1 / path.shortestWay();
-        EXPECT_NEAR(std::abs(turned * beyond.besideDirect - exact[0]), 0, 2e-4 * open + 1e-3 * std::abs(exact[0])) << i;
-        EXPECT_NEAR(std::abs(turned * beyond.besideMirrored - exact[1]), 0, 2e-4 * open + 1e-3 * std::abs(exact[1]))
-            << i;
-    }
-}
-
-TEST(EdgeEnds, FromTheShortestWayOnItIsHalfOfTheEdge) {
-    WedgePath path;
-    path.opening = 1.5 * M_PI;
-    path.sourceRadius = 1.2;
-    path.receiverRadius = .7;
-    path.along = .9;
-    path.sourceAngle = .8;
-    path.receiverAngle = 4.5;
-    for (const double offset : {0.0, 1e-9, 1e-5, 1e-3}) {
-        std::array<WedgeEnd, 23> beyond;
-        wedgeBeyond(path, .4, path.wayBy(offset), beyond);
-        for (std::size_t i = 0; i < beyond.size(); i += 11) {
-            const double waveNumber = .4 * std::exp2(.5 * static_cast<double>(i));
-            const std::array<EdgePressure, 2> exact = alongEdge(path, waveNumber, offset, 3000);
-            const EdgePressure turned = std::polar(1.0, -waveNumber * path.wayBy(offset));
-            EXPECT_NEAR(std::abs(turned * beyond[i].besideDirect / exact[0] - 1.0), 0, 1e-3) << offset << ' ' << i;
-            EXPECT_NEAR(std::abs(turned * beyond[i].besideMirrored / exact[1] - 1.0), 0, 1e-3) << offset << ' ' << i;
-        }
-    }
-}
-
 /// A screen in the plane z = 0 that stands free: x from -2 to 2 m, y from 0 to 2 m, its rims in so many pieces each,
 /// that are `uneven` metres off a straight line.
 Walled screen(int pieces = 1, double uneven = 0) {

@@ -12,7 +12,7 @@ namespace {
 
 using SurfaceValue = std::complex<double>;
 
-/// Residues at the zeros of the slope of W2, without what is left of the curvature: zeros of Ai' without their signs,
+/// Residues at the zeros of the slope of W2: zeros of Ai' without their signs,
 /// and Ai there (Abramowitz and Stegun, table 10.13).
 SurfaceValue creepingAlong(double xi) {
     constexpr std::array<std::array<double, 2>, 10> kWaves{{{1.01879297, .53565666},
@@ -34,7 +34,7 @@ SurfaceValue creepingAlong(double xi) {
 TEST(SurfaceWaves, AreThoseThatCreepInTheDark) {
     for (double xi = .8; xi < 3; xi += .0137) {
         const SurfaceValue expected = creepingAlong(xi) + .5 / (std::sqrt(M_PI) * xi);
-        const SurfaceValue is = surfaceFunction(xi, 0);
+        const SurfaceValue is = surfaceFunction(xi);
         EXPECT_NEAR(std::abs(is - expected), 0, 1e-4) << xi << ": " << is << ", " << expected;
     }
 }
@@ -42,21 +42,11 @@ TEST(SurfaceWaves, AreThoseThatCreepInTheDark) {
 TEST(SurfaceWaves, AreSmoothFromPlaceToPlace) {
     // Where a cubic ends and the next one begins, and where another formula does, a fifth difference would show it.
     constexpr double kStep = .01;
-    for (const double q : {0.0, -.003, -.07, -.4, -1.3, -6.0, -900.0})
-        for (double xi = -2.95; xi < 1.95; xi += kStep) {
-            const auto at = [&](int i) { return surfaceFunction(xi + i * kStep, q); };
-            const SurfaceValue off = at(2) - 5.0 * at(1) + 10.0 * at(0) - 10.0 * at(-1) + 5.0 * at(-2) - at(-3);
-            EXPECT_LT(std::abs(off), 1e-4) << xi << ", " << q;
-        }
-}
-
-TEST(SurfaceWaves, ChangeSteadilyWithTheCurvature) {
-    for (double xi = -2.9; xi < 1.9; xi += .31)
-        for (double q = -.01; q > -1e4; q *= 1.02) {
-            const SurfaceValue low = surfaceFunction(xi, q / 1.02), here = surfaceFunction(xi, q),
-                               high = surfaceFunction(xi, q * 1.02);
-            EXPECT_LT(std::abs(low - 2.0 * here + high), 1e-3) << xi << ", " << q;
-        }
+    for (double xi = -2.95; xi < 1.95; xi += kStep) {
+        const auto at = [&](int i) { return surfaceFunction(xi + i * kStep); };
+        const SurfaceValue off = at(2) - 5.0 * at(1) + 10.0 * at(0) - 10.0 * at(-1) + 5.0 * at(-2) - at(-3);
+        EXPECT_LT(std::abs(off), 1e-4) << xi;
+    }
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ TEST(SeveralListeners, ADiffusePlaneSendsEachWhatTheIntegralSays) {
     for (std::size_t i = 0; i < listeners.size(); ++i) {
         const double exact = fromPlaneBelow(.2, 2, heights[i]);
         const double error = std::sqrt((squares[i] - sum[i] * sum[i]) / kRuns);
-        EXPECT_LT(error, .02 * exact) << heights[i];
+        EXPECT_LT(error, .032 * exact) << heights[i];
         // Beyond 5 standard errors by chance less than once in a million.
         EXPECT_NEAR(sum[i], exact, 5 * error) << heights[i];
     }

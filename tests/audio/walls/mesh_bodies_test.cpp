@@ -1,4 +1,4 @@
-// Volumes and sizes of the closed bodies of meshes.
+// Volumes and boxes of the closed bodies of meshes.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -46,31 +46,11 @@ TEST(MeshBodies, ABoxIsItselfHoweverItIsTurned) {
         glm::rotate(glm::translate(glm::dmat4(1), glm::dvec3(5, -3, 2)), .7, glm::normalize(glm::dvec3(1, 2, -.5)));
     WallBody body;
     ASSERT_TRUE(placedBody(bodies.all()[0], WorldFromLocal(glm::scale(turned, glm::dvec3(1, -1, 2))), body));
-    EXPECT_NEAR(body.volume, .4 * .4 * 4, 1e-6);
-    EXPECT_NEAR(std::max({body.size.x, body.size.y, body.size.z}), 4, 1e-6);
-    EXPECT_NEAR(body.size.x * body.size.y * body.size.z, body.volume, 1e-6);
-    EXPECT_LT(glm::distance(body.center, glm::dvec3(turned * glm::dvec4(.1, 0, 1.4, 1))), 1e-6);
-    for (int i = 0; i < 3; ++i)
-        if (body.size[i] > 1) {
-            EXPECT_NEAR(std::abs(glm::dot(body.axes[i], glm::dvec3(turned[2]))), 1, 1e-9);
-        }
-}
-
-TEST(MeshBodies, ABoxThatIsTurnedInItsMeshHasItsOwnAxes) {
-    const glm::dmat4 turned = glm::rotate(glm::dmat4(1), .8, glm::normalize(glm::dvec3(1, 2, -.5)));
-    std::vector<glm::vec3> corners;
-    for (int i = 0; i < 8; ++i)
-        corners.emplace_back(turned * glm::dvec4(i & 1 ? .1 : -.1, i & 2 ? .3 : -.3, i & 4 ? 1 : -1, 1));
-    const MeshBodies bodies(meshOfCorners(corners, {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
-                                                    2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5}));
-    ASSERT_EQ(bodies.all().size(), 1u);
-    WallBody body;
-    ASSERT_TRUE(placedBody(bodies.all()[0], WorldFromLocal(1.0), body));
-    for (int i = 0; i < 3; ++i) {
-        const int axis = body.size[i] < .4 ? 0 : body.size[i] < 1 ? 1 : 2;
-        EXPECT_NEAR(body.size[i], axis == 0 ? .2 : axis == 1 ? .6 : 2, 1e-5);
-        EXPECT_NEAR(std::abs(glm::dot(body.axes[i], glm::dvec3(turned[axis]))), 1, 1e-6);
-    }
+    EXPECT_NEAR(body.fill, 1, 1e-6);
+    EXPECT_NEAR(8 * std::abs(glm::determinant(body.half)), .4 * .4 * 4, 1e-6);
+    EXPECT_LT(glm::distance(body.middle, glm::dvec3(turned * glm::dvec4(.1, 0, 1.4, 1))), 1e-6);
+    EXPECT_LT(glm::distance(body.half[2], glm::dvec3(turned[2]) * 2.0), 1e-6);
+    EXPECT_LT(glm::distance(body.boxFromWorld * body.half[1], glm::dvec3(0, 1, 0)), 1e-9);
 }
 
 TEST(MeshBodies, WhatMeetsIsOneAndWhatIsOpenIsNone) {
@@ -81,16 +61,17 @@ TEST(MeshBodies, WhatMeetsIsOneAndWhatIsOpenIsNone) {
                                      {glm::vec3(4, 0, 0), glm::vec3(5, 1, 1)}}));
     ASSERT_EQ(bodies.all().size(), 2u);
     const MeshBody& joined = bodies.all()[bodies.at({0, 0, 0})];
-    EXPECT_NEAR(joined.volume, 3, 1e-9);
-    EXPECT_LT(glm::distance(joined.center, glm::dvec3(1.5, .5, .5)), 1e-9);
-    EXPECT_NEAR(joined.moments[0][0], 9 / 12.0, 1e-9);
+    EXPECT_NEAR(joined.volume, 3.5, 1e-9);
+    EXPECT_EQ(joined.low, glm::dvec3(0));
+    EXPECT_EQ(joined.high, glm::dvec3(3, 1, 1));
+    EXPECT_EQ(bodies.at({3, 1, 1}), bodies.at({0, 0, 0}));
     EXPECT_NEAR(bodies.all()[bodies.at({4, 0, 0})].volume, 1, 1e-9);
     // A tetrahedron, with a face and without it, and with one turned over.
     const std::vector<glm::vec3> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const MeshBodies whole(meshOfCorners(corners, {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3}));
     ASSERT_EQ(whole.all().size(), 1u);
     EXPECT_NEAR(whole.all()[0].volume, 1 / 6.0, 1e-9);
-    EXPECT_LT(glm::distance(whole.all()[0].center, glm::dvec3(.25)), 1e-9);
+    EXPECT_EQ(whole.all()[0].high, glm::dvec3(1));
     EXPECT_TRUE(MeshBodies(meshOfCorners(corners, {0, 2, 1, 0, 1, 3, 0, 3, 2})).all().empty());
     EXPECT_TRUE(MeshBodies(meshOfCorners(corners, {0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 3, 2})).all().empty());
 }

@@ -308,6 +308,40 @@ TEST(WorldGeometry, FollowingIsBuildingFromScratch) {
     }
 }
 
+/// Who asks about ways in every frame and traces seldom pays for planes and edges when tracing alone.
+TEST(WorldGeometry, WhatIsNotedIsMetAtOnceAndSettledOnce) {
+    const auto screenAt = [](double x) { return placed({x, 1, 0}, {.1, 2, 2}); };
+    Room noted, followed;
+    InstanceId screen;
+    for (Room* room : {&noted, &followed}) {
+        room->mesh(NodeId{1}, unitBox());
+        room->add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}));
+        screen = room->add(NodeId{1}, screenAt(2));
+        room->commit();
+    }
+    const std::uint64_t before = noted.geometry.work();
+    for (double x = 2.1; x < 4; x += .1) {
+        noted.delta.moved.push_back({screen, screenAt(x)});
+        followed.delta = noted.delta;
+        followed.commit();
+        noted.world.apply(noted.delta);
+        noted.walls.apply(noted.delta);
+        noted.delta.clear();
+        EXPECT_EQ(noted.geometry.note(noted.walls.freeze(), noted.world).slots.size(), 2u);
+        AcousticHit hit;
+        ASSERT_TRUE(noted.geometry.closest({1, 2, 1}, {1, 0, 0}, 100, kNoPlane, hit));
+        EXPECT_NEAR(hit.distance, x - 1, 1e-5);
+    }
+    noted.geometry.settle();
+    EXPECT_EQ(described(noted.geometry), described(followed.geometry));
+    EXPECT_LT(4 * (noted.geometry.work() - before), followed.geometry.work() - before);
+    int edges[2] = {0, 0};
+    noted.geometry.visitEdges([&](const WallEdge& edge) { edges[0] += std::abs(edge.from.x - 3.9) < .2; });
+    followed.geometry.visitEdges([&](const WallEdge& edge) { edges[1] += std::abs(edge.from.x - 3.9) < .2; });
+    EXPECT_EQ(edges[0], edges[1]);
+    EXPECT_GT(edges[0], 0);
+}
+
 /// Boxes in rows, floors and columns, so that thousands share a plane.
 std::unique_ptr<Room> rowsOfBoxes(std::uint32_t count) {
     auto room = std::make_unique<Room>();

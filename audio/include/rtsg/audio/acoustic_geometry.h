@@ -69,17 +69,12 @@ struct WallTriangle {
     std::uint32_t plane = kNoPlane, material = 0;
 };
 
-/// A closed body of walls, as a box of the same volume and moments. Of a cube that has axes of no meaning: all of the
-/// body is in another box, which is square in the space of its mesh.
+/// A closed body of walls, by the box around it that is square in the space of its mesh.
 struct WallBody {
-    glm::dvec3 center{0};
-    glm::dmat3 axes{1.0};  // unit, square to each other
-    glm::dvec3 size{0};    // m along them
-    double volume = 0;     // m^3
-    glm::dvec3 middle{0};  // of the box around it,
-    double radius = 0;     // of that about its middle, m
-    /// And p - middle in that: from -1 to 1 along each axis.
-    glm::dmat3 boxFromWorld{1.0};
+    glm::dvec3 middle{0};
+    glm::dmat3 half{0.0};          // m, from there to the middles of three sides
+    glm::dmat3 boxFromWorld{1.0};  // of p - middle: from -1 to 1 along each axis
+    double fill = 1;               // of the box, the share that it takes up
 };
 
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
@@ -162,13 +157,6 @@ class AcousticGeometry {
     /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
     virtual bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                          std::uint32_t except, AcousticHit& hit) const = 0;
-    /// The same on no plane, of walls as they were built: where one of them is looked into as a mirror, that wall, too,
-    /// and what is behind it. `beside`: a place on the same side of the mirror as what is asked about.
-    virtual bool closestAsBuilt(const glm::dvec3& beside, const glm::dvec3& origin, const glm::dvec3& direction,
-                                double maxDistance, AcousticHit& hit) const {
-        static_cast<void>(beside);
-        return closest(origin, direction, maxDistance, kNoPlane, hit);
-    }
     /// Whether a surface lies on the way from a place on plane `except`, before it by `facing` (unit), to one that
     /// touches none; what closest() would say.
     virtual bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
@@ -193,8 +181,6 @@ class AcousticGeometry {
                 met |= 1u << i;
         return met;
     }
-    /// Where a place is once more, if a wall is looked into as a mirror; else there.
-    virtual glm::dvec3 onceMore(const glm::dvec3& place) const { return place; }
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
     using SurfaceVisitor = std::function<void(const NearSurface&)>;

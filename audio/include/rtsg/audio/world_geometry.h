@@ -64,7 +64,15 @@ class WorldGeometry final : public AcousticGeometry {
     ~WorldGeometry() override;
 
     /// `rays` must outlive the queries that come after.
-    const Changes& follow(const WallsVersion& walls, const RayView& rays);
+    const Changes& follow(const WallsVersion& walls, const RayView& rays) {
+        static_cast<void>(note(walls, rays));
+        settle();
+        return changes_;
+    }
+    /// The first part of follow(), for who asks about ways often and traces seldom: until settle() what has changed
+    /// lies on no plane, and planes() and edges are those of before. What was noted several times is settled once.
+    const Changes& note(const WallsVersion& walls, const RayView& rays);
+    void settle();
     /// Steps that follow() took so far: walls compared, planes measured, boxes read. Counted, not timed.
     std::uint64_t work() const;
 
@@ -140,6 +148,7 @@ class WorldGeometry final : public AcousticGeometry {
     bool meetsLoose(const PacketHits16& found, double rough, double rounding, const AcousticRays& rays, int lane,
                     AcousticHit& hit) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
+    std::uint32_t planeOf(std::uint32_t slot, std::uint32_t triangle) const;
     void makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                    const glm::dvec3& direction, AcousticHit& hit) const;
 
@@ -150,6 +159,8 @@ class WorldGeometry final : public AcousticGeometry {
     std::unique_ptr<EdgeTable> edges_;
     std::unique_ptr<FewWalls> few_;  // all of them, where they are so few
     Changes changes_;
+    std::vector<std::uint32_t> unsettled_;  // slots whose walls have changed since settle()
+    std::vector<char> isUnsettled_;         // by slot
     bool followed_ = false;
     std::uint64_t compared_ = 0;
 };
