@@ -189,12 +189,11 @@ void RasterScene::bringSkies(const SurfaceState& state, const std::vector<LayerV
     for (std::size_t i = 0; i < layers.size(); ++i) {
         SkyEntry& entry = skies_[i];
         const Sky* sky = state.sky(layers[i].camera.layer);
-        // What a version refers to is replaced when it changes; but another may come to lie where it was.
-        if (entry.known && entry.from == sky && state == state_) continue;
+        if (entry.known && (sky ? entry.from == *sky : !entry.from)) continue;
         RasterSky made = rasterSky(sky, i > 0, textures_);
         for (const std::uint32_t side : entry.sky.sides)
             if (side != 0) textures_.drop(side);
-        entry = {sky, true, std::move(made)};
+        entry = {sky ? std::optional(*sky) : std::nullopt, true, std::move(made)};
     }
 }
 

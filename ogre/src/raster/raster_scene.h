@@ -9,6 +9,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <tuple>
 #include <unordered_map>
@@ -72,7 +73,7 @@ class RasterScene {
         std::size_t users = 0;
     };
     struct SkyEntry {
-        const Sky* from = nullptr;
+        std::optional<Sky> from;
         bool known = false;
         RasterSky sky;
     };
