@@ -25,7 +25,7 @@ struct TouchTables {
         bool steady = false;  // it moved before that, too
     };
     std::unordered_map<std::uint32_t, Mover> movers;  // by slot: those that moved since the state before
-    bool arrived = false;  // things that were not there, or jumped, or have another shape
+    bool arrived = false;                             // things that were not there, or jumped, or have another shape
     double farthest = 0;                              // metres that any point of a steady one moved
     double seconds = 0;                               // of the scene, since the state before
 };

@@ -27,7 +27,7 @@ Result<std::unique_ptr<RasterModule>> openRaster() {
 #ifdef RTSG_NO_OGRE
     return fail("this program was built without a rasteriser: OGRE 1.12 was not there, or RTSG_OGRE was off");
 #else
-    const auto found = loadModule("rtsg_ogre", RTSG_OGRE_SYMBOL, "pictures by the rasteriser need");
+    const auto found = loadModule("rtsg_ogre_module", RTSG_OGRE_SYMBOL, "pictures by the rasteriser need");
     if (!found) return std::unexpected(found.error());
     std::string problem;
     auto module = reinterpret_cast<OpenRaster (*)()>(*found)()(problem);

@@ -1,5 +1,5 @@
-// What librtsg_ogre.so offers: a rasteriser that is told of meshes, textures, materials and things by number, by a
-// library that nothing else should have to link.
+// What librtsg_ogre_module.so offers: a rasteriser that is told of meshes, textures, materials and things by number, by
+// a library that nothing else should have to link.
 //
 // Invariant: nothing of OGRE is on this side; the module links nothing of ours. All places are relative to an origin
 // that the caller chooses near the eye, since a rasteriser computes in single precision. Spans are read during the call

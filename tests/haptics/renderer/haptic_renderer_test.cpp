@@ -173,7 +173,8 @@ TEST(HapticRenderer, AMeshThatDeformsPushesToo) {
         "DEF C TimeSensor { loop TRUE cycleInterval 2 }\n"
         "DEF I CoordinateInterpolator { key [0 1] keyValue [-.3 -.2 -.3, -.3 -.2 .3, .3 -.2 .3, .3 -.2 -.3, "
         "-.3 .2 -.3, -.3 .2 .3, .3 .2 .3, .3 .2 -.3] }\n"
-        "Shape { geometry IndexedFaceSet { coord DEF P Coordinate { point [-.3 -.2 -.3, -.3 -.2 .3, .3 -.2 .3, .3 -.2 -.3] } "
+        "Shape { geometry IndexedFaceSet { coord DEF P Coordinate { point [-.3 -.2 -.3, -.3 -.2 .3, .3 -.2 .3, .3 -.2 "
+        "-.3] } "
         "coordIndex [0 1 2 3 -1] } }\n"
         "ROUTE C.fraction_changed TO I.set_fraction\nROUTE I.value_changed TO P.set_point\n");
     for (int i = 0; i < 1100; ++i) sheet.tick({0, 0, 0});  // it rises at .2 m/s and is at .02 then

@@ -91,11 +91,11 @@ class SharedWorld {
     /// Brings all to the scene's present state: edits not yet sealed belong to it. Error: failure().
     Result<> update();
     /// The newest state, for readers on any thread. If what is there is older than the scene at the call, the scene's
-    /// thread is asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long to wait
-    /// for that; then, and while readers hold RayWorld::kMostVersions states, the newest one that exists is returned. A
-    /// reader recognises a state that it knows by `moment`. The scene pays nothing while nobody asks, and forgets the
-    /// last state when nobody has asked for kForget deliveries. Errors: none was handed over within `patience`; the
-    /// world follows no longer.
+    /// thread is asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long
+    /// to wait for that; then, and while readers hold RayWorld::kMostVersions states, the newest one that exists is
+    /// returned. A reader recognises a state that it knows by `moment`. The scene pays nothing while nobody asks, and
+    /// forgets the last state when nobody has asked for kForget deliveries. Errors: none was handed over within
+    /// `patience`; the world follows no longer.
     Result<std::shared_ptr<const WorldState>> latest(
         std::chrono::nanoseconds patience = std::chrono::milliseconds(100)) const;
     static constexpr std::uint64_t kForget = 256;
