@@ -16,12 +16,12 @@ constexpr double kPlate = 0.3;
 constexpr double kVolume = 8, kSection = 1.46;
 /// More than this is all: .01 dB.
 constexpr double kWhole = 0.999;
+/// Metres between surfaces that are in one plane. A tolerance of drawing.
+constexpr double kContact = 1e-3;
 
-double weight(const WallBody& body, double k) {
-    std::array<double, 3> sides{};
-    for (int i = 0; i < 3; ++i) sides[static_cast<std::size_t>(i)] = 2 * glm::length(body.half[i]);
+double weight(std::array<double, 3> sides, double fill, double k) {
     std::ranges::sort(sides);
-    const double section = body.fill * std::hypot(sides[0], kPlate * sides[1]) * sides[1], volume = section * sides[2];
+    const double section = fill * std::hypot(sides[0], kPlate * sides[1]) * sides[1], volume = section * sides[2];
     const double share = 1 / (1 + kVolume / (k * k * k * volume) + kSection / (k * k * k * k * section * section));
     return share > kWhole ? 1 : share;
 }
@@ -45,9 +45,23 @@ BodyWeights::BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& sou
 const BodyWeights::Tones& BodyWeights::of(const WallBody* body) {
     if (!body || !diffractionParts().smallBodies) return one_;
     const auto [known, fresh] = known_.try_emplace(body, one_);
-    if (fresh && !holds(*body, source_, 0) && !holds(*body, listener_, 0))
-        for (std::size_t t = 0; t < kEdgeTones; ++t)
-            known->second[t] = weight(*body, 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound_);
+    const auto waveNumber = [&](std::size_t tone) {
+        return 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound_;
+    };
+    std::array<double, 3> sides{};
+    for (std::size_t i = 0; i < 3; ++i) sides[i] = 2 * glm::length(body->half[static_cast<int>(i)]);
+    if (!fresh || weight(sides, body->fill, waveNumber(0)) == 1 || holds(*body, source_, 0) ||
+        holds(*body, listener_, 0))
+        return known->second;
+    // What stands on something is as large as with its mirror image there, and what is between walls goes on for ever.
+    constexpr double kNear = 0.05, kEndless = 1e6;  // of its size; m
+    for (int i = 0; i < 3; ++i) {
+        double& side = sides[static_cast<std::size_t>(i)];
+        const bool low = touches(*body, i, -1, kContact + kNear * side);
+        const bool high = touches(*body, i, 1, kContact + kNear * side);
+        side *= low && high ? kEndless : low || high ? 2 : 1;
+    }
+    for (std::size_t t = 0; t < kEdgeTones; ++t) known->second[t] = weight(sides, body->fill, waveNumber(t));
     return known->second;
 }
 
@@ -69,20 +83,25 @@ const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) cons
     return found;
 }
 
-/// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one. So it is
-/// where a surface goes on beside the body.
+/// Whether a surface is at a side of a body, no farther off than `reach`, that goes on beside it.
+bool BodyWeights::touches(const WallBody& body, int axis, double side, double reach) const {
+    constexpr double kBeside = 1.05;  // of half of its size
+    const glm::dvec3 out = glm::normalize(body.half[axis] * side), at = body.middle + side * body.half[axis];
+    for (const int across : {(axis + 1) % 3, (axis + 2) % 3})
+        for (const double to : {-kBeside, kBeside}) {
+            AcousticHit hit;
+            if (geometry_.closest(at + to * body.half[across] - reach * out, out, 2 * reach, kNoPlane, hit))
+                return true;
+        }
+    return false;
+}
+
+/// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one.
 bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place) const {
-    constexpr double kBeside = 1.05, kContact = 1e-3;  // of half of its size; m, a tolerance of drawing
     for (int i = 0; i < 3; ++i) {
-        const double size = glm::length(body.half[i]), at = (body.boxFromWorld * (place - body.middle))[i];
-        if ((1 - std::abs(at)) * size > kContact) continue;
-        const glm::dvec3 side = body.half[i] * std::copysign(1.0, at), out = side / size;
-        for (const int across : {(i + 1) % 3, (i + 2) % 3})
-            for (const double to : {-kBeside, kBeside}) {
-                const glm::dvec3 beside = body.middle + side + to * body.half[across];
-                AcousticHit hit;
-                if (geometry_.closest(beside - kContact * out, out, 2 * kContact, kNoPlane, hit)) return true;
-            }
+        const double at = (body.boxFromWorld * (place - body.middle))[i];
+        if ((1 - std::abs(at)) * glm::length(body.half[i]) <= kContact && touches(body, i, at < 0 ? -1 : 1, kContact))
+            return true;
     }
     return false;
 }

@@ -41,6 +41,7 @@ class BodyWeights {
 
   private:
     const WallBody* bodyAt(const glm::dvec3& place, double margin) const;
+    bool touches(const WallBody& body, int axis, double side, double reach) const;
     bool isAtWall(const WallBody& body, const glm::dvec3& place) const;
 
     const AcousticGeometry& geometry_;

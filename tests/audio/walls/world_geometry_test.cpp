@@ -334,7 +334,7 @@ TEST(WorldGeometry, WhatIsNotedIsMetAtOnceAndSettledOnce) {
     }
     noted.geometry.settle();
     EXPECT_EQ(described(noted.geometry), described(followed.geometry));
-    EXPECT_LT(4 * (noted.geometry.work() - before), followed.geometry.work() - before);
+    EXPECT_LT(3 * (noted.geometry.work() - before), 2 * (followed.geometry.work() - before));
     int edges[2] = {0, 0};
     noted.geometry.visitEdges([&](const WallEdge& edge) { edges[0] += std::abs(edge.from.x - 3.9) < .2; });
     followed.geometry.visitEdges([&](const WallEdge& edge) { edges[1] += std::abs(edge.from.x - 3.9) < .2; });
