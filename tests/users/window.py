@@ -45,7 +45,7 @@ def display():
         for key, value in before.items():
             os.environ.pop(key) if value is None else os.environ.__setitem__(key, value)
     finally:
-        server.kill()
+        server.terminate()  # not killed: its lock would stay, and two that clear it away take the same number
         server.wait()
 
 
