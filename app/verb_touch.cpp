@@ -1,6 +1,5 @@
 // rtsg touch: what a hand feels in a scene: its path, its proxy, the forces and contacts, by time.
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <locale>
 #include <memory>
@@ -13,6 +12,7 @@
 #include <rtsg/sync/log_recorder.h>
 
 #include "files.h"
+#include "hand.h"
 #include "outputs.h"
 #include "running_scene.h"
 #include "touch_plot.h"
@@ -30,45 +30,6 @@ struct TouchArguments {
     HapticOptions options;
     bool realtime = false, json = false, force = false;
 };
-
-/// What --device names.
-struct Hand {
-    std::unique_ptr<HapticDevice> device;
-    double seconds = 0;  // that its path has; 0: it goes on
-    bool isSimulated = false;
-    std::uint16_t port = 0;
-};
-
-Result<Hand> handOf(const TouchArguments& arguments) {
-    const std::string& name = arguments.device;
-    Hand hand;
-    if (name.starts_with("sim:")) {
-        auto path = readHandPath(name.substr(4));
-        if (!path) return std::unexpected(path.error());
-        hand.seconds = path->back().seconds;
-        hand.isSimulated = true;
-        hand.device = simulatedDevice({std::move(*path), arguments.mass, arguments.stiffness, arguments.damping});
-        return hand;
-    }
-    if (name.starts_with("udp:")) {
-        std::uint16_t port = 0;
-        const char* const end = name.data() + name.size();
-        const auto [rest, error] = std::from_chars(name.data() + 4, end, port);
-        if (error != std::errc() || rest != end)
-            throw UsageError("--device", "udp: takes the number of a port, 0 to 65535");
-        auto device = udpDevice(port, 0.1, &hand.port);
-        if (!device) return std::unexpected(device.error());
-        hand.device = std::move(*device);
-        return hand;
-    }
-    if (name == "spnav" || name.starts_with("spnav:")) {
-        auto device = name == "spnav" ? spaceMouse() : spaceMouse(name.substr(6));
-        if (!device) return std::unexpected(device.error());
-        hand.device = std::move(*device);
-        return hand;
-    }
-    throw UsageError("--device", fmt::format("is sim:FILE.csv, udp:PORT or spnav, not '{}'", name));
-}
 
 class Touching {
   public:
@@ -179,7 +140,7 @@ int touch(const TouchArguments& arguments) {
     if (!arguments.out.empty()) outputs.push_back({"-o", arguments.out, OutputKind::ticks});
     if (!arguments.record.empty()) outputs.push_back({"--record", arguments.record, OutputKind::log});
     if (auto ok = checkFiles({arguments.scene}, outputs, arguments.force); !ok) return printError(ok.error()), kBad;
-    auto hand = handOf(arguments);
+    auto hand = openHand("--device", arguments.device, {{}, arguments.mass, arguments.stiffness, arguments.damping});
     if (!hand) return printError(hand.error()), kBad;
     const bool isLive = arguments.realtime || !hand->isSimulated;
     StartTime start = arguments.start;

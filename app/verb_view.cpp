@@ -13,8 +13,10 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/terminal.h>
+#include <rtsg/haptics/haptic_renderer.h>
 #include <rtsg/window/scene_window.h>
 
+#include "hand.h"
 #include "outputs.h"
 #include "view_recorder.h"
 #include "view_source.h"
@@ -34,7 +36,7 @@ constexpr double kStatusEvery = 0.1;       // seconds
 struct ViewArguments {
     ViewSourceArguments source;
     PictureArguments picture;
-    std::string duration, screenshot, device;
+    std::string duration, screenshot, device, touch;
     double fps = 30;
     bool fullscreen = false, mute = false, overlay = false, watch = false, force = false, json = false;
 };
@@ -64,6 +66,7 @@ class Viewing {
             written_ = lastWritten();
             if (auto ok = open(); !ok) return printError(ok.error()), kBad;
             listen();
+            if (auto ok = touch(); !ok) return printError(ok.error()), kBad;
             loop();
             if (!next_) return finish();
             close();
@@ -98,6 +101,7 @@ class Viewing {
     void close() {
         if (auto ok = recorder_.finish(); !ok) printError(ok.error());
         sound_.reset();
+        touch_.reset();
         source_->wakeBy({});
         overlay_ = window_->showsOverlay();
         window_.reset();
@@ -115,6 +119,22 @@ class Viewing {
             sound_ = std::move(*sound);
         else
             fmt::print(stderr, "note: no sound: {}\n", terminalText(sound.error().text));
+    }
+    /// The hand that --touch names feels what is shown.
+    Result<> touch() {
+        if (options_.touch.empty()) return {};
+        if (!isSceneFile(shown_.name)) return fail("--touch goes with a scene's file", {}, shown_.name);
+        auto hand = openHand("--touch", options_.touch);
+        if (!hand) return std::unexpected(hand.error());
+        touch_ = std::make_unique<HapticRenderer>(source_->world());
+        return allOf({[&] { return touch_->attachToScene(source_->scene()); }, [&] { return touch_->renderFrame(); },
+                      [&] { return touch_->start(std::move(hand->device)); }});
+    }
+    /// Sends what the hand touches, and shows it.
+    void feel() {
+        touch_->sendEvents();
+        const HapticTick tick = touch_->latest();
+        window_->showProbe(tick.known ? std::optional(tick.proxy) : std::nullopt, tick.touching);
     }
     bool hasSound() {
         bool found = false;
@@ -139,12 +159,14 @@ class Viewing {
             if (!source_->advance(t, acts)) return;
             ++frames_;
             if (sound_) sound_->sendEvents();
+            if (touch_) feel();
             say();
             window_->lookFrom(source_->eye(kAnyAspect));
             tell();
             // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
-            const double wait = std::min(std::max(source_->restsUntil(), due) - t, duration_ - clock());
+            const double rests = touch_ ? due : std::max(source_->restsUntil(), due);
+            const double wait = std::min(rests - t, duration_ - clock());
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
             if (!window_->turn(std::min(most, kLongestTurn))) return;
             recorder_.show(*window_, clock());
@@ -250,6 +272,8 @@ class Viewing {
         const std::uint64_t state = source_->scene().sequence();
         const std::string hash = source_->scene().hash().hex();
         const Result<> written = recorder_.finish();
+        const HapticReport felt = touch_ ? touch_->stop() : HapticReport();
+        touch_.reset();
         sound_.reset();
         source_->wakeBy({});
         window_.reset();
@@ -260,9 +284,9 @@ class Viewing {
             fmt::print(
                 "{{\"t\":{:.3f},\"frames\":{},\"pictures\":{},\"whole\":{},\"samples\":{},\"events\":{},"
                 "\"interval_ms\":{{\"p50\":{:.1f},\"p95\":{:.1f}}},\"sequence\":{},\"hash\":\"{}\",\"sound_s\":{:.3f},"
-                "\"underruns\":{}}}\n",
+                "\"underruns\":{},\"ticks\":{},\"contacts\":{}}}\n",
                 time_, frames_, statistics.presented, statistics.whole, statistics.samples, statistics.events,
-                1e3 * p50, 1e3 * p95, state, hash, heard.seconds, heard.underruns);
+                1e3 * p50, 1e3 * p95, state, hash, heard.seconds, heard.underruns, felt.ticks, felt.contacts);
         else
             fmt::print("{:.1f} s, {} pictures, {:.0f} ms from one to the next while something moves (95 %: {:.0f})\n",
                        time_, statistics.presented, 1e3 * p50, 1e3 * p95);
@@ -277,6 +301,7 @@ class Viewing {
     std::unique_ptr<ViewSource> source_, next_;
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
+    std::unique_ptr<HapticRenderer> touch_;
     ViewRecorder recorder_;
     bool overlay_ = options_.overlay;
     std::string status_;
@@ -308,6 +333,7 @@ Verb addView(Command& program) {
     command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
     command->addFlag("--overlay", options->overlay, "show figures, nodes and a log's time line; F1 changes it");
     command->addFlag("--watch", options->watch, "open the scene's file again whenever it has been edited");
+    command->addOption("--touch", options->touch, "a hand that feels the scene: sim:FILE.csv, udp:PORT or spnav");
     command->addFlag("--mute", options->mute, "no sound");
     command->addOption("--device", options->device, "of sound; else the default one");
     options->picture.addTo(*command);

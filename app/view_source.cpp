@@ -69,13 +69,20 @@ Result<std::unique_ptr<ViewSource>> openRunning(const ViewSourceArguments& argum
     return source;
 }
 
+bool isEndpoint(const std::string& name) {
+    return name.find("://") != std::string::npos && !name.starts_with("file:");
+}
+
 }  // namespace
 
+bool isSceneFile(const std::string& name) {
+    return !isEndpoint(name) && !isLogOrNamedSo(name);
+}
+
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments) {
-    const bool isEndpoint = arguments.name.find("://") != std::string::npos && !arguments.name.starts_with("file:");
-    const bool isHere = !isEndpoint && !isLogOrNamedSo(arguments.name);
+    const bool isHere = isSceneFile(arguments.name);
     if (!isHere && !arguments.set.empty()) return fail("--set goes with a scene's file", {}, arguments.name);
-    if (isEndpoint) return openServed(arguments);
+    if (isEndpoint(arguments.name)) return openServed(arguments);
     return isHere ? openRunning(arguments) : openLog(arguments);
 }
 

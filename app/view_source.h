@@ -66,6 +66,8 @@ class ViewSource {
     virtual Result<> finish() = 0;
 };
 
+/// It is neither an endpoint nor a log.
+bool isSceneFile(const std::string& name);
 /// A scene's file, by what the name says; ENDPOINT or LOG else. Errors: it cannot be opened.
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments);
 Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceArguments& arguments);

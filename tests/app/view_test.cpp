@@ -136,5 +136,15 @@ TEST_F(View, CtrlCClosesItInOrder) {
     EXPECT_GT(json::parse(ended.out).at("pictures"), 0);
 }
 
+TEST_F(View, AHandFeelsWhatIsShown) {
+    const std::string table = std::string(RTSG_SOURCE_DIR) + "/examples/touch.x3dv",
+                      hand = std::string("sim:") + RTSG_SOURCE_DIR + "/examples/knock.csv";
+    const json summary = view({table, "--for", "2s", "--touch", hand});
+    EXPECT_GT(summary.at("ticks"), 20) << summary;
+    EXPECT_GE(summary.at("contacts"), 1) << "it strokes the stone from half a second on: " << summary;
+    view({table, "--for", "1s", "--touch", "hand"}, 2);
+    view({table, "--for", "1s", "--touch", "sim:/nowhere.csv"}, 1);
+}
+
 }  // namespace
 }  // namespace rtsg::test

@@ -1,7 +1,9 @@
 // A window that nobody sees, with the events of SDL: keys of its own, the overlay, a gamepad.
 #ifdef RTSG_HAS_SDL
+#include <array>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 #include <thread>
 
 #include <SDL.h>
@@ -245,6 +247,38 @@ TEST_F(AWindow, WakeEndsATurnFromAnotherThread) {
         EXPECT_TRUE(window->turn(60s));
         EXPECT_LT(std::chrono::steady_clock::now() - begun, 30s);
         other.join();
+    }
+}
+
+/// Red, green and blue of the middle of the window.
+std::array<int, 3> middleOfTheWindow() {
+    for (Uint32 id = 1; id < 100; ++id) {
+        SDL_Window* const open = SDL_GetWindowFromID(id);
+        if (!open) continue;
+        SDL_Surface* const surface = SDL_GetWindowSurface(open);
+        const auto* const row = static_cast<const Uint8*>(surface->pixels) + surface->h / 2 * surface->pitch;
+        Uint8 red = 0, green = 0, blue = 0;
+        SDL_GetRGB(reinterpret_cast<const Uint32*>(row)[surface->w / 2], surface->format, &red, &green, &blue);
+        return {red, green, blue};
+    }
+    return {};
+}
+
+TEST_F(AWindow, AHandIsADotWhereItIsSeen) {
+    open();
+    ASSERT_TRUE(run([&] { return window->isSettled(); }));
+    const auto before = middleOfTheWindow();
+    window->showProbe(Vec3d(0, 1.6, 1), false);  // in the middle of the picture
+    ASSERT_TRUE(window->turn(4ms));
+    EXPECT_EQ(middleOfTheWindow(), (std::array{160, 224, 255}));
+    window->showProbe(Vec3d(0, 1.6, 1), true);
+    ASSERT_TRUE(window->turn(4ms));
+    EXPECT_EQ(middleOfTheWindow(), (std::array{255, 128, 32})) << "it touches";
+    for (const auto& elsewhere :
+         {std::optional(Vec3d(1, 1.6, 1)), std::optional(Vec3d(0, 1.6, 20)), std::optional<Vec3d>()}) {
+        window->showProbe(elsewhere, true);  // aside, behind the eye, nowhere
+        ASSERT_TRUE(window->turn(4ms));
+        EXPECT_EQ(middleOfTheWindow(), before);
     }
 }
 

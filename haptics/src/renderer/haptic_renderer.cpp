@@ -309,6 +309,11 @@ HapticReport HapticRenderer::report() const {
     return report;
 }
 
+HapticTick HapticRenderer::latest() const {
+    const std::lock_guard lock(impl_->mutex);
+    return impl_->last;
+}
+
 bool HapticRenderer::hasEnded() const {
     return impl_->ended;
 }

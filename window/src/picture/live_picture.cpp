@@ -124,6 +124,7 @@ struct LivePicture::Impl {
     }
 
     // ---- the thread ------------------------------------------------------------------------------------------
+    Camera lastCamera;  // of the picture that is being made
     Result<Camera> cameraOf(const Subject& what) const {
         const double aspect = static_cast<double>(what.width) / what.height;
         auto bound = LightTracer::camera(*what.light, *what.state->rays, aspect);
@@ -150,6 +151,7 @@ struct LivePicture::Impl {
         settings.seed = options.settings.seed + static_cast<std::uint64_t>(better.samples());
         settings.progress = [&](double) { return isMoving || changes == of; };
         RenderStats stats;
+        lastCamera = *camera;
         auto made = LightTracer::render(*what.light, *what.state->rays, *camera, settings, &stats);
         if (!made) return std::unexpected(made.error());
         if (stats.cancelled) return std::optional<Picture>();
@@ -166,6 +168,7 @@ struct LivePicture::Impl {
         next->whole = isWhole;
         next->isMoving = isMoving;
         next->seconds = secondsSince(start);
+        next->camera = lastCamera;
         {
             const std::scoped_lock lock(mutex);
             shown = std::move(next);

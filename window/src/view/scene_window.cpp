@@ -78,6 +78,9 @@ struct SceneWindow::Impl {
     WindowEvent sticks;  // as they are
     Clock::time_point steered{};
 
+    std::optional<Vec3d> probe;  // world
+    bool probeTouches = false;
+    std::vector<std::uint8_t> marked;     // the picture with the probe
     bool overlay = false, stale = false;  // it is shown; it must be made anew
     OverlayMaker maker;
     std::shared_ptr<const OverlayContent> content;
@@ -362,6 +365,30 @@ struct SceneWindow::Impl {
     }
 
     // ---- what people see ---------------------------------------------------------------------------------------
+    /// The picture with a disc and a dark rim where the probe is.
+    const std::uint8_t* withProbe() {
+        marked = shown->pixels;
+        const Vec2d place = shown->camera.place(*probe);
+        if (!std::isfinite(place.x) || !std::isfinite(place.y)) return marked.data();
+        const double radius = std::max(2.5, shown->height / 90.0), x = place.x * shown->width,
+                     y = place.y * shown->height;
+        const int left = std::max(0, static_cast<int>(x - radius - 1)),
+                  right = std::min(shown->width - 1, static_cast<int>(x + radius + 1));
+        for (int row = std::max(0, static_cast<int>(y - radius - 1)),
+                 last = std::min(shown->height - 1, static_cast<int>(y + radius + 1));
+             row <= last; ++row)
+            for (int column = left; column <= right; ++column) {
+                const double away = std::hypot(column + .5 - x, row + .5 - y);
+                if (away > radius) continue;
+                const bool isRim = away > .7 * radius;
+                std::uint8_t* const pixel =
+                    &marked[4 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(shown->width) +
+                                 static_cast<std::size_t>(column))];
+                pixel[0] = isRim ? 0 : probeTouches ? 32 : 255, pixel[1] = isRim ? 0 : probeTouches ? 128 : 224;
+                pixel[2] = isRim ? 0 : probeTouches ? 255 : 160;
+            }
+        return marked.data();
+    }
     void present() {
         if (auto next = picture->take()) {
             shown = std::move(next);
@@ -377,7 +404,9 @@ struct SceneWindow::Impl {
             ++statistics.presented;
         }
         if (!shown || !std::exchange(lost, false)) return;
-        if (!window->present(shown->pixels.data(), shown->width, shown->height)) tell("the display takes no pictures");
+        const std::uint8_t* pixels = shown->pixels.data();
+        if (probe) pixels = withProbe();
+        if (!window->present(pixels, shown->width, shown->height)) tell("the display takes no pictures");
     }
 
     Result<> write(const std::string& file) const {
@@ -455,6 +484,12 @@ std::vector<SceneWindowRequest> SceneWindow::takeRequests() {
 }
 void SceneWindow::wake() {
     if (!impl_->called.exchange(true)) impl_->window->wake();
+}
+void SceneWindow::showProbe(const std::optional<Vec3d>& place, bool touches) {
+    Impl& s = *impl_;
+    s.lost = s.lost || place != s.probe || touches != s.probeTouches;
+    s.probe = place;
+    s.probeTouches = touches;
 }
 bool SceneWindow::showsOverlay() const {
     return impl_->overlay;

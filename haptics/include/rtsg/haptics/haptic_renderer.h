@@ -51,6 +51,8 @@ class HapticRenderer final : public WorldRenderer {
     /// Ends it.
     HapticReport stop();
     HapticReport report() const;
+    /// The last tick.
+    HapticTick latest() const;
     /// The device has no more to do, or there is none.
     bool hasEnded() const;
     /// Sends what has been touched since the last call as events of the scene: the proxy as a pointer; the force to

@@ -39,6 +39,7 @@ struct LivePictureShown {
     bool whole = false;                // it has all pixels
     bool isMoving = false;             // it was made because something had changed, not to be better
     double seconds = 0;                // that it took
+    Camera camera;                     // it is seen from there
 };
 
 struct LivePictureStatistics {

@@ -126,6 +126,9 @@ class SceneWindow {
     /// For the overlay: to be called when something of it has changed, at most ten times a second.
     void setStatus(SceneWindowStatus status);
     bool showsOverlay() const;
+    /// Marks a place of the world in the picture, in front of all else: the hand of a touch, which is warm where it
+    /// touches. Null: none.
+    void showProbe(const std::optional<Vec3d>& place, bool touches);
     /// The newest picture that is shown; null: there is none yet.
     std::shared_ptr<const LivePictureShown> shown() const;
     /// Width and height, pixels.
