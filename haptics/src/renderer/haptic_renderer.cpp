@@ -8,6 +8,7 @@
 #include <cstring>
 #include <mutex>
 #include <thread>
+#include <unordered_set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -114,7 +115,9 @@ struct HapticRenderer::Impl {
         arrived = arrived || !mover.steady;
     }
     void readSurface(const Scene& scene, NodeId appearance) {
-        const TouchSurface surface = readTouchSurface(scene, appearance, options.surface, &diagnostics);
+        Diagnostics said;
+        const TouchSurface surface = readTouchSurface(scene, appearance, options.surface, &said);
+        if (!said.all().empty() && told.insert(appearance.value).second) diagnostics.append(said);
         const auto known = surfaces->find(appearance.value);
         if (known != surfaces->end() ? known->second == surface : surface == options.surface) return;
         auto next = std::make_shared<std::unordered_map<std::uint32_t, TouchSurface>>(*surfaces);
@@ -132,6 +135,7 @@ struct HapticRenderer::Impl {
     double frozenAt = 0;
     bool arrived = false;
     Diagnostics diagnostics;
+    std::unordered_set<std::uint32_t> told;  // appearances of which something was said
 
     // On the touch's thread.
     HapticTick step(const Vec3d& hand, double seconds);
@@ -306,6 +310,7 @@ HapticReport HapticRenderer::report() const {
     report.medianSeconds = impl_->times.median();
     report.worstSeconds = impl_->times.worst();
     report.failure = failure();
+    report.diagnostics = impl_->diagnostics;
     return report;
 }
 

@@ -50,12 +50,14 @@ void TouchEvents::send(Scene& scene, const HapticTick& strongest, const HapticTi
     if (!last.touching) leave(scene);
     const NodeId shape = last.touching ? last.shape : NodeId();
     if (felt_ && *felt_ != shape) sayForce(scene, *felt_, Vec3d(0));
+    const bool isNew = !felt_ || *felt_ != shape || last.force != said_;
     felt_.reset();
     if (last.touching) {
-        sayForce(scene, shape, last.force);
+        if (isNew) sayForce(scene, shape, last.force);
         felt_ = shape;
+        said_ = last.force;
     }
-    pushBody(scene, last);
+    if (isNew || !last.touching) pushBody(scene, last);
 }
 
 /// The proxy points at what it touches.

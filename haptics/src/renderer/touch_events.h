@@ -33,6 +33,7 @@ class TouchEvents {
     const double pressAt_;
     std::optional<PointerInput> sent_;
     std::optional<NodeId> felt_;  // the shape whose force was said last
+    Vec3d said_{0};               // N; a hand that rests sends nothing
     std::optional<Pushed> pushed_;
 };
 

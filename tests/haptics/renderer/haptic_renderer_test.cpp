@@ -322,6 +322,22 @@ TEST(HapticRenderer, AReplicaOfTheSessionNeedsNoDevice) {
     std::filesystem::remove(log);
 }
 
+TEST(HapticRenderer, AHandThatRestsSendsNothing) {
+    Touched scene(withSurface(" DEF F MetadataFloat { name \"force\" value [0 0 0] }"));
+    scene.go({0, .02, 0}, {0, .001, 0}, 100);
+    for (int i = 0; i < 64; ++i) scene.tick({0, .001, 0});
+    ASSERT_TRUE(scene.last.touching);
+    scene.renderer->sendEvents();
+    EXPECT_TRUE(scene.scene.newFrame(10)->changes.empty()) << "nothing has changed";
+}
+
+TEST(HapticRenderer, SurfacesThatCannotBeAreSaid) {
+    Touched scene(withSurface(entry("stiffness", -3)));
+    ASSERT_EQ(scene.renderer->report().diagnostics.all().size(), 1u);
+    EXPECT_NE(scene.renderer->report().diagnostics.all()[0].format().find("stiffness"), std::string::npos);
+    EXPECT_NEAR(scene.go({0, .02, 0}, {0, .003, 0}, 100).force.y, 500 * .002, 1e-3) << "as if it said nothing";
+}
+
 TEST(HapticRenderer, SurfacesFollowEdits) {
     Touched scene(withSurface(" DEF F MetadataFloat { name \"stiffness\" value 200 }"));
     EXPECT_NEAR(scene.go({0, .02, 0}, {0, .003, 0}, 100).force.y, 200 * .002, 1e-3);
