@@ -3,6 +3,7 @@
 #include <cmath>
 #include <locale>
 #include <memory>
+#include <optional>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -31,10 +32,55 @@ struct TouchArguments {
     bool realtime = false, json = false, force = false;
 };
 
+/// Where ticks go: lines of a table are written as they come; a drawing needs them all.
+class TickFile {
+  public:
+    static Result<TickFile> create(const TouchArguments& arguments) {
+        TickFile ticks;
+        if (arguments.out.empty()) return ticks;
+        auto file = OutputFile::create(arguments.out, existing(arguments.force));
+        if (!file) return std::unexpected(file.error());
+        ticks.file_.emplace(std::move(*file));
+        ticks.draws_ = arguments.out.ends_with(".svg");
+        if (!ticks.draws_)
+            (void)ticks.file_->write(
+                "seconds,hand_x,hand_y,hand_z,proxy_x,proxy_y,proxy_z,force_x,force_y,force_z,touching,known,shape\n");
+        return ticks;
+    }
+    void take(HapticRenderer& renderer, const Scene& scene) {
+        if (!file_) return;
+        for (HapticTick& t : renderer.takeTicks())
+            if (draws_)
+                kept_.push_back(t);
+            else
+                (void)file_->write(row(t, scene));
+    }
+    /// Errors: the first one of all writing.
+    Result<> finish() {
+        if (!file_) return {};
+        if (draws_) (void)file_->write(touchPlot(kept_));
+        return file_->commit();
+    }
+
+  private:
+    static std::string row(const HapticTick& t, const Scene& scene) {
+        return fmt::format("{:.6f},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{:.6g},{:.6g},{:d},{:d},{}\n",
+                           t.seconds, t.hand.x, t.hand.y, t.hand.z, t.proxy.x, t.proxy.y, t.proxy.z, t.force.x,
+                           t.force.y, t.force.z, t.touching, t.known, t.touching ? nodeLabel(scene, t.shape) : "");
+    }
+
+    std::optional<OutputFile> file_;
+    bool draws_ = false;
+    std::vector<HapticTick> kept_;
+};
+
 class Touching {
   public:
-    Touching(const TouchArguments& arguments, RunningScene& running, HapticOptions options)
-        : arguments_(arguments), running_(running), renderer_(running.world().get(), std::move(options)) {}
+    Touching(const TouchArguments& arguments, RunningScene& running, TickFile& ticks, HapticOptions options)
+        : arguments_(arguments),
+          running_(running),
+          ticks_(ticks),
+          renderer_(running.world().get(), std::move(options)) {}
 
     Result<> attach() {
         if (auto ok = renderer_.attachToScene(running_.scene()); !ok) return ok;
@@ -52,6 +98,7 @@ class Touching {
             const double t = static_cast<double>(tick) / rate;
             if (t * arguments_.fps >= static_cast<double>(frame)) {
                 if (frame) renderer_.sendEvents();
+                ticks_.take(renderer_, running_.scene());
                 running_.frame(static_cast<double>(frame++) / arguments_.fps);
                 (void)world.present();
             }
@@ -69,6 +116,7 @@ class Touching {
         Pace pace{seconds, arguments_.fps, true};
         running_.run(pace, "touching " + arguments_.scene, [&](std::uint64_t, const ChangeSet&) {
             renderer_.sendEvents();
+            ticks_.take(renderer_, running_.scene());
             return !interrupted() && !renderer_.hasEnded() && renderer_.failure().empty();
         });
         (void)renderer_.stop();
@@ -80,31 +128,15 @@ class Touching {
     /// What the last contacts have sent.
     void finishFrames() {
         renderer_.sendEvents();
+        ticks_.take(renderer_, running_.scene());
         for (int i = 1; i <= 3; ++i) running_.frame(running_.time() + 1 / arguments_.fps);
     }
 
     const TouchArguments& arguments_;
     RunningScene& running_;
+    TickFile& ticks_;
     HapticRenderer renderer_;
 };
-
-/// A line a tick.
-std::string tickTable(const std::vector<HapticTick>& ticks, const Scene& scene) {
-    std::string text =
-        "seconds,hand_x,hand_y,hand_z,proxy_x,proxy_y,proxy_z,force_x,force_y,force_z,touching,known,shape\n";
-    for (const HapticTick& t : ticks)
-        text += fmt::format("{:.6f},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{:.6g},{:.6g},{:d},{:d},{}\n",
-                            t.seconds, t.hand.x, t.hand.y, t.hand.z, t.proxy.x, t.proxy.y, t.proxy.z, t.force.x,
-                            t.force.y, t.force.z, t.touching, t.known, t.touching ? nodeLabel(scene, t.shape) : "");
-    return text;
-}
-
-Result<> write(const std::string& file, const std::string& text, bool force) {
-    auto out = OutputFile::create(file, existing(force));
-    if (!out) return std::unexpected(out.error());
-    if (auto ok = out->write(text); !ok) return ok;
-    return out->commit();
-}
 
 void printTouched(const TouchArguments& arguments, const HapticReport& report, const RunningScene& running) {
     if (arguments.json)
@@ -160,7 +192,9 @@ int touch(const TouchArguments& arguments) {
         if (!started) return printError(started.error()), kBad;
         recorder = std::move(*started);
     }
-    Touching touching(arguments, running, options);
+    auto ticks = TickFile::create(arguments);
+    if (!ticks) return printError(ticks.error()), kBad;
+    Touching touching(arguments, running, *ticks, options);
     Result<> result = touching.attach();
     if (result && hand->port && !arguments.json)
         fmt::print(stderr, "a device may send its places to udp:127.0.0.1:{}\n", hand->port);
@@ -170,12 +204,7 @@ int touch(const TouchArguments& arguments) {
     if (result && !report.failure.empty()) result = fail(report.failure);
     running.scene().seal();
     if (recorder) result = allOf({[&] { return result; }, [&] { return recorder->stop(); }});
-    if (!arguments.out.empty()) {
-        const std::vector<HapticTick> ticks = touching.renderer().takeTicks();
-        const bool plots = arguments.out.ends_with(".svg");
-        const auto text = plots ? touchPlot(ticks) : tickTable(ticks, running.scene());
-        result = allOf({[&] { return result; }, [&] { return write(arguments.out, text, arguments.force); }});
-    }
+    result = allOf({[&] { return result; }, [&] { return ticks->finish(); }});
     print(report.diagnostics);
     running.printDiagnostics();
     if (!result) return printError(result.error()), kBad;
