@@ -76,11 +76,11 @@ class TickFile {
 
 class Touching {
   public:
-    Touching(const TouchArguments& arguments, RunningScene& running, TickFile& ticks, HapticOptions options)
+    Touching(const TouchArguments& arguments, RunningScene& running, TickFile& ticks, const HapticOptions& options)
         : arguments_(arguments),
           running_(running),
           ticks_(ticks),
-          renderer_(running.world().get(), std::move(options)) {}
+          renderer_(running.world().get(), options) {}
 
     Result<> attach() {
         if (auto ok = renderer_.attachToScene(running_.scene()); !ok) return ok;

@@ -34,8 +34,8 @@ struct FloorGrid {
     std::vector<std::size_t> inside;            // numbers of points, row by row
 
     glm::dvec3 place(std::size_t point) const {
-        return {x + step * static_cast<double>(point % columns), height,
-                z + step * static_cast<double>(point / columns)};
+        const std::size_t column = point % columns, row = point / columns;
+        return {x + step * static_cast<double>(column), height, z + step * static_cast<double>(row)};
     }
 };
 
