@@ -81,7 +81,7 @@ LogNotes::~LogNotes() {
     if (asking_.joinable()) asking_.join();
 }
 
-void LogNotes::marks(SceneWindowStatus::Timeline& line) {
+void LogNotes::marks(SceneWindowTimeline& line) {
     if (!marking_.joinable()) marking_ = std::thread([this] { readMarks(); });
     const std::scoped_lock lock(mutex_);
     line.marks = marks_;

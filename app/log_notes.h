@@ -24,7 +24,7 @@ class LogNotes {
     LogNotes& operator=(const LogNotes&) = delete;
 
     /// Begins to read, if it has not; what has been found so far comes with a number that grows.
-    void marks(SceneWindowStatus::Timeline& line);
+    void marks(SceneWindowTimeline& line);
     /// Begins to read who changed that field ("DOOR.rotation", "#12.rotation"), in place of what was asked before.
     void ask(const std::string& field);
     void forget();
@@ -38,7 +38,7 @@ class LogNotes {
     const std::string file_;
     std::atomic<bool> ends_{false}, stale_{false};
     mutable std::mutex mutex_;  // guards what follows
-    std::vector<SceneWindowStatus::Mark> marks_;
+    std::vector<SceneWindowMark> marks_;
     std::uint64_t version_ = 0;
     std::vector<SceneWindowStatus::Line> history_;
     std::thread marking_, asking_;

@@ -89,7 +89,7 @@ class LogSource final : public ViewSource {
                                 fmt::format("{} of {} states", replayer.verified(), replayer.frames()),
                                 replayer.divergence().has_value(),
                                 {}});
-        SceneWindowStatus::Timeline& line = status.timeline.emplace();
+        SceneWindowTimeline& line = status.timeline.emplace();
         line.time = player_->time(), line.length = player_->length(), line.rate = player_->rate();
         notes_.marks(line);
         status.tellsHistory = true;

@@ -138,9 +138,9 @@ class ServedSource final : public ViewSource {
     double restsUntil() const override {
         return eye_->isMoving() || !waiter_ ? -std::numeric_limits<double>::infinity() : due_;
     }
-    void wakeBy(std::function<void()> wake) override {
+    void wakeBy(const std::function<void()>& wake) override {
         waiter_.reset();
-        if (wake) waiter_ = std::make_unique<ConnectionWaiter>(std::move(wake));
+        if (wake) waiter_ = std::make_unique<ConnectionWaiter>(wake);
     }
     Result<> send(FieldIndex field, Value value) override {
         using Root = x3d::RtsgScene;

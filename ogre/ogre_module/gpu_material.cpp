@@ -65,7 +65,7 @@ void bindNumbers(const Ogre::GpuProgramParametersSharedPtr& parameters) {
         parameters->setNamedAutoConstant(kDrawNumbers[i], P::ACT_CUSTOM, i);
 }
 
-Ogre::MaterialPtr loaded(Ogre::MaterialPtr material) {
+Ogre::MaterialPtr loaded(const Ogre::MaterialPtr& material) {
     material->load();
     if (material->getSupportedTechniques().empty())
         throw std::runtime_error("the graphics system takes no program for a material: " +

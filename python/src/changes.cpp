@@ -197,7 +197,7 @@ void addChanges(py::module_& module) {
              [](const ChangesObject& c, const std::string& path) { return newValue(c, path) != nullptr; })
         .def(
             "get",
-            [](const ChangesObject& c, const std::string& path, py::object otherwise) {
+            [](const ChangesObject& c, const std::string& path, const py::object& otherwise) {
                 const Value* const value = newValue(c, path);
                 return value ? toPython(*value, c.scene) : otherwise;
             },

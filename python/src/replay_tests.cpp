@@ -119,7 +119,8 @@ py::object runTest(const fs::path& log, const py::object& scene, const py::objec
     Interruption interruption;
     bool interrupted = false;
     test.check = [&](const Scene&) -> Result<> {
-        if ((interrupted = interruption())) return fail("interrupted");
+        interrupted = interruption();
+        if (interrupted) return fail("interrupted");
         return check.is_none() ? Result<>{} : calls.call(check, *running, false);
     };
     const auto report = unlocked([&] { return runReplayTest(test); });

@@ -280,7 +280,7 @@ std::optional<std::string> hostOf(const Request& request) {
     const bool isBracketed = all.starts_with('[');
     const std::size_t end = isBracketed ? all.find(']') : std::min(all.find(':'), all.size());
     if (end == std::string::npos) return std::nullopt;
-    const std::string host = all.substr(isBracketed ? 1 : 0, end - (isBracketed ? 1 : 0));
+    std::string host = all.substr(isBracketed ? 1 : 0, end - (isBracketed ? 1 : 0));
     std::string_view port = std::string_view(all).substr(end + (isBracketed ? 1 : 0));
     const auto isOf = [](std::string_view text, std::string_view others) {
         return std::ranges::all_of(text, [&](unsigned char c) {

@@ -72,6 +72,7 @@ class Painter {
                 };
                 ImU32 color = 0;
                 for (const int shift : {IM_COL32_R_SHIFT, IM_COL32_G_SHIFT, IM_COL32_B_SHIFT, IM_COL32_A_SHIFT})
+                    // NOLINTNEXTLINE(bugprone-incorrect-roundings): not negative
                     color |= static_cast<ImU32>(mix(static_cast<float>(channel(a.col, shift)),
                                                     static_cast<float>(channel(b.col, shift)),
                                                     static_cast<float>(channel(c.col, shift))) +

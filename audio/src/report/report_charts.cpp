@@ -173,7 +173,8 @@ std::string decayChart(const RoomReport::Pair& pair) {
     const double first = firstOf(pair.echogram), seconds = drawnSeconds(pair.echogram, first);
     std::string svg = openSvg(kLeft + kAcross * kColumns, kTop + kDown * 2 - 8, "decay curves");
     for (std::size_t b = 0; b < kBandCount; ++b) {
-        const auto column = static_cast<double>(b % kColumns), row = static_cast<double>(b / kColumns);
+        const std::size_t across = b % kColumns, down = b / kColumns;
+        const auto column = static_cast<double>(across), row = static_cast<double>(down);
         const ChartFrame frame{kLeft + kAcross * column, kTop + kDown * row, kWidth, kHeight, seconds, kLowestDb};
         svg += decayPanel(pair, b, first, frame, column == 0);
     }

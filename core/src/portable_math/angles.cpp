@@ -205,7 +205,7 @@ double turned(Pair base, double factor, Pair angle) {
 /// atan(y / x). Precondition: 0 <= y <= x, x lies in [2^-800, 2^800], and y is 0 or at least 2^-900.
 Pair octantAngle(double y, double x) {
     // From the nearest of seventeen directions.
-    const int nearest = static_cast<int>(y / x * 16 + .5);
+    const int nearest = static_cast<int>(y / x * 16 + .5);  // NOLINT(bugprone-incorrect-roundings): not negative
     const double tangent = nearest * (1. / 16);
     const Pair base = kArcTangents[static_cast<std::size_t>(nearest)];
     const Pair less = exactProduct(tangent, x), more = exactProduct(tangent, y);

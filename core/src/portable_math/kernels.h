@@ -58,6 +58,7 @@ consteval std::array<Entry, 128> entries() {
     for (int i = 0; i < 128; ++i) {
         const double middle = i < 80 ? .6875 + (i + .5) / 256 : 1 + (i - 80 + .5) / 128;
         // Beside 1 the logarithm keeps its bits only where the table adds none.
+        // NOLINTNEXTLINE(bugprone-incorrect-roundings): std::lround is no constant expression
         const double reciprocal = i == 79 || i == 80 ? 1 : static_cast<int>(512 / middle + .5) / 512.;
         const Pair ratio = Pair{1 - reciprocal, 0} / Pair{1 + reciprocal, 0}, square = ratio * ratio;
         Pair sum{0, 0};

@@ -38,8 +38,10 @@ class TickTimes {
     }
     double median() const {
         std::uint64_t below = 0;
-        for (std::size_t i = 0; i < counts_.size(); ++i)
-            if ((below += counts_[i]) * 2 >= all_ && all_) return 1e-6 * (static_cast<double>(i) + 0.5);
+        for (std::size_t i = 0; i < counts_.size(); ++i) {
+            below += counts_[i];
+            if (below * 2 >= all_ && all_) return 1e-6 * (static_cast<double>(i) + 0.5);
+        }
         return 0;
     }
     double worst() const { return worst_; }

@@ -282,7 +282,8 @@ struct FieldComparison::State {
         // have done.
         const bool second = b.touched.has(w.b.node, w.b.field);
         if (!ofEither && second) return of(b, w.b);
-        const std::string x = of(a, w.a), y = ofEither ? of(b, w.b) : std::string();
+        std::string x = of(a, w.a);
+        const std::string y = ofEither ? of(b, w.b) : std::string();
         if (x == y) return x;
         if (x.empty() || y.empty()) return fmt::format("{} only: {}", x.empty() ? words.b : words.a, x + y);
         return fmt::format("{}: {}; {}: {}", words.a, x, words.b, y);

@@ -270,29 +270,29 @@ struct SceneWindow::Impl {
         if (!on) (void)window->setOverlay(nullptr);
     }
     void act(const OverlayAction& action) {
-        using Kind = OverlayAction::Kind;
+        using Done = OverlayAction::Kind;
         using Asked = SceneWindowRequest::Kind;
         const NodeId node{action.node};
         stale = true;
         switch (action.kind) {
-            case Kind::viewpoint:
+            case Done::viewpoint:
                 return look(node);
-            case Kind::open:
+            case Done::open:
                 return maker.toggle(node);
-            case Kind::pick:
+            case Done::pick:
                 maker.pick(node);
                 return forgetHistory();
-            case Kind::hide:
+            case Done::hide:
                 return hide(node);
-            case Kind::history:
+            case Done::history:
                 return ask({Asked::history, 0, false, node, action.name});
-            case Kind::pause:
+            case Done::pause:
                 return togglePause();
-            case Kind::seek:
+            case Done::seek:
                 return ask(Asked::seek, action.number);
-            case Kind::step:
+            case Done::step:
                 return ask(Asked::step, action.number);
-            case Kind::rate:
+            case Done::rate:
                 return ask(Asked::rate, action.number);
         }
     }
@@ -505,7 +505,7 @@ void SceneWindow::setStatus(SceneWindowStatus status) {
     if (status.timeline &&
         (!s.marks || !s.status.timeline || s.status.timeline->marksVersion != status.timeline->marksVersion)) {
         auto marks = std::make_shared<std::vector<OverlayContent::Mark>>();
-        for (const SceneWindowStatus::Mark& mark : status.timeline->marks)
+        for (const SceneWindowMark& mark : status.timeline->marks)
             marks->push_back({mark.time, mark.text, mark.isDamage});
         s.marks = std::move(marks);
     }

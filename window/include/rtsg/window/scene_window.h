@@ -33,6 +33,20 @@
 
 namespace rtsg {
 
+/// A place on the time line that is worth a look.
+struct SceneWindowMark {
+    double time = 0;  // seconds
+    std::string text;
+    bool isDamage = false;
+};
+
+/// What can be gone through in time.
+struct SceneWindowTimeline {
+    double time = 0, length = 0, rate = 1;  // seconds, seconds, seconds a second
+    std::vector<SceneWindowMark> marks;     // in no order
+    std::uint64_t marksVersion = 0;         // another one: other marks
+};
+
 /// What the application knows beside the scene, for the overlay.
 struct SceneWindowStatus {
     struct Line {
@@ -40,18 +54,8 @@ struct SceneWindowStatus {
         bool isWrong = false;        // it is told in a warning colour
         std::optional<double> time;  // a place on the time line to go to, seconds
     };
-    struct Mark {
-        double time = 0;  // seconds, on the time line
-        std::string text;
-        bool isDamage = false;
-    };
-    struct Timeline {
-        double time = 0, length = 0, rate = 1;  // seconds, seconds, seconds a second
-        std::vector<Mark> marks;                // in no order
-        std::uint64_t marksVersion = 0;         // another one: other marks
-    };
     std::vector<Line> lines;
-    std::optional<Timeline> timeline;  // of what can be gone through; else none
+    std::optional<SceneWindowTimeline> timeline;  // of what can be gone through; else none
     /// Who changed the field that SceneWindowRequest::Kind::history asked for; `tellsHistory`: such requests are
     /// answered.
     std::vector<Line> history;
