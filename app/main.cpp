@@ -1,9 +1,11 @@
 // rtsg: one program with a verb for each use of the libraries. It is thin: what library users need is in a library.
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
@@ -13,6 +15,7 @@
 #include "command_table.h"
 #include "hints.h"
 #include "verb_measure.h"
+#include "version.h"
 
 namespace rtsg::app {
 namespace {
@@ -74,7 +77,18 @@ void giveLargePiecesBack() {
     ::mallopt(M_TRIM_THRESHOLD, kAtTheEnd);
 }
 
+/// The parser prints the version as soon as it meets that option.
+bool asksForVersionAsJson(int argc, char** argv) {
+    const std::vector<std::string_view> words(argv + 1, argv + argc);
+    const auto has = [&](std::string_view word) { return std::ranges::find(words, word) != words.end(); };
+    return words.size() == 2 && has("--json") && (has("--version") || has("-V"));
+}
+
 int run(int argc, char** argv) {
+    if (asksForVersionAsJson(argc, argv)) {
+        fmt::print("{}\n", versionAsJson());
+        return kDone;
+    }
     Command program("rtsg",
                     "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
                     "A SCENE is a file (X3D in XML, ClassicVRML or JSON, VRML97, also gzipped; .rtsgb, glTF, STL,\n"

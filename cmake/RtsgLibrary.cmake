@@ -46,6 +46,10 @@ function(rtsg_library name)
   set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_MODE GROUP)
 endfunction()
 
+# Where modules are installed.
+include(GNUInstallDirs)
+set(RTSG_MODULE_DIR "${CMAKE_INSTALL_LIBDIR}/rtsg" CACHE INTERNAL "Where modules are installed")
+
 # rtsg_module(NAME FOR LIBRARY SOURCES FILE... LIBRARIES LIBRARY...): librtsg_NAME.so, which LIBRARY loads when it is first needed
 # (rtsg/core/module.h).
 function(rtsg_module name)
@@ -56,4 +60,5 @@ function(rtsg_module name)
   target_include_directories(rtsg_${name} PRIVATE src "${PROJECT_SOURCE_DIR}/core/include")
   target_link_libraries(rtsg_${name} PRIVATE ${ARG_LIBRARIES} rtsg_options)
   add_dependencies(rtsg_${ARG_FOR} rtsg_${name})
+  set_property(GLOBAL APPEND PROPERTY RTSG_MODULE_TARGETS rtsg_${name})
 endfunction()

@@ -27,6 +27,31 @@ execute_process(COMMAND "${WORK}/prefix/bin/rtsg" help --man OUTPUT_FILE "${WORK
 step("${CMAKE_COMMAND}" -E compare_files "${WORK}/rtsg.1" "${WORK}/prefix/share/man/man1/rtsg.1")
 step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --no-tests=error)
 
+# Libraries that the first call loads: the program says what is missing without them.
+file(WRITE "${WORK}/script.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nScript { url \"ecmascript: function initialize() { print('here'); }\" }\n")
+file(WRITE "${WORK}/polygon.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry IndexedFaceSet { convex FALSE coordIndex [0 1 2 3 4 5]
+  coord Coordinate { point [0 0 0, 2 0 0, 2 2 0, 1 .5 0, .5 2 0, .4 .6 0] } } }\n")
+file(WRITE "${WORK}/bodies.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nRigidBodyCollection { bodies RigidBody { } }\n")
+function(expect_missing module)
+  file(GLOB_RECURSE file "${WORK}/prefix/*/librtsg_${module}.so")
+  if(NOT file)
+    return()  # a build that links it
+  endif()
+  file(RENAME "${file}" "${file}.away")
+  execute_process(COMMAND "${CMAKE_COMMAND}" -E env --unset=LD_LIBRARY_PATH "${WORK}/prefix/bin/rtsg" ${ARGN} TIMEOUT 60 RESULT_VARIABLE result
+                  OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  file(RENAME "${file}.away" "${file}")
+  if(NOT result MATCHES "^[01]$" OR NOT output MATCHES "librtsg_${module}.so")
+    message(FATAL_ERROR "without ${module}: status ${result}\n${output}")
+  endif()
+endfunction()
+expect_missing(mozjs run "${WORK}/script.x3dv" --for 0.1s)
+expect_missing(mozjs validate "${WORK}/script.x3dv")
+expect_missing(glu info "${WORK}/polygon.x3dv")
+expect_missing(embree render "${WORK}/polygon.x3dv" -o "${WORK}/polygon.png" --size 16x16)
+expect_missing(ode run "${WORK}/bodies.x3dv" --for 0.1s)
+expect_missing(zmq serve "${WORK}/script.x3dv" --bind "ipc://${WORK}/mirror" --for 0.1s)
+
 # Image files come as modules, PNG files by one of their own: the installed program finds them, and says what is missing without them.
 file(WRITE "${WORK}/box.x3dv" "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n")
 set(render "${WORK}/prefix/bin/rtsg" render "${WORK}/box.x3dv" --size 16x16 -o)

@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <bit>
 #include <iterator>
+#include <stdexcept>
 #include <utility>
 
 #include <kissfft/kiss_fftr.h>
+
+#include "sound_libraries.h"
 
 #if defined(RTSG_AVUTIL)
 #include <rtsg/core/module.h>
@@ -77,6 +80,7 @@ struct RealFft::Plans {
     explicit Plans(std::size_t size) { plan(size); }
 #endif
     void plan(std::size_t size) {
+        if (const auto loaded = delayed::sound.load(); !loaded) throw std::runtime_error(loaded.error().text);
         forward.reset(kiss_fftr_alloc(static_cast<int>(size), 0, nullptr, nullptr));
         inverse.reset(kiss_fftr_alloc(static_cast<int>(size), 1, nullptr, nullptr));
     }

@@ -12,6 +12,7 @@
 
 #include "fractional_delay.h"
 #include "hrtf_impl.h"
+#include "sound_libraries.h"
 
 namespace rtsg {
 namespace {
@@ -99,6 +100,7 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path& file
     std::error_code none;
     if (std::filesystem::is_directory(file, none)) return fail(file.string() + ": it is a folder, not a SOFA file");
     if (!std::filesystem::is_regular_file(file, none)) return fail(file.string() + ": there is no such file");
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     impl->easy = mysofa_open(file.c_str(), static_cast<float>(sampleRate), &length, &error);
     if (!impl->easy || error != MYSOFA_OK || length <= 0) return fail(file.string() + ": " + reason(error));
     if (const char* const why = unfit(*impl->easy->hrtf, sampleRate)) return fail(file.string() + ": " + why);

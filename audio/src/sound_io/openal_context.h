@@ -17,6 +17,12 @@
 #include <AL/alc.h>
 #include <AL/alext.h>
 
+#include <rtsg/core/delayed_library.h>
+
+namespace rtsg::delayed {
+extern DelayedLibrary openal;
+}
+
 namespace rtsg {
 
 /// Makes a context the thread's current one, and puts back the one before.

@@ -30,6 +30,7 @@ std::string captureDevices() {
 }  // namespace
 
 Result<std::shared_ptr<SoundInput>> SoundInput::openDevice(const std::string& name, int sampleRate) {
+    if (const auto loaded = delayed::openal.load(); !loaded) return std::unexpected(loaded.error());
     const ShortPeriods periods;  // for whoever plays: settings are read but once
     if (!alcIsExtensionPresent(nullptr, "ALC_EXT_CAPTURE")) return fail("this OpenAL cannot capture sound");
     const auto buffered = static_cast<ALCsizei>(sampleRate / 5);

@@ -57,6 +57,7 @@ SoundDevice::SoundDevice(SoundDevice&&) noexcept = default;
 SoundDevice& SoundDevice::operator=(SoundDevice&&) noexcept = default;
 
 Result<SoundDevice> SoundDevice::open(const Options& options) {
+    if (const auto loaded = delayed::openal.load(); !loaded) return std::unexpected(loaded.error());
     const ShortPeriods periods;
     if (!alcIsExtensionPresent(nullptr, "ALC_EXT_thread_local_context"))
         return fail("this OpenAL has no contexts of single threads: OpenAL Soft is needed");

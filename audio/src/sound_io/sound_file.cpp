@@ -15,6 +15,7 @@
 #include <rtsg/core/output_file.h>
 
 #include "mpeg_sound.h"
+#include "signal/sound_libraries.h"
 #include "sound_bytes.h"
 #include "sound_length.h"
 
@@ -59,6 +60,7 @@ std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes
 constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
 
 Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     if (isMpegSound(bytes)) return readMpegSound(std::move(bytes), maxSamples, damage);
     SF_INFO info{};
     SF_VIRTUAL_IO io = virtualFile();
@@ -120,6 +122,7 @@ Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamp
 }
 
 Result<> checkSound(const Resource& file) {
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     SoundBytes source = SoundBytes::of(file);
     if (isMpegSound(source)) return {};
     SF_INFO info{};
@@ -130,6 +133,7 @@ Result<> checkSound(const Resource& file) {
 }
 
 Result<double> soundSeconds(const Resource& resource) {
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     SoundBytes source = SoundBytes::of(resource);
     if (isMpegSound(source)) return mpegSoundSeconds(std::move(source));
     SF_INFO info{};
@@ -169,6 +173,7 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
     info.format = SF_FORMAT_WAV | (format == WavFormat::pcm16   ? SF_FORMAT_PCM_16
                                    : format == WavFormat::pcm24 ? SF_FORMAT_PCM_24
                                                                 : SF_FORMAT_FLOAT);
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     auto out = OutputFile::create(path);
     if (!out) return std::unexpected(out.error());
     File file(sf_open_fd(out->descriptor(), SFM_WRITE, &info, SF_FALSE));
@@ -217,6 +222,7 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
         return fail(fmt::format("cannot convert from {} to {} Hz{}", sound.sampleRate, sampleRate, why));
     };
     if (!(ratio <= kMostRatio && ratio >= 1 / kMostRatio)) return cannot("");
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
     const soxr_io_spec_t floats = soxr_io_spec(SOXR_FLOAT32_I, SOXR_FLOAT32_I);
     const soxr_quality_spec_t best = soxr_quality_spec(SOXR_VHQ, 0);
     const char* error = nullptr;

@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 #include <samplerate.h>
 
+#include "signal/sound_libraries.h"
+
 namespace rtsg {
 namespace {
 
@@ -38,6 +40,7 @@ Result<> SoundFeed::begin(int channels, int sampleRate) {
         return rtsg::fail(fmt::format("sound has {} channels at {} Hz", channels, sampleRate));
     ratio_ = static_cast<double>(input_.sampleRate_) / sampleRate;
     if (sampleRate != input_.sampleRate_) {
+        if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
         int error = 0;
         if (src_is_valid_ratio(ratio_) != 0) converter_ = src_new(SRC_SINC_MEDIUM_QUALITY, channels, &error);
         if (!converter_)

@@ -1,6 +1,12 @@
-// Finds and loads a module, and what it offers.
+// Finds and loads modules, and libraries that have stubs in place of being linked.
+#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+#include <cxxabi.h>
 #include <dlfcn.h>
 
 #include <fmt/format.h>
@@ -16,4 +22,37 @@ Result<void*> loadModule(const char* name, const char* symbol, std::string_view 
     return found;
 }
 
+Result<> DelayedLibrary::load() {
+    std::call_once(once_, [this] {
+        if (const auto filled = fill(); !filled) error_ = new Diagnostic(filled.error());
+    });
+    if (error_) return std::unexpected(*error_);
+    return {};
+}
+
+Result<> DelayedLibrary::fill() {
+    if (!stubs_.module) return {};
+    const auto table = loadModule(stubs_.module, stubs_.table, stubs_.need);
+    if (!table) return std::unexpected(table.error());
+    void* const* const addresses = static_cast<void* const*>(*table);
+    for (std::size_t i = 0; i < stubs_.dataCount; ++i)
+        std::memcpy(stubs_.data[i].copy, addresses[stubs_.functionCount + i], stubs_.data[i].bytes);
+    // Other threads call through them meanwhile.
+    for (std::size_t i = 0; i < stubs_.functionCount; ++i)
+        std::atomic_ref(stubs_.functions[i]).store(addresses[i], std::memory_order_release);
+    // exit() goes through what was registered from the last to the first. So this comes before the library's static
+    // data are destroyed, which it registered while it was loaded.
+    abi::__cxa_atexit([](void* self) { static_cast<DelayedLibrary*>(self)->ended_ = true; }, this, nullptr);
+    return {};
+}
+
 }  // namespace rtsg
+
+/// What stubs call before their library is there: returns the address of the function with this number.
+extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) noexcept {
+    if (const auto loaded = library->load(); !loaded) {
+        std::fprintf(stderr, "%s\n", loaded.error().format().c_str());
+        std::abort();
+    }
+    return library->function(function);
+}

@@ -7,9 +7,14 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/x3d.h>
 
 #include "engine.h"
+
+namespace rtsg::delayed {
+extern DelayedLibrary ode;
+}
 
 namespace rtsg {
 
@@ -78,6 +83,7 @@ std::mutex& stepMutex() {
 void physics::useThread() {
     static std::once_flag once;
     std::call_once(once, [] {
+        if (const auto loaded = delayed::ode.load(); !loaded) throw EngineFault{loaded.error().text};
         dSetErrorHandler(throwFault), dSetDebugHandler(throwFault), dSetMessageHandler(keepMessage);
         dInitODE2(0);
     });

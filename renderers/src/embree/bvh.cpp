@@ -28,11 +28,17 @@ struct Device::Watch {
     }
 };
 
+namespace {
+
+RTCDevice newDevice() {
+    if (const auto loaded = delayed::embree.load(); !loaded) throw std::runtime_error(loaded.error().text);
+    return rtcNewDevice(nullptr);  // one of fewer threads would take them from all else in the program
+}
+
+}  // namespace
+
 Device::Device(unsigned buildThreads, bool robust)
-    : watch_(std::make_unique<Watch>()),
-      handle_(rtcNewDevice(nullptr)),  // one of fewer threads would take them from all else in the program
-      buildThreads_(buildThreads),
-      robust_(robust) {
+    : watch_(std::make_unique<Watch>()), handle_(newDevice()), buildThreads_(buildThreads), robust_(robust) {
     if (!handle_)
         throw std::runtime_error("Embree gave no device, error " + std::to_string(rtcGetDeviceError(nullptr)));
     rtcSetDeviceErrorFunction(handle_.get(), &Watch::onError, watch_.get());

@@ -17,6 +17,7 @@
 #include <type_traits>
 #include <vector>
 
+#include <rtsg/core/delayed_library.h>
 #include <rtsg/renderers/instance_delta.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/ray.h>
@@ -26,20 +27,23 @@
 #include "long_triangles.h"
 #include "trees/instance_tree.h"
 
+namespace rtsg::delayed {
+extern DelayedLibrary embree;
+}
+
 namespace rtsg::bvh {
 
-struct ReleaseDevice {
-    void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+/// Worlds in static storage may end after Embree's own static data have: nothing is left to release then.
+template <auto kRelease>
+struct Release {
+    template <class Handle>
+    void operator()(Handle* handle) const {
+        if (!delayed::embree.hasEnded()) kRelease(handle);
+    }
 };
-struct ReleaseScene {
-    void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
-};
-struct ReleaseGeometry {
-    void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
-};
-using DeviceHandle = std::unique_ptr<std::remove_pointer_t<RTCDevice>, ReleaseDevice>;
-using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, ReleaseScene>;
-using GeometryHandle = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeometry>;
+using DeviceHandle = std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release<rtcReleaseDevice>>;
+using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, Release<rtcReleaseScene>>;
+using GeometryHandle = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, Release<rtcReleaseGeometry>>;
 
 /// The device, what it uses, and what went wrong in it.
 class Device {

@@ -6,9 +6,15 @@
 
 #include <algorithm>
 
+#include <rtsg/core/delayed_library.h>
+
 #if defined(RTSG_TELL_TSAN)
 #include <sanitizer/tsan_interface.h>
 #endif
+
+namespace rtsg::delayed {
+extern DelayedLibrary tbb;
+}
 
 namespace rtsg {
 namespace {
@@ -52,13 +58,23 @@ class Section {
     char end_ = 0;
 };
 
+/// Without it one thread does all.
+bool hasLibrary() {
+    return delayed::tbb.load().has_value() && !delayed::tbb.hasEnded();
+}
+
 }  // namespace
 
 unsigned availableThreads() {
+    if (!hasLibrary()) return 1;
     return static_cast<unsigned>(std::max(1, tbb::this_task_arena::max_concurrency()));
 }
 
 void parallelFor(std::size_t count, const std::function<void(std::size_t)>& body) {
+    if (!hasLibrary()) {
+        for (std::size_t i = 0; i < count; ++i) body(i);
+        return;
+    }
     const Section loop;
     tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
         const Section::Part iteration(loop);
@@ -67,6 +83,7 @@ void parallelFor(std::size_t count, const std::function<void(std::size_t)>& body
 }
 
 void withThreads(unsigned threads, const std::function<void()>& work) {
+    if (!hasLibrary()) return work();
     // No more than there are: oneTBB would only warn.
     const unsigned available = availableThreads();
     tbb::task_arena arena(static_cast<int>(threads == 0 ? available : std::min(threads, available)));
@@ -78,6 +95,7 @@ void withThreads(unsigned threads, const std::function<void()>& work) {
 }
 
 void apart(const std::function<void()>& work) {
+    if (!hasLibrary()) return work();
     tbb::this_task_arena::isolate([&] { work(); });
 }
 

@@ -1,10 +1,9 @@
 // Cuts the outlines of glyphs into triangles: curves to short lines, then GLU's tessellator.
-#include <GL/glu.h>
-
 #include <algorithm>
 #include <cmath>
 #include <deque>
 
+#include "glu.h"
 #include "tessellate_text.h"
 #include "text/fonts.h"
 
@@ -62,7 +61,7 @@ void onGlyphEdgeFlag(GLboolean, void*) {}  // its presence makes the library emi
 
 GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance) {
     Cut cut;
-    GLUtesselator* tessellator = gluNewTess();
+    GLUtesselator* tessellator = newTessellator();
     if (!tessellator) return {};
     gluTessCallback(tessellator, GLU_TESS_VERTEX_DATA, reinterpret_cast<Callback>(onGlyphVertex));
     gluTessCallback(tessellator, GLU_TESS_COMBINE_DATA, reinterpret_cast<Callback>(onGlyphCombine));

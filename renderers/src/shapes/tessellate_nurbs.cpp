@@ -1,8 +1,6 @@
 // NURBS curves and surfaces: sampled as finely as their error asks for, surfaces trimmed by contours.
 #include "tessellate_nurbs.h"
 
-#include <GL/glu.h>
-
 #include <algorithm>
 #include <deque>
 #include <functional>
@@ -13,6 +11,8 @@
 #include <rtsg/core/nurbs.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+
+#include "glu.h"
 
 namespace rtsg::detail {
 
@@ -165,7 +165,7 @@ Contour cutAt(const Contour& polygon, int axis, double sign, double at) {
 /// The triangles of some contours' inside, by the odd rule, with GLU.
 class ContourCutter {
   public:
-    ContourCutter() : tessellator_(gluNewTess()) {
+    ContourCutter() : tessellator_(newTessellator()) {
         const auto set = [&](GLenum which, auto callback) {
             gluTessCallback(tessellator_, which, reinterpret_cast<void (*)()>(callback));
         };

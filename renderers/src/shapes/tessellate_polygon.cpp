@@ -1,8 +1,7 @@
 // Cuts one polygon into triangles: a fan if it is convex, otherwise by GLU's tessellator.
-#include <GL/glu.h>
-
 #include <algorithm>
 
+#include "glu.h"
 #include "tessellate_detail.h"
 
 namespace rtsg::detail {
@@ -163,7 +162,7 @@ PolygonCutter::Outcome PolygonCutter::cutFlat(std::vector<std::array<int, 3>>& t
 PolygonCutter::Outcome PolygonCutter::cutConcave(std::span<const Vec2d> points,
                                                  std::vector<std::array<int, 3>>& triangles) {
     if (!tessellator_) {
-        GLUtesselator* fresh = gluNewTess();
+        GLUtesselator* fresh = newTessellator();
         if (!fresh) return Outcome::degenerate;
         gluTessCallback(fresh, GLU_TESS_VERTEX_DATA, reinterpret_cast<Callback>(onVertex));
         gluTessCallback(fresh, GLU_TESS_COMBINE_DATA, reinterpret_cast<Callback>(onCombine));

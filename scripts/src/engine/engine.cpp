@@ -401,7 +401,7 @@ struct ScriptEngine::State {
             runtime = Runtime::ofThisThread(options.heapLimit);
             refused = !runtime;
         }
-        if (refused) return cascade.warn(node, "the script engine does not start");
+        if (refused) return cascade.warn(node, Runtime::whyNone());
         if (runtime->depth == 0 && !mayCall()) return refuseCall(&cascade, node.id());
         std::string problem;
         program.url = node.get(x3d::Script::url);

@@ -7,6 +7,13 @@
 #include <system_error>
 #include <vector>
 
+#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/lasting.h>
+
+namespace rtsg::delayed {
+extern DelayedLibrary mozjs;
+}
+
 namespace rtsg::script {
 
 extern const char* const kPrelude;
@@ -21,10 +28,8 @@ std::mutex listing;  // held by who makes or destroys a context
 /// Ends the library with the process: its own threads have to be gone before its static data are. Scenes may live that
 /// long, since exit() destroys neither those on a stack nor those of other threads. They call no program from then on.
 struct Library {
-    bool started = false;
     std::vector<Runtime*> runtimes;  // of all threads
-    ~Library() {
-        if (!started) return;
+    void end() {
         processEnds = true;
         const std::scoped_lock lock(listing);
         constexpr std::int64_t kPatience = 1'000'000'000;
@@ -35,14 +40,11 @@ struct Library {
         JS_ShutDown();
     }
 };
-/// By its priority it is destroyed after all other static objects of the program, whose scenes still call shutdown().
+/// By its priority it is destroyed after all other static objects of the program, scenes among them.
 [[gnu::init_priority(101)]] Library spiderMonkey;
-
-bool startEngine() {
-    static const bool started = JS_Init();
-    spiderMonkey.started = started;
-    return started;
-}
+struct EndOfLibrary {
+    ~EndOfLibrary() { spiderMonkey.end(); }
+};
 
 /// How often a running program is looked at.
 constexpr std::chrono::milliseconds kWatchPeriod{20};
@@ -87,11 +89,32 @@ JSClassOps globalOps(JSResolveOp resolve) {
     ops.mayResolve = nullptr;
     return ops;
 }
-const JSClassOps kLibraryOps = globalOps(resolveForLibrary), kProgramOps = globalOps(Runtime::onResolve);
-const JSClass kLibraryClass{"Library", JSCLASS_GLOBAL_FLAGS, &kLibraryOps, nullptr, nullptr, nullptr};
-const JSClass kProgramClass{"Script", JSCLASS_GLOBAL_FLAGS, &kProgramOps, nullptr, nullptr, nullptr};
+
+// Set when the library has been loaded.
+JSClassOps libraryOps, programOps;
+const JSClass kLibraryClass{"Library", JSCLASS_GLOBAL_FLAGS, &libraryOps, nullptr, nullptr, nullptr};
+const JSClass kProgramClass{"Script", JSCLASS_GLOBAL_FLAGS, &programOps, nullptr, nullptr, nullptr};
+
+/// Why the library does not start; empty if it has.
+const std::string& startEngine() {
+    static const std::string& problem = lasting([]() -> std::string {
+        if (const auto loaded = delayed::mozjs.load(); !loaded) return loaded.error().text;
+        libraryOps = globalOps(resolveForLibrary);
+        programOps = globalOps(Runtime::onResolve);
+        if (!JS_Init()) return "the script engine refuses to start";
+        // Made after the library's static data, it is destroyed before them.
+        static const EndOfLibrary end;
+        return {};
+    });
+    return problem;
+}
 
 }  // namespace
+
+std::string Runtime::whyNone() {
+    const std::string& problem = startEngine();
+    return problem.empty() ? "the script engine does not start" : problem;
+}
 
 std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
     static thread_local std::weak_ptr<Runtime> known;
@@ -105,7 +128,7 @@ std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
 
 bool Runtime::start(std::size_t heapLimit) {
     const std::scoped_lock lock(listing);
-    if (hasEnded() || !startEngine()) return false;
+    if (hasEnded() || !startEngine().empty()) return false;
     // No limit of the library's own: reached while it moves objects about, that would end the process.
     context_ = JS_NewContext(UINT32_MAX);
     if (!context_) return false;

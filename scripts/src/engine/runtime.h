@@ -32,6 +32,8 @@ class Runtime {
   public:
     /// The calling thread's; null if SpiderMonkey refuses to start.
     static std::shared_ptr<Runtime> ofThisThread(std::size_t heapLimit);
+    /// Why it is null.
+    static std::string whyNone();
     ~Runtime();
     Runtime(const Runtime&) = delete;
     Runtime& operator=(const Runtime&) = delete;

@@ -8,7 +8,7 @@ namespace rtsg::script {
 std::optional<SyntaxFault> syntaxFault(const std::string& source) {
     constexpr std::size_t heapLimit = std::size_t{256} << 20;
     const std::shared_ptr<Runtime> runtime = Runtime::ofThisThread(heapLimit);
-    if (!runtime) return {};
+    if (!runtime) return SyntaxFault{.text = Runtime::whyNone()};
     JSContext* const cx = runtime->context();
     const JSAutoRealm realm(cx, runtime->library());
     JS::CompileOptions options(cx);

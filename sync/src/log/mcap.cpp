@@ -9,6 +9,12 @@
 #include <zlib.h>
 #include <zstd.h>
 
+#include <rtsg/core/delayed_library.h>
+
+namespace rtsg::delayed {
+extern DelayedLibrary zstd;
+}
+
 namespace rtsg {
 
 namespace {
@@ -143,6 +149,7 @@ Result<> McapWriter::endChunk() {
     std::span<const std::byte> content = chunk_.bytes();
     ByteBuffer packed;
     if (options_.compress) {
+        if (const auto loaded = delayed::zstd.load(); !loaded) return loaded;
         std::byte* room = packed.room(ZSTD_compressBound(content.size()));
         const std::size_t size =
             ZSTD_compress(room, packed.capacity(), content.data(), content.size(), ZSTD_CLEVEL_DEFAULT);

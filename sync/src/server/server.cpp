@@ -95,6 +95,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     if (options.mode.mode == Mode::lossy &&
         (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
         return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
+    if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
     auto shared = std::make_shared<Shared>();
     const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);

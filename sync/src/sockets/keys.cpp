@@ -37,6 +37,7 @@ std::optional<MirrorUpstream> mirrorUpstreamFromName(std::string_view name) {
 Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
     std::ifstream in(file);
     if (!in) return fail(fmt::format("cannot read: {}", std::strerror(errno)), {}, file.string());
+    if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
     MirrorKeys keys;
     std::string line;
     for (std::uint32_t number = 1; std::getline(in, line); ++number) {
@@ -88,6 +89,7 @@ struct Pair {
     char open[41], secret[41];
 };
 Result<Pair> freshPair() {
+    if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
     Pair pair{};
     if (zmq_curve_keypair(pair.open, pair.secret) != 0) return fail("ZeroMQ was built without encryption");
     return pair;

@@ -14,7 +14,12 @@
 
 #include <zmq.h>
 
+#include <rtsg/core/delayed_library.h>
 #include <rtsg/core/diagnostic.h>
+
+namespace rtsg::delayed {
+extern DelayedLibrary zmq;
+}
 
 namespace rtsg {
 

@@ -1,11 +1,13 @@
 // Sound as signals: ambisonics, convolution, files.
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <random>
 
 #include <gtest/gtest.h>
+#include <samplerate.h>
 #include <unistd.h>
 
 #include <rtsg/audio/ambisonics.h>
@@ -386,6 +388,13 @@ TEST(SoundFile, ResamplingTakesShortSoundsAndRefusesRatesTooFarApart) {
     ASSERT_FALSE(far);
     EXPECT_EQ(far.error().text, "cannot convert from 1000 to 256001 Hz");
     EXPECT_FALSE(resample(SoundBuffer{256'001, 1, std::vector<float>(100)}, 1000));
+}
+
+/// The library is loaded within the first call, whose arguments are in registers meanwhile.
+TEST(SoundLibraryDeathTest, TheFirstCallGetsItsArguments) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    EXPECT_EXIT(std::exit(src_is_valid_ratio(2.5) == 1 && src_is_valid_ratio(1e9) == 0 ? 7 : 1),
+                testing::ExitedWithCode(7), "");
 }
 
 }  // namespace

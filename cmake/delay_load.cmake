@@ -1,0 +1,183 @@
+# Writes what rtsg_delay_load makes of FILES, shared libraries: STUBS has a stub for each of their functions, TABLE is the module that holds
+# the functions' addresses, and LIBRARY defines the object that loads it. The table's name says for which functions it was made.
+cmake_minimum_required(VERSION 3.25)
+
+set(functions)
+foreach(file IN LISTS FILES)
+  execute_process(COMMAND "${NM}" -D --defined-only -S "${file}" OUTPUT_VARIABLE listed COMMAND_ERROR_IS_FATAL ANY)
+  string(REPLACE "\n" ";" listed "${listed}")
+  foreach(line IN LISTS listed)
+    # A symbol may have a version behind @@; older versions, behind one @, are not what a linker takes.
+    if(NOT line MATCHES "^[0-9a-f]+ ([0-9a-f]+ )?([TiDBR]) ([^@ ]+)(@@[^ ]*)?$")
+      continue()
+    endif()
+    set(size "${CMAKE_MATCH_1}")
+    set(kind "${CMAKE_MATCH_2}")
+    set(symbol "${CMAKE_MATCH_3}")
+    if(kind MATCHES "[Ti]" AND symbol MATCHES "${SYMBOLS}")
+      list(APPEND functions "${symbol}")
+    elseif(symbol IN_LIST DATA)
+      math(EXPR size_of_${symbol} "0x${size}")
+    endif()
+  endforeach()
+endforeach()
+list(REMOVE_DUPLICATES functions)
+
+
+set(opening "// Made by cmake/delay_load.cmake.\n#include <rtsg/core/delayed_library.h>\n\n")
+set(namespace "namespace rtsg::delayed {\n[[gnu::visibility(\"hidden\")]] extern DelayedLibrary ${NAME};\nconstinit DelayedLibrary ${NAME}")
+if(MACHINE STREQUAL "none")
+  file(WRITE "${LIBRARY}" "${opening}${namespace}{{}};\n}  // namespace rtsg::delayed\n")
+  return()
+endif()
+
+string(MD5 hash "${MACHINE} ${functions} ${DATA}")
+string(SUBSTRING "${hash}" 0 12 hash)
+set(table "rtsg_table_${NAME}_${hash}")
+set(slots "rtsg_slots_${NAME}")
+string(LENGTH "${NAME}" length)
+set(library "_ZN4rtsg7delayed${length}${NAME}E")
+
+set(stubs "")
+set(firsts "")
+set(entries "")
+set(addresses "")
+set(count 0)
+foreach(symbol IN LISTS functions)
+  math(EXPR offset "8 * ${count}")
+  string(APPEND stubs ".globl ${symbol}\n.hidden ${symbol}\n.type ${symbol}, %function\n${symbol}:\n")
+  if(MACHINE STREQUAL "aarch64")
+    string(APPEND stubs "  adrp x16, ${slots}+${offset}\n  ldr x16, [x16, :lo12:${slots}+${offset}]\n  br x16\n")
+    string(APPEND firsts ".Lfirst${count}:\n  mov w17, ${count}\n  b .Lload\n")
+  else()
+    string(APPEND stubs "  jmp *${slots}+${offset}(%rip)\n")
+    string(APPEND firsts ".Lfirst${count}:\n  push $${count}\n  jmp .Lload\n")
+  endif()
+  string(APPEND stubs ".size ${symbol}, .-${symbol}\n")
+  string(APPEND entries ".quad .Lfirst${count}\n")
+  string(APPEND addresses ".quad ${symbol}\n")
+  math(EXPR count "${count} + 1")
+endforeach()
+
+# Copies of values.
+set(copies "")
+set(declared "")
+set(rows "")
+set(copied 0)
+foreach(symbol IN LISTS DATA)
+  if(NOT DEFINED size_of_${symbol})
+    continue()  # another version of the library
+  endif()
+  set(size "${size_of_${symbol}}")
+  string(APPEND copies ".globl ${symbol}\n.hidden ${symbol}\n.type ${symbol}, %object\n.size ${symbol}, ${size}\n.balign 16\n${symbol}: .skip ${size}\n")
+  string(APPEND declared "extern \"C\" [[gnu::visibility(\"hidden\")]] char rtsg_copy_${NAME}_${copied} __asm__(\"${symbol}\");\n")
+  string(APPEND rows "    {&rtsg_copy_${NAME}_${copied}, ${size}},\n")
+  string(APPEND addresses ".quad ${symbol}\n")
+  math(EXPR copied "${copied} + 1")
+endforeach()
+
+# The first call keeps everything in which arguments may be while the library is loaded.
+if(MACHINE STREQUAL "aarch64")
+  set(load "
+  stp x29, x30, [sp, -224]!
+  mov x29, sp
+  stp x0, x1, [sp, 16]
+  stp x2, x3, [sp, 32]
+  stp x4, x5, [sp, 48]
+  stp x6, x7, [sp, 64]
+  str x8, [sp, 80]
+  stp q0, q1, [sp, 96]
+  stp q2, q3, [sp, 128]
+  stp q4, q5, [sp, 160]
+  stp q6, q7, [sp, 192]
+  adrp x0, ${library}
+  add x0, x0, :lo12:${library}
+  mov w1, w17
+  bl rtsg_first_call
+  mov x16, x0
+  ldp q0, q1, [sp, 96]
+  ldp q2, q3, [sp, 128]
+  ldp q4, q5, [sp, 160]
+  ldp q6, q7, [sp, 192]
+  ldp x0, x1, [sp, 16]
+  ldp x2, x3, [sp, 32]
+  ldp x4, x5, [sp, 48]
+  ldp x6, x7, [sp, 64]
+  ldr x8, [sp, 80]
+  ldp x29, x30, [sp], 224
+  br x16
+")
+else()
+  set(load "
+  push %rax
+  push %rcx
+  push %rdx
+  push %rsi
+  push %rdi
+  push %r8
+  push %r9
+  push %r10
+  sub $128, %rsp
+  movups %xmm0, (%rsp)
+  movups %xmm1, 16(%rsp)
+  movups %xmm2, 32(%rsp)
+  movups %xmm3, 48(%rsp)
+  movups %xmm4, 64(%rsp)
+  movups %xmm5, 80(%rsp)
+  movups %xmm6, 96(%rsp)
+  movups %xmm7, 112(%rsp)
+  lea ${library}(%rip), %rdi
+  mov 192(%rsp), %rsi
+  call rtsg_first_call@PLT
+  mov %rax, %r11
+  movups (%rsp), %xmm0
+  movups 16(%rsp), %xmm1
+  movups 32(%rsp), %xmm2
+  movups 48(%rsp), %xmm3
+  movups 64(%rsp), %xmm4
+  movups 80(%rsp), %xmm5
+  movups 96(%rsp), %xmm6
+  movups 112(%rsp), %xmm7
+  add $128, %rsp
+  pop %r10
+  pop %r9
+  pop %r8
+  pop %rdi
+  pop %rsi
+  pop %rdx
+  pop %rcx
+  pop %rax
+  add $8, %rsp
+  jmp *%r11
+")
+endif()
+
+set(note ".section .note.GNU-stack, \"\", %progbits\n")
+file(WRITE "${STUBS}" "/* Made by cmake/delay_load.cmake. */
+.text
+${stubs}${firsts}.Lload:${load}
+.data
+.balign 16
+.globl ${slots}
+.hidden ${slots}
+${slots}:
+${entries}
+.bss
+${copies}${note}")
+file(WRITE "${TABLE}" "/* Made by cmake/delay_load.cmake. */
+.section .data.rel.ro, \"aw\"
+.balign 8
+.globl ${table}
+.type ${table}, %object
+${table}:
+${addresses}.size ${table}, .-${table}
+${note}")
+set(values "nullptr, 0")
+if(copied)
+  string(APPEND declared "namespace {\nconst rtsg::DelayedLibrary::Data kCopies[] = {\n${rows}};\n}  // namespace\n\n")
+  set(values "kCopies, ${copied}")
+endif()
+file(WRITE "${LIBRARY}" "${opening}extern \"C\" [[gnu::visibility(\"hidden\")]] void* ${slots}[];
+${declared}${namespace}{{\"rtsg_${NAME}\", \"${table}\", \"${NEED}\", ${slots}, ${count}, ${values}}};
+}  // namespace rtsg::delayed
+")

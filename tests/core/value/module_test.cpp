@@ -1,0 +1,47 @@
+// Libraries that are loaded by the first call, and modules that are not there.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/delayed_library.h>
+#include <rtsg/core/module.h>
+
+extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) noexcept;
+
+namespace rtsg {
+namespace {
+
+DelayedLibrary::Stubs stubsOf(const char* module, void** functions) {
+    return {.module = module, .table = "rtsg_table", .need = "ghosts need", .functions = functions, .functionCount = 1};
+}
+
+TEST(Module, OneThatIsMissingIsNamedWithWhatNeedsIt) {
+    const auto found = loadModule("rtsg_no_such", "symbol", "ghosts need");
+    ASSERT_FALSE(found);
+    EXPECT_TRUE(found.error().text.starts_with("ghosts need the module librtsg_no_such.so: ")) << found.error().text;
+}
+
+TEST(DelayedLibrary, SaysEachTimeThatItIsMissing) {
+    void* functions[1] = {};
+    DelayedLibrary library(stubsOf("rtsg_no_such", functions));
+    for (int i = 0; i < 2; ++i) {
+        const auto loaded = library.load();
+        ASSERT_FALSE(loaded);
+        EXPECT_TRUE(loaded.error().text.starts_with("ghosts need the module librtsg_no_such.so: "))
+            << loaded.error().text;
+    }
+    EXPECT_EQ(functions[0], nullptr);
+    EXPECT_FALSE(library.hasEnded());
+}
+
+TEST(DelayedLibrary, IsThereWhereItIsLinked) {
+    DelayedLibrary library({});
+    EXPECT_TRUE(library.load());
+}
+
+TEST(DelayedLibraryDeathTest, ACallOfAMissingOneEndsTheProcessWithTheReason) {
+    void* functions[1] = {};
+    DelayedLibrary library(stubsOf("rtsg_no_such", functions));
+    EXPECT_DEATH((void)rtsg_first_call(&library, 0), "ghosts need the module librtsg_no_such.so");
+}
+
+}  // namespace
+}  // namespace rtsg
