@@ -211,12 +211,12 @@ Resources ResourceArguments::ofReplica() const {
 
 namespace {
 
-/// The first scene with errors and their number, and whether an event of --set was refused. This is needed for the exit
+/// The first scene with errors and their number, and whether something else is missing. This is needed for the exit
 /// status, and nothing else keeps it.
 struct Damage {
     std::string file;
     std::size_t errors = 0;
-    bool unsent = false;
+    bool leftOut = false;
 } damage;
 
 /// A scene file has a whole state, which only an empty scene takes. If the scene's clock was set, it is set again.
@@ -261,13 +261,13 @@ void noteDamage(const std::string& file, std::size_t errors) {
     if (damage.file == file) damage.errors += errors;
 }
 
-void noteUnsent() {
-    damage.unsent = true;
+void noteLeftOut() {
+    damage.leftOut = true;
 }
 
 int statusOf(int status) {
     if (status != kDone) return status;
-    if (damage.errors == 0) return damage.unsent ? kBad : kDone;
+    if (damage.errors == 0) return damage.leftOut ? kBad : kDone;
     printError(fmt::format("{} had {} error{}: this was made of the rest of it",
                            damage.file == "-" ? "<stdin>" : damage.file, damage.errors, damage.errors == 1 ? "" : "s"));
     return kBad;

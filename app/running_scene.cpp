@@ -87,11 +87,16 @@ RunningScene::~RunningScene() {
     print(last);
 }
 
+void RunningScene::followEdits() {
+    if (file_ == "-") throw UsageError("--reload", "standard input is read once");
+    followsEdits_ = true;
+}
+
 bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_, clip_)) return false;
-    errorsOfLoading_ = diagnostics.errors();
+    if (followsEdits_) followed_ = std::make_unique<FollowedFile>(scene_, file_, resources_, clip_);
     // A scene file or a log begins with a state at its own time, from which the scene cannot go back.
     if (startWasGiven_ && scene_.now() > start_) {
         printError(fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now())));
@@ -157,6 +162,7 @@ double RunningScene::restsUntil() const {
 
 std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     time_ = t;
+    if (isEdited()) followed_->follow();
     injections_.sendUntil(t, start_);
     network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);
@@ -196,6 +202,7 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
 void RunningScene::printDiagnostics(std::string_view said) {
     print(inlineDiagnostics_);
     noteDamage(file_, inlineDiagnostics_.errors());
+    if (followed_ && followed_->isBehind()) noteLeftOut();
     print(scene_.diagnostics(), said);
 }
 

@@ -20,6 +20,7 @@
 #include <rtsg/sync/session.h>
 
 #include "cli.h"
+#include "followed_file.h"
 #include "injections.h"
 #include "outputs.h"
 #include "start_time.h"
@@ -47,10 +48,14 @@ class RunningScene {
 
     /// Call it before load(). Sets the addresses that DIS nodes may use; by default none.
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
+    /// Call it before load(). From now on the scene follows edits of its file, and of those that it inlines, at the
+    /// beginning of a frame. Throws UsageError for standard input.
+    void followEdits();
+    bool followsEdits() const { return followsEdits_; }
+    /// Looks whether the file has been edited, so that a frame is due.
+    bool isEdited() { return followed_ && followed_->isEdited(); }
     /// Reads the file and prints its diagnostics. Returns false if nothing in it was usable.
     bool load();
-    /// Number of errors that load() printed; the rest of the file is used.
-    std::size_t errorsOfLoading() const { return errorsOfLoading_; }
     /// Call it instead of load() to go on with the session in a log, after its last state. start() is then the log's.
     Result<ResumedSession> resume(const std::string& log);
     /// From now on all Texts are measured, not only those whose size something in the scene uses.
@@ -91,10 +96,10 @@ class RunningScene {
     Resources resources_;
     std::string clip_;
     double start_, time_ = 0;
-    bool startWasGiven_;
-    std::size_t errorsOfLoading_ = 0;
+    bool startWasGiven_, followsEdits_ = false;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
+    std::unique_ptr<FollowedFile> followed_;
     std::unique_ptr<InlineLoader> inlines_;
     WorldOnDemand world_;
     std::unique_ptr<SpaceQueries> queries_;

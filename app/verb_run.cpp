@@ -24,7 +24,7 @@ struct RunArguments {
     OutputArguments outputs;
     StartTime start;
     NetworkArguments network;
-    bool realtime = false, hash = false, json = false;
+    bool realtime = false, reload = false, hash = false, json = false;
 };
 
 /// "DEF.field", "DEF.*" or "*". With an empty field all fields of the node.
@@ -154,6 +154,7 @@ int runScene(const RunArguments& options) {
     RunningScene running(options.scene, options.outputs.resources, options.start);
     running.scene().setThreads(options.outputs.picture.threads);
     running.allowNetwork(options.network);
+    if (options.reload) running.followEdits();
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
@@ -195,6 +196,7 @@ Verb addRun(Command& program) {
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     options->network.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
+    command->addFlag("--reload", options->reload, "follow the scene's file whenever it has been edited");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");
     command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(

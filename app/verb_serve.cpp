@@ -50,7 +50,7 @@ struct ServeArguments {
     ServeLogArguments log;
     RotateArguments rotate;
     WebArguments web;
-    bool insecure = false, json = false, force = false;
+    bool insecure = false, json = false, force = false, reload = false;
 };
 
 /// Makes a missing key file; the client gets a copy.
@@ -106,6 +106,8 @@ void checkResume(const ServeArguments& options) {
         throw UsageError(
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
+    if (options.reload && !options.resume.empty())
+        throw UsageError("--reload", "not together with --resume: the session goes on, not the file");
     const ServeLogArguments none;
     if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)
         throw UsageError("--rate, --loop, --paused, --control", "are of a log, and a scene is served");
@@ -147,8 +149,8 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
     if (!options.start.at.empty())
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
-    for (const char* option :
-         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis", "--clip"})
+    for (const char* option : {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep",
+                               "--dis", "--clip", "--reload"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
@@ -223,6 +225,7 @@ int Session::open() {
     if (auto ok = options_.rotate.checkPieces(options_.record, options_.force); !ok)
         return printError(ok.error()), kBad;
     running_.allowNetwork(options_.network);
+    if (options_.reload) running_.followEdits();
     auto resumed = begin(running_, options_);
     if (!resumed) return printError(resumed.error()), kBad;
     resumed_ = std::move(*resumed);
@@ -331,16 +334,21 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
                         std::chrono::duration<double>(static_cast<double>(slot) / options_.fps));
 }
 
-/// Sleeps through frames that would change nothing, until a mirror sends something, the frame before the next change,
-/// or the time must be told. Returns the next frame, or `slot` if there is nothing to sleep through. The state before
-/// the sleep lasts until the frame before the one that ends it, so that frame is run, too.
+/// Sleeps through frames that would change nothing, until a mirror sends something, the file has been edited, the frame
+/// before the next change, or the time must be told. Returns the next frame, or `slot` if there is nothing to sleep
+/// through. The state before the sleep lasts until the frame before the one that ends it, so that frame is run, too.
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
     const double until = (running_.restsUntil() - from_) * options_.fps;
     const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
     const double end = std::min({until - 1, told, static_cast<double>(last)});
     if (!(end > static_cast<double>(slot))) return slot;
     const auto next = static_cast<std::uint64_t>(end);
-    server_->wait(dueAt(next));
+    for (bool isAwake = false; !isAwake && !interrupted() && Clock::now() < dueAt(next);) {
+        const auto wake =
+            running_.followsEdits() ? std::min(dueAt(next), Clock::now() + FollowedFile::kLookEvery) : dueAt(next);
+        server_->wait(wake);
+        isAwake = Clock::now() < wake || running_.isEdited();
+    }
     const std::uint64_t now = std::min(slotNow(), next);
     if (now == next || now <= slot) return std::max(now, slot);
     if (!interrupted()) frame(now - 1);
@@ -451,6 +459,7 @@ Verb addServe(Command& program) {
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
     options->start.addTo(*command);
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    command->addFlag("--reload", options->reload, "follow the scene's file whenever it has been edited");
     command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
     addMirrors(*command, *options);
     {

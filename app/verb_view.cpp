@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/live_sound.h>
-#include <rtsg/core/navigation.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/haptics/haptic_renderer.h>
 #include <rtsg/window/scene_window.h>
@@ -30,7 +29,7 @@ using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
 constexpr double kAnyAspect = 16. / 9;     // pictures take their own
-constexpr milliseconds kLongestTurn{500};  // Ctrl-C is noticed then
+constexpr milliseconds kLongestTurn{500};  // Ctrl-C is noticed then, and a file that was edited sooner
 constexpr double kStatusEvery = 0.1;       // seconds
 
 struct ViewArguments {
@@ -38,7 +37,7 @@ struct ViewArguments {
     PictureArguments picture;
     std::string duration, screenshot, device, touch;
     double fps = 30;
-    bool fullscreen = false, mute = false, overlay = false, watch = false, force = false, json = false;
+    bool fullscreen = false, mute = false, overlay = false, force = false, json = false;
 };
 
 double percentile(std::vector<double> values, double share) {
@@ -63,7 +62,6 @@ class Viewing {
         if (!source) return printError(source.error()), kBad;
         source_ = std::move(*source);
         for (;;) {
-            written_ = lastWritten();
             if (auto ok = open(); !ok) return printError(ok.error()), kBad;
             listen();
             if (auto ok = touch(); !ok) return printError(ok.error()), kBad;
@@ -168,7 +166,7 @@ class Viewing {
             const double rests = touch_ ? due : std::max(source_->restsUntil(), due);
             const double wait = std::min(rests - t, duration_ - clock());
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
-            if (!window_->turn(std::min(most, kLongestTurn))) return;
+            if (!window_->turn(std::min(most, shown_.reload ? FollowedFile::kLookEvery : kLongestTurn))) return;
             recorder_.show(*window_, clock());
         }
     }
@@ -230,29 +228,17 @@ class Viewing {
     }
 
     double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
-    std::optional<std::filesystem::file_time_type> lastWritten() const {
-        std::error_code error;
-        const auto time = std::filesystem::last_write_time(shown_.name, error);
-        return error ? std::nullopt : std::optional(time);
-    }
 
-    /// What was dropped on the window, or the file itself if --watch finds it edited. What cannot be opened leaves what
-    /// is shown.
+    /// What was dropped on the window. What cannot be opened leaves what is shown.
     bool opensNext() {
-        ViewSourceArguments next = shown_;
         const std::vector<std::string> dropped = window_->takeDropped();
-        if (!dropped.empty()) {
-            next.name = dropped.back();
-            next.set.clear();
-        } else if (!options_.watch || lastWritten() == written_ || !lastWritten()) {
-            return false;
-        }
-        written_ = lastWritten();
-        next.mayHaveErrors = !dropped.empty();
+        if (dropped.empty()) return false;
+        ViewSourceArguments next = shown_;
+        next.name = dropped.back();
+        next.set.clear();
+        next.reload = options_.source.reload && isSceneFile(next.name);
         auto source = openViewSource(next);
         if (!source) return printError(source.error()), false;
-        // The same scene, edited, is seen from where its viewer is.
-        if (dropped.empty()) (void)moveViewer((*source)->scene(), viewerPose(source_->scene()), false);
         next_ = std::move(*source);
         shown_ = next;
         return true;
@@ -297,7 +283,6 @@ class Viewing {
     const double duration_;
     const Clock::time_point start_ = Clock::now();
     ViewSourceArguments shown_;
-    std::optional<std::filesystem::file_time_type> written_;  // the file that is shown
     std::unique_ptr<ViewSource> source_, next_;
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
@@ -332,7 +317,7 @@ Verb addView(Command& program) {
         ->preset();
     command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
     command->addFlag("--overlay", options->overlay, "show figures, nodes and a log's time line; F1 changes it");
-    command->addFlag("--watch", options->watch, "open the scene's file again whenever it has been edited");
+    command->addFlag("--reload,--watch", options->source.reload, "follow the scene's file whenever it has been edited");
     command->addOption("--touch", options->touch, "a hand that feels the scene: sim:FILE.csv, udp:PORT or spnav");
     command->addFlag("--mute", options->mute, "no sound");
     command->addOption("--device", options->device, "of sound; else the default one");

@@ -14,10 +14,10 @@ class RunningSource final : public ViewSource {
     explicit RunningSource(const ViewSourceArguments& arguments)
         : running_(arguments.name, arguments.resources, arguments.start) {
         running_.allowNetwork(arguments.network);
+        if (arguments.reload) running_.followEdits();
     }
     Result<> open(const ViewSourceArguments& arguments) {
         if (!running_.load()) return fail("nothing to see", {}, arguments.name);
-        if (!arguments.mayHaveErrors && running_.errorsOfLoading() > 0) return fail("not shown", {}, arguments.name);
         if (auto ok = running_.inject(arguments.set, 1e9); !ok) return ok;
         running_.frame(0);
         return {};
@@ -30,7 +30,8 @@ class RunningSource final : public ViewSource {
     bool advance(double t, bool acts) override {
         if (isPaused_) stood_ += t - last_;
         last_ = t;
-        if (!isPaused_ && (acts || t - stood_ >= running_.restsUntil())) running_.frame(t - stood_);
+        const bool isDue = !isPaused_ && (acts || t - stood_ >= running_.restsUntil());
+        if (isDue || running_.isEdited()) running_.frame(t - stood_);
         return true;
     }
     double restsUntil() const override {
@@ -82,6 +83,7 @@ bool isSceneFile(const std::string& name) {
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments) {
     const bool isHere = isSceneFile(arguments.name);
     if (!isHere && !arguments.set.empty()) return fail("--set goes with a scene's file", {}, arguments.name);
+    if (!isHere && arguments.reload) return fail("--reload goes with a scene's file", {}, arguments.name);
     if (isEndpoint(arguments.name)) return openServed(arguments);
     return isHere ? openRunning(arguments) : openLog(arguments);
 }

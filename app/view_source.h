@@ -20,7 +20,7 @@ namespace rtsg::app {
 struct ViewSourceArguments {
     std::string name, key, author, patience = "5s";
     std::vector<std::string> set;
-    bool mayHaveErrors = true;  // the file: what is left is shown
+    bool reload = false;  // the file: its edits are followed
     ResourceArguments resources;
     StartTime start;
     NetworkArguments network;

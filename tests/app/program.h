@@ -100,6 +100,8 @@ class Program {
                 readFile(streams_ + ".err")};
     }
 
+    /// What is on standard error as yet.
+    std::string said() const { return readFile(streams_ + ".err"); }
     /// The first line on standard output, once it is there.
     std::string firstLine(std::chrono::seconds deadline = std::chrono::seconds(60)) const {
         const auto end = std::chrono::steady_clock::now() + deadline;

@@ -88,7 +88,7 @@ TEST_F(View, ALogIsPlayed) {
     EXPECT_THAT(said, HasSubstr("--set goes with a scene's file"));
 }
 
-TEST_F(View, AnEditedFileIsOpenedAgainAndOneThatIsBrokenIsNot) {
+TEST_F(View, AnEditedFileIsFollowedAndOneThatIsBrokenIsNot) {
     const std::string edited = folder / "edited.x3dv";
     const auto write = [&](const char* color) {
         writeFile(edited, fmt::format("#X3D V4.0 utf8\nPROFILE Immersive\nShape {{ appearance Appearance {{ material "
@@ -97,7 +97,7 @@ TEST_F(View, AnEditedFileIsOpenedAgainAndOneThatIsBrokenIsNot) {
     };
     write("1 0 0");
     Program window(
-        {"view", edited, "--watch", "--mute", "--for", "4s", "--size", "16x9", "--screenshot", folder / "d.png"},
+        {"view", edited, "--reload", "--mute", "--for", "4s", "--size", "16x9", "--screenshot", folder / "d.png"},
         streams());
     std::this_thread::sleep_for(std::chrono::milliseconds(1000));
     write("0 1 0");
@@ -105,7 +105,7 @@ TEST_F(View, AnEditedFileIsOpenedAgainAndOneThatIsBrokenIsNot) {
     writeFile(edited, "nothing at all");
     const Outcome ended = window.wait();
     EXPECT_EQ(ended.status, 1) << "the file as it is now has not been shown: " << ended.err;
-    EXPECT_THAT(ended.err, HasSubstr("edited.x3dv: error: not shown"));
+    EXPECT_THAT(ended.err, HasSubstr("edited.x3dv: error: it was edited, and is not followed"));
     write("0 1 0");
     ASSERT_EQ(rtsg({"render", edited, "-o", folder / "e.png", "--size", "16x9"}).status, 0);
     EXPECT_EQ(readFile(folder / "d.png"), readFile(folder / "e.png"));

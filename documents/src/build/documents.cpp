@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <ranges>
 
 #include <fmt/format.h>
 
@@ -43,12 +44,6 @@ class Documents final : public DocumentServices {
     }
 };
 
-/// The name in the declaration. A type called `Name#2`, the second prototype of that name in the scene, was declared as
-/// `Name`.
-std::string_view declaredName(const NodeType& type) {
-    return std::string_view(type.name).substr(0, type.name.find('#'));
-}
-
 bool mentions(std::string_view text, std::string_view word) {
     const auto isPart = [](char c) { return c > ' ' && !std::string_view("{}[]\"',#.").contains(c); };
     for (auto at = text.find(word); at != text.npos; at = text.find(word, at + 1)) {
@@ -61,16 +56,12 @@ bool mentions(std::string_view text, std::string_view word) {
 /// The declarations of the prototypes that `wanted` is made of, in the order in which they came.
 std::string declarationsFor(const Scene& scene, const NodeType& wanted) {
     std::vector<const NodeType*> kept{&wanted};
-    for (std::size_t i = scene.typeCount(); i-- > builtinTypes().size();) {
-        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
-        const bool isPrototype = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
-        if (!isPrototype || type.declaration.empty() || type.name.contains('#')) continue;
-        if (declaredName(type) == declaredName(wanted)) continue;
-        for (const NodeType* user : kept)
-            if (mentions(user->declaration, type.name)) {
-                kept.push_back(&type);
-                break;
-            }
+    const std::vector<const NodeType*> declared = declaredTypes(scene);
+    for (const NodeType* type : declared | std::views::reverse) {
+        if (declaredName(*type) == declaredName(wanted)) continue;
+        if (std::ranges::any_of(kept,
+                                [&](const NodeType* user) { return mentions(user->declaration, declaredName(*type)); }))
+            kept.push_back(type);
     }
     std::string text;
     for (std::size_t i = kept.size(); i-- > 1;) text += kept[i]->declaration + '\n';

@@ -11,19 +11,13 @@
 #include <rtsg/core/x3d.h>
 
 #include "commands/document_head.h"
+#include "document_match.h"
 
 namespace rtsg {
 
 namespace {
 
 using Holder = x3d::InlineGeometry;
-
-/// The nodes in a field, whether it holds one or many.
-std::vector<NodeId> nodesIn(const Node& node, FieldIndex field) {
-    if (node.type().fields[field].type == FieldType::SFNode) return {*static_cast<const NodeId*>(node.storage(field))};
-    const auto& many = *static_cast<const Array<NodeId>*>(node.storage(field));
-    return {many.begin(), many.end()};
-}
 
 /// All geometries in the order of the document, each once. Not those in bodies of PROTOs and Inlines, but the instance
 /// of a PROTO whose body is a geometry.

@@ -88,6 +88,12 @@ class Environment {
 
 /// Sends beginProto ... endProto, or externProto.
 void writeDeclaration(const ProtoDeclaration& proto, DocumentHandler& handler);
+/// The name in the declaration of a document's own prototype: a type called `Name#2`, the second prototype of that name
+/// in the scene, was declared as `Name`.
+std::string_view declaredName(const NodeType& type);
+/// The prototypes that the scene's document declares, in order. Where the scene knows several by one name, since the
+/// document has been edited or replaced, it is the one that nodes are of, in the place of the first.
+std::vector<const NodeType*> declaredTypes(const Scene& scene);
 /// The interface as a NodeType with the hidden `body`; null if its fields contradict each other.
 std::shared_ptr<NodeType> makeProtoType(const ProtoDeclaration& proto, std::string name);
 /// Table 4.4: may a node's field be connected with this field of the PROTO's interface?

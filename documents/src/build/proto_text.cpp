@@ -1,6 +1,8 @@
 // PROTO declarations as text: how they live in NodeType::declaration, and how instances are made from there.
 #include <rtsg/documents/loader.h>
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include <rtsg/documents/writer.h>
@@ -21,15 +23,42 @@ std::string declarationText(const ProtoDeclaration& proto) {
     return start == std::string::npos ? std::string() : text.substr(start + 1);
 }
 
+std::string_view declaredName(const NodeType& type) {
+    return std::string_view(type.name).substr(0, type.name.find('#'));
+}
+
+std::vector<const NodeType*> declaredTypes(const Scene& scene) {
+    std::vector<std::vector<TypeIndex>> all;  // those of one name, the name's first first
+    bool areSeveral = false;
+    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {
+        const TypeIndex index{static_cast<std::uint16_t>(i)};
+        const NodeType& type = scene.type(index);
+        const bool isProto = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
+        if (!isProto || type.declaration.empty()) continue;  // those of bodies and of other documents come with them
+        const auto known = !type.name.contains('#') ? all.end() : std::ranges::find_if(all, [&](const auto& one) {
+            return declaredName(scene.type(one.front())) == declaredName(type);
+        });
+        if (known == all.end())
+            all.push_back({index});
+        else
+            known->push_back(index), areSeveral = true;
+    }
+    std::vector<bool> used(areSeveral ? scene.typeCount() : 0);
+    if (areSeveral) scene.forEachNode([&](const Node& node) { used[node.typeIndex().value] = true; });
+    std::vector<const NodeType*> result;
+    for (const auto& ofName : all) {
+        const auto isUsed = [&](TypeIndex index) { return areSeveral && used[index.value]; };
+        const auto found = std::ranges::find_if(ofName, isUsed);
+        result.push_back(&scene.type(found == ofName.end() ? ofName.back() : *found));
+    }
+    return result;
+}
+
 std::string declarationsOf(const Scene& scene) {
     std::string text;
-    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {
-        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
-        const bool isProto = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
-        // Names with # are of bodies and of other documents: they come with those.
-        if (!isProto || type.declaration.empty() || type.name.find('#') != std::string::npos) continue;
+    for (const NodeType* type : declaredTypes(scene)) {
         if (text.empty()) text = "#X3D V4.0 utf8\nPROFILE Full\n";
-        text += type.declaration;
+        text += type->declaration;
         if (!text.ends_with('\n')) text += '\n';
     }
     return text;
@@ -42,7 +71,7 @@ Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnosti
     if (type.kind != NodeType::Kind::proto && type.kind != NodeType::Kind::externProto)
         return fail(fmt::format("{} is no PROTO", type.name));
     SceneBuilder builder(scene, diagnostics, options);
-    return builder.instantiate(type.name, declarationsOf(scene), scope);
+    return builder.instantiate(declaredName(type), declarationsOf(scene), scope);
 }
 
 Result<NodeId> SceneBuilder::instantiate(std::string_view proto, std::string_view declarations, NodeId scope) {

@@ -77,8 +77,9 @@ struct SceneExporter::State {
     std::vector<NodeId> hidden;                             // nodes of expanded bodies that are not shown
     std::vector<Route> routes;                              // between nodes of the document
     DeclarationScan declarations;
-    NodeId single{};  // all that comes out is this node and what is below it
-    NodeId home{};    // the scope that counts as the document
+    std::vector<const NodeType*> declared;  // the document's own prototypes
+    NodeId single{};                        // all that comes out is this node and what is below it
+    NodeId home{};                          // the scope that counts as the document
 
     /// Whether a node is not said itself, but what it is made of.
     bool isExpanded(const Node& node) const {
@@ -197,7 +198,7 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
         if (Value value = node.value(field); canBeSaid(node, field, value))
             handler.setField(def.name, std::move(value), {});
     } else if (node.isDefault(field) && isInstance(type) &&
-               declarations.nodeDefaults.contains(fmt::format("{}.{}", type.name, def.name))) {
+               declarations.nodeDefaults.contains(fmt::format("{}.{}", declaredName(type), def.name))) {
         handler.setField(def.name, node.value(field), {});  // overrides the default nodes by none
     }
 }
@@ -211,6 +212,7 @@ void SceneExporter::State::start() {
     routes.clear();
     expanded.clear();
     declarations = {};
+    declared = declaredTypes(scene);
 }
 
 void SceneExporter::State::walk(DocumentHandler* handler) {
@@ -260,7 +262,8 @@ void SceneExporter::State::walkFrom(NodeId rootNode, std::string_view rootField,
             return;
         }
         const std::string& name = node->type().name;
-        if (!handler && name.find('#') != std::string::npos)
+        if (!handler && name.find('#') != std::string::npos &&
+            std::ranges::find(declared, &node->type()) == declared.end())
             diagnostics.error({},
                               fmt::format("{} is of PROTO {}, which is not the document's own; saved under its name",
                                           scene.name(stands), name));

@@ -212,12 +212,9 @@ DocumentInfo documentInfo(const Scene& scene) {
         result.imports.push_back({imports[i].str(), imports[i + 1].str(), imports[i + 2].str()});
     for (std::size_t i = 0; i + 1 < exports.size(); i += 2)
         result.exports.push_back({exports[i].str(), exports[i + 1].str()});
-    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {
-        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
-        if (type.declaration.empty() || type.name.contains('#')) continue;  // bodies', and other documents'
-        if (type.kind == NodeType::Kind::proto) result.prototypes.push_back(type.name);
-        if (type.kind == NodeType::Kind::externProto) result.externPrototypes.push_back(type.name);
-    }
+    for (const NodeType* type : declaredTypes(scene))
+        (type->kind == NodeType::Kind::proto ? result.prototypes : result.externPrototypes)
+            .emplace_back(declaredName(*type));
     return result;
 }
 

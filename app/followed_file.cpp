@@ -1,0 +1,82 @@
+// Looks at the files of a scene that runs, and carries over what was edited in them.
+#include "followed_file.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+#include <rtsg/sync/scene_file.h>
+
+#include "cli.h"
+
+namespace rtsg::app {
+
+FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip)
+    : scene_(scene),
+      file_(std::move(file)),
+      clip_(std::move(clip)),
+      resources_(std::move(resources)),
+      document_(scene),
+      within_(document_.filesWithin(resources_)),
+      followed_(look()),
+      last_(followed_) {}
+
+std::vector<FollowedFile::Look> FollowedFile::look() const {
+    std::vector<Look> all;
+    const auto add = [&](const std::filesystem::path& file) {
+        std::error_code error;
+        Look one{file, std::filesystem::last_write_time(file, error)};
+        if (!error) one.bytes = std::filesystem::file_size(file, error);
+        if (!error)
+            all.push_back(std::move(one));  // one that is not there: an editor may be about to put another there
+    };
+    add(file_);
+    for (const auto& file : within_) add(file);
+    return all;
+}
+
+bool FollowedFile::isEdited() {
+    if (isEdited_ || Clock::now() < next_) return isEdited_;
+    next_ = Clock::now() + kLookEvery;
+    std::vector<Look> now = look();
+    isEdited_ = now == last_ && now != followed_ && now.size() == within_.size() + 1;
+    last_ = std::move(now);
+    return isEdited_;
+}
+
+bool FollowedFile::read(Scene& into, Diagnostics& diagnostics) const {
+    if (isSceneFile(file_)) {
+        const auto done = readSceneFile(into, file_);
+        if (!done) diagnostics.add(done.error());
+        return done.has_value();
+    }
+    LoadOptions options;
+    options.resources = resources_;
+    options.clip = clip_;
+    return loadFile(into, file_, diagnostics, options) && diagnostics.errors() == 0;
+}
+
+void FollowedFile::follow() {
+    isEdited_ = false;
+    followed_ = last_;  // one that is wrong is not read again until it has been edited again
+    Diagnostics diagnostics(file_);
+    auto edited = document_.emptyScene();
+    isBehind_ = !read(*edited, diagnostics);
+    if (!isBehind_)
+        if (auto ok = document_.follow(std::move(edited), diagnostics); !ok) {
+            diagnostics.add(std::move(ok.error()));
+            isBehind_ = true;
+        }
+    print(diagnostics);
+    if (isBehind_)
+        return printError(
+            Diagnostic{Severity::error, file_, {}, "it was edited, and is not followed: the scene stays as it was"});
+    const auto set = scene_.seal();
+    const std::size_t count = set ? set->changes.size() : 0;
+    fmt::print(stderr, "{}: note: it was edited: {} change{}\n", terminalText(file_), count, count == 1 ? "" : "s");
+    within_ = document_.filesWithin(resources_);
+    followed_ = last_ = look();
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,53 @@
+// FollowedFile: notices that a scene's file, or one that it inlines, has been edited, and has the scene follow it.
+//
+// A file counts as edited once it has been the same at two looks in a row, so that half of one is seldom read. If it is
+// wrong, the scene stays as it was, and standard error says why and where.
+// Threading: the scene's thread, between frames.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <rtsg/documents/edited_document.h>
+
+namespace rtsg::app {
+
+class FollowedFile {
+  public:
+    /// How often a file is looked at.
+    static constexpr std::chrono::milliseconds kLookEvery{100};
+
+    /// Call it when the file has been loaded into the scene, before the first frame. `clip`: as LoadOptions has it.
+    FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip);
+
+    /// Looks at the files if it is time to. True until follow() is called.
+    bool isEdited();
+    /// The scene follows the file, and seals what that changes.
+    void follow();
+    /// The file as it is now could not be followed.
+    bool isBehind() const { return isBehind_; }
+
+  private:
+    struct Look {
+        std::filesystem::path file;
+        std::filesystem::file_time_type written;
+        std::uintmax_t bytes = 0;
+        friend bool operator==(const Look&, const Look&) = default;
+    };
+    std::vector<Look> look() const;
+    bool read(Scene& into, Diagnostics& diagnostics) const;
+
+    using Clock = std::chrono::steady_clock;
+    Scene& scene_;
+    const std::string file_, clip_;
+    const Resources resources_;
+    EditedDocument document_;
+    std::vector<std::filesystem::path> within_;
+    std::vector<Look> followed_, last_;
+    Clock::time_point next_ = Clock::now();
+    bool isEdited_ = false, isBehind_ = false;
+};
+
+}  // namespace rtsg::app
