@@ -144,6 +144,10 @@ void SoundArguments::addTo(Command& command) {
                       "table of absorption by octaves, for materials by their names; goes before what the scene says");
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
+    command
+        .addOption("--quality", quality,
+                   "of what is heard: twice as much halves its error, for up to four times the time; else 1")
+        ->range(0.25, 16.0);
     command.addOption("--diffraction", diffraction, "round how many edges in a row sound bends; 0: it goes straight")
         ->preset()
         ->range(0, 2);
@@ -178,6 +182,10 @@ ListenOptions SoundArguments::parse() const {
     options.render.document = document;
     options.render.air = air;
     if (noAir) options.render.air.absorbs = false;
+    if (quality > 0)
+        options.render.trace = AcousticOptions::heardTrace(quality);
+    else if (rays > 0)
+        options.render.trace = AcousticOptions::heardTraceOf(rays);
     options.trace.diffractionOrder = options.render.trace.diffractionOrder = diffraction;
     if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;
     options.responses = ambisonic > 0 ? Channels::ambisonic
@@ -189,7 +197,6 @@ ListenOptions SoundArguments::parse() const {
     else if (error > 0)
         options.trace.rays = ListenOptions::kFirstRays;
     options.error = error;
-    options.render.ask(rays, error);
     return options;
 }
 

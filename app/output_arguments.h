@@ -52,6 +52,7 @@ struct SoundArguments {
     bool binaural = false, stereo = false;
     int ambisonic = 0;
     std::uint64_t rays = 0;
+    double quality = 0;  // 0: by the rays, if they are given
     int diffraction = TraceOptions().diffractionOrder;
     double error = 0, length = 0;
     AirChoice air;

@@ -18,14 +18,18 @@ std::string jsonArray(const std::vector<T>& values) {
 }
 
 std::string deviceJson(const LiveReport& report) {
-    return fmt::format(
-        R"({{"name":{},"seconds":{:.3f},"blocks":{},"underruns":{},"latency_ms":{:.1f},"busy":{:.3f},"responses":{},)"
-        R"("clipped_samples":{}}})",
-        jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
-        report.busy, report.heard.responses, report.clipped);
+    return fmt::format(R"({{"name":{},{}}})", jsonString(report.device), liveFigures(report));
 }
 
 }  // namespace
+
+std::string liveFigures(const LiveReport& report) {
+    return fmt::format(
+        R"("seconds":{:.3f},"blocks":{},"underruns":{},"latency_ms":{:.1f},"busy":{:.3f},"responses":{},)"
+        R"("without_reflections":{},"reflections_after_s":{:.3f},"clipped_samples":{})",
+        report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds, report.busy,
+        report.heard.responses, report.heard.unreflected, report.heard.longestWait, report.clipped);
+}
 
 void OutputReport::addMissing(std::string_view what) {
     missing += fmt::format("{}{}", missing.empty() ? "" : ", ", what);
@@ -74,8 +78,9 @@ std::string OutputReport::text() const {
                                    pictureStates.size(), live->picturesSkipped, keptText(meanKept()), samples,
                                    soundSeconds, std::max(live->statesPictured, live->statesHeard), live->states);
     if (live->device)
-        text += fmt::format("; {:.3f} s played on {}, {} underruns", live->device->seconds, live->device->device,
-                            live->device->underruns);
+        text +=
+            fmt::format("; {:.3f} s played on {}, {} underruns, {} sources without reflections", live->device->seconds,
+                        live->device->device, live->device->underruns, live->device->heard.unreflected);
     return text;
 }
 

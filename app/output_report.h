@@ -48,6 +48,9 @@ struct OutputReport {
     std::string text() const;
 };
 
+/// Members "seconds":… of a JSON object: how sound was played.
+std::string liveFigures(const LiveReport& report);
+
 /// The text for RenderStats::kept; empty for 0.
 std::string keptText(double share);
 

@@ -79,11 +79,7 @@ int listenLive(const ListenArguments& options) {
     running.printDiagnostics();
     print(report.diagnostics);
     print(world.diagnostics());
-    fmt::print(
-        "{{\"device\":{},\"seconds\":{:.3f},\"blocks\":{},\"underruns\":{},\"latency_ms\":{:.1f},\"busy\":{:.3f},"
-        "\"responses\":{},\"clipped_samples\":{}}}\n",
-        jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
-        report.busy, report.heard.responses, report.clipped);
+    fmt::print("{{\"device\":{},{}}}\n", jsonString(report.device), liveFigures(report));
     if (!report.failure.empty()) return printError(report.failure), kBad;
     if (!interrupted() || running.time() >= pace.seconds) return kDone;
     printError(fmt::format("interrupted after {:.3f} of {} s", running.time(), pace.seconds));

@@ -56,7 +56,7 @@ py::list sourcesOf(const Sound& sound) {
     return all;
 }
 
-void askFor(ListenOptions& options, const std::string& channels, std::uint64_t rays, double error) {
+void askFor(ListenOptions& options, const std::string& channels, std::uint64_t rays, double error, double quality) {
     using Channels = ImpulseResponseOptions::Channels;
     if (channels == "binaural") {
         options.render.binaural = true;
@@ -77,12 +77,15 @@ void askFor(ListenOptions& options, const std::string& channels, std::uint64_t r
     else if (error > 0)
         options.trace.rays = ListenOptions::kFirstRays;
     options.error = error;
-    options.render.ask(rays, error);
+    if (quality > 0)
+        options.render.trace = AcousticOptions::heardTrace(quality);
+    else if (rays > 0)
+        options.render.trace = AcousticOptions::heardTraceOf(rays);
 }
 
 std::shared_ptr<Sound> listenTo(SceneHandle& handle, double seconds, double fps, const std::string& channels,
-                                bool metrics, bool responses, std::uint64_t rays, double error, int sampleRate,
-                                std::uint64_t seed) {
+                                bool metrics, bool responses, std::uint64_t rays, double error, double quality,
+                                int sampleRate, std::uint64_t seed) {
     Scene& scene = seconds > 0 ? handle.edited() : handle.scene();
     ListenOptions options;
     options.seconds = seconds, options.framesPerSecond = fps;
@@ -92,8 +95,8 @@ std::shared_ptr<Sound> listenTo(SceneHandle& handle, double seconds, double fps,
     options.render.sampleRate = sampleRate;
     options.render.resources = handle.resources();
     options.render.document = handle.file();
+    askFor(options, channels, rays, error, quality);
     options.trace.seed = options.render.trace.seed = seed;
-    askFor(options, channels, rays, error);
     Interruption interruption;
     bool interrupted = false;
     options.progress = [&](double) { return !(interrupted = interrupted || interruption()); };
@@ -152,11 +155,13 @@ void addSound(py::module_& module) {
     scene.def(
         "listen", listenTo, py::arg("seconds") = 5., py::kw_only(), py::arg("fps") = 60.,
         py::arg("channels") = "stereo", py::arg("metrics") = true, py::arg("responses") = false, py::arg("rays") = 0,
-        py::arg("error") = 0., py::arg("sample_rate") = 48000, py::arg("seed") = 1,
+        py::arg("error") = 0., py::arg("quality") = 0., py::arg("sample_rate") = 48000, py::arg("seed") = 1,
         "Runs the scene on for so many seconds and listens: a Sound. 0: figures of the present state alone. "
         "`channels`: \"stereo\", \"binaural\", \"mono\", \"ambisonic1\" to \"ambisonic7\". `metrics`: figures of the "
         "room at the start; `responses`: for impulse_responses(). `error`: rays are added until the figures' half "
-        "intervals are so many just noticeable differences. Ctrl-C ends it.");
+        "intervals are so many just noticeable differences. `quality`: of what is heard; its error falls as 1 / "
+        "quality, "
+        "and without any it goes by `rays`, else it is 1. Ctrl-C ends it.");
 }
 
 }  // namespace rtsg::python

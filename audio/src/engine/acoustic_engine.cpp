@@ -18,10 +18,21 @@ constexpr std::size_t kManyChanges = 256;
 
 }  // namespace
 
-void AcousticOptions::ask(std::uint64_t rays, double largestError) {
-    if (rays > trace.rays || largestError > 0) trace.maxImageCandidates = TraceOptions().maxImageCandidates;
-    if (rays > 0) trace.rays = rays;
-    error = largestError;
+TraceOptions AcousticOptions::heardTrace(double quality) {
+    constexpr double kMostRays = 1e12;
+    const double rays = std::clamp(static_cast<double>(kHeardRays) * quality * quality, 1.0, kMostRays);
+    return heardTraceOf(static_cast<std::uint64_t>(std::llround(rays)));
+}
+
+TraceOptions AcousticOptions::heardTraceOf(std::uint64_t rays) {
+    TraceOptions trace;
+    trace.rays = rays;
+    // Images take next to nothing beside rays, as long as they are as few as usual.
+    trace.maxImageCandidates =
+        std::clamp<std::size_t>(static_cast<std::size_t>(trace.rays), kHeardRays, trace.maxImageCandidates);
+    trace.maxSeconds = 3;
+    trace.batches = 8;
+    return trace;
 }
 
 AcousticEngine::AcousticEngine(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -249,6 +249,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
         // Who will be somewhere else when the frame ends is not there yet.
         const bool there = !state.hasResponse || !(state.jumps || listenerJumps);
         if (audible && there) renew(emitter, state);
+        noteWaiting(state, audible);
         renderLate(state, &emitter, to, crossfade, block);
     }
     noteSilence(state);
@@ -266,6 +267,23 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
 
 void AcousticEngine::Impl::noteSilence(EmitterState& state) const {
     state.quiet = makesSound(state) ? 0 : state.quiet + options.blockSize;
+}
+
+/// Until something was traced of it only direct sound is heard.
+void AcousticEngine::Impl::noteWaiting(EmitterState& state, bool audible) const {
+    if (!audible || state.traced)
+        state.waitsSince.reset();
+    else if (!state.waitsSince)
+        state.waitsSince = seconds();
+}
+
+void AcousticEngine::Impl::countWaiting() {
+    heard.unreflected = 0;
+    for (const auto& [id, state] : states) {
+        if (state.gone || !state.waitsSince) continue;
+        ++heard.unreflected;
+        heard.longestWait = std::max(heard.longestWait, seconds() - *state.waitsSince);
+    }
 }
 
 /// Those that are gone fall silent when their last reflections have.
@@ -339,6 +357,7 @@ void AcousticEngine::Impl::block() {
     begin(work, listener);
     findHead(listener);
     for (const SoundEmitter& emitter : *playing.emitters) renderEmitter(emitter, states.at(emitter.id), work);
+    countWaiting();
     renewLongestDue();
     fadeOut(work);
     endStreams();

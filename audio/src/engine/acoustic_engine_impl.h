@@ -121,6 +121,8 @@ struct AcousticEngine::Impl {
     void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state) const;
+    void noteWaiting(EmitterState& state, bool audible) const;
+    void countWaiting();
     void noteUnheard(const SoundEmitter& emitter, double distance, bool inReach, const ListenerPose& listener);
     void fadeOut(Block& block);
     void mixDown(const Block& block);

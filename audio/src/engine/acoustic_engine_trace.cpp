@@ -22,6 +22,8 @@ constexpr double kSetOff = 0.01, kSetOffMoved = 1e-4;
 /// Seconds after a trace the next one at the earliest, and in which it fades over, where a wall has moved into the
 /// straight way or out of it.
 constexpr double kSoon = 0.05;
+/// Seconds in which first reflections fade in, of what sounds already.
+constexpr double kBegins = 0.1;
 /// So many times as long a response is kept where all that has changed is small and far off: what that does to it is
 /// less than what other rays do.
 constexpr double kFarChanges = 5;
@@ -78,7 +80,7 @@ void AcousticEngine::Impl::renewLongestDue() {
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
     state.stale = true;
     if (!state.hasResponse) return;
-    state.leaksSought = false;
+    state.leaksSought = state.leaksLookedFor = false;
     if (!state.wallsChanged) state.wallsChanged.emplace(seconds(), 0);
     state.wallsChanged->second = seconds();
 }
@@ -134,7 +136,11 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.body = state.body;
     job.tracing = options.trace;
     job.tracing.air = air;
-    if (shallSeekLeaks(state)) {
+    job.quick = worker && heard.unreflected > 1;
+    // That takes all rays: where nothing was lost it is done again only as far off as what was kept would be of no use.
+    const bool elsewhere = !state.leaksLookedFor || glm::distance(state.leaksSoughtFrom, source) > kNearly;
+    if (!job.quick && elsewhere && shallSeekLeaks(state)) {
+        state.leaksLookedFor = true;
         state.wallsChanged.reset();
         state.leaksSought = leaksKnownFrom(source);
         state.leaksSoughtFrom = source;
@@ -146,12 +152,10 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.followed = followedOf(state, kMostImages);
     job.followedEdges = followedOf(state, kMostEdges);
     // Each has rays of its own, so that their mean tells more than any of them.
-    if (options.error == 0) job.tracing.seed += state.traces++;
-    if (options.error == 0 && job.tracing.exits == 0 &&
+    job.tracing.seed += state.traces++;
+    if (job.tracing.exits == 0 &&
         glm::distance(state.tracedSource, source) + glm::distance(state.tracedListener, listener.position) <= kNearly)
         job.kept = state.kept;
-    job.error = options.error;
-    job.maxRays = options.maxRays;
     job.longest = longest;
     job.block = options.blockSize;
     job.response = responseFor(emitter.id, state.reflectedBy, listener);
@@ -228,9 +232,8 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
 void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     ++(traced.turned ? heard.turned : heard.responses);
     heard.rays = std::max(heard.rays, traced.rays);
+    heard.raysInAll += traced.rays;
     heard.images = std::max(heard.images, traced.imageCount);
-    if (!std::isnan(traced.error) && !traced.turned)
-        heard.error = std::isnan(heard.error) ? traced.error : std::max(heard.error, traced.error);
     const auto found = states.find(traced.emitter);
     if (found == states.end()) return;
     EmitterState& state = found->second;
@@ -240,7 +243,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     const StraightWay& straight = state.movedWalls.traced;
     const bool takesOver = isLate(state.images.straight().open, straight.open);
     // What is followed is heard as it was, as long as it has hardly moved: the sooner it takes over the better.
-    const double seconds = traced.setsOff ? kSetOff : takesOver ? kSoon : 0;
+    const double seconds = traced.setsOff ? kSetOff : takesOver ? kSoon : state.traced ? 0 : kBegins;
     const auto fade = static_cast<std::size_t>(seconds * options.sampleRate);
     for (Convolver& late : state.late) late.fadeOnceIn(fade);
     state.images.set(std::move(traced.images), fade, straight);
@@ -248,11 +251,13 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     if (traced.turned) return;
     state.traced = std::move(traced.traced);
     state.kept = std::move(traced.kept);
+    // What was traced in haste goes on until it is as good as others.
+    if (state.kept.parts < kTraceParts) state.stale = state.staleSoon = true;
     state.reached = traced.reached;
     state.tracing = false;
     state.seal = std::move(traced.seal);
     if (!state.seal) endSeal(traced.emitter, this->seconds());
-    // In the open, or where nothing is lost, looking costs nothing, and walls may come yet.
+    // In the open, or where nothing is lost, walls may come yet.
     if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
     state.leaksSought = true;
     if (!std::exchange(state.countsAsSearch, true)) ++leakSearches;

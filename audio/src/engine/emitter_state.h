@@ -85,6 +85,7 @@ struct EmitterState {
     std::shared_ptr<const Echogram> traced;  // for when the listener turns
     KeptEnergy kept;                         // and for the next trace
     std::uint64_t traces = 0;
+    std::optional<double> waitsSince;  // scene time from which on it was heard without reflections, as none were traced
     ImagePlayer::Images tracedImages;  // that the response leaves out
     bool moves = false;                // it, or the listener, since it was traced before
     AcousticBox reached;               // by its paths
@@ -96,6 +97,7 @@ struct EmitterState {
     MovedWalls movedWalls;                 // in the straight way, since what is heard was traced
     std::vector<std::uint32_t> alongside;  // slots of walls near that way that go along with it
     bool leaksSought = false;              // and some found, since walls changed,
+    bool leaksLookedFor = false;           // whether or not any were found
     glm::dvec3 leaksSoughtFrom{0};
     bool countsAsSearch = false;
     /// When walls changed since leaks were looked for: first and last.

@@ -63,14 +63,20 @@ void ImagePlayer::render(const Block& block) {
     reflected_.push_back(block.reflects);
     // As Convolver::process() has it.
     if (!fading_ && waits_) {
+        // The first ones, too, fade in where the lines hold sound already.
+        if (!started_) current_.straight = waitingStraight_;
         next_.start(std::exchange(waiting_, nullptr), waitingStraight_);
         waits_ = false;
-        if (!started_) std::swap(current_, next_);
-        fading_ = started_;
+        fading_ = started_ || static_cast<double>(silent_) < longest;
+        if (!fading_) std::swap(current_, next_);
         started_ = true;
         faded_ = 0;
         fadeSamples_ = onceIn_ > 0 ? std::exchange(onceIn_, 0) : fade_;
     }
+    const bool sounds = std::ranges::any_of(block.late, [](const auto& late) {
+        return std::ranges::any_of(late, [](float sample) { return sample != 0; });
+    });
+    silent_ = sounds ? 0 : std::min(silent_, kLongAgo) + block_;
     render(current_, block, false);
     if (!fading_) return;
     render(next_, block, true);

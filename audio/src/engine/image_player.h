@@ -115,7 +115,10 @@ class ImagePlayer {
                   double ahead);
     void findDelays(const FollowedImage& image, Voice& voice, const Block& block);
 
+    static constexpr std::size_t kLongAgo = std::numeric_limits<std::size_t>::max() / 2;
+
     std::size_t block_, fade_, onceIn_ = 0;
+    std::size_t silent_ = kLongAgo;    // samples since something was reflected
     std::size_t fadeSamples_ = fade_;  // of the set that fades in
     std::array<DelayLine, 2> lines_;
     Ring<double> reflected_;  // Block::reflects, of as many blocks as the lines hold

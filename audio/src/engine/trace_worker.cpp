@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <utility>
 
 #include <rtsg/renderers/parallel_for.h>
@@ -57,9 +56,6 @@ std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job
     return std::make_shared<const std::vector<FollowedImage>>(std::move(images));
 }
 
-/// Of rays and energy: what is new of a mean that goes on. Eight traces in a row have the rays of one anew.
-constexpr std::uint64_t kParts = 8;
-
 /// Which bin begins with the first arrival.
 std::ptrdiff_t onsetOf(const Echogram& echogram) {
     if (echogram.arrivals.empty()) return 0;
@@ -89,33 +85,37 @@ bool isAlike(const Echogram& fresh, const Echogram& kept) {
     return true;
 }
 
-/// The mean that goes on, from onset to onset.
-EnergyHistogram goneOn(const Echogram& fresh, const Echogram& kept) {
-    constexpr double kNew = 1.0 / kParts;
+/// The mean that goes on, from onset to onset, with one part of `parts` new.
+EnergyHistogram goneOn(const Echogram& fresh, const Echogram& kept, std::uint64_t parts) {
+    const double share = 1.0 / static_cast<double>(parts);
     const std::ptrdiff_t later = onsetOf(fresh) - onsetOf(kept), first = std::max<std::ptrdiff_t>(0, later);
     EnergyHistogram moved{fresh.late.binsPerSecond, {}, fresh.late.start};
     moved.bins.resize(static_cast<std::size_t>(first), Bands{});
     for (std::ptrdiff_t k = first - later; k < std::ssize(kept.late.bins); ++k)
         moved.bins.push_back(kept.late.bins[static_cast<std::size_t>(k)]);
     EnergyHistogram mean{fresh.late.binsPerSecond, {}, fresh.late.start};
-    mean.accumulate(moved, 1 - kNew);
-    mean.accumulate(fresh.late, kNew);
+    mean.accumulate(moved, 1 - share);
+    mean.accumulate(fresh.late, share);
     return mean;
 }
 
-/// The rays of a job, or an eighth of them and what was kept.
-TraceResult traceFor(const TraceJob& job, const AcousticTracer& tracer, Echogram& echogram) {
+/// The rays of a job, or an eighth of them and what was kept; `parts` is of how many eighths that tells.
+TraceResult traceFor(const TraceJob& job, const AcousticTracer& tracer, Echogram& echogram, std::uint64_t& parts) {
     TraceOptions options = job.tracing;
-    if (job.kept.traced) options.rays = (options.rays + kParts - 1) / kParts;
+    const bool part = job.kept.traced || job.quick;
+    if (part) options.rays = (options.rays + kTraceParts - 1) / kTraceParts;
     TraceResult traced = tracer.trace(job.source, job.listener, options);
     echogram = traced.echogram();
+    parts = part ? 1 : kTraceParts;
     if (!job.kept.traced) return traced;
     if (traced.imageOrder == job.kept.imageOrder && traced.imageShare == job.kept.imageShare &&
         isAlike(echogram, *job.kept.traced)) {
-        echogram.late = goneOn(echogram, *job.kept.traced);
+        parts = std::min(job.kept.parts + 1, kTraceParts);
+        echogram.late = goneOn(echogram, *job.kept.traced, parts);
     } else if (job.tracing.rays > traced.rays) {
         tracer.refine(traced, job.source, job.listener, options, job.tracing.rays - traced.rays);
         echogram = traced.echogram();
+        parts = kTraceParts;
     }
     return traced;
 }
@@ -137,18 +137,14 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     const ReachRecorder recorder(room, job.longest);
     const AcousticTracer tracer(recorder);
     Echogram echogram;
-    TraceResult traced = traceFor(job, tracer, echogram);
+    std::uint64_t parts = 0;
+    TraceResult traced = traceFor(job, tracer, echogram, parts);
     TracedResponse result;
     result.emitter = job.emitter;
-    result.error = std::numeric_limits<double>::quiet_NaN();
     result.seal = sealOf(traced, room, job.source, job.listener);
-    if (job.error > 0 && !result.seal) {
-        result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
-        echogram = traced.echogram();
-    }
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     result.traced = std::make_shared<const Echogram>(std::move(echogram));
-    result.kept = {result.traced, traced.imageOrder, traced.imageShare};
+    result.kept = {result.traced, traced.imageOrder, traced.imageShare, parts};
     result.images = followedBy(job, *result.traced);
     makeChannels(job, result);
     result.reached = recorder.reached();

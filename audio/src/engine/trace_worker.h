@@ -25,12 +25,16 @@
 
 namespace rtsg {
 
+/// Of rays: what a trace takes of them where late energy goes on as a mean. So many in a row have the rays of one anew.
+constexpr std::uint64_t kTraceParts = 8;
+
 /// What was traced of an emitter before, as far as it goes on to count.
 struct KeptEnergy {
     std::shared_ptr<const Echogram> traced;  // null: nothing does
     // Which images are among its arrivals: their energy is not in what is late.
     int imageOrder = 0;
     double imageShare = 0;
+    std::uint64_t parts = 0;  // eighths of the rays of a trace that it is the mean of, 8 at most
 };
 
 struct TraceJob {
@@ -40,8 +44,7 @@ struct TraceJob {
     TraceOptions tracing;
     /// Late energy is the mean of this and of an eighth of the rays, unless they tell of another room.
     KeptEnergy kept;
-    double error = 0;  // refine to this many noticeable differences, if positive
-    std::uint64_t maxRays = 0;
+    bool quick = false;  // others wait for their first response: an eighth of the rays has to do for now
     double longest = 0;  // metres that sound goes within a response
     ImpulseResponseOptions response;
     std::size_t block = 256;
@@ -75,7 +78,6 @@ struct TracedResponse {
     AcousticBox reached;   // by its paths
     std::uint64_t rays = 0;
     std::size_t imageCount = 0;
-    double error = 0;          // NaN unless asked for
     std::optional<Seal> seal;  // nothing arrived, and why
     RoomOpenings openings;     // if job.tracing asked for exits
 };

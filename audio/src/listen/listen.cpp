@@ -39,8 +39,8 @@ std::string ListenReport::toJson() const {
         ",\"air\":{{\"absorbs\":{},\"temperature_c\":{},\"humidity_percent\":{},\"pressure_kpa\":{},\"speed_m_s\":{}}}",
         air.absorbs, jsonNumber(air.celsius), jsonNumber(air.relativeHumidity), jsonNumber(air.pressureKpa),
         jsonNumber(air.speedOfSound));
-    text += fmt::format(",\"heard\":{{\"responses\":{},\"rays\":{},\"images\":{},\"error\":{}}}}}", heard.responses,
-                        heard.rays, heard.images, jsonNumber(heard.error));
+    text += fmt::format(",\"heard\":{{\"responses\":{},\"rays\":{},\"images\":{}}}}}", heard.responses, heard.rays,
+                        heard.images);
     return text;
 }
 

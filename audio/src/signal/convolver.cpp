@@ -95,20 +95,35 @@ struct Input {
     Input(std::size_t size, std::size_t inTurn)
         : block(size), turn(inTurn % kLong), filled(turn), window(2 * size), history() {}
 
+    /// Something of the last two blocks is no silence.
+    bool sounds() const {
+        return std::ranges::any_of(window, [](float sample) { return sample != 0; });
+    }
+    /// From here on as if all before had been silence, and what comes fades in over so many samples.
+    void beginSoftly(std::size_t samples) {
+        silence();
+        risen = 0;
+        rise = samples;
+    }
+
     std::size_t longBlock() const { return kLong * block; }
     std::size_t bins() const { return block + 1; }
 
     /// One block more.
     void take(std::span<const float> samples) {
         std::copy(window.begin() + static_cast<std::ptrdiff_t>(block), window.end(), window.begin());
-        std::copy_n(samples.begin(), block, window.begin() + static_cast<std::ptrdiff_t>(block));
+        const auto fresh = window.begin() + static_cast<std::ptrdiff_t>(block);
+        std::copy_n(samples.begin(), block, fresh);
+        for (std::size_t i = 0; risen < rise && i < block; ++i)
+            window[block + i] *= fadeIn(static_cast<double>(risen + i + 1) / static_cast<double>(rise));
+        risen += risen < rise ? block : 0;
         history.grow(1, bins());
         workspace(2 * block).fft.forward(window, history.next());
         isWhole = false;
         turn = (turn + 1) % kLong;
         if (longHistory.size() == 0) return;
         const auto middle = longWindow.begin() + static_cast<std::ptrdiff_t>(longBlock());
-        std::copy_n(samples.begin(), block, middle + static_cast<std::ptrdiff_t>(filled * block));
+        std::copy_n(fresh, block, middle + static_cast<std::ptrdiff_t>(filled * block));
         if (++filled < kLong) return;
         filled = 0;
         isWhole = true;
@@ -126,12 +141,14 @@ struct Input {
         std::ranges::fill(longWindow, 0.0f);
         history.silence(), longHistory.silence();
         filled = turn;
+        risen = rise = 0;
     }
 
     std::size_t block;
     std::size_t turn;      // as if long blocks had been filled from the first block on, with or without long parts
     std::size_t filled;    // blocks of the long one that is not whole yet
     bool isWhole = false;  // a long one was, with the last block
+    std::size_t risen = 0, rise = 0;  // samples of what begins softly: so far, and of all
     std::vector<float> window, longWindow;
     History history, longHistory;
 
@@ -293,7 +310,12 @@ void Convolver::fadeEvenly() {
 
 void Convolver::process(std::span<const float> input, std::span<float> output) {
     Impl& s = *impl_;
-    if (!s.follows) s.input->take(input);
+    if (!s.follows) {
+        // Nothing is kept for a response that is still to come. One that comes while something sounds would be heard of
+        // the last blocks alone, and of one more with each block: steps.
+        if (s.waits && !s.started && s.input->sounds()) s.input->beginSoftly(s.onceIn > 0 ? s.onceIn : s.fadeLength);
+        s.input->take(input);
+    }
     const bool isNew = s.takeWaiting(), isWhole = s.input->isWhole;
     if (isWhole || (isNew && !s.fading)) s.hearAhead(s.current);
     if (s.fading && (isWhole || isNew)) s.hearAhead(s.next);

@@ -109,6 +109,25 @@ TEST(ImagePlayer, TakesNothingFromTheHeapOnceItHasHeardItsLargestSets) {
     }
 }
 
+/// The first set finds a source that sounds already, or one that begins with it.
+TEST(ImagePlayer, FirstImagesOfWhatSoundsAlreadyFadeIn) {
+    for (const int before : {0, 9}) {
+        Circling circling(Channels::stereo, 1, nullptr);
+        circling.response.speedOfSound = 343;
+        for (int i = 0; i < before; ++i) circling.step();
+        circling.player.set(someImages(3));
+        std::vector<double> energies;
+        for (int i = 0; i < 60; ++i) {
+            circling.step();
+            energies.push_back(circling.energy());
+        }
+        if (before > 0) {
+            EXPECT_LT(energies[0], .01 * energies[4]) << "in a fifth of the fade";
+        }
+        EXPECT_GT(energies[10], 1e-6);
+    }
+}
+
 /// A set that was played before is heard as if it were the first: nothing is left of what was heard by then.
 TEST(ImagePlayer, WhatIsKeptOfASetIsNotHeardInTheNext) {
     std::shared_ptr<const Hrtf> head;

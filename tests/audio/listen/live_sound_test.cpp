@@ -265,6 +265,85 @@ TEST(LiveSound, EachSourceIsTracedInItsTurn) {
     world.remove(own);
 }
 
+/// Reflections that come while a tone sounds begin softly; they would be heard block by block, as gaps and steps.
+TEST(LiveSound, TheFirstReflectionsComeWithoutAStep) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    SharedWorld world(scene);
+    LiveRays own;
+    AcousticTables tables(own.world);
+    world.add(own);
+    world.add(tables);
+    scene.newFrame(0);
+    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    AcousticOptions options = fewLive();
+    options.background = true;
+    auto engine = *AcousticEngine::create(options);
+    SoundBuffer out;
+    int blocks = 0;
+    for (int after = 0; after < 60 && blocks < 60'000; ++blocks, after += engine->heard().responses > 0) {
+        ASSERT_TRUE(engine->renderLive(tables.latest(), rays, 0, out));
+        if (blocks < 20 || after == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_GE(engine->heard().responses, 1u);
+    float peak = 0, step = 0;
+    const auto at = [&](std::size_t i) { return out.samples[2 * i]; };
+    for (std::size_t i = 2000; i < out.frames(); ++i) {
+        peak = std::max(peak, std::abs(at(i)));
+        step = std::max(step, std::abs(at(i) - 3 * at(i - 1) + 3 * at(i - 2) - at(i - 3)));
+    }
+    EXPECT_LT(step, .01 * peak) << "after " << blocks << " blocks";
+    world.remove(tables);
+    world.remove(own);
+}
+
+/// Who is heard without reflections is counted, and soon is not: where several wait each has an eighth of its rays at
+/// first, and goes on until it has all.
+TEST(LiveSound, SourcesWithoutReflectionsAreCountedAndHurriedFor) {
+    const std::string room = kRoom;
+    std::string text = room;
+    for (const char* x : {"2", "3"})
+        text += std::string("Transform { translation ") + x +
+                " 2 1 children SpatialSound { children OscillatorSource { frequency 300 } } }\n";
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, text, diagnostics));
+    SharedWorld world(scene);
+    LiveRays own;
+    AcousticTables tables(own.world);
+    world.add(own);
+    world.add(tables);
+    scene.newFrame(0);
+    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    AcousticOptions options = fewLive();
+    options.background = true;
+    auto engine = *AcousticEngine::create(options);
+    SoundBuffer out;
+    const auto renderUntil = [&](const auto& done) {
+        for (int block = 0; !done() && block < 60'000; ++block) {
+            EXPECT_TRUE(engine->renderLive(tables.latest(), rays, 0, out));
+            out.samples.clear();
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
+        return done();
+    };
+    const HeardResponses& heard = engine->heard();
+    EXPECT_TRUE(renderUntil([&] { return heard.unreflected == 3; }));
+    EXPECT_TRUE(renderUntil([&] { return heard.responses == 1; }));
+    EXPECT_EQ(heard.rays, 56u) << "an eighth, as much for each batch";
+    EXPECT_TRUE(renderUntil([&] { return heard.unreflected == 0; }));
+    EXPECT_EQ(heard.rays, 400u) << "the last one is not waited for";
+    EXPECT_GT(heard.longestWait, 0);
+    // Each of the others looks for leaks once, with all rays; then all are as good, and nothing moves.
+    EXPECT_TRUE(renderUntil([&] { return heard.responses >= 5; }));
+    const double rests = engine->liveEnd() + 1;
+    EXPECT_TRUE(renderUntil([&] { return engine->liveEnd() > rests; }));
+    EXPECT_EQ(heard.responses, 5u);
+    world.remove(tables);
+    world.remove(own);
+}
+
 TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
     Scene scene;
     Diagnostics diagnostics;

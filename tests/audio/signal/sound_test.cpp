@@ -203,6 +203,60 @@ TEST(Convolver, ANewResponseFadesInWithoutAClick) {
     EXPECT_NEAR(output.back(), 3, 1e-5);
 }
 
+/// How far a tone is from what its last three samples lead to, at most; its amplitude is 1.
+double largestStep(std::span<const float> tone) {
+    double most = 0;
+    for (std::size_t i = 3; i < tone.size(); ++i)
+        most = std::max(most, std::abs(static_cast<double>(tone[i] - 3 * tone[i - 1] + 3 * tone[i - 2] - tone[i - 3])));
+    return most;
+}
+
+/// Nothing was kept for it: heard at once it would be heard of one block more with each block.
+TEST(Convolver, AFirstResponseThatComesWhileSomethingSoundsBeginsSoftly) {
+    constexpr std::size_t kBlocks = 100, kFade = 640;
+    std::vector<float> tone(64 * kBlocks), response(3000);
+    for (std::size_t i = 0; i < tone.size(); ++i) tone[i] = std::sin(.05f * static_cast<float>(i) + 1);
+    for (std::size_t i = 5; i < response.size(); i += 211) response[i] = .3f;
+    for (const std::size_t before : {0ul, 1ul, 7ul, 40ul})
+        for (const std::size_t fade : {0ul, 200ul}) {
+            Convolver convolver(64, kFade, 3), other = convolver.beside();
+            std::vector<float> output(tone.size()), second(tone.size());
+            for (std::size_t k = 0; k < kBlocks; ++k) {
+                if (k == before)
+                    for (Convolver* one : {&convolver, &other}) one->setResponse(response), one->fadeOnceIn(fade);
+                const auto block = std::span(tone).subspan(64 * k, 64);
+                convolver.process(block, std::span(output).subspan(64 * k, 64));
+                other.process(block, std::span(second).subspan(64 * k, 64));
+            }
+            EXPECT_EQ(output, second);
+            // What sounds from the first block on has its own beginning, and is heard whole from there.
+            if (before > 0) {
+                EXPECT_LT(largestStep(output), .003) << before << ", " << fade;
+            }
+            const std::size_t whole = before == 0 ? 0 : 64 * before + (fade > 0 ? fade : kFade);
+            for (std::size_t i = whole + (before == 0 ? 0 : response.size()); i < output.size(); i += 7) {
+                double sum = 0;
+                for (std::size_t k = 0; k < response.size() && k <= i; ++k)
+                    sum += static_cast<double>(response[k]) * static_cast<double>(tone[i - k]);
+                ASSERT_NEAR(output[i], sum, 1e-4) << before << ", " << fade << ", at " << i;
+            }
+        }
+}
+
+TEST(Convolver, AFirstResponseAfterSilenceIsHeardAtOnce) {
+    const std::vector<float> input = noise(64 * 8, 4), response = noise(100, 5);
+    std::vector<float> silence(64), expected(input.size()), output(input.size());
+    Convolver early(64, 640), late(64, 640);
+    early.setResponse(response);
+    for (int k = 0; k < 5; ++k) late.process(silence, silence);
+    late.setResponse(response);
+    for (std::size_t i = 0; i < input.size(); i += 64) {
+        early.process(std::span(input).subspan(i, 64), std::span(expected).subspan(i, 64));
+        late.process(std::span(input).subspan(i, 64), std::span(output).subspan(i, 64));
+    }
+    EXPECT_EQ(output, expected);
+}
+
 TEST(Convolver, AResponseThatComesWhileOneFadesInWaits) {
     Convolver convolver(64, 128);
     std::vector<float> input(64, 1.0f), output(64 * 8);

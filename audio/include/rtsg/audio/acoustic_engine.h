@@ -13,7 +13,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -49,10 +48,6 @@ struct AcousticOptions {
     TraceOptions trace = heardTrace();
     /// Goes before what the scene says of its air, and that before trace.air.
     AirChoice air;
-    /// When positive: rays are added to each response until its figures are within `error` just noticeable differences
-    /// (see largestError()), or there are `maxRays`.
-    double error = 0;
-    std::uint64_t maxRays = 4'000'000;
     AcousticMaterial defaultMaterial;
     /// Goes before what the scene says of the materials that it has a name of; see SoundScene.
     std::shared_ptr<const MaterialTable> materials;
@@ -78,27 +73,26 @@ struct AcousticOptions {
     /// A scene opens no microphone, pipe or device: who runs it says what each source hears.
     ClipLibrary::UsersSounds given;
 
-    static TraceOptions heardTrace() {
-        TraceOptions trace;
-        trace.rays = 2000;
-        trace.maxImageCandidates = 2000;
-        trace.maxSeconds = 3;
-        trace.batches = 8;
-        return trace;
-    }
-    /// Rays (0: as many as usual) and error that were asked for, for what is heard too. The defaults, which are few for
-    /// the sake of speed, limit neither; who asks for more rays or an error gets as many images as figures do.
-    void ask(std::uint64_t rays, double largestError);
+    /// With so many rays for a quality of 1, and as many candidates of images.
+    static constexpr std::uint64_t kHeardRays = 2000;
+    /// Of responses that are heard. What chance does to them falls as 1 / quality, while rays, and above 1 candidates
+    /// of images, grow with its square; `rtsg chart heard` measures both. Precondition: above 0.
+    static TraceOptions heardTrace(double quality = 1);
+    /// Of the quality that so many rays have.
+    static TraceOptions heardTraceOf(std::uint64_t rays);
 };
 
 /// The responses that were heard.
 struct HeardResponses {
     std::uint64_t responses = 0;  // traced
     std::uint64_t turned = 0;     // made again from what had been traced, as the listener turned
-    std::uint64_t rays = 0;       // the most in one
+    std::uint64_t rays = 0;       // the most in one,
+    std::uint64_t raysInAll = 0;  // and of all together
     std::size_t images = 0;       // the most in one
-    // The largest in just noticeable differences; NaN unless asked for.
-    double error = std::numeric_limits<double>::quiet_NaN();
+    /// Sources within earshot of which nothing was traced so far, so that they are heard without reflections; and the
+    /// longest time that one was, seconds. Sound that waits for its responses has none.
+    std::size_t unreflected = 0;
+    double longestWait = 0;
 };
 
 /// A source of which nothing is heard because no way leads from it to the listener.

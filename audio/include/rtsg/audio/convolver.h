@@ -3,7 +3,8 @@
 // Partitioned overlap-save in two sizes: the first fifteen blocks of a response in parts of a block, what
 // is behind them in parts of sixteen, whose work is done once in sixteen blocks (Gardner 1995; Wefers 2015, 5.2
 // and 6.1). A new response fades in smoothly, so that a moving source or wall makes no click; one that comes meanwhile
-// waits. Threading: one thread per object.
+// waits. The first one is heard at once; where something sounds already, that fades in as if it began there.
+// Threading: one thread per object.
 #pragma once
 
 #include <complex>
