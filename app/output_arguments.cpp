@@ -31,7 +31,7 @@ void PictureArguments::addTo(Command& command) {
     command
         .addOption("--integrator", integrator,
                    "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, of rtsg render "
-                   "alone, without shadows and mirrors")
+                   "and view, without shadows and mirrors")
         ->preset()
         ->oneOf({"whitted", "path", "raster"});
     command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
@@ -101,7 +101,8 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
 }
 
 void PictureArguments::checkRaster(bool mayRaster) const {
-    if (!mayRaster) throw UsageError("--integrator", "raster is of rtsg render; here there are: whitted, path");
+    if (!mayRaster)
+        throw UsageError("--integrator", "raster is of rtsg render and view; here there are: whitted, path");
     const PictureArguments usual;
     const auto refuse = [](bool asked, const char* option) {
         if (asked) throw UsageError(option, "is nothing that --integrator raster can do");

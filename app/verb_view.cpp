@@ -35,10 +35,20 @@ constexpr double kStatusEvery = 0.1;       // seconds
 struct ViewArguments {
     ViewSourceArguments source;
     PictureArguments picture;
-    std::string duration, screenshot, device, touch;
+    std::string duration, screenshot, device, touch, renderer = "light";
     double fps = 30;
     bool fullscreen = false, mute = false, overlay = false, force = false, json = false;
 };
+
+/// Throws UsageError.
+RenderSettings pictureSettings(const ViewArguments& options) {
+    PictureArguments pictures = options.picture;
+    if (options.renderer == "ogre") {
+        if (pictures.integrator == "path") throw UsageError("--integrator", "path is of --renderer light");
+        pictures.integrator = "raster";
+    }
+    return pictures.parse(true).settings;
+}
 
 double percentile(std::vector<double> values, double share) {
     if (values.empty()) return 0;
@@ -51,6 +61,7 @@ class Viewing {
   public:
     explicit Viewing(const ViewArguments& options)
         : options_(options),
+          settings_(pictureSettings(options)),
           duration_(options.duration.empty() ? 1e18 : parseSeconds(options.duration)),
           shown_(options.source) {}
 
@@ -78,7 +89,7 @@ class Viewing {
         SceneWindowOptions options;
         options.title = fmt::format("{} - rtsg", shown_.name);
         options.fullscreen = options_.fullscreen;
-        options.picture.settings = options_.picture.parse().settings;
+        options.picture.settings = settings_;
         options.picture.toneMap = options_.picture.toneMap();
         options.picture.budget = 1 / options_.fps;
         options.picture.resources = source_->resources();
@@ -280,6 +291,7 @@ class Viewing {
     }
 
     const ViewArguments& options_;
+    const RenderSettings settings_;
     const double duration_;
     const Clock::time_point start_ = Clock::now();
     ViewSourceArguments shown_;
@@ -306,6 +318,11 @@ Verb addView(Command& program) {
     command->addOption("--set", options->source.set,
                        "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, "
                        "wheel=, head=");
+    command
+        ->addOption("--renderer", options->renderer,
+                    "light: by rays; ogre: by a graphics card, without shadows and mirrors; needs a display")
+        ->preset()
+        ->oneOf({"light", "ogre"});
     command
         ->addOption("--fps", options->fps,
                     "pictures a second while something moves, which then have as many pixels as that allows")

@@ -18,6 +18,8 @@ class GpuMesh {
     GpuMesh();
     /// Puts the numbers into the buffers there are if they fit exactly, as those of a mesh that deforms do.
     void set(const RasterMesh& mesh);
+    /// As RasterModule::bendMesh().
+    void bend(const RasterMesh& mesh);
     Ogre::RenderOperation operation() const;
     bool empty() const { return indices_.indexCount == 0; }
     bool strokes() const { return strokes_; }
@@ -26,6 +28,7 @@ class GpuMesh {
 
   private:
     void declare(bool strokes);
+    void fill(unsigned short stream, const void* data, std::size_t size, std::size_t count);
     Ogre::VertexData vertices_;
     Ogre::IndexData indices_;
     bool strokes_ = false, declared_ = false;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -23,6 +24,7 @@
 #include <OgreViewport.h>
 
 #include "gpu_thing.h"
+#include "graphics_thread.h"
 
 namespace rtsg {
 
@@ -77,22 +79,29 @@ class OgreRaster final : public RasterModule {
         camera_ = scene_->createCamera("eye");
         eyeNode_->attachObject(camera_);
         library_->setTable({});
-        const RasterVertex corners[3] = {{{-1, -1, 0}}, {{3, -1, 0}}, {{-1, 3, 0}}};
+        const RasterPlace corners[3] = {{{-1, -1, 0}}, {{3, -1, 0}}, {{-1, 3, 0}}};
+        const RasterLook looks[3];
         const std::uint32_t indices[3] = {0, 1, 2};
         RasterMesh all;
-        all.vertices = corners, all.indices = indices;
-        whole_.set(all);
+        all.places = corners, all.looks = looks, all.indices = indices;
+        whole_.emplace().set(all);
+        driver_ = root_.getRenderSystem()->getCapabilities()->getDeviceName();
     }
     ~OgreRaster() override {
-        things_.clear();
-        backgrounds_.clear();
-        for (auto& [number, material] : materials_) forget(material.material);
-        dropTarget();
-        library_.reset();
-        root_.destroySceneManager(scene_);
+        onGraphicsThread([this] {
+            things_.clear();
+            backgrounds_.clear();
+            for (auto& [number, material] : materials_) forget(material.material);
+            meshes_.clear(), materials_.clear();
+            whole_.reset();
+            dropTarget();
+            library_.reset();
+            root_.destroySceneManager(scene_);
+        });
     }
 
-    std::string driver() const override { return root_.getRenderSystem()->getCapabilities()->getDeviceName(); }
+    std::string driver() const override { return driver_; }
+    void run(const std::function<void()>& work) override { onGraphicsThread(work); }
     std::string problem() override { return std::exchange(problem_, {}); }
 
     void setMesh(std::uint32_t number, const RasterMesh& mesh) override {
@@ -100,6 +109,13 @@ class OgreRaster final : public RasterModule {
             Mesh& held = meshes_[number];
             if (!held.mesh) held.mesh = std::make_unique<GpuMesh>();
             held.mesh->set(mesh);
+            for (GpuThing* user : held.users) user->show(*held.mesh);
+        });
+    }
+    void bendMesh(std::uint32_t number, const RasterMesh& mesh) override {
+        guarded([&] {
+            Mesh& held = meshes_.at(number);
+            held.mesh->bend(mesh);
             for (GpuThing* user : held.users) user->show(*held.mesh);
         });
     }
@@ -302,7 +318,7 @@ class OgreRaster final : public RasterModule {
             background.thing.scene = scene_;
             background.thing.node = scene_->getRootSceneNode()->createChildSceneNode();
             background.thing.node->attachObject(background.thing.object.get());
-            background.thing.object->setRenderOperation(whole_.operation());
+            background.thing.object->setRenderOperation(whole_->operation());
             background.thing.object->setBackground();
         }
         if (!background.material || background.sky != view.sky) {
@@ -332,6 +348,7 @@ class OgreRaster final : public RasterModule {
 
     Ogre::Root& root_;
     const std::string prefix_;
+    std::string driver_;
     std::unique_ptr<GpuLibrary> library_;
     Ogre::SceneManager* scene_ = nullptr;
     Ogre::SceneNode* eyeNode_ = nullptr;
@@ -340,7 +357,7 @@ class OgreRaster final : public RasterModule {
     Ogre::TexturePtr target_;
     int targets_ = 0;
     ViewNumbers view_{};
-    GpuMesh whole_;  // a triangle over the whole picture
+    std::optional<GpuMesh> whole_;  // a triangle over the whole picture
     std::map<std::uint32_t, Mesh> meshes_;
     std::map<std::uint32_t, Material> materials_;
     std::map<std::uint32_t, Placed> things_;
@@ -350,22 +367,25 @@ class OgreRaster final : public RasterModule {
 };
 
 std::unique_ptr<RasterModule> openRaster(std::string& problem) {
-    Ogre::Root* root = rootOf(problem);
-    if (!root) return nullptr;
-    try {
-        return std::make_unique<OgreRaster>(*root);
-    } catch (const Ogre::Exception& e) {
-        problem = e.getDescription();
-    } catch (const std::exception& e) {
-        problem = e.what();
-    }
-    return nullptr;
+    std::unique_ptr<RasterModule> opened;
+    onGraphicsThread([&] {
+        Ogre::Root* root = rootOf(problem);
+        if (!root) return;
+        try {
+            opened = std::make_unique<OgreRaster>(*root);
+        } catch (const Ogre::Exception& e) {
+            problem = e.getDescription();
+        } catch (const std::exception& e) {
+            problem = e.what();
+        }
+    });
+    return opened;
 }
 
 }  // namespace
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenRaster rtsg_open_raster_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenRaster rtsg_open_raster_2() {
     return &rtsg::openRaster;
 }

@@ -5,6 +5,7 @@
 #include <memory>
 #include <ostream>
 #include <string>
+#include <thread>
 
 #include <gmock/gmock.h>
 
@@ -318,6 +319,50 @@ TEST_F(OgrePictures, EditsGiveThePictureOfTheSceneAnew) {
         ASSERT_TRUE(fresh) << fresh.error().format();
         ASSERT_LE(differenceOf(*fresh, *drawn).mean, .5) << "after " << set << " sets of changes";
     }
+}
+
+// The scene goes on while pictures of its states are made elsewhere.
+TEST_F(OgrePictures, StatesArePicturedOnAnotherThread) {
+    Scene scene;
+    SeenEdits edits(scene, 8);
+    SharedWorld world(scene);
+    OgreRenderer followed(world);
+    ImageOptions options;
+    options.settings.width = 64, options.settings.height = 48;
+    std::shared_ptr<const WorldState> older;
+    for (int set = 0; set < 300; ++set) {
+        for (int i = 0; i < 8; ++i) edits.step();
+        scene.newFrame(set);
+        const auto state = world.present();
+        ASSERT_TRUE(state) << state.error().format();
+        if (set % 4 != 3) continue;
+        const bool compares = set % 20 == 19;
+        Picture fresh;
+        if (compares) {
+            OgreRenderer anew(world);
+            auto picture = anew.nextPicture(options);
+            ASSERT_TRUE(picture) << picture.error().format();
+            fresh = std::move(*picture);
+        }
+        Result<Picture> drawn{Picture()};
+        RenderStats stats;
+        std::thread worker([&] { drawn = followed.nextPicture(**state, options, {}, stats); });
+        edits.step();
+        scene.newFrame(set + .5);
+        worker.join();
+        ASSERT_TRUE(drawn) << drawn.error().format();
+        EXPECT_FALSE(stats.cancelled);
+        EXPECT_EQ(followed.presented(), (*state)->sequence);
+        if (compares) {
+            ASSERT_LE(differenceOf(fresh, *drawn).mean, .5) << "after " << set << " sets of changes";
+        }
+        older = *state;
+    }
+    const auto last = world.present();
+    ASSERT_TRUE(last);
+    EXPECT_TRUE(followed.renderFrame(**last));
+    EXPECT_FALSE(followed.renderFrame(*older)) << "it goes on, not back";
+    EXPECT_TRUE(followed.renderFrame()) << "on the scene's thread, too";
 }
 
 TEST_F(OgrePictures, WhatItCannotDoIsAnError) {

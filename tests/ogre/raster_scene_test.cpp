@@ -110,6 +110,40 @@ TEST(RasterScene, ClearAndTwoSidedSurfacesAreDrawnBacksFirst) {
     EXPECT_EQ(first, 2);
 }
 
+// Of a mesh that deforms only what moves is handed over, but for the first time.
+TEST(RasterScene, OfADeformingMeshOnlyWhatMovesIsHandedOver) {
+    const std::string faces =
+        "IndexedFaceSet {{ {} coordIndex [ 0 1 2 -1 2 1 3 -1 ] coord DEF P Coordinate {{ point [ 0 0 0, 1 0 0, 0 1 0, "
+        "1 1 "
+        "1 ] }} {} }}";
+    const auto square = [](float z) { return Array<Vec3f>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, z}}; };
+    const std::string coordinates = "texCoord TextureCoordinate { point [ 0 0, 1 0, 0 1, 1 1 ] }";
+    struct Kind {
+        std::string smooth, more;
+        std::size_t vertices;
+    };
+    for (const Kind& kind :
+         {Kind{"creaseAngle 4", coordinates, 4}, Kind{"creaseAngle 0", coordinates, 6}, Kind{"creaseAngle 4", "", 4},
+          Kind{"creaseAngle 4", "fogCoord FogCoordinate { depth [ 0, .5, .5, 1 ] }", 4},
+          Kind{"creaseAngle 4 colorPerVertex FALSE", "color Color { color [ 1 0 0, 0 1 0 ] }", 6}}) {
+        SCOPED_TRACE(kind.smooth + kind.more);
+        Told t("Shape { geometry " + fmt::format(fmt::runtime(faces), kind.smooth, kind.more) + " }\n");
+        (void)t.written->content();
+        const auto& mesh = t.written->raster.meshes.begin()->second;
+        for (int i = 1; i < 5; ++i) {
+            ASSERT_TRUE(t.scene.set(t.node("P"), x3d::Coordinate::point, square(1.f + float(i) / 4)));
+            t.frame();
+            const std::vector<std::string> followed = t.written->content();
+            Written anew(*t.world);
+            EXPECT_EQ(followed, anew.content());
+        }
+        EXPECT_EQ(mesh.set, 2);
+        EXPECT_EQ(mesh.bent, 3);
+        EXPECT_EQ(mesh.places.size(), kind.vertices);
+        EXPECT_EQ(t.written->scene.counts().bent, 3u);
+    }
+}
+
 // 2,000 km away places are still told to a hair.
 TEST(RasterScene, PlacesAreRelativeToAnOriginNearTheEye) {
     Told t(

@@ -21,7 +21,11 @@ class WrittenRaster final : public RasterModule {
   public:
     struct Mesh {
         std::string text;
-        int set = 0;  // how often
+        int set = 0, bent = 0;  // how often
+        std::vector<RasterPlace> places;
+        std::vector<RasterLook> looks;
+        std::vector<RasterStroke> strokes;
+        std::vector<std::uint32_t> indices;
     };
     std::map<std::uint32_t, Mesh> meshes;
     std::map<std::uint32_t, std::string> textures;
@@ -31,14 +35,25 @@ class WrittenRaster final : public RasterModule {
     int wrong = 0;  // numbers that it was told of and does not know
 
     std::string driver() const override { return "paper"; }
+    void run(const std::function<void()>& work) override { work(); }
     std::string problem() override { return {}; }
     void setMesh(std::uint32_t number, const RasterMesh& mesh) override {
         Mesh& held = meshes[number];
         ++held.set;
-        held.text = fmt::format("{} {}:", mesh.vertices.size(), mesh.strokes.size());
-        for (const RasterVertex& v : mesh.vertices) held.text += textOf(v.position) + textOf(v.normal);
-        for (const RasterStroke& v : mesh.strokes) held.text += textOf(v.start) + textOf(v.end);
-        for (const std::uint32_t i : mesh.indices) held.text += fmt::format("{} ", i);
+        held.places.assign(mesh.places.begin(), mesh.places.end());
+        held.looks.assign(mesh.looks.begin(), mesh.looks.end());
+        held.strokes.assign(mesh.strokes.begin(), mesh.strokes.end());
+        held.indices.assign(mesh.indices.begin(), mesh.indices.end());
+        write(held);
+    }
+    void bendMesh(std::uint32_t number, const RasterMesh& mesh) override {
+        wrong += !meshes.contains(number);
+        Mesh& held = meshes[number];
+        ++held.bent;
+        wrong += mesh.places.size() != held.places.size() || !mesh.indices.empty();
+        held.places.assign(mesh.places.begin(), mesh.places.end());
+        if (!mesh.looks.empty()) held.looks.assign(mesh.looks.begin(), mesh.looks.end());
+        write(held);
     }
     void dropMesh(std::uint32_t number) override {
         wrong += meshes.erase(number) != 1;
@@ -87,6 +102,27 @@ class WrittenRaster final : public RasterModule {
     }
 
   private:
+    /// Corner by corner, whatever vertices they share; of a large mesh a sum of that.
+    static void write(Mesh& mesh) {
+        mesh.text = fmt::format("{} {}:", mesh.indices.size(), mesh.strokes.size());
+        if (mesh.indices.size() > 60 && mesh.strokes.empty()) {
+            std::uint64_t sum = 0;
+            const auto add = [&](const glm::vec3& v) {
+                for (int k = 0; k < 3; ++k) sum = sum * 1099511628211u + std::uint64_t(std::lround(v[k] * 1024));
+            };
+            for (const std::uint32_t i : mesh.indices) {
+                add(mesh.places.at(i).position), add(mesh.places.at(i).normal), add(mesh.looks.at(i).coordinates);
+                add(glm::vec3(mesh.looks.at(i).color));
+            }
+            mesh.text += fmt::format("{:x}", sum);
+            return;
+        }
+        for (const RasterStroke& v : mesh.strokes) mesh.text += textOf(v.start) + textOf(v.end);
+        if (!mesh.strokes.empty()) return;
+        for (const std::uint32_t i : mesh.indices)
+            mesh.text += textOf(mesh.places.at(i).position) + textOf(mesh.places.at(i).normal) +
+                         textOf(mesh.looks.at(i).coordinates) + textOf(glm::vec3(mesh.looks.at(i).color));
+    }
     static std::string textOf(const glm::vec3& v) {
         const auto rounded = [](float x) { return std::round(x * 1024) / 1024 + 0.0f; };
         return fmt::format("({:g} {:g} {:g})", rounded(v.x), rounded(v.y), rounded(v.z));

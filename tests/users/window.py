@@ -3,6 +3,7 @@
 display is Xvfb's, the hand is xdotool's; where these are not installed the tests are skipped."""
 import contextlib
 import os
+import pathlib
 import re
 import shutil
 import subprocess
@@ -236,6 +237,122 @@ def test_a_window_that_is_closed_ends_in_order(user):
         viewer.done()
     check(is_whole_png(user.path("last.png")), "the picture of the end")
     equal(int.from_bytes(user.path("last.png").read_bytes()[16:20], "big"), 320, "as wide as the window was then")
+
+
+def by_ogre(user, *arguments, status=0):
+    """Runs it; where the rasteriser is not there, or has no OpenGL, the test is skipped."""
+    program = user.start(*arguments)
+    if program.wait() == 1 and "rasteriser" in program.err:
+        raise Skipped(program.err.strip())
+    return program.done(status)
+
+
+def test_ogre_draws_the_window_and_everything_else_is_the_same(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    user.path("moved.x3dv").write_text(TOUCH.replace("Viewpoint { position 0 0 6 }\n", ""))
+    with display():
+        by_ogre(user, "render", "moved.x3dv", "--integrator", "raster", "-o", "same.png", "--size", "400x300")
+        viewer = view(user, "touch.x3dv", "--renderer", "ogre", "--screenshot", "far.png")
+        window_of(viewer)
+        check(any(red > 200 and green < 60 for red, green, blue in colours_in((150,), (200,))), "the box is in the middle of the screen")
+        hand("key", "Next")  # PGDN: the viewpoint far away
+        time.sleep(1)
+        check(all(red < 60 for red, green, blue in colours_in((150,), (230,))), "it is far away on the screen, too")
+        hand("key", "F1")
+        check(is_shown(viewer), "there is a panel over it")
+        hand("key", "F1")
+        hand("key", "ctrl+s")
+        time.sleep(1)
+        hand("key", "Escape")
+        report = viewer.done()
+        equal(report["whole"], True, "at rest the picture is whole")
+        equal(user.path("far.png").read_bytes(), user.path("same.png").read_bytes(), "the picture from that viewpoint")
+        check(is_whole_png(user.path("rtsg-1.png")), "a picture by a key")
+        server, endpoint = user.serve("touch.x3dv", "--upstream", "events", "--record", "touch.rlog", "--fps", "30")
+        viewer = view(user, endpoint, "--name", "Ann", "--renderer", "ogre")
+        window_of(viewer)
+        hand("mousemove", 200, 150)
+        time.sleep(0.5)
+        hand("mousedown", 1)
+        time.sleep(0.3)
+        hand("mouseup", 1)
+        time.sleep(1)
+        hand("key", "Escape")
+        viewer.done()
+        server.signal(signal.SIGINT)
+        server.wait()
+    program = user.start("replay", "touch.rlog", "--blame", "T.rotation")
+    program.done()
+    check("Ann (from a pointer" in program.out, f"what was clicked in its picture turned: {program.out!r}")
+
+
+@contextlib.contextmanager
+def nobody_looks():
+    """Windows without a screen."""
+    before = {key: os.environ.get(key) for key in ("DISPLAY", "SDL_VIDEODRIVER")}
+    os.environ.pop("DISPLAY", None)
+    os.environ["SDL_VIDEODRIVER"] = "offscreen"
+    yield
+    for key, value in before.items():
+        os.environ.pop(key, None) if value is None else os.environ.__setitem__(key, value)
+
+
+def test_without_a_display_ogre_says_so(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with nobody_looks():
+        viewer = view(user, "touch.x3dv", "--renderer", "ogre", "--for", "1s")
+        equal(viewer.wait(), 1, "status")
+        check("rasteriser" in viewer.err, f"it is named: {viewer.err!r}")
+        viewer = view(user, "touch.x3dv", "--renderer", "ogre", "--shadows", "all", "--for", "1s")
+        equal(viewer.wait(), 2, "shadows by OGRE are no use of it")
+
+
+def test_a_server_that_ends_or_is_lost_ends_the_window(user):
+    user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE"))
+    with nobody_looks():
+        server, endpoint = user.serve("spin.x3dv", "--fps", "30")
+        viewer = view(user, endpoint, "--screenshot", "last.png")
+        time.sleep(2)
+        server.signal(signal.SIGINT)
+        server.wait()
+        viewer.done()  # the server has left in order
+        check(is_whole_png(user.path("last.png")), "a picture of the last state is written")
+        server, endpoint = user.serve("spin.x3dv", "--fps", "30")
+        viewer = view(user, endpoint, "--wait", "1s", "--screenshot", "lost.png")
+        time.sleep(2)
+        server.signal(signal.SIGKILL)
+        server.wait()
+        viewer.done(1)
+        check("silent for 1 s" in viewer.err, f"it is named: {viewer.err!r}")
+        check(is_whole_png(user.path("lost.png")), "what was there last")
+
+
+def resident(program):
+    """Bytes."""
+    status = pathlib.Path(f"/proc/{program.process.pid}/status").read_text()
+    return 1024 * int(re.search(r"VmRSS:\s+(\d+)", status).group(1))
+
+
+def test_a_scene_that_never_stands_still_keeps_its_window_and_its_memory(user):
+    # Something is made and taken away all the time, and the box turns.
+    user.path("spin.x3dv").write_text(TOUCH.replace("startTime -100", "loop TRUE") + """
+DEF G Group { }
+DEF EVERY TimeSensor { cycleInterval .05 loop TRUE }
+DEF S Script { directOutput TRUE field SFNode g USE G eventIn SFTime tick
+  url "ecmascript:function tick(v) { g.children = new MFNode(Browser.createX3DFromString('Shape { geometry Sphere { radius .2 } }')[0]); }" }
+ROUTE EVERY.cycleTime TO S.tick
+""")
+    # The long form is that of ./dev soak.
+    seconds = 600 if LONG else 8
+    with nobody_looks():
+        viewer = view(user, "spin.x3dv", "--for", f"{seconds}s")
+        time.sleep(seconds / 2)
+        half = resident(viewer)
+        time.sleep(seconds / 2 - 1)
+        whole = resident(viewer)
+        report = viewer.done()
+    check(whole - half < 24 << 20, f"memory grows: {half >> 20} MiB, {whole >> 20} MiB later on")
+    check(report["pictures"] > 5 * seconds and report["sequence"] > 20 * seconds, f"pictures come all the time: {report}")
 
 
 @only_long

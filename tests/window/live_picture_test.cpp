@@ -8,8 +8,11 @@
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
+#include <rtsg/ogre/ogre_renderer.h>
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/window/live_picture.h>
+
+#include "ogre/display.h"
 
 namespace rtsg {
 namespace {
@@ -30,7 +33,7 @@ struct Seen {
     std::size_t looked = 0;
 
     ~Seen() { pictures.reset(); }  // before what its thread writes to
-    explicit Seen(double budget = 1 / 30.0, int mostSamples = 8) {
+    explicit Seen(double budget = 1 / 30.0, int mostSamples = 8, Integrator integrator = Integrator::whitted) {
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene,
                              "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 0 6 }\n"
@@ -44,6 +47,7 @@ struct Seen {
         options.settings.width = kWidth, options.settings.height = kHeight;
         options.settings.samplesPerPixel = 4;
         options.settings.threads = 1;
+        options.settings.integrator = integrator;
         options.budget = budget;
         options.mostSamples = mostSamples;
         options.restsAfter = .02;
@@ -170,6 +174,112 @@ TEST(LivePictures, AnEyeOfOnesOwnIsLookedThrough) {
     ASSERT_TRUE(seen.pictures->show());
     const std::size_t middle = 4 * (kWidth * kHeight / 2 + kWidth / 2) + 2;
     (void)seen.next([&](const auto& shown) { return shown.whole && shown.pixels[middle] > 100; });
+}
+
+/// The sphere moves in a corner before a wall of boxes.
+struct Corner : Seen {
+    explicit Corner(double budget) : Seen(budget) {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 0 9 }\n"
+                             "DEF B Transform { translation -3 1 0 children Shape { appearance Appearance { material "
+                             "Material { } } geometry Sphere { radius .3 } } }\n"
+                             "Transform { translation 3 0 0 children Shape { appearance Appearance { material "
+                             "Material { diffuseColor 1 .5 .2 } } geometry Box { } } }\n",
+                             diagnostics));
+        box = scene.findName("B");
+        scene.newFrame(time += 1);
+        EXPECT_TRUE(pictures->show());
+    }
+    void step(int i) {
+        EXPECT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(-3, 1 + float(i) / 50, 0)));
+        scene.newFrame(time += 1);
+        EXPECT_TRUE(pictures->show());
+    }
+};
+
+TEST(LivePictures, WhileTheEyeRestsPixelsThatNoChangeTouchesAreTakenOver) {
+    Corner seen(10);
+    (void)seen.next([&](const auto& shown) { return shown.sequence == seen.scene.sequence() && shown.whole; });
+    for (int i = 1; i < 6; ++i) {
+        seen.step(i);
+        const auto moved = seen.next([&](const auto& shown) { return shown.sequence == seen.scene.sequence(); });
+        EXPECT_TRUE(moved->whole);
+        EXPECT_GT(moved->kept, .3);
+        EXPECT_LT(moved->kept, 1);
+        EXPECT_EQ(moved->pixels, bytesOf(seen.made(1))) << "as if all had been made anew";
+    }
+}
+
+// What is tried and takes too long costs no picture.
+TEST(LivePictures, WithoutTimeForAllPixelsThereAreFewerOfThem) {
+    Corner seen(1e-6);
+    for (int i = 1; i < 6; ++i) {
+        (void)seen.next([](const auto& shown) { return shown.whole && shown.samples == 8; });
+        seen.step(i);
+        const auto moved = seen.next([&](const auto& shown) { return shown.sequence == seen.scene.sequence(); });
+        EXPECT_FALSE(moved->whole);
+    }
+}
+
+/// Pictures by OGRE, as rtsg::OgreRenderer makes them by itself.
+struct Rastered : Seen {
+    Rastered() : Seen(1 / 30.0, 8, Integrator::raster) {}
+    Picture drawn(int samples) {
+        OgreRenderer renderer(*world);
+        ImageOptions options;
+        options.settings.width = kWidth, options.settings.height = kHeight;
+        options.settings.samplesPerPixel = samples;
+        return *renderer.nextPicture(options);
+    }
+};
+
+class RasteredPictures : public testing::Test {
+  protected:
+    void SetUp() override {
+        if (!test::haveDisplay()) GTEST_SKIP() << "there is no display, and no Xvfb";
+        Scene scene;
+        SharedWorld world(scene);
+        OgreRenderer renderer(world);
+        if (auto ok = renderer.open(); !ok) GTEST_SKIP() << ok.error().format();
+    }
+};
+
+TEST_F(RasteredPictures, AreWholeAtRestThenBetterAndFollowWhatChanges) {
+    Rastered seen;
+    const auto whole = seen.next([](const auto& shown) { return shown.whole; });
+    EXPECT_EQ(whole->pixels, bytesOf(seen.drawn(1))) << "the picture that render makes";
+    const auto four = seen.next([](const auto& shown) { return shown.samples == 4; });
+    EXPECT_EQ(four->pixels, bytesOf(seen.drawn(4)));
+    (void)seen.next([](const auto& shown) { return shown.samples == 8; });
+    for (int i = 0; i < 10; ++i) seen.move();
+    const auto moved =
+        seen.next([&](const auto& shown) { return shown.whole && shown.sequence == seen.scene.sequence(); });
+    EXPECT_EQ(moved->pixels, bytesOf(seen.drawn(1)));
+    EXPECT_NE(moved->pixels, whole->pixels);
+    EXPECT_NE(seen.pictures->renderer().find("OGRE"), std::string::npos);
+}
+
+TEST_F(RasteredPictures, OneOfAnotherSizeIsMadeInBetween) {
+    Rastered seen;
+    RenderSettings settings;
+    settings.integrator = Integrator::raster;
+    settings.width = 64, settings.height = 64;
+    for (int i = 0; i < 20; ++i) {
+        seen.move();
+        const auto made = seen.pictures->picture(settings);
+        ASSERT_TRUE(made) << made.error().format();
+        EXPECT_EQ(made->width, 64);
+    }
+    seen.pictures->setSize(64, 64);
+    (void)seen.next([](const auto& shown) { return shown.whole && shown.width == 64 && shown.height == 64; });
+    ASSERT_TRUE(seen.pictures->show(
+        Camera::perspective(WorldFromLocal(1), {0, 0, 6}, Rotation{0, 1, 0, 3.1415926f}, .8, 16. / 9)));
+    (void)seen.next([](const auto& shown) {
+        bool isBlack = shown.whole;
+        for (std::size_t i = 0; i < shown.pixels.size(); ++i) isBlack = isBlack && (i % 4 == 3 || shown.pixels[i] == 0);
+        return isBlack;
+    });
 }
 
 }  // namespace

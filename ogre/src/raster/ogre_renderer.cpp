@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <mutex>
 #include <set>
 #include <tuple>
 #include <unordered_map>
@@ -15,6 +16,7 @@
 #include <rtsg/core/module.h>
 #include <rtsg/renderers/surface_tables.h>
 
+#include "delta_queue.h"
 #include "raster_looks.h"
 #include "raster_module.h"
 #include "raster_scene.h"
@@ -58,12 +60,14 @@ Result<> checkOptions(const ImageOptions& options) {
     return {};
 }
 
-/// The place of a sample in a pixel, from 0 to 1: the middle, or a row of places that fills it evenly.
-Vec2d placeOf(int sample, int samples) {
+/// The place of a sample in a pixel, from 0 to 1: the middle, or a row of places that fills it evenly. Pictures with
+/// seeds of a row have other places, by the sequence R2 (Roberts 2018).
+Vec2d placeOf(int sample, int samples, std::uint64_t seed) {
     if (samples == 1) return {.5, .5};
     double y = 0, share = .5;
     for (auto bits = static_cast<unsigned>(sample); bits; bits >>= 1, share /= 2) y += (bits & 1u) ? share : 0;
-    return {(sample + .5) / samples, y + .5 / samples};
+    const auto row = static_cast<double>((seed - RenderSettings().seed) & 0xFFFF);
+    return glm::fract(Vec2d((sample + .5) / samples, y + .5 / samples) + row * Vec2d(0.7548776662, 0.5698402910));
 }
 
 glm::mat4 viewOf(const Camera& camera, const Vec3d& origin) {
@@ -128,38 +132,104 @@ RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& 
 
 }  // namespace
 
+namespace {
+
+/// What of a state of a world is the rasteriser's.
+struct RasterState {
+    std::uint64_t deltas = 0;  // up to which number they count
+    std::shared_ptr<const LightState> light;
+};
+
+}  // namespace
+
 struct OgreRenderer::Impl {
     Impl(SharedWorld& w, LightRenderer::Options o)
-        : world(w), options(std::move(o)), tables(w, options.resources), scene([this](const char* what) {
-              if (lacks.insert(what).second) said.warning({}, fmt::format("the rasteriser: {}", what));
-          }) {}
+        : world(w),
+          options(std::move(o)),
+          tables(w, options.resources),
+          scene(std::make_unique<RasterScene>([this](const char* what) { lack(what); })) {}
+    ~Impl() {
+        if (module) module->run([this] { scene.reset(); });
+    }
 
     SharedWorld& world;
     LightRenderer::Options options;
+    // Of the scene's thread.
     SurfaceTables tables;
-    std::unique_ptr<RasterModule> module;  // outlives what is handed to it
-    RasterScene scene;
+    std::shared_ptr<const RasterState> frozen;
     std::string refused;
-    Picture frame;
-    Camera camera;
     Diagnostics said;
     std::size_t taken = 0;  // of the tables'
-    std::set<std::string> lacks;
+    DeltaQueue deltas;      // to the thread of the graphics
+    // Of whoever makes pictures, and in module->run().
+    std::unique_ptr<RasterModule> module;  // outlives what is handed to it
+    std::unique_ptr<RasterScene> scene;
+    Picture frame;
+    Camera camera;
 
+    std::mutex mutex;  // guards what follows
+    std::set<std::string> lacks;
+    Diagnostics lackNews;
+    std::optional<PictureSight> looked;  // by whoever looks on, last
+
+    void lack(const char* what) {
+        const std::scoped_lock lock(mutex);
+        if (lacks.insert(what).second) lackNews.warning({}, fmt::format("the rasteriser: {}", what));
+    }
     void takeDiagnostics() {
         const auto& news = tables.diagnostics().all();
         for (; taken < news.size(); ++taken) said.add(news[taken]);
+        const std::scoped_lock lock(mutex);
+        said.append(std::exchange(lackNews, Diagnostics()));
     }
-    Result<std::vector<LayerView>> views(const ImageOptions& asked) {
+    Result<> open() {
+        if (!refused.empty()) return fail(refused);
+        if (module) return {};
+        auto opened = openRaster();
+        if (!opened) return std::unexpected(opened.error());
+        module = std::move(*opened);
+        module->run([this] { scene->open(module.get()); });
+        return {};
+    }
+    /// On the scene's thread: the present state.
+    std::shared_ptr<const RasterState> freeze() {
+        auto light = std::static_pointer_cast<const LightState>(tables.freeze());
+        if (!frozen || frozen->deltas != deltas.newest() || frozen->light != light)
+            frozen = std::make_shared<const RasterState>(RasterState{deltas.newest(), std::move(light)});
+        return frozen;
+    }
+
+    // ---- in module->run() ------------------------------------------------------------------------------------
+    /// False: the scene is in a later state.
+    bool follow(const RasterState& state) {
+        const auto news = deltas.take(state.deltas);
+        if (!news) return false;
+        for (const InstanceDelta& delta : *news) scene->follow(delta);
+        return true;
+    }
+    Result<std::vector<LayerView>> views(const SurfaceState& state, const ImageOptions& asked, const OwnLook& look) {
         const RenderSettings& s = asked.settings;
-        const SurfaceState state = tables.latest();
-        const BoxOfLayer boxes = [this](std::uint16_t layer) { return scene.box(layer); };
-        auto found = state.camera(boxes, static_cast<double>(s.width) / s.height, asked.viewpoint);
+        const bool isCoarse = look.wholeWidth > 0 && look.wholeHeight > 0;
+        const double aspect = isCoarse ? static_cast<double>(look.wholeWidth) / look.wholeHeight
+                                       : static_cast<double>(s.width) / s.height;
+        const BoxOfLayer boxes = [this](std::uint16_t layer) { return scene->box(layer); };
+        auto found = state.camera(boxes, aspect, asked.viewpoint);
         if (!found) return std::unexpected(found.error());
         camera = *found;
+        if (look.eye) {
+            camera = look.eye->shaped(aspect);
+            camera.layer = found->layer;
+        }
         return state.layers(boxes, camera, s.width, s.height);
     }
-    Picture draw(const RenderSettings& s, const std::vector<LayerView>& layers);
+    Picture draw(const SurfaceState& state, const RenderSettings& s, const std::vector<LayerView>& layers,
+                 bool& cancelled);
+    Result<Picture> finish(Result<Picture> picture) const {
+        if (!picture) return picture;
+        if (const std::string problem = module->problem(); !problem.empty())
+            return fail(fmt::format("the rasteriser failed: {}", problem));
+        return picture;
+    }
 };
 
 OgreRenderer::OgreRenderer(SharedWorld& world, LightRenderer::Options options)
@@ -171,77 +241,152 @@ OgreRenderer::~OgreRenderer() {
     OgreRenderer::detachFromScene();
 }
 
+Result<> OgreRenderer::open() {
+    return impl_->open();
+}
+
 Result<> OgreRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     if (auto ok = impl_->tables.apply(scene, changes, delta); !ok) return ok;
-    impl_->scene.follow(delta);
+    impl_->deltas.add(delta);
     return {};
 }
 
-std::optional<PictureSight> OgreRenderer::looksFrom() {
-    const auto layers = impl_->views(impl_->options.image);
-    if (!layers) return std::nullopt;
-    const RenderSettings& s = impl_->options.image.settings;
-    const Camera& camera = impl_->camera;
-    return PictureSight{EyePlace(camera.position, camera.up), LightTracer::sights(*layers, s.width, s.height)};
+std::shared_ptr<const void> OgreRenderer::freezeTables() {
+    return impl_->freeze();
 }
 
-Picture OgreRenderer::Impl::draw(const RenderSettings& s, const std::vector<LayerView>& layers) {
+/// It is asked only where there are rays, too.
+std::optional<PictureSight> OgreRenderer::looksFrom() {
+    Impl& s = *impl_;
+    {
+        const std::scoped_lock lock(s.mutex);
+        if (s.looked) return s.looked;
+    }
+    const RenderSettings& settings = s.options.image.settings;
+    if (settings.width < 1 || settings.height < 1) return std::nullopt;
+    const auto light = s.freeze()->light;
+    const RayWorld& rays = world().rays();
+    const auto camera = LightTracer::camera(*light, rays, static_cast<double>(settings.width) / settings.height,
+                                            s.options.image.viewpoint);
+    if (!camera) return std::nullopt;
+    return PictureSight{EyePlace(camera->position, camera->up),
+                        LightTracer::sights(LightTracer::layers(*light, rays, *camera, settings.width, settings.height),
+                                            settings.width, settings.height)};
+}
+
+Picture OgreRenderer::Impl::draw(const SurfaceState& state, const RenderSettings& s,
+                                 const std::vector<LayerView>& layers, bool& cancelled) {
     Picture picture(s.width, s.height);
     picture.space = ColorSpace::display;
-    scene.bring(tables.latest(), layers, camera.position);
+    scene->bring(state, layers, camera.position);
     std::vector<Vec4f> drawn;
-    for (int sample = 0; sample < s.samplesPerPixel; ++sample) {
+    for (int sample = 0; sample < s.samplesPerPixel && !cancelled; ++sample) {
         std::vector<RasterView> rasterViews;
         for (const LayerView& layer : layers) {
             rasterViews.push_back(
-                rasterView(layer, scene.origin(), placeOf(sample, s.samplesPerPixel), s.samplesPerPixel));
-            rasterViews.back().headlight = tables.latest().headlight(layer.camera.layer);
-            rasterViews.back().sky = scene.sky(rasterViews.size() - 1);
+                rasterView(layer, scene->origin(), placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel));
+            rasterViews.back().headlight = state.headlight(layer.camera.layer);
+            rasterViews.back().sky = scene->sky(rasterViews.size() - 1);
         }
         module->draw(s.width, s.height, rasterViews, drawn);
         for (std::size_t i = 0; i < drawn.size(); ++i)
             picture.pixels[i] += drawn[i] / static_cast<float>(s.samplesPerPixel);
-        if (s.progress && !s.progress((sample + 1.0) / s.samplesPerPixel)) break;
+        cancelled = s.progress && !s.progress((sample + 1.0) / s.samplesPerPixel);
     }
     return picture;
 }
 
+namespace {
+
+void fillStats(const RenderSettings& settings, std::chrono::steady_clock::time_point start, bool cancelled,
+               RenderStats& stats) {
+    stats = {};
+    stats.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    stats.samples = settings.samplesPerPixel;
+    stats.cancelled = cancelled;
+}
+
+}  // namespace
+
 Result<Picture> OgreRenderer::nextPicture(const ImageOptions& options, RenderStats* stats) {
     Impl& s = *impl_;
-    if (!s.refused.empty()) return fail(s.refused);
     if (auto ok = checkOptions(options); !ok) return std::unexpected(ok.error());
-    if (!s.module) {
-        auto module = openRaster();
-        if (!module) return std::unexpected(module.error());
-        s.module = std::move(*module);
-        s.scene.open(s.module.get());
-    }
+    if (auto ok = s.open(); !ok) return std::unexpected(ok.error());
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
     const auto start = std::chrono::steady_clock::now();
-    auto layers = s.views(options);
-    if (!layers) return std::unexpected(layers.error());
+    const auto look = [&](std::vector<LayerView>& layers) -> Result<> {
+        const auto state = s.freeze();
+        if (!s.follow(*state)) return fail("the rasteriser shows a later state");
+        auto found = s.views(SurfaceState(state->light), options, {});
+        if (!found) return std::unexpected(found.error());
+        layers = std::move(*found);
+        return {};
+    };
+    std::vector<LayerView> layers;
+    Result<> looked;
+    s.module->run([&] { looked = look(layers); });
+    if (!looked) return std::unexpected(looked.error());
     std::vector<LayerSight> sights;
     if (world().flattener().usesPixels())
-        sights = LightTracer::sights(*layers, options.settings.width, options.settings.height);
+        sights = LightTracer::sights(layers, options.settings.width, options.settings.height);
     if (auto ok = world().setViewer(EyePlace(s.camera.position, s.camera.up), std::move(sights)); !ok)
         return std::unexpected(ok.error());
     presentsNow();
     bool cancelled = false;
-    RenderSettings settings = options.settings;
-    settings.progress = [&](double share) {
-        cancelled = options.settings.progress && !options.settings.progress(share);
-        return !cancelled;
-    };
-    Picture picture = s.draw(settings, *layers);
-    if (const std::string problem = s.module->problem(); !problem.empty())
-        return fail(fmt::format("the rasteriser failed: {}", problem));
-    if (stats) {
-        *stats = {};
-        stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-        stats->samples = settings.samplesPerPixel;
-        stats->cancelled = cancelled;
-    }
+    const auto state = s.freeze();
+    Result<Picture> picture;
+    s.module->run([&] {
+        (void)s.follow(*state);  // the scene rests meanwhile
+        picture = s.finish(s.draw(SurfaceState(state->light), options.settings, layers, cancelled));
+    });
+    if (picture && stats) fillStats(options.settings, start, cancelled, *stats);
     return picture;
+}
+
+Result<Picture> OgreRenderer::nextPicture(const WorldState& state, const ImageOptions& options, const OwnLook& look,
+                                          RenderStats& stats) {
+    Impl& s = *impl_;
+    if (auto ok = checkOptions(options); !ok) return std::unexpected(ok.error());
+    if (auto ok = s.open(); !ok) return std::unexpected(ok.error());
+    const auto own = std::static_pointer_cast<const RasterState>(begin(state));
+    if (!own) return fail("the rasteriser: this state was made without it");
+    const auto start = std::chrono::steady_clock::now();
+    const RenderSettings& settings = options.settings;
+    const int width = look.wholeWidth > 0 ? look.wholeWidth : settings.width;
+    const int height = look.wholeHeight > 0 ? look.wholeHeight : settings.height;
+    bool cancelled = false;
+    Result<Picture> picture{Picture()};
+    std::vector<LayerSight> sights;
+    s.module->run([&] {
+        cancelled = !s.follow(*own);
+        if (cancelled) return;
+        const SurfaceState surfaces(own->light);
+        const auto layers = s.views(surfaces, options, look);
+        if (!layers) {
+            picture = std::unexpected(layers.error());
+            return;
+        }
+        const BoxOfLayer boxes = [&](std::uint16_t layer) { return s.scene->box(layer); };
+        if (state.sights) sights = LightTracer::sights(surfaces.layers(boxes, s.camera, width, height), width, height);
+        picture = s.finish(s.draw(surfaces, settings, *layers, cancelled));
+    });
+    if (!picture) return picture;
+    if (state.sights) {
+        const std::scoped_lock lock(s.mutex);
+        s.looked = PictureSight{EyePlace(s.camera.position, s.camera.up), sights};
+    }
+    world().lookFrom(EyePlace(s.camera.position, s.camera.up), std::move(sights));
+    fillStats(settings, start, cancelled, stats);
+    return picture;
+}
+
+Result<> OgreRenderer::renderFrame(const WorldState& state) {
+    RenderStats stats;
+    auto picture = nextPicture(state, impl_->options.image, {}, stats);
+    if (!picture) return std::unexpected(picture.error());
+    if (stats.cancelled && picture->pixels.empty()) return fail("the rasteriser has shown a later state already");
+    impl_->frame = std::move(*picture);
+    return {};
 }
 
 Result<> OgreRenderer::renderFrame() {
@@ -261,10 +406,10 @@ std::string OgreRenderer::driver() const {
     return impl_->module ? impl_->module->driver() : std::string();
 }
 const OgreRenderer::Counts& OgreRenderer::counts() const {
-    return impl_->scene.counts();
+    return impl_->scene->counts();
 }
 RasterContent OgreRenderer::content() const {
-    return impl_->scene.content();
+    return impl_->scene->content();
 }
 const Diagnostics& OgreRenderer::diagnostics() const {
     impl_->takeDiagnostics();

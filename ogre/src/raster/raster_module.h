@@ -4,11 +4,13 @@
 // Invariant: nothing of OGRE is on this side; the module links nothing of ours. All places are relative to an origin
 // that the caller chooses near the eye, since a rasteriser computes in single precision. Spans are read during the call
 // alone. Numbers are the caller's; what is set again is replaced. Errors are sentences.
-// Threading: all calls on the thread that opened it, since the graphics context belongs to that.
+// Threading: driver() and run() on any thread; all else within run(), since the graphics context belongs to one thread
+// of the process, which the module keeps for it.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -18,9 +20,11 @@
 
 namespace rtsg {
 
-/// A vertex of triangles.
-struct RasterVertex {
+/// A vertex of triangles: what moves when a mesh deforms, and what does not.
+struct RasterPlace {
     glm::vec3 position{0}, normal{0, 0, 1};
+};
+struct RasterLook {
     glm::vec3 coordinates{0};  // s and t, and how deep it is in fog (FogCoordinate)
     glm::vec4 color{1};
 };
@@ -33,9 +37,10 @@ struct RasterStroke {
     glm::vec4 corner{0};  // 0 or 1: at which end; -1 or 1: on which side; how deep both ends are in fog
 };
 
-/// Either vertices or strokes.
+/// Either vertices, which have a place and a look each, or strokes.
 struct RasterMesh {
-    std::span<const RasterVertex> vertices;
+    std::span<const RasterPlace> places;
+    std::span<const RasterLook> looks;
     std::span<const RasterStroke> strokes;
     std::span<const std::uint32_t> indices;  // of triangles
     glm::vec3 lower{0}, upper{0};            // bounds
@@ -151,8 +156,13 @@ class RasterModule {
   public:
     virtual ~RasterModule() = default;
     virtual std::string driver() const = 0;  // its name, for reports
+    /// Does it on the thread of the graphics context, and waits. Whoever comes while another's work is done waits, too.
+    /// What it throws comes out of here.
+    virtual void run(const std::function<void()>& work) = 0;
 
     virtual void setMesh(std::uint32_t number, const RasterMesh& mesh) = 0;
+    /// Only the places, and the looks if there are any, of as many vertices as the mesh has, and its bounds.
+    virtual void bendMesh(std::uint32_t number, const RasterMesh& mesh) = 0;
     virtual void dropMesh(std::uint32_t number) = 0;
     virtual void setTexture(std::uint32_t number, const RasterTexture& texture) = 0;
     virtual void dropTexture(std::uint32_t number) = 0;
@@ -173,6 +183,6 @@ class RasterModule {
 /// Null, and why.
 using OpenRaster = std::unique_ptr<RasterModule> (*)(std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenRaster.
-#define RTSG_OGRE_SYMBOL "rtsg_open_raster_1"
+#define RTSG_OGRE_SYMBOL "rtsg_open_raster_2"
 
 }  // namespace rtsg

@@ -5,9 +5,17 @@
 #include <ctime>
 #include <utility>
 
-#include "raster_shapes.h"
-
 namespace rtsg {
+
+namespace {
+
+double threadCpuSeconds() {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
 
 RasterScene::~RasterScene() {
     if (!module_) return;
@@ -38,6 +46,7 @@ void RasterScene::setInstance(const Instance& instance) {
 }
 
 void RasterScene::follow(const InstanceDelta& delta) {
+    const double start = threadCpuSeconds();
     for (const InstanceDelta::Geometry& geometry : delta.geometries) {
         geometries_[geometry.node.value].mesh = geometry.mesh;
         dirtyGeometries_.insert(geometry.node.value);
@@ -64,6 +73,7 @@ void RasterScene::follow(const InstanceDelta& delta) {
         geometries_[geometry.value].mesh = nullptr;
         dirtyGeometries_.insert(geometry.value);
     }
+    counts_.handing += threadCpuSeconds() - start;
 }
 
 WorldBox RasterScene::box(std::uint16_t layer) const {
@@ -94,9 +104,18 @@ RasterContent RasterScene::content() const {
 // ---- what is handed over ---------------------------------------------------------------------------------------
 
 void RasterScene::handMeshes(Geometry& geometry) {
+    if (!geometry.mesh) {
+        geometry.corners.clear();
+        return;
+    }
     for (const auto& [channel, number] : geometry.numbers) {
-        if (!geometry.mesh) continue;
-        const RasterArrays arrays = rasterArrays(*geometry.mesh, channel);
+        RasterCorners& corners = geometry.corners[channel];
+        if (RasterArrays moved; corners.next(geometry.mesh, channel, moved)) {
+            module_->bendMesh(number, moved.view());
+            ++counts_.bent;
+            continue;
+        }
+        const RasterArrays arrays = corners.start(geometry.mesh, channel);
         module_->setMesh(number, arrays.view());
         ++counts_.meshes;
     }
@@ -121,7 +140,7 @@ void RasterScene::dropMesh(std::uint32_t number) {
     meshUsers_.erase(number), meshOf_.erase(number);
     module_->dropMesh(number);
     const auto geometry = geometries_.find(node);
-    geometry->second.numbers.erase(channel);
+    geometry->second.numbers.erase(channel), geometry->second.corners.erase(channel);
     if (geometry->second.slots.empty() && !geometry->second.mesh) geometries_.erase(geometry);
 }
 
@@ -282,16 +301,6 @@ void RasterScene::bringSlot(const SurfaceState& state, std::uint32_t at) {
     for (const std::uint32_t material : before.materials) dropMaterial(material);
     dropMesh(before.mesh);
 }
-
-namespace {
-
-double threadCpuSeconds() {
-    timespec now{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-}  // namespace
 
 void RasterScene::bring(const SurfaceState& state, const std::vector<LayerView>& layers, const Vec3d& eye) {
     const double start = threadCpuSeconds();

@@ -21,6 +21,7 @@
 
 #include "raster_looks.h"
 #include "raster_module.h"
+#include "raster_shapes.h"
 
 namespace rtsg {
 
@@ -65,6 +66,7 @@ class RasterScene {
         MeshTraits traits;  // that bring() saw last
         std::set<std::uint32_t> slots;
         std::map<std::size_t, std::uint32_t> numbers;  // by channel
+        std::map<std::size_t, RasterCorners> corners;  // of one that has deformed, by channel
     };
     struct MaterialEntry {
         std::shared_ptr<const Material> from;

@@ -3,6 +3,7 @@
 // Threading: re-entrant.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include <rtsg/renderers/mesh.h>
@@ -12,14 +13,30 @@
 namespace rtsg {
 
 struct RasterArrays {
-    std::vector<RasterVertex> vertices;
+    std::vector<RasterPlace> places;
+    std::vector<RasterLook> looks;
     std::vector<RasterStroke> strokes;
     std::vector<std::uint32_t> indices;
     Bounds bounds;
-    RasterMesh view() const { return {vertices, strokes, indices, bounds.min, bounds.max}; }
+    RasterMesh view() const { return {places, looks, strokes, indices, bounds.min, bounds.max}; }
 };
 
 /// `channel`: of the texture coordinates.
 RasterArrays rasterArrays(const Mesh& mesh, std::size_t channel);
+
+/// From which corners the vertices of a mesh that deforms come, so that those of the next mesh are found at once.
+/// Corners share a vertex where the mesh's indices say so, not where numbers are equal by chance.
+class RasterCorners {
+  public:
+    /// All arrays of a mesh, with its vertices in that order.
+    RasterArrays start(std::shared_ptr<const Mesh> mesh, std::size_t channel);
+    /// What of the mesh is other than of the last one: places, and looks if they are; nothing (false) if it is to start
+    /// anew.
+    bool next(std::shared_ptr<const Mesh> mesh, std::size_t channel, RasterArrays& out);
+
+  private:
+    std::shared_ptr<const Mesh> mesh_;    // the last one
+    std::vector<std::uint32_t> corners_;  // of each vertex: 3 times the triangle, and which of its corners
+};
 
 }  // namespace rtsg

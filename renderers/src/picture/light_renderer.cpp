@@ -40,6 +40,7 @@ struct LightRenderer::Impl {
     Diagnostics lacks;                            // of pictures, not yet in `said`
     double named = 0;                             // share of missing light that has been reported
     bool toldOfEye = false;                       // that sees nothing of the scene where it is
+    std::optional<PictureSight> looked;           // by whoever looks on, last
 
     /// Whether the pictures of a series may leave a trail. Layers of paths are kept with them, but for what hangs on
     /// names or on the picture before.
@@ -47,6 +48,14 @@ struct LightRenderer::Impl {
         const RenderSettings& settings = options.settings;
         const std::uint32_t kept = settings.integrator == Integrator::path ? kDepth | kPosition | kNormal | kAlbedo : 0;
         return options.keep && settings.shutter == 0 && !(settings.layers & ~kept);
+    }
+    void look(PictureSight sight) {
+        const std::lock_guard lock(mutex);
+        looked = std::move(sight);
+    }
+    std::optional<PictureSight> ownLook() {
+        const std::lock_guard lock(mutex);
+        return looked;
     }
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
@@ -207,7 +216,8 @@ std::vector<LayerSight> sightsOf(const LightTracer& tracer, const RayView& rays,
 }  // namespace
 
 std::optional<PictureSight> LightRenderer::looksFrom() {
-    const Impl& s = *impl_;
+    Impl& s = *impl_;
+    if (auto own = s.ownLook()) return own;
     const ImageOptions& options = s.options.image;
     const auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::nullopt;
@@ -281,26 +291,43 @@ Result<> LightRenderer::remember(const ImageOptions& options) {
 }
 
 Result<> LightRenderer::renderFrame(const WorldState& state) {
+    return makeOf(state, impl_->options.image, nullptr);
+}
+
+Result<Picture> LightRenderer::nextPicture(const WorldState& state, const ImageOptions& options, const OwnLook& look,
+                                           RenderStats* stats) {
+    if (auto ok = makeOf(state, options, &look); !ok) return std::unexpected(ok.error());
+    if (stats) *stats = impl_->stats;
+    return std::exchange(impl_->frame, Picture());
+}
+
+Result<> LightRenderer::makeOf(const WorldState& state, const ImageOptions& options, const OwnLook* look) {
     Impl& s = *impl_;
     if (ownsNodes()) return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
     const auto tables = std::static_pointer_cast<const LightState>(begin(state));
     if (!tables || !state.rays) return fail("light renderer: this state was made without it");
-    const ImageOptions& options = s.options.image;
-    auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
+    RenderSettings whole;
+    const bool isCoarse = look && look->wholeWidth > 0 && look->wholeHeight > 0;
+    whole.width = isCoarse ? look->wholeWidth : options.settings.width;
+    whole.height = isCoarse ? look->wholeHeight : options.settings.height;
+    auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(whole), options.viewpoint);
     if (!camera) return std::unexpected(camera.error());
-    s.camera = equipped(*camera, options);
-    if (state.sights) {
-        // The world looks from here anyway when it lays a state out for this size.
-        std::vector<LayerSight> sights = LightTracer::sights(
-            LightTracer::layers(*tables, *state.rays, s.camera, options.settings.width, options.settings.height),
-            options.settings.width, options.settings.height);
-        if (!areOfOneSize(*state.sights, sights)) {
-            world().lookFrom(EyePlace(s.camera.position, s.camera.up), std::move(sights));
-            return fail("light renderer: this state is laid out for a picture of another size");
-        }
-    } else if (state.moment != s.prepared) {
-        world().lookFrom(EyePlace(s.camera.position, s.camera.up));
+    if (look && look->eye) {
+        const std::uint16_t layer = camera->layer;
+        *camera = look->eye->shaped(aspectOf(whole));
+        camera->layer = layer;
     }
+    s.camera = equipped(*camera, options);
+    const EyePlace place(s.camera.position, s.camera.up);
+    std::vector<LayerSight> sights;
+    if (state.sights)
+        sights = LightTracer::sights(LightTracer::layers(*tables, *state.rays, s.camera, whole.width, whole.height),
+                                     whole.width, whole.height);
+    // The world looks from here anyway when it lays a state out for this size.
+    const bool fits = !state.sights || areOfOneSize(*state.sights, sights);
+    if (look && state.sights) s.look(PictureSight{place, sights});
+    if (look || !fits || (!state.sights && state.moment != s.prepared)) world().lookFrom(place, std::move(sights));
+    if (!look && !fits) return fail("light renderer: this state is laid out for a picture of another size");
     s.nameFarEye(*state.rays);
     s.stats = {};
     RenderSettings settings = options.settings;

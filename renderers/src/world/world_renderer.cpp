@@ -83,10 +83,14 @@ Result<> WorldRenderer::renderFrame(const WorldState&) {
     return fail(subscriberName() + ": it renders on the scene's thread only");
 }
 
+std::shared_ptr<const void> WorldRenderer::tables(const WorldState& state) const {
+    return state.of(impl_->number);
+}
+
 std::shared_ptr<const void> WorldRenderer::begin(const WorldState& state) {
-    std::shared_ptr<const void> tables = state.of(impl_->number);
-    if (tables) impl_->presented = state.sequence;
-    return tables;
+    std::shared_ptr<const void> found = tables(state);
+    if (found) impl_->presented = state.sequence;
+    return found;
 }
 
 void WorldRenderer::presentsNow() {

@@ -13,6 +13,8 @@
 
 #include <fmt/format.h>
 
+#include "live_picture_maker.h"
+
 namespace rtsg {
 
 namespace {
@@ -24,6 +26,10 @@ constexpr double kOfBudget = 0.9;     // the rest is for enlarging and showing
 constexpr double kNewTimes = 0.3;     // the weight of the last picture in the mean
 constexpr int kWidthStep = 16;        // widths change in steps, or pictures would swim
 constexpr double kFirstGuess = 2e-7;  // seconds a pixel
+constexpr double kOfFirst = 0.6;      // of the budget, for the first picture after a rest: it answers somebody
+// Of pictures that take over what has not changed: how much longer than the budget one may take, below which share of
+// it the next are larger, how long one that is larger may take at first, and how often they change, in seconds.
+constexpr double kLate = 1.25, kEarly = 0.6, kLargerAtFirst = 2.5, kSizeEvery = 0.5, kSizeAfterLate = 3;
 
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -60,21 +66,76 @@ class Accumulated {
     int samples_ = 0;
 };
 
+/// How large pictures are while something changes.
+class PictureSize {
+  public:
+    explicit PictureSize(double budget) : budget_(kOfBudget * budget) {}
+    struct Size {
+        int width = 0, height = 0;
+    };
+    /// A picture of which nothing is known before.
+    Size fresh(int width, int height, bool isFirst) const {
+        const double all = static_cast<double>(width) * height, time = budget_ * (isFirst ? kOfFirst : 1);
+        return scaled(width, height, std::sqrt(time / (secondsAPixel_ * all)));
+    }
+    /// One by the same eye as the last, which was `last` wide and took `seconds`, since most of it was taken over.
+    Size next(int width, int height, int last, double seconds, Clock::time_point now) {
+        const double share = static_cast<double>(last) / width;
+        if (last >= width || seconds > kEarly * budget_ || now < changes_) return scaled(width, height, share);
+        changes_ = now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kSizeEvery));
+        const double pixels = kLargerAtFirst * budget_ / secondsAPixel_, all = static_cast<double>(width) * height;
+        return scaled(width, height,
+                      std::max(share, std::min(share * std::sqrt(budget_ / seconds), std::sqrt(pixels / all))));
+    }
+    double latest() const { return kLate * budget_ / kOfBudget; }
+    void wasLate(Clock::time_point now) {
+        changes_ = now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kSizeAfterLate));
+    }
+    void took(double seconds, const Size& size) {
+        secondsAPixel_ += kNewTimes * (seconds / (static_cast<double>(size.width) * size.height) - secondsAPixel_);
+    }
+    double secondsAPixel() const { return secondsAPixel_; }
+
+  private:
+    static Size scaled(int width, int height, double scale) {
+        if (!(scale < 1)) return {width, height};
+        scale = std::max(scale, kCoarsest);
+        const int w =
+            std::min(width, std::max(1, static_cast<int>(std::lround(scale * width / kWidthStep)) * kWidthStep));
+        if (w == width) return {width, height};
+        return {w, std::max(1, static_cast<int>(std::lround(static_cast<double>(w) * height / width)))};
+    }
+
+    const double budget_;  // seconds for a picture
+    double secondsAPixel_ = kFirstGuess;
+    Clock::time_point changes_{};  // not before
+};
+
 }  // namespace
 
 struct LivePicture::Impl {
     /// What is to be pictured.
     struct Subject {
         std::shared_ptr<const WorldState> state;
-        std::shared_ptr<const LightState> light;
         std::optional<Camera> eye;
         int width = 0, height = 0;
     };
+    /// How a picture is to be made.
+    struct Wish {
+        int width = 0, height = 0, samples = 1;
+        bool isMoving = false;  // it is made to its end, even if something changes
+        bool keeps = false;     // it takes over what it can of the one before, and leaves that to the next
+        double seconds = 0;     // it is given up after these; 0: never
+    };
+    struct Made {
+        Picture picture;
+        Camera camera;
+        RenderStats stats;
+    };
 
-    Impl(SharedWorld& w, LivePictureOptions o) : world(w), options(std::move(o)), tracer(world, options.resources) {
+    Impl(SharedWorld& w, LivePictureOptions o)
+        : world(w), options(std::move(o)), maker(makeLivePictureMaker(world, options)), size(options.budget) {
         subject.width = options.settings.width, subject.height = options.settings.height;
-        (void)world.rays();
-        number = world.add(tracer);
     }
     ~Impl() {
         {
@@ -84,14 +145,14 @@ struct LivePicture::Impl {
         }
         news.notify_all();
         if (thread.joinable()) thread.join();
-        world.remove(tracer);
     }
 
     SharedWorld& world;
     const LivePictureOptions options;
-    LightTracer tracer;
-    std::uint64_t number = 0;               // of the tracer's tables
+    std::unique_ptr<LivePictureMaker> maker;
+    std::mutex making;                      // one picture at a time
     std::atomic<std::uint64_t> changes{0};  // of what is seen
+    std::atomic<int> others{0};             // who wait for `making`
 
     mutable std::mutex mutex;  // guards what follows
     std::condition_variable news;
@@ -104,8 +165,11 @@ struct LivePicture::Impl {
     // The thread's own.
     std::uint64_t pictured = 0;  // changes that the newest picture shows
     Accumulated better;
-    bool isWhole = false;
-    double secondsAPixel = kFirstGuess;
+    PictureSize size;
+    bool isWhole = false, rested = true;
+    std::optional<Camera> keptBy;  // the eye of the picture whose pixels can be taken over
+    int keptWidth = 0;
+    double keptSeconds = 0;  // that the last one took
     std::thread thread;
 
     // ---- with `mutex` held -----------------------------------------------------------------------------------
@@ -113,8 +177,8 @@ struct LivePicture::Impl {
     bool differs(const Subject& next) const {
         const Subject& now = subject;
         const auto eyeOf = [](const Subject& s) { return s.eye ? std::optional(s.eye->position) : std::nullopt; };
-        return !now.state || now.state->rays != next.state->rays || now.light != next.light ||
-               now.width != next.width || now.height != next.height || eyeOf(now) != eyeOf(next) ||
+        return !now.state || maker->differ(*now.state, *next.state) || now.width != next.width ||
+               now.height != next.height || eyeOf(now) != eyeOf(next) ||
                (now.eye && next.eye && (now.eye->forward != next.eye->forward || now.eye->up != next.eye->up));
     }
     void change() {
@@ -124,42 +188,30 @@ struct LivePicture::Impl {
     }
 
     // ---- the thread ------------------------------------------------------------------------------------------
-    Camera lastCamera;  // of the picture that is being made
-    Result<Camera> cameraOf(const Subject& what) const {
-        const double aspect = static_cast<double>(what.width) / what.height;
-        auto bound = LightTracer::camera(*what.light, *what.state->rays, aspect);
-        if (!what.eye || !bound) return bound;
-        Camera eye = what.eye->shaped(aspect);
-        eye.layer = bound->layer;  // it looks at what the bound viewpoint would
-        return eye;
+    /// Null: something has changed meanwhile, or it was given up.
+    Result<std::optional<Made>> picture(const Subject& what, const Wish& wish, std::uint64_t of) {
+        ImageOptions image;
+        image.settings = options.settings;
+        image.settings.width = wish.width, image.settings.height = wish.height;
+        image.settings.samplesPerPixel = wish.samples;
+        image.settings.seed = options.settings.seed + static_cast<std::uint64_t>(better.samples());
+        image.keep = wish.keeps;
+        const Clock::time_point start = Clock::now();
+        image.settings.progress = [&](double) {
+            if (wish.seconds > 0 && secondsSince(start) > wish.seconds) return false;
+            return wish.isMoving || (changes == of && others == 0);
+        };
+        const std::scoped_lock lock(making);
+        Made made;
+        auto picture = maker->next(*what.state, image, {what.eye, what.width, what.height}, made.stats);
+        if (!picture) return std::unexpected(picture.error());
+        if (made.stats.cancelled) return std::optional<Made>();
+        made.picture = std::move(*picture), made.camera = maker->camera();
+        return std::optional(std::move(made));
     }
 
-    /// Null: something has changed meanwhile. `isMoving`: it is made to its end all the same.
-    Result<std::optional<Picture>> picture(const Subject& what, int width, int height, int samples, std::uint64_t of,
-                                           bool isMoving) {
-        auto camera = cameraOf(what);
-        if (!camera) return std::unexpected(camera.error());
-        std::vector<LayerSight> sights;
-        if (what.state->sights)
-            sights = LightTracer::sights(
-                LightTracer::layers(*what.light, *what.state->rays, *camera, what.width, what.height), what.width,
-                what.height);
-        world.lookFrom(EyePlace(camera->position, camera->up), std::move(sights));
-        RenderSettings settings = options.settings;
-        settings.width = width, settings.height = height;
-        settings.samplesPerPixel = samples;
-        settings.seed = options.settings.seed + static_cast<std::uint64_t>(better.samples());
-        settings.progress = [&](double) { return isMoving || changes == of; };
-        RenderStats stats;
-        lastCamera = *camera;
-        auto made = LightTracer::render(*what.light, *what.state->rays, *camera, settings, &stats);
-        if (!made) return std::unexpected(made.error());
-        if (stats.cancelled) return std::optional<Picture>();
-        return std::optional(std::move(*made));
-    }
-
-    void publish(const Picture& picture, const Subject& what, int samples, Clock::time_point start,
-                 bool isMoving = false) {
+    void publish(const Picture& picture, const Camera& camera, const Subject& what, int samples,
+                 Clock::time_point start, bool isMoving = false, double kept = 0) {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
@@ -167,58 +219,87 @@ struct LivePicture::Impl {
         next->samples = samples;
         next->whole = isWhole;
         next->isMoving = isMoving;
+        next->kept = kept;
         next->seconds = secondsSince(start);
-        next->camera = lastCamera;
+        next->camera = camera;
         {
             const std::scoped_lock lock(mutex);
             shown = std::move(next);
             ++(isWhole ? statistics.whole : statistics.moving);
-            statistics.secondsAPixel = secondsAPixel;
+            statistics.secondsAPixel = size.secondsAPixel();
         }
         if (options.wake) options.wake();
+    }
+
+    /// Whether the last picture was taken by the eye that is to see this one, so that some of it may stay.
+    bool seenByTheSame(const Subject& what) const {
+        if (!keptBy || !maker->keeps(options.settings)) return false;
+        const double aspect = static_cast<double>(what.width) / what.height;
+        if (what.eye) {
+            Camera eye = what.eye->shaped(aspect);
+            eye.layer = keptBy->layer;
+            return eye == *keptBy;
+        }
+        const auto camera = maker->camera(*what.state, aspect);
+        return camera && *camera == *keptBy;
     }
 
     /// As many pixels as the budget allows; the whole picture if these are all.
     Result<> coarse(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
-        const double all = static_cast<double>(what.width) * what.height;
-        const double scale = std::clamp(std::sqrt(kOfBudget * options.budget / (secondsAPixel * all)), kCoarsest, 1.);
-        int width = what.width, height = what.height;
-        if (scale < 1) {
-            width = std::max(1, static_cast<int>(std::lround(scale * what.width / kWidthStep)) * kWidthStep);
-            width = std::min(width, what.width);
-            height = std::max(1, static_cast<int>(std::lround(static_cast<double>(width) * what.height / what.width)));
-        }
+        const PictureSize::Size fresh = size.fresh(what.width, what.height, std::exchange(rested, false));
+        PictureSize::Size wanted = fresh;
+        const bool isSame = seenByTheSame(what);
+        if (isSame) wanted = size.next(what.width, what.height, keptWidth, keptSeconds, start);
+        const bool isLarger = wanted.width > fresh.width;
+        if (!isLarger) wanted = fresh;
         better.clear();
-        auto made = picture(what, width, height, 1, of, true);
+        Wish wish{wanted.width, wanted.height, 1, true, maker->keeps(options.settings), 0};
+        if (isLarger) wish.seconds = wanted.width > keptWidth ? kLargerAtFirst * size.latest() : size.latest();
+        auto made = picture(what, wish, of);
+        if (made && !*made && isLarger) {
+            size.wasLate(start);
+            wanted = fresh, wish.width = fresh.width, wish.height = fresh.height, wish.seconds = 0;
+            made = picture(what, wish, of);
+        }
         if (!made) return std::unexpected(made.error());
+        if (!*made) return {};  // there is a newer one to make
+        Made& one = **made;
         pictured = of;
-        isWhole = width == what.width;
-        publish(**made, what, 1, start, true);
-        const double spent = secondsSince(start) / (static_cast<double>(width) * height);
-        secondsAPixel += kNewTimes * (spent - secondsAPixel);
+        isWhole = wanted.width == what.width;
+        publish(one.picture, one.camera, what, 1, start, true, one.stats.kept);
+        const double spent = secondsSince(start);
+        if (one.stats.kept == 0) size.took(spent, wanted);
+        remember(one, wanted.width, spent);
         return {};
+    }
+    void remember(const Made& made, int width, double seconds) {
+        keptBy = made.camera, keptWidth = width, keptSeconds = seconds;
     }
 
     /// The first whole picture, or one with more samples.
     Result<> refine(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
         const int samples = isWhole ? std::max(1, options.settings.samplesPerPixel) : 1;
-        auto made = picture(what, what.width, what.height, samples, of, false);
+        auto made = picture(what, {what.width, what.height, samples, false, !isWhole, 0}, of);
         if (!made) return std::unexpected(made.error());
         if (!*made) {
             const std::scoped_lock lock(mutex);
             ++statistics.cancelled;
+            if (!isWhole) keptBy.reset();
             return {};
         }
+        const Made& one = **made;
         if (!isWhole) {
             isWhole = true;
-            if (options.settings.integrator == Integrator::path) better.add(**made, 1);
-            publish(**made, what, 1, start);
+            if (options.settings.integrator == Integrator::path) better.add(one.picture, 1);
+            publish(one.picture, one.camera, what, 1, start);
+            // What changes next may leave most of it: that is tried.
+            remember(one, what.width, 0);
             return {};
         }
-        better.add(**made, samples);
-        publish(better.mean(), what, better.samples(), start);
+        better.add(one.picture, samples);
+        publish(better.mean(), one.camera, what, better.samples(), start);
         return {};
     }
 
@@ -227,7 +308,7 @@ struct LivePicture::Impl {
         while (!stop) {
             const std::uint64_t of = changes;
             const Subject what = subject;
-            if (!what.state || !what.light) {
+            if (!what.state) {
                 news.wait(lock, [&] { return stop || changes != of; });
                 continue;
             }
@@ -240,9 +321,10 @@ struct LivePicture::Impl {
                     news.wait_for(lock, std::chrono::duration<double>(options.restsAfter),
                                   [&] { return stop || changes != of; });
             } else if (isWhole && better.samples() >= options.mostSamples) {
-                done = true;
+                rested = done = true;
                 news.wait(lock, [&] { return stop || changes != of; });
             } else {
+                rested = true;
                 lock.unlock();
                 made = refine(what, of);
                 lock.lock();
@@ -276,13 +358,13 @@ LivePicture::~LivePicture() = default;
 
 Result<> LivePicture::show(const std::optional<Camera>& eye) {
     Impl& s = *impl_;
+    if (auto ok = s.maker->open(); !ok) return ok;
     auto state = s.world.present();
     if (!state) return std::unexpected(state.error());
-    auto light = std::static_pointer_cast<const LightState>((*state)->of(s.number));
-    if (!light) return fail(s.world.failure(s.tracer));
+    if (!s.maker->renderer().tables(**state)) return fail(s.maker->renderer().failure());
     const std::scoped_lock lock(s.mutex);
     if (!s.failure.empty()) return fail(s.failure);
-    Impl::Subject next{std::move(*state), std::move(light), eye, s.subject.width, s.subject.height};
+    Impl::Subject next{std::move(*state), eye, s.subject.width, s.subject.height};
     const bool changed = s.differs(next);
     s.subject = std::move(next);
     if (changed) s.change();
@@ -308,15 +390,27 @@ LivePictureStatistics LivePicture::statistics() const {
 }
 
 Result<Picture> LivePicture::picture(const RenderSettings& settings) const {
+    Impl& s = *impl_;
+    ImageOptions image;
+    image.settings = settings;
+    image.keep = false;
+    ++s.others;
+    const std::scoped_lock turn(s.making);
+    --s.others;
     Impl::Subject what;
     {
-        const std::scoped_lock lock(impl_->mutex);
-        what = impl_->subject;
+        const std::scoped_lock lock(s.mutex);
+        what = s.subject;
     }
-    what.width = settings.width, what.height = settings.height;
-    auto camera = impl_->cameraOf(what);
-    if (!camera) return std::unexpected(camera.error());
-    return LightTracer::render(*what.light, *what.state->rays, *camera, settings);
+    if (!what.state) return fail("nothing has been shown yet");
+    RenderStats stats;
+    auto made = s.maker->next(*what.state, image, {what.eye, settings.width, settings.height}, stats);
+    if (made && stats.cancelled) return fail("given up");
+    return made;
+}
+
+std::string LivePicture::renderer() const {
+    return impl_->maker->name();
 }
 
 bool LivePicture::isDone() const {

@@ -20,6 +20,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -53,6 +54,14 @@ struct ImageOptions {
     int fileHeight() const { return stereo == Stereo::above ? 2 * settings.height : settings.height; }
 };
 
+/// How somebody looks at states of a world, where that is other than options say.
+struct OwnLook {
+    std::optional<Camera> eye;  // one of their own, in what the bound viewpoint's layer shows; shaped to the picture
+    /// What is sized in pixels is laid out for a picture of this size, of which this one is a coarser copy; 0: for this
+    /// one.
+    int wholeWidth = 0, wholeHeight = 0;
+};
+
 class LightRenderer final : public WorldRenderer {
   public:
     struct Options {
@@ -80,6 +89,11 @@ class LightRenderer final : public WorldRenderer {
     /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
     /// renderers are registered here, which draw on the scene's thread only.
     Result<> renderFrame(const WorldState& state) override;
+    /// renderFrame(state) with other options, by whoever looks on; hands the picture out, and ImageOptions::keep
+    /// counts. A state that is laid out for another size is taken as it is, and the next is asked for. Errors: as
+    /// renderFrame().
+    Result<Picture> nextPicture(const WorldState& state, const ImageOptions& options, const OwnLook& look,
+                                RenderStats* stats = nullptr);
     /// On the scene's thread: lets the present state count as the picture before the next one, for
     /// RenderSettings::shutter and kMotion. If these are asked for, every picture does so by itself. Errors: those of
     /// picture().
@@ -109,6 +123,7 @@ class LightRenderer final : public WorldRenderer {
   private:
     Result<Camera> look(const ImageOptions& options);
     Result<> make(const ImageOptions& options, bool inSeries);
+    Result<> makeOf(const WorldState& state, const ImageOptions& options, const OwnLook* look);
     Result<> take(Result<Picture> picture, const RenderSettings& settings);
     Result<> keepBefore(const RenderSettings& settings);
     struct Impl;

@@ -39,6 +39,10 @@ class WorldRenderer : public Renderer {
     std::uint64_t presented() const;
 
     SharedWorld& world() const;
+    /// The tables of a state that renderFrame(state) works from, besides its rays; the same object while nothing in
+    /// them changes. Null: the state was made before this was attached, or after it failed. May be called on any
+    /// thread.
+    std::shared_ptr<const void> tables(const WorldState& state) const;
 
   protected:
     /// The renderer's InstanceSubscriber::freeze(): the tables that renderFrame(state) gets from begin().

@@ -1,26 +1,28 @@
 // LivePicture: pictures of a world for somebody who looks on, made on a thread of their own.
 //
 // While what is seen changes, each picture has as many pixels as fit into a budget of time, and is meant to be
-// enlarged. Once it rests, one picture with all pixels is made, and then better ones: samples are added to those that
-// are there until each pixel has `mostSamples`. A change ends whatever is being made at rest. Invariant: a picture
-// shows one whole state. The scene's thread waits for nothing. Nothing is made while nothing changes and the picture is
-// as good as asked for. Threading: show() and the destructor on the scene's thread, take(), setSize() and statistics()
-// on any.
+// enlarged; while the eye rests, pixels that no change can have touched are taken over, so that there are more of them.
+// Once all rests, one picture with all pixels is made, and then better ones: samples are added to those that are there
+// until each pixel has `mostSamples`. A change ends whatever is being made at rest. Invariant: a picture shows one
+// whole state. The scene's thread waits for nothing. Nothing is made while nothing changes and the picture is as good
+// as asked for. Threading: show() and the destructor on the scene's thread, the rest on any.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg {
 
 struct LivePictureOptions {
     /// The size of a whole picture, the integrator and so on; samplesPerPixel is what is added at a time at rest.
+    /// Integrator::raster: by OGRE, which needs a display.
     RenderSettings settings;
     Resources resources;       // of textures
     double budget = 1 / 30.0;  // seconds for a picture while something changes
@@ -38,6 +40,7 @@ struct LivePictureShown {
     int samples = 0;                   // a pixel
     bool whole = false;                // it has all pixels
     bool isMoving = false;             // it was made because something had changed, not to be better
+    double kept = 0;                   // the share of pixels that were taken over from the picture before
     double seconds = 0;                // that it took
     Camera camera;                     // it is seen from there
 };
@@ -57,17 +60,21 @@ class LivePicture {
     LivePicture& operator=(const LivePicture&) = delete;
 
     /// After each frame of the scene, and before the first: the present state is what to picture. `eye`: seen from
-    /// there instead of from the bound viewpoint. Errors: those of SharedWorld::present(); the pictures' own.
+    /// there instead of from the bound viewpoint. Errors: those of SharedWorld::present() and OgreRenderer::open(); the
+    /// pictures' own.
     Result<> show(const std::optional<Camera>& eye = std::nullopt);
     /// Of a whole picture. Precondition: above 0.
     void setSize(int width, int height);
     /// The newest picture, if it has not been taken yet; else null.
     std::shared_ptr<const LivePictureShown> take();
     LivePictureStatistics statistics() const;
-    /// What show() was given last, with other settings, on the caller's thread. Errors: those of LightTracer::render().
+    /// What show() was given last, with other settings of the same integrator; it waits for that. Errors: the
+    /// renderer's.
     Result<Picture> picture(const RenderSettings& settings) const;
     /// The newest picture is as good as it will be.
     bool isDone() const;
+    /// What makes the pictures, for reports.
+    std::string renderer() const;
 
   private:
     struct Impl;
