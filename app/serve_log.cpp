@@ -16,6 +16,8 @@
 #include <rtsg/core/terminal.h>
 #include <rtsg/sync/log_player.h>
 
+#include "nats.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -154,10 +156,15 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!server) return printError(namingOptions(server.error(), "--key", options.keys ? "given" : "")), kBad;
     auto web = Web::start(log.web, **server, options.keys);
     if (!web) return printError(web.error()), kBad;
+    auto published = Published::start(log.nats, **server, options.keys);
+    if (!published) return printError(published.error()), kBad;
     (void)interrupted();  // from here on an interruption ends the program in order
-    sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json);
+    sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json, published->address());
     Playing playing(**player, **server, log.json);
-    playing.run(log.seconds, log.arguments.control, [&] { web->service((*player)->scene(), log.resources); });
+    playing.run(log.seconds, log.arguments.control, [&] {
+        web->service((*player)->scene(), log.resources);
+        published->printNews();
+    });
     const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * log.linger));
     if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
     playing.print();

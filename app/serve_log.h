@@ -25,6 +25,7 @@ struct ServedLog {
     double seconds = 0;   // how long to serve; may be infinite
     double linger = 0;    // how long mirrors may catch up after that
     bool json = false;
+    std::string nats;  // where to publish; empty: nowhere
 };
 
 /// Returns the exit status.

@@ -18,8 +18,8 @@
 
 #include "behind.h"
 #include "cli.h"
-#include "hints.h"
 #include "live_outputs.h"
+#include "nats.h"
 #include "requests.h"
 
 namespace rtsg::app {
@@ -190,8 +190,9 @@ class Made {
 
 class Mirroring {
   public:
-    explicit Mirroring(const MirrorArguments& options)
+    Mirroring(const MirrorArguments& options, Origin& from)
         : options_(options),
+          from_(from),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           patience_(parseSeconds(options.patience)),
           latency_(parseSeconds(options.latency)),
@@ -268,6 +269,7 @@ class Mirroring {
     void printJson() const;
 
     const MirrorArguments& options_;
+    Origin& from_;
     const double duration_, patience_, latency_;
     const Resources resources_;
     Scene replica_;
@@ -380,6 +382,7 @@ void Mirroring::follow() {
         const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        from_.printNews();
         // A server without room may have some in a while.
         if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
@@ -518,7 +521,6 @@ void Mirroring::printJson() const {
 }
 
 int Mirroring::run() {
-    checkEndpoint("ENDPOINT", options_.endpoint);
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
     tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
@@ -526,7 +528,8 @@ int Mirroring::run() {
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));
     auto wanted = clientOptions(options_);
     if (!wanted) return printError(wanted.error()), kBad;
-    auto connected = MirrorClient::connect(replica_, options_.endpoint, std::move(*wanted));
+    from_.limit(*wanted);
+    auto connected = MirrorClient::connect(replica_, from_.endpoint(), std::move(*wanted));
     if (!connected) return printError(connected.error()), kUsage;
     client_ = std::move(*connected);
     heard_ = joinedAt_ = Clock::now();
@@ -542,8 +545,14 @@ int Mirroring::run() {
     return good_ ? kDone : kBad;
 }
 
-int mirror(const MirrorArguments& options) {
-    return Mirroring(options).run();
+int mirror(MirrorArguments options) {
+    auto from = Origin::open(options.endpoint, options.key, parseSeconds(options.patience));
+    if (!from) return printError(from.error()), kBad;
+    options.endpoint = from->shown();
+    auto stored = StoredLog::start("--record", options.outputs.record,
+                                   options.outputs.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    if (!stored) return printError(stored.error()), kBad;
+    return stored->finish(Mirroring(options, *from).run());
 }
 
 void addActing(Command& command, MirrorArguments& options) {
@@ -603,7 +612,8 @@ void addSlowLinks(Command& command, MirrorArguments& options) {
 Verb addMirror(Command& program) {
     auto options = std::make_shared<MirrorArguments>();
     Command* command = program.addVerb("mirror", "Follow a served scene; picture, hear, log and save the replica");
-    command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
+    command->addOption("ENDPOINT", options->endpoint, "endpoint that rtsg serve named, or nats://HOST:PORT/NAME")
+        ->required();
     command->addOption("--for", options->duration,
                        "how long, in scene time; by the clock where the scene stands still, unless a film, numbered "
                        "pictures, sound or a log are made of its time (an error after --wait then); else until the "

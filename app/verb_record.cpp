@@ -8,6 +8,7 @@
 
 #include "files.h"
 #include "keyframes.h"
+#include "nats.h"
 #include "running_scene.h"
 
 namespace rtsg::app {
@@ -80,7 +81,7 @@ void printSummary(const RecordArguments& options, RunningScene& running, std::ui
                    running.time(), bytes, perFrame, running.scene().hash().hex());
 }
 
-int record(const RecordArguments& options) {
+int recordFile(const RecordArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
@@ -119,13 +120,22 @@ int record(const RecordArguments& options) {
     return kBad;
 }
 
+int record(RecordArguments options) {
+    auto stored = StoredLog::start("-o", options.out, options.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    if (!stored) return printError(stored.error()), kBad;
+    return stored->finish(recordFile(options));
+}
+
 }  // namespace
 
 Verb addRecord(Command& program) {
     auto options = std::make_shared<RecordArguments>();
     Command* command = program.addVerb("record", "Run a scene in simulated time and log every change");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
-    command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
+    command
+        ->addOption("-o,--output", options->out,
+                    "log to write (.rlog), or nats://HOST:PORT/NAME to store it in JetStream")
+        ->required();
     command->addOption("--for", options->duration, "how long")->preset();
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e6);
     command->addOption(

@@ -11,6 +11,7 @@
 
 #include "cli.h"
 #include "hints.h"
+#include "nats.h"
 
 namespace rtsg::app {
 
@@ -44,8 +45,9 @@ constexpr std::chrono::milliseconds kTurn{500};
 
 class Relaying {
   public:
-    explicit Relaying(const RelayArguments& options)
+    Relaying(const RelayArguments& options, Origin& from)
         : options_(options),
+          from_(from),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           patience_(parseSeconds(options.patience)) {}
 
@@ -69,7 +71,6 @@ class Relaying {
     }
 
     Result<> connect() {
-        checkEndpoint("ENDPOINT", options_.origin);
         checkEndpoint("--bind", options_.endpoint);
         MirrorClientOptions from;
         MirrorServerOptions to;
@@ -85,7 +86,9 @@ class Relaying {
         to.maximumPeers = options_.peers;
         to.maximumParts = options_.parts;
         (void)interrupted();  // from here on an interruption ends the program in order
-        auto relay = MirrorRelay::connect(replica_, options_.origin, options_.endpoint, std::move(from), std::move(to));
+        from_.limit(from);
+        auto relay =
+            MirrorRelay::connect(replica_, from_.endpoint(), options_.endpoint, std::move(from), std::move(to));
         if (!relay) return std::unexpected(relay.error());
         relay_ = std::move(*relay);
         return {};
@@ -99,6 +102,7 @@ class Relaying {
         }
         MirrorClient& client = relay_->client();
         printNews(client);
+        from_.printNews();
         if (relay_->server()) printNews(*relay_->server());
         if (!before && relay_->server()) sayEndpoint();
         if (!client.originLost()) heard_ = Clock::now();
@@ -138,6 +142,7 @@ class Relaying {
     }
 
     const RelayArguments& options_;
+    Origin& from_;
     const double duration_, patience_;
     Scene replica_;
     std::unique_ptr<MirrorRelay> relay_;
@@ -146,8 +151,11 @@ class Relaying {
     bool serves_ = true;  // nothing prevents it from serving
 };
 
-int relay(const RelayArguments& options) {
-    return Relaying(options).run();
+int relay(RelayArguments options) {
+    auto from = Origin::open(options.origin, options.key, parseSeconds(options.patience));
+    if (!from) return printError(from.error()), kBad;
+    options.origin = from->shown();
+    return Relaying(options, *from).run();
 }
 
 }  // namespace
@@ -155,7 +163,10 @@ int relay(const RelayArguments& options) {
 Verb addRelay(Command& program) {
     auto options = std::make_shared<RelayArguments>();
     Command* command = program.addVerb("relay", "Pass a served scene on to mirrors of its own");
-    command->addOption("ENDPOINT", options->origin, "ZeroMQ endpoint of the origin, or of another relay")->required();
+    command
+        ->addOption("ENDPOINT", options->origin,
+                    "endpoint of the origin, or of another relay, or nats://HOST:PORT/NAME")
+        ->required();
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint to serve at; * picks a free port")->preset();
     command->addOption("--for", options->duration, "how long; else until the origin leaves or Ctrl-C");
     command->addOption("--wait", options->patience, "give up after so long without an origin")->preset();

@@ -23,6 +23,7 @@
 #include "cli.h"
 #include "export/mcap_export.h"
 #include "live_outputs.h"
+#include "nats.h"
 #include "replay_test.h"
 #include "table.h"
 
@@ -407,8 +408,12 @@ int makeTable(const ReplayArguments& options) {
     return writeTable(arguments);
 }
 
-int replay(const Command& command, const ReplayArguments& options) {
+int replay(const Command& command, ReplayArguments options) {
     checkTogether(command.given());
+    const auto log = fetchLog("LOG", options.log);
+    if (!log) return printError(log.error()), kBad;
+    const auto other = fetchLog("--diff", options.diff);
+    if (!other) return printError(other.error()), kBad;
     if (auto ok = options.outputs.check({options.log, options.diff, options.test.rerun},
                                         {{"--export", options.exported, OutputKind::capture},
                                          {"--compact", options.compact, OutputKind::log},
@@ -437,7 +442,7 @@ int replay(const Command& command, const ReplayArguments& options) {
 Verb addReplay(Command& program) {
     auto options = std::make_shared<ReplayArguments>();
     Command* command = program.addVerb("replay", "Play a log back; verify it; picture, hear and save it");
-    command->addOption("LOG", options->log, "log to read (.rlog)")->required();
+    command->addOption("LOG", options->log, "log to read (.rlog), or nats://HOST:PORT/NAME")->required();
     command->addFlag("--verify", options->verify,
                      "all of it, to the index that a session ends with; states are checked in any case");
     command->addOption("--seek", options->seek, "begin with the state so long after the log's start");

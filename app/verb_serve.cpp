@@ -21,6 +21,7 @@
 #include "files.h"
 #include "hints.h"
 #include "keyframes.h"
+#include "nats.h"
 #include "rotate.h"
 #include "running_scene.h"
 #include "serve_log.h"
@@ -50,6 +51,7 @@ struct ServeArguments {
     ServeLogArguments log;
     RotateArguments rotate;
     WebArguments web;
+    std::string nats;
     bool insecure = false, json = false, force = false, reload = false;
 };
 
@@ -158,7 +160,7 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
     return serveLog({options.scene, options.endpoint, options.log, options.web, options.resources.ofFile(options.scene),
-                     duration, parseSeconds(options.linger), options.json},
+                     duration, parseSeconds(options.linger), options.json, options.nats},
                     *serverOptions);
 }
 
@@ -210,6 +212,7 @@ class Session {
     std::unique_ptr<LossyScene> lossy_;
     std::unique_ptr<MirrorServer> server_;
     Web web_;
+    Published published_;
     SessionLog log_;
     std::uint64_t frames_ = 0;
     Clock::time_point start_;
@@ -256,6 +259,9 @@ int Session::startServer() {
     auto web = Web::start(options_.web, *server_, keys);
     if (!web) return printError(web.error()), kBad;
     web_ = std::move(*web);
+    auto published = Published::start(options_.nats, *server_, keys);
+    if (!published) return printError(published.error()), kBad;
+    published_ = std::move(*published);
     return kDone;
 }
 
@@ -298,8 +304,9 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
-    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json);
-    if (options_.await > 0) await(*server_, options_.await);
+    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address());
+    // What publishes is a peer as well.
+    if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
     start_ = Clock::now();
     // A resumed session goes on with the frame after its last one.
@@ -310,6 +317,7 @@ void Session::run() {
         server_->service();  // requests of mirrors take effect in this frame
         frame(slot);
         printServerNews(*server_);
+        published_.printNews();
         web_.service(running_.scene(), running_.resources());
         lookAtLog();
         if (progress) progress(slot, last + 1);
@@ -380,6 +388,7 @@ int Session::close() {
     printServerNews(*server_);
     server_.reset();
     web_.end();
+    published_.end();
     if (log_) {
         if (auto ok = log_.stop(); !ok && !failed_) {
             printError(ok.error());
@@ -398,12 +407,7 @@ int Session::close() {
     return failed_ ? kBad : kDone;
 }
 
-int serve(const ServeArguments& options, const std::vector<std::string>& given) {
-    options.web.check();
-    if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
-    checkResume(options);
-    LogOptions ignored;
-    options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
+int serveScene(const ServeArguments& options) {
     Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
     if (const int status = session.open(); status != kDone) return status;
     if (const int status = session.startServer(); status != kDone) return status;
@@ -411,6 +415,26 @@ int serve(const ServeArguments& options, const std::vector<std::string>& given) 
     if (const int status = session.startLog(); status != kDone) return status;
     session.run();
     return session.close();
+}
+
+int serve(ServeArguments options, const std::vector<std::string>& given) {
+    options.web.check();
+    if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
+    if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
+        throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
+    if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
+    checkResume(options);
+    LogOptions ignored;
+    options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
+    const bool rotates = ignored.rotateBytes > 0 || ignored.rotateSeconds > 0;
+    if (rotates && (isNatsAddress(options.record) || isNatsAddress(options.resume)))
+        throw UsageError("--rotate", "a log that is stored at a NATS server is one piece");
+    auto resumed = StoredLog::start("--resume", options.resume, NatsLog::Begin::goOn);
+    if (!resumed) return printError(resumed.error()), kBad;
+    auto recorded =
+        StoredLog::start("--record", options.record, options.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    if (!recorded) return printError(recorded.error()), kBad;
+    return resumed->finish(recorded->finish(serveScene(options)));
 }
 
 void addMirrors(Command& command, ServeArguments& options) {
@@ -441,6 +465,8 @@ void addMirrors(Command& command, ServeArguments& options) {
         ->preset();
     command.addOption("--block", options.block, "how long a mirror that asks for it may hold up a frame")->preset();
     command.addOption("--linger", options.linger, "how long mirrors may catch up at the end")->preset();
+    command.addOption("--nats", options.nats,
+                      "nats://HOST:PORT/NAME, or tls: publish there too, once for any number of mirrors");
 }
 
 }  // namespace
@@ -464,7 +490,7 @@ Verb addServe(Command& program) {
     addMirrors(*command, *options);
     {
         const Command::Section section(*command, "Log");
-        command->addOption("--record", options->record, "log to write as well (.rlog)");
+        command->addOption("--record", options->record, "log to write as well (.rlog), or nats://HOST:PORT/NAME");
         options->keyframes.addTo(*command);
         options->rotate.addTo(*command);
         addForce(*command, options->force);

@@ -40,7 +40,9 @@ class Web {
     std::unique_ptr<WebGateway> gateway_;
 };
 
-/// Prints the first lines of a verb: {"endpoint":…,"web":…}, or `words` with the endpoint and then the page's address.
-void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json);
+/// Prints the first lines of a verb: {"endpoint":…,"web":…,"nats":…}, or `words` with the endpoint and then the
+/// page's address and that of what is published.
+void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,
+                 const std::string& nats = {});
 
 }  // namespace rtsg::app

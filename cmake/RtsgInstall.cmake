@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(RTSG_LIBRARIES core documents scripts renderers audio sync physics dis window haptics ogre)
+set(RTSG_LIBRARIES core documents scripts renderers audio sync physics dis window haptics ogre nats)
 list(TRANSFORM RTSG_LIBRARIES PREPEND rtsg_ OUTPUT_VARIABLE library_targets)
 install(TARGETS ${library_targets} EXPORT rtsgTargets COMPONENT libraries)
 if(NOT BUILD_SHARED_LIBS)

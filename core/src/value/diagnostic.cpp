@@ -55,6 +55,8 @@ constexpr FileCode kFileCodes[] = {
     {"/renderers/src/world/picking", DiagnosticCode("pick")},
     {"/renderers/src/", DiagnosticCode("picture")},
     {"/ogre/src/", DiagnosticCode("picture")},
+    {"/nats/src/store/", DiagnosticCode("log")},
+    {"/nats/src/", DiagnosticCode("mirror")},
     {"/audio/src/", DiagnosticCode("sound")},
     {"/sync/src/codec/", DiagnosticCode("record")},
     {"/sync/src/log/mcap", DiagnosticCode("mcap")},

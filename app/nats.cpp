@@ -1,0 +1,128 @@
+// Connects verbs to NATS servers, and prints what happens to these connections.
+#include "nats.h"
+
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+
+#include "cli.h"
+#include "hints.h"
+
+namespace rtsg::app {
+
+void checkNatsAddress(const std::string& option, const std::string& address) {
+    if (const auto parsed = NatsAddress::parse(address); !parsed) throw UsageError(option, parsed.error().text);
+}
+
+Result<Origin> Origin::open(const std::string& typed, const std::string& key, double patience) {
+    Origin origin;
+    origin.shown_ = typed;
+    if (!isNatsAddress(typed)) {
+        checkEndpoint("ENDPOINT", typed);
+        return origin;
+    }
+    checkNatsAddress("ENDPOINT", typed);
+    if (!key.empty())
+        throw UsageError("--key", "is for ZeroMQ: a NATS server gets user, password or token in its address, or TLS");
+    auto nats = NatsSubscriber::start(typed, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience)));
+    if (!nats) return std::unexpected(nats.error());
+    origin.nats_ = std::move(*nats);
+    origin.shown_ = origin.nats_->address();
+    return origin;
+}
+
+/// All mirrors behind a NATS server share the questions that their server answers to one peer. Those that only look
+/// for faults of memory would leave none for repairs.
+void Origin::limit(MirrorClientOptions& options) const {
+    if (nats_) options.scrub = std::chrono::milliseconds(0);
+}
+
+void Origin::printNews() {
+    if (!nats_) return;
+    for (const Diagnostic& d : nats_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+}
+
+Result<Published> Published::start(const std::string& address, const MirrorServer& server,
+                                   const std::optional<MirrorKeys>& keys) {
+    Published published;
+    if (address.empty()) return published;
+    NatsPublisherOptions options;
+    options.address = address;
+    options.endpoint = server.endpoint();
+    options.keys = keys;
+    auto publisher = NatsPublisher::start(std::move(options));
+    if (!publisher) return std::unexpected(publisher.error());
+    published.publisher_ = std::move(*publisher);
+    return published;
+}
+
+void Published::printNews() {
+    if (!publisher_) return;
+    for (const Diagnostic& d : publisher_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+}
+
+Result<PassingFolder> PassingFolder::make() {
+    std::error_code problem;
+    std::string path = (std::filesystem::temp_directory_path(problem) / "rtsg-nats-XXXXXX").string();
+    if (problem || !::mkdtemp(path.data()))
+        return fail(fmt::format("no folder for a local log: {}", std::generic_category().message(errno)));
+    PassingFolder folder;
+    folder.path_ = path;
+    return folder;
+}
+
+PassingFolder::~PassingFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::remove_all(path_, ignored);
+}
+
+Result<StoredLog> StoredLog::start(const std::string& option, std::string& file, NatsLog::Begin begin) {
+    StoredLog stored;
+    if (!isNatsAddress(file)) return stored;
+    checkNatsAddress(option, file);
+    auto folder = PassingFolder::make();
+    if (!folder) return std::unexpected(folder.error());
+    stored.folder_ = std::move(*folder);
+    stored.file_ = (stored.folder_.path() / (NatsAddress::parse(file)->name + ".rlog")).string();
+    auto log = NatsLog::start(file, stored.file_, begin);
+    if (!log) return std::unexpected(log.error());
+    stored.log_ = std::move(*log);
+    file = stored.file_;
+    return stored;
+}
+
+int StoredLog::finish(int status) {
+    if (!log_) return status;
+    if (const auto ok = log_->finish(); !ok) {
+        printError(ok.error());
+        if (!std::filesystem::exists(file_)) return kBad;
+        printError(fmt::format("{} holds the whole log", file_));
+        folder_.keep();
+        return kBad;
+    }
+    fmt::print(stderr, "stored {} messages, {} bytes, at {}\n", log_->storedMessages(), log_->storedBytes(),
+               log_->address());
+    return status;
+}
+
+Result<PassingFolder> fetchLog(const std::string& option, std::string& file) {
+    if (!isNatsAddress(file)) return PassingFolder();
+    checkNatsAddress(option, file);
+    auto folder = PassingFolder::make();
+    if (!folder) return folder;
+    const std::string copy = (folder->path() / (NatsAddress::parse(file)->name + ".rlog")).string();
+    const Progress progress = progressBar("fetching " + NatsAddress::parse(file)->shown);
+    const auto fetched = NatsLog::fetch(file, copy, [&](std::uint64_t done, std::uint64_t all) {
+        if (progress) progress(done, all);
+        return !interrupted();
+    });
+    if (!fetched) return std::unexpected(fetched.error());
+    file = copy;
+    return folder;
+}
+
+}  // namespace rtsg::app

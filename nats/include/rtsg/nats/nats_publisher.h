@@ -1,0 +1,70 @@
+// NatsPublisher: publishes what a mirror server serves to a NATS server, from where any number of mirrors take it.
+//
+// A new record goes out once, however many mirrors there are. Who joins asks, and so gets the last keyframe and what
+// follows it; all who ask within a moment get it by one publication. Questions, requests and commands of mirrors go to
+// the server, and its answers back to who asked (PROTOCOL.md, "NATS"). To the server all of them are one peer, with
+// that peer's permission, and a name of their own behind it. Invariant: it keeps no scene, and passes records on in the
+// bytes that the server sent. Whatever mirrors send, its memory is bounded. A lost connection to the NATS server is
+// made anew; mirrors then ask for what they missed. Threading: a thread of its own; all functions on any.
+
+// Example:
+//     #include <rtsg/nats/nats_publisher.h>
+//     #include <rtsg/sync/mirror_server.h>
+//     rtsg::Scene scene;
+//     const auto server = rtsg::MirrorServer::start(scene, "tcp://127.0.0.1:*");
+//     if (!server) return;
+//     rtsg::NatsPublisherOptions options;
+//     options.address = "nats://127.0.0.1:4222/hall";
+//     options.endpoint = (*server)->endpoint();
+//     const auto publisher = rtsg::NatsPublisher::start(options);
+//     if (!publisher) return;  // publisher.error() says why
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/mirror_keys.h>
+
+namespace rtsg {
+
+struct NatsPublisherOptions {
+    std::string address;  // nats_address.h
+    /// The endpoint of the mirror server, and the keys of a client if the server has keys.
+    std::string endpoint;
+    std::optional<MirrorKeys> keys;
+    /// Bytes of records that are kept for mirrors that missed some.
+    std::uint64_t history = std::uint64_t{64} << 20;
+};
+
+struct NatsPublisherStatistics {
+    std::uint64_t records = 0, messages = 0, bytes = 0;  // published, without answers
+    std::uint64_t states = 0;                            // times that a keyframe and what follows it were published
+    std::uint64_t resumed = 0;                           // mirrors that got only what they had missed
+    std::uint64_t asked = 0;                             // messages of mirrors
+    std::uint64_t garbage = 0;                           // those of them that made no sense
+    std::uint64_t failed = 0;                            // messages that could not be published
+};
+
+class NatsPublisher {
+  public:
+    /// Errors: the address is none, there is no connection, the server's keys are no client's.
+    static Result<std::unique_ptr<NatsPublisher>> start(NatsPublisherOptions options);
+    /// Mirrors get the server's goodbye if the server ends before.
+    ~NatsPublisher();
+
+    /// The address without secrets.
+    const std::string& address() const;
+    NatsPublisherStatistics statistics() const;
+    std::vector<Diagnostic> takeDiagnostics();
+
+  private:
+    class Impl;
+    explicit NatsPublisher(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

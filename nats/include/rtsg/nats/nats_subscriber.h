@@ -1,0 +1,57 @@
+// NatsSubscriber: lets a MirrorClient of this process follow a scene that a NatsPublisher publishes.
+//
+// To the client it is a mirror server at a local endpoint: hashes, repairs, requests and their verdicts are those of
+// the server behind it. It takes records from the NATS server, asks for what is missing, and passes on what the client
+// asks. Whole scenes alone are published, so parts, regions, inputs and limits of rate are refused. Invariant: the
+// client gets each record once and in order. A client that is more than its window behind gets what it missed when it
+// has read the rest: frames where the publisher still has them, else a keyframe. Threading: a thread of its own; all
+// functions on any.
+
+// Example:
+//     #include <rtsg/nats/nats_subscriber.h>
+//     #include <rtsg/sync/mirror_client.h>
+//     rtsg::Scene replica;
+//     const auto nats = rtsg::NatsSubscriber::start("nats://127.0.0.1:4222/hall");
+//     if (!nats) return;  // nats.error() says why
+//     const auto client = rtsg::MirrorClient::connect(replica, (*nats)->endpoint());
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+struct NatsSubscriberStatistics {
+    std::uint64_t messages = 0;  // of NATS, read
+    std::uint64_t dropped = 0;   // messages that found no room: this process is too slow
+    std::uint64_t gaps = 0;      // times that records were missing
+    std::uint64_t joins = 0;     // times that the server was asked for a state, or for what was missed
+    std::uint64_t garbage = 0;   // messages that made no sense
+};
+
+class NatsSubscriber {
+  public:
+    /// Tries for `patience` to connect. Errors: the address is none; no connection.
+    static Result<std::unique_ptr<NatsSubscriber>> start(
+        const std::string& address, std::chrono::milliseconds patience = std::chrono::milliseconds(0));
+    ~NatsSubscriber();
+
+    /// For MirrorClient::connect(). Only this user may connect.
+    const std::string& endpoint() const;
+    /// The address without secrets.
+    const std::string& address() const;
+    NatsSubscriberStatistics statistics() const;
+    std::vector<Diagnostic> takeDiagnostics();
+
+  private:
+    class Impl;
+    explicit NatsSubscriber(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,80 @@
+// NatsLink: what librtsg_nats_module.so offers, one connection to a NATS server. Nothing else sees libnats.
+//
+// Invariant: messages of all subscriptions come in the order in which the server sent them. What exceeds the limit of
+// memory is dropped and counted. The connection is made anew when it is lost, with its subscriptions. This side knows
+// nothing of libnats, and the module links nothing of ours. Errors are sentences without passwords.
+// Threading: every function may be called on any thread.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace rtsg {
+
+struct NatsSettings {
+    std::vector<std::string> servers;                 // urls with what authenticates us
+    std::string client;                               // a name, for the server's own reports
+    std::size_t mostWaiting = std::size_t{64} << 20;  // bytes of messages that nobody has taken
+};
+
+struct NatsMessage {
+    std::string subject, reply, bytes;
+};
+
+/// What a stream of JetStream holds.
+struct NatsStream {
+    bool exists = false;
+    std::uint64_t first = 0, last = 0;  // sequences
+    std::uint64_t bytes = 0;
+};
+
+class NatsLink {
+  public:
+    virtual ~NatsLink() = default;
+    /// The most bytes of a message, as the server says.
+    virtual std::size_t maxPayload() const = 0;
+    virtual bool connected() const = 0;
+    /// Messages that found no room, here or in libnats.
+    virtual std::uint64_t dropped() const = 0;
+    virtual std::vector<std::string> takeNews() = 0;
+    /// Readable when a message may wait. take() makes it unreadable once it has found none.
+    virtual int descriptor() const = 0;
+    virtual bool take(NatsMessage& into) = 0;
+
+    /// These return why it failed; empty if it did not. Without a connection messages wait for the next one, up to a
+    /// few megabytes.
+    virtual std::string publish(const std::string& subject, const std::string& reply,
+                                std::span<const std::byte> bytes) = 0;
+    virtual std::string subscribe(const std::string& subject) = 0;
+    virtual void unsubscribe(const std::string& subject) = 0;
+    /// Waits until the server has read what was published.
+    virtual std::string flush(std::chrono::milliseconds most) = 0;
+
+    // ---- JetStream ------------------------------------------------------------------------------------------
+    virtual std::string streamState(const std::string& stream, NatsStream& into) = 0;
+    /// A stream in files that refuses what no longer fits. `subject` is the only one that it takes.
+    virtual std::string makeStream(const std::string& stream, const std::string& subject) = 0;
+    virtual std::string removeStream(const std::string& stream) = 0;
+    enum class Stored : std::uint8_t { yes, unknown, no };
+    /// Stores a message behind the one with sequence `after`, and nowhere else. `unknown`: no answer came. Waits at
+    /// most two seconds.
+    virtual Stored store(const std::string& stream, const std::string& subject, std::span<const std::byte> bytes,
+                         std::uint64_t after, std::string& problem) = 0;
+    /// Calls `sink` with the messages from `first` to `last`, in order and without a gap, until it returns false.
+    virtual std::string read(const std::string& stream, const std::string& subject, std::uint64_t first,
+                             std::uint64_t last, const std::function<bool(std::string_view)>& sink) = 0;
+};
+
+/// Returns null and the reason if there is no connection.
+using OpenNats = std::unique_ptr<NatsLink> (*)(const NatsSettings&, std::string& problem);
+/// The one symbol of the module: a function without arguments that returns an OpenNats.
+#define RTSG_NATS_SYMBOL "rtsg_open_nats_1"
+
+}  // namespace rtsg

@@ -1,0 +1,130 @@
+// Scenes and logs at a NATS server, by the command line: published, followed, stored, gone on with.
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+#include "support/nats_server.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+using testing::Not;
+
+class NatsOption : public CommandLine {
+  protected:
+    void SetUp() override {
+        CommandLine::SetUp();
+        if (NatsServer::program().empty()) GTEST_SKIP() << NatsServer::kMissing;
+        if (rtsg({"mirror", "nats://127.0.0.1:1/none", "--wait", "0.1s"}).err.find("leaves it out") !=
+            std::string::npos)
+            GTEST_SKIP() << "built without libnats";
+    }
+};
+
+TEST_F(NatsOption, AServedSceneIsFollowedWithItsPasswordUnsaid) {
+    NatsServer nats("authorization { user: anna, password: sesame }");
+    const std::string address = nats.address("hall", "anna:sesame@");
+    Program server({"serve", file, "--nats", address, "--upstream", "edits", "--json", "--for", "60s"}, streams());
+    EXPECT_EQ(json::parse(server.firstLine()).at("nats"), nats.address());
+    const Outcome mirror = rtsg({"mirror", address, "--for", "1s", "--json", "--name", "kim", "--edit",
+                                 "BOX.scale=2 2 2@0.2", "--save", folder / "replica.x3dv"});
+    EXPECT_EQ(mirror.status, 0) << mirror.err;
+    const json report = json::parse(lastLine(mirror.out));
+    EXPECT_TRUE(report.at("equal"));
+    EXPECT_EQ(report.at("accepted"), 1);
+    EXPECT_THAT(readFile(folder / "replica.x3dv"), HasSubstr("scale 2 2 2"));
+    server.signal(SIGINT);
+    const Outcome served = server.wait();
+    for (const std::string* text : {&mirror.out, &mirror.err, &served.out, &served.err})
+        EXPECT_THAT(*text, Not(HasSubstr("sesame")));
+}
+
+TEST_F(NatsOption, WhatCannotBeIsRefused) {
+    NatsServer nats;
+    const auto said = [&](int status, const char* text, const std::vector<std::string>& arguments) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, status) << outcome.err;
+        EXPECT_THAT(outcome.err, HasSubstr(text));
+    };
+    said(2, "ends with /NAME", {"mirror", "nats://127.0.0.1:4222"});
+    said(2, "ends with /NAME", {"serve", file, "--nats", "nats://127.0.0.1:4222/a.b"});
+    said(2, "--coding", {"serve", file, "--nats", nats.address(), "--coding", "compact"});
+    said(2, "--key", {"mirror", nats.address(), "--key", file});
+    said(1, "no connection to the NATS server", {"serve", file, "--nats", "nats://127.0.0.1:1/hall", "--for", "1s"});
+    said(1, "need ZeroMQ", {"mirror", nats.address(), "--part", "BOX"});
+    said(1, "no session is stored there", {"replay", nats.address("nothing")});
+}
+
+TEST_F(NatsOption, ARecordingIsStoredAndPlayedBack) {
+    NatsServer nats;
+    const std::string log = folder / "a.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "2s"}).status, 0);
+    const Outcome stored = rtsg({"record", file, "-o", nats.address(), "--for", "2s"});
+    EXPECT_EQ(stored.status, 0) << stored.err;
+    EXPECT_THAT(stored.err, HasSubstr("at " + nats.address()));
+    const Outcome verified = rtsg({"replay", nats.address(), "--verify", "--json"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    EXPECT_EQ(json::parse(lastLine(verified.out)).at("verified"), 122);
+    EXPECT_EQ(rtsg({"replay", nats.address(), "--diff", log}).status, 0);
+    EXPECT_EQ(rtsg({"record", file, "-o", nats.address(), "--for", "1s"}).status, 1) << "it is there already";
+    EXPECT_EQ(rtsg({"record", file, "-o", nats.address(), "--for", "1s", "--force"}).status, 0);
+    EXPECT_EQ(json::parse(lastLine(rtsg({"replay", nats.address(), "--verify", "--json"}).out)).at("verified"), 62);
+}
+
+TEST_F(NatsOption, AServerThatIsKilledGoesOnFromWhatIsStoredWithItsMirrors) {
+    NatsServer nats;
+    const std::string scene = nats.address("live"), log = nats.address("log");
+    auto server = std::make_unique<Program>(
+        std::vector<std::string>{"serve", file, "--nats", scene, "--record", log, "--json", "--for", "60s"}, streams());
+    server->firstLine();
+    Program mirror({"mirror", scene, "--for", "4s", "--wait", "30s", "--json"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    server->signal(SIGKILL);
+    server->wait();
+    Program again({"serve", "--resume", log, "--nats", scene, "--json", "--for", "4s"}, streams());
+    const Outcome followed = mirror.wait();
+    const json report = json::parse(lastLine(followed.out));
+    EXPECT_TRUE(report.at("equal")) << followed.err;
+    EXPECT_EQ(report.at("divergences"), 0);
+    again.signal(SIGINT);
+    const Outcome ended = again.wait();
+    EXPECT_THAT(ended.err, HasSubstr("going on at state"));
+    // Each state is there once: none is missing, and none twice.
+    const Outcome verified = rtsg({"replay", log, "--json"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    const json states = json::parse(lastLine(verified.out));
+    EXPECT_EQ(states.at("gaps"), 0);
+    EXPECT_EQ(states.at("damaged"), 0);
+    EXPECT_GT(states.at("frames"), 100);
+}
+
+TEST_F(NatsOption, AMirrorSaysThatItsServerIsGone) {
+    NatsServer nats;
+    Program server({"serve", file, "--nats", nats.address(), "--json", "--for", "60s"}, streams());
+    server.firstLine();
+    Program mirror({"mirror", nats.address(), "--wait", "2s"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+    server.signal(SIGKILL);
+    server.wait();
+    const Outcome outcome = mirror.wait();
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("has been silent for"));
+}
+
+TEST_F(NatsOption, AStoreThatIsFullLeavesTheWholeLogHere) {
+    NatsServer nats({}, "max_file_store: 20000");
+    const Outcome outcome = rtsg({"record", file, "-o", nats.address(), "--for", "10s"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("only the first"));
+    const std::size_t end = outcome.err.find(" holds the whole log");
+    ASSERT_NE(end, std::string::npos) << outcome.err;
+    const std::size_t begin = outcome.err.rfind(' ', end - 1) + 1;
+    const std::string kept = outcome.err.substr(begin, end - begin);
+    EXPECT_EQ(rtsg({"replay", kept, "--verify"}).status, 0);
+    std::filesystem::remove_all(std::filesystem::path(kept).parent_path());
+}
+
+}  // namespace
+}  // namespace rtsg::test
