@@ -18,6 +18,7 @@
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
+#include "feeds.h"
 #include "files.h"
 #include "hints.h"
 #include "keyframes.h"
@@ -50,6 +51,7 @@ struct ServeArguments {
     ServeLogArguments log;
     RotateArguments rotate;
     WebArguments web;
+    FeedArguments feeds;
     bool insecure = false, json = false, force = false;
 };
 
@@ -147,8 +149,8 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
     if (!options.start.at.empty())
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
-    for (const char* option :
-         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis", "--clip"})
+    for (const char* option : {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep",
+                               "--dis", "--clip", "--feed", "--publish", "--fields", "--publish-rate"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
@@ -185,6 +187,7 @@ class Session {
     /// Each returns kDone, or the status with which the program ends.
     int open();
     int startServer();
+    int startFeeds();
     int startLog();
     void run();
     int close();
@@ -208,6 +211,7 @@ class Session {
     std::unique_ptr<LossyScene> lossy_;
     std::unique_ptr<MirrorServer> server_;
     Web web_;
+    std::optional<Feeds> feeds_;
     SessionLog log_;
     std::uint64_t frames_ = 0;
     Clock::time_point start_;
@@ -283,6 +287,17 @@ int Session::startLog() {
     return kDone;
 }
 
+int Session::startFeeds() {
+    Feeds::Settings how;
+    how.start = running_.start();
+    how.insecure = options_.insecure;
+    how.call = server_->callDescriptor();
+    auto feeds = Feeds::start(options_.feeds, running_.scene(), how);
+    if (!feeds) return printError(namingOptions(feeds.error(), "--insecure", "")), kBad;
+    feeds_ = std::move(*feeds);
+    return kDone;
+}
+
 /// If the recording fails it ends, but mirrors go on.
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_.failure().empty()) return;
@@ -295,7 +310,7 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
-    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json);
+    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, feeds_->sayPlaces());
     if (options_.await > 0) await(*server_, options_.await);
 
     start_ = Clock::now();
@@ -320,7 +335,10 @@ void Session::run() {
 
 /// Frames have even times. Those for which there was no time are left out, so the clock never lags.
 void Session::frame(std::uint64_t slot) {
-    running_.frame(from_ + static_cast<double>(slot) / options_.fps);
+    const double t = from_ + static_cast<double>(slot) / options_.fps;
+    feeds_->before(t);
+    running_.frame(t);
+    feeds_->after(t);
     ++frames_;
 }
 std::uint64_t Session::slotNow() const {
@@ -335,7 +353,7 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
 /// or the time must be told. Returns the next frame, or `slot` if there is nothing to sleep through. The state before
 /// the sleep lasts until the frame before the one that ends it, so that frame is run, too.
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
-    const double until = (running_.restsUntil() - from_) * options_.fps;
+    const double until = (std::min(running_.restsUntil(), feeds_->nextAt()) - from_) * options_.fps;
     const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
     const double end = std::min({until - 1, told, static_cast<double>(last)});
     if (!(end > static_cast<double>(slot))) return slot;
@@ -354,11 +372,11 @@ void Session::print(const MirrorServerStatistics& statistics) const {
         fmt::print(
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
-            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"}}\n",
+            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"{}}}\n",
             frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_.bytes(), log_.encoded(),
-            scene.hash().hex());
+            scene.hash().hex(), feeds_->json());
     else
         fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
                    seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
@@ -372,6 +390,7 @@ int Session::close() {
     printServerNews(*server_);
     server_.reset();
     web_.end();
+    feeds_->end();
     if (log_) {
         if (auto ok = log_.stop(); !ok && !failed_) {
             printError(ok.error());
@@ -392,6 +411,7 @@ int Session::close() {
 
 int serve(const ServeArguments& options, const std::vector<std::string>& given) {
     options.web.check();
+    options.feeds.check(options.scene, false);
     if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
     checkResume(options);
     LogOptions ignored;
@@ -400,6 +420,7 @@ int serve(const ServeArguments& options, const std::vector<std::string>& given) 
     if (const int status = session.open(); status != kDone) return status;
     if (const int status = session.startServer(); status != kDone) return status;
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
+    if (const int status = session.startFeeds(); status != kDone) return status;
     if (const int status = session.startLog(); status != kDone) return status;
     session.run();
     return session.close();
@@ -462,6 +483,7 @@ Verb addServe(Command& program) {
     }
     options->log.addTo(*command);
     options->web.addTo(*command);
+    options->feeds.addTo(*command);
     options->resources.addTo(*command);
     options->network.addTo(*command);
     command->footer(
@@ -469,6 +491,8 @@ Verb addServe(Command& program) {
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
         "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
         "Example: rtsg serve hall.x3dv --web 8080 --upstream events --for 20s\n"
+        "Example: rtsg serve door.x3dv --feed udp://127.0.0.1:5601 --publish tcp://127.0.0.1:5602 --fields "
+        "DOOR.rotation,PRESSED.* --for 20s\n"
         "The first line on standard output names the endpoint, the port filled in.");
     return {command, [command, options] { return serve(*options, command->given()); }};
 }

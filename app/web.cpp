@@ -70,10 +70,11 @@ void Web::service(const Scene& scene, const Resources& resources) {
     for (const Diagnostic& d : gateway_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
-void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json) {
+void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,
+                 const std::string& more) {
     if (json) {
         const std::string page = web.url().empty() ? "" : fmt::format(",\"web\":{}", jsonString(web.url()));
-        fmt::print("{{\"endpoint\":{}{}}}\n", jsonString(server.endpoint()), page);
+        fmt::print("{{\"endpoint\":{}{}{}}}\n", jsonString(server.endpoint()), page, more);
     } else {
         fmt::print("{} {}\n", words, server.endpoint());
         if (!web.url().empty()) fmt::print("page at {}\n", web.url());

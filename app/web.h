@@ -41,6 +41,8 @@ class Web {
 };
 
 /// Prints the first lines of a verb: {"endpoint":…,"web":…}, or `words` with the endpoint and then the page's address.
-void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json);
+/// `more` goes into the JSON.
+void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,
+                 const std::string& more = {});
 
 }  // namespace rtsg::app
