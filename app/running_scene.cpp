@@ -163,6 +163,7 @@ double RunningScene::restsUntil() const {
 std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     time_ = t;
     if (isEdited()) followed_->follow();
+    if (before_) before_(t);
     injections_.sendUntil(t, start_);
     network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);

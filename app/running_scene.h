@@ -74,6 +74,8 @@ class RunningScene {
     double start() const { return start_; }
     /// When the scene does something by itself next: Scene::restsUntil(), counted from the start.
     double restsUntil() const;
+    /// Sets what is called before each frame, with its time.
+    void beforeFrames(std::function<void(double t)> call) { before_ = std::move(call); }
     /// The time of the last frame.
     double time() const { return time_; }
     /// Runs one frame and returns its set. Inlines that it loads are published as sets of their own.
@@ -107,6 +109,7 @@ class RunningScene {
     std::vector<std::string> allowedAddresses_;
     std::unique_ptr<DisNetwork> network_;
     Injections injections_;
+    std::function<void(double t)> before_;
 };
 
 }  // namespace rtsg::app

@@ -10,6 +10,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/world.h>
 
+#include "feeds.h"
 #include "live_outputs.h"
 #include "running_scene.h"
 
@@ -24,6 +25,7 @@ struct RunArguments {
     OutputArguments outputs;
     StartTime start;
     NetworkArguments network;
+    FeedArguments feeds;
     bool realtime = false, reload = false, hash = false, json = false;
 };
 
@@ -150,6 +152,7 @@ bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
 
 int runScene(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
+    options.feeds.check(options.scene, true);
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
     running.scene().setThreads(options.outputs.picture.threads);
@@ -165,16 +168,22 @@ int runScene(const RunArguments& options) {
     if (!watches->empty()) printEvents(running, *watches);
     RunMade made(running, options);
     (void)interrupted();  // from here on an interruption ends the program in order and cuts no line
+    auto feeds = Feeds::start(options.feeds, scene, {.start = running.start(), .timed = true});
+    if (!feeds) return printError(feeds.error()), kBad;
+    running.beforeFrames([&](double t) { feeds->before(t); });
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
+        feeds->after(running.time());
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
         return made.follow(k);
     });
+    running.beforeFrames({});
     running.printDiagnostics();
+    feeds->end();
     const bool good = made.finish(frames == pace.frames());
     // Readers of the events do not want other text; a summary in JSON is one more line for them.
     if (options.json)
-        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, running.time(), scene.hash().hex(),
-                   made.json());
+        fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}{}}}\n", frames, running.time(), scene.hash().hex(),
+                   made.json(), feeds->json());
     else if (watches->empty() && !options.hash)
         fmt::print("{} to t = {} s, state {}\n", framesText(frames), running.time(), scene.hash().hex());
     return good ? kDone : kBad;
@@ -195,6 +204,7 @@ Verb addRun(Command& program) {
     options->start.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
     options->network.addTo(*command);
+    options->feeds.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
     command->addFlag("--reload", options->reload, "follow the scene's file whenever it has been edited");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");

@@ -18,6 +18,7 @@
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
+#include "feeds.h"
 #include "files.h"
 #include "hints.h"
 #include "keyframes.h"
@@ -51,6 +52,7 @@ struct ServeArguments {
     ServeLogArguments log;
     RotateArguments rotate;
     WebArguments web;
+    FeedArguments feeds;
     std::string nats;
     bool insecure = false, json = false, force = false, reload = false;
 };
@@ -152,7 +154,7 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option : {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep",
-                               "--dis", "--clip", "--reload"})
+                               "--dis", "--clip", "--reload", "--feed", "--publish", "--fields", "--publish-rate"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
@@ -189,6 +191,7 @@ class Session {
     /// Each returns kDone, or the status with which the program ends.
     int open();
     int startServer();
+    int startFeeds();
     int startLog();
     void run();
     int close();
@@ -213,6 +216,7 @@ class Session {
     std::unique_ptr<MirrorServer> server_;
     Web web_;
     Published published_;
+    std::optional<Feeds> feeds_;
     SessionLog log_;
     std::uint64_t frames_ = 0;
     Clock::time_point start_;
@@ -292,6 +296,17 @@ int Session::startLog() {
     return kDone;
 }
 
+int Session::startFeeds() {
+    Feeds::Settings how;
+    how.start = running_.start();
+    how.insecure = options_.insecure;
+    how.call = server_->callDescriptor();
+    auto feeds = Feeds::start(options_.feeds, running_.scene(), how);
+    if (!feeds) return printError(namingOptions(feeds.error(), "--insecure", "")), kBad;
+    feeds_ = std::move(*feeds);
+    return kDone;
+}
+
 /// If the recording fails it ends, but mirrors go on.
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_.failure().empty()) return;
@@ -304,7 +319,8 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
-    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address());
+    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address(),
+                feeds_->sayPlaces());
     // What publishes is a peer as well.
     if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
@@ -331,7 +347,10 @@ void Session::run() {
 
 /// Frames have even times. Those for which there was no time are left out, so the clock never lags.
 void Session::frame(std::uint64_t slot) {
-    running_.frame(from_ + static_cast<double>(slot) / options_.fps);
+    const double t = from_ + static_cast<double>(slot) / options_.fps;
+    feeds_->before(t);
+    running_.frame(t);
+    feeds_->after(t);
     ++frames_;
 }
 std::uint64_t Session::slotNow() const {
@@ -346,7 +365,7 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
 /// before the next change, or the time must be told. Returns the next frame, or `slot` if there is nothing to sleep
 /// through. The state before the sleep lasts until the frame before the one that ends it, so that frame is run, too.
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
-    const double until = (running_.restsUntil() - from_) * options_.fps;
+    const double until = (std::min(running_.restsUntil(), feeds_->nextAt()) - from_) * options_.fps;
     const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
     const double end = std::min({until - 1, told, static_cast<double>(last)});
     if (!(end > static_cast<double>(slot))) return slot;
@@ -370,11 +389,11 @@ void Session::print(const MirrorServerStatistics& statistics) const {
         fmt::print(
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
-            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"}}\n",
+            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"{}}}\n",
             frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_.bytes(), log_.encoded(),
-            scene.hash().hex());
+            scene.hash().hex(), feeds_->json());
     else
         fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
                    seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
@@ -389,6 +408,7 @@ int Session::close() {
     server_.reset();
     web_.end();
     published_.end();
+    feeds_->end();
     if (log_) {
         if (auto ok = log_.stop(); !ok && !failed_) {
             printError(ok.error());
@@ -412,6 +432,7 @@ int serveScene(const ServeArguments& options) {
     if (const int status = session.open(); status != kDone) return status;
     if (const int status = session.startServer(); status != kDone) return status;
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
+    if (const int status = session.startFeeds(); status != kDone) return status;
     if (const int status = session.startLog(); status != kDone) return status;
     session.run();
     return session.close();
@@ -419,6 +440,7 @@ int serveScene(const ServeArguments& options) {
 
 int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.web.check();
+    options.feeds.check(options.scene, false);
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
         throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
@@ -497,6 +519,7 @@ Verb addServe(Command& program) {
     }
     options->log.addTo(*command);
     options->web.addTo(*command);
+    options->feeds.addTo(*command);
     options->resources.addTo(*command);
     options->network.addTo(*command);
     command->footer(
@@ -504,6 +527,8 @@ Verb addServe(Command& program) {
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"
         "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
         "Example: rtsg serve hall.x3dv --web 8080 --upstream events --for 20s\n"
+        "Example: rtsg serve door.x3dv --feed udp://127.0.0.1:5601 --publish tcp://127.0.0.1:5602 --fields "
+        "DOOR.rotation,PRESSED.* --for 20s\n"
         "The first line on standard output names the endpoint, the port filled in.");
     return {command, [command, options] { return serve(*options, command->given()); }};
 }

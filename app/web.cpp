@@ -71,11 +71,11 @@ void Web::service(const Scene& scene, const Resources& resources) {
 }
 
 void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,
-                 const std::string& nats) {
+                 const std::string& nats, const std::string& more) {
     if (json) {
         const std::string page = web.url().empty() ? "" : fmt::format(",\"web\":{}", jsonString(web.url()));
         const std::string published = nats.empty() ? "" : fmt::format(",\"nats\":{}", jsonString(nats));
-        fmt::print("{{\"endpoint\":{}{}{}}}\n", jsonString(server.endpoint()), page, published);
+        fmt::print("{{\"endpoint\":{}{}{}{}}}\n", jsonString(server.endpoint()), page, published, more);
     } else {
         fmt::print("{} {}\n", words, server.endpoint());
         if (!web.url().empty()) fmt::print("page at {}\n", web.url());

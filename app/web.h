@@ -41,8 +41,8 @@ class Web {
 };
 
 /// Prints the first lines of a verb: {"endpoint":…,"web":…,"nats":…}, or `words` with the endpoint and then the
-/// page's address and that of what is published.
+/// page's address and that of what is published. `more` goes into the JSON.
 void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,
-                 const std::string& nats = {});
+                 const std::string& nats = {}, const std::string& more = {});
 
 }  // namespace rtsg::app

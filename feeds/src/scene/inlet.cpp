@@ -1,0 +1,99 @@
+// Splits what a source reads into lines, reads these, and makes senders wait, or leaves lines out, where too many wait.
+#include "inlet.h"
+
+#include <sys/eventfd.h>
+
+#include <chrono>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace rtsg::feeds {
+
+Inlet::Inlet(Place place, std::unique_ptr<LineSource> source, int call)
+    : place_(std::move(place)),
+      source_(std::move(source)),
+      call_(call),
+      stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+      faults_(place_.text),
+      thread_([this] {
+          source_->read(*this, stop_.get());
+          {
+              const std::scoped_lock lock(mutex_);
+              ended_ = true;
+          }
+          changed_.notify_all();
+      }) {}
+
+Inlet::~Inlet() {
+    {
+        const std::scoped_lock lock(mutex_);
+        stopping_ = true;
+    }
+    changed_.notify_all();
+    ::eventfd_write(stop_.get(), 1);
+    thread_.join();
+}
+
+std::optional<NumberedLine> Inlet::take(bool patience, const std::function<bool()>& cancelled) {
+    std::unique_lock lock(mutex_);
+    while (patience && waiting_.empty() && !ended_ && !(cancelled && cancelled()))
+        changed_.wait_for(lock, std::chrono::milliseconds(50));
+    if (waiting_.empty()) return std::nullopt;
+    NumberedLine line = std::move(waiting_.front());
+    waiting_.pop_front();
+    bytes_ -= line.line.bytes();
+    lock.unlock();
+    changed_.notify_all();
+    return line;
+}
+
+bool Inlet::came(std::uint64_t stream, std::string_view bytes, bool mayWait) {
+    mayWait_ = mayWait;
+    Stream& one = streams_[stream];
+    one.splitter.add(bytes, [&](std::string_view text, bool tooLong) { read(one, text, tooLong); });
+    const std::scoped_lock lock(mutex_);
+    return !stopping_;
+}
+
+void Inlet::paused(std::uint64_t stream, bool over) {
+    const auto found = streams_.find(stream);
+    if (found == streams_.end()) return;
+    Stream& one = found->second;
+    one.splitter.finish([&](std::string_view text, bool tooLong) { read(one, text, tooLong); });
+    if (over) streams_.erase(found);
+}
+
+void Inlet::read(Stream& stream, std::string_view text, bool tooLong) {
+    const std::uint64_t number = ++lines_;
+    if (tooLong)
+        return faults_.add("long", number, 0, DiagnosticCode("feed"),
+                           [] { return fmt::format("a line of more than {} bytes", kLongestLine); });
+    auto line = stream.reader.read(text);
+    if (!line)
+        return faults_.add("text", number, line.error().where.column, DiagnosticCode("feed"),
+                           [&] { return line.error().text; });
+    if (*line) push({std::move(**line), number});
+}
+
+void Inlet::push(NumberedLine line) {
+    const std::size_t bytes = line.line.bytes();
+    const auto isFull = [&] {
+        return waiting_.size() >= Feed::kMostWaiting || (!waiting_.empty() && bytes_ + bytes > Feed::kMostBytes);
+    };
+    {
+        std::unique_lock lock(mutex_);
+        if (mayWait_) changed_.wait(lock, [&] { return stopping_ || !isFull(); });
+        if (stopping_) return;
+        if (isFull()) {
+            ++flooded_;
+            return;
+        }
+        bytes_ += bytes;
+        waiting_.push_back(std::move(line));
+    }
+    changed_.notify_all();
+    if (call_ >= 0) ::eventfd_write(call_, 1);
+}
+
+}  // namespace rtsg::feeds

@@ -1,0 +1,36 @@
+// LineSink: where lines of text go: a file, a pipe, datagrams, those who connect, a broker.
+//
+// Invariant: write() never waits. Lines that wait hold at most kMostWaiting bytes, and the same again for each who is
+// connected; who reads too slowly misses whole lines, and is told how many by a line {"missed":N}.
+// Threading: write() and counts() on one thread; a thread of its own sends.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include <rtsg/core/diagnostic.h>
+
+#include "place.h"
+
+namespace rtsg::feeds {
+
+struct SinkCounts {
+    std::uint64_t lines = 0, bytes = 0;  // that were handed over
+    std::uint64_t missed = 0;            // that somebody, or the file or broker, did not get
+    std::size_t subscribers = 0;         // connections now
+};
+
+class LineSink {
+  public:
+    virtual ~LineSink() = default;
+    /// `place` gets the real port. Errors: as LineSource::open().
+    static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure);
+    /// `line` without its end.
+    virtual void write(std::string line) = 0;
+    virtual SinkCounts counts() const = 0;
+    /// Why nothing more can be written; empty while it can.
+    virtual std::string failure() const = 0;
+};
+
+}  // namespace rtsg::feeds

@@ -1,0 +1,189 @@
+// Reads files, pipes, datagrams and connections, each until it is told to stop.
+#include "line_source.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "mqtt.h"
+
+namespace rtsg::feeds {
+
+namespace {
+
+constexpr std::size_t kPiece = std::size_t{64} << 10;  // a datagram is not larger
+constexpr std::size_t kMostConnections = 64;
+constexpr std::uint32_t kLargestMessage = 1 << 20;  // of a broker
+
+/// Waits until the descriptor or `stop` has something. False: stop.
+bool waitFor(int descriptor, int stop) {
+    pollfd items[] = {{stop, POLLIN, 0}, {descriptor, POLLIN, 0}};
+    while (::poll(items, 2, -1) < 0 && errno == EINTR) {
+    }
+    return items[0].revents == 0;
+}
+
+class FileSource final : public LineSource {
+  public:
+    explicit FileSource(Descriptor file) : file_(std::move(file)) {
+        struct stat status{};
+        isFile_ = ::fstat(file_.get(), &status) == 0 && S_ISREG(status.st_mode);
+    }
+    bool isFile() const override { return isFile_; }
+    void read(LineTaker& taker, int stop) override {
+        std::string bytes(kPiece, '\0');
+        while (waitFor(file_.get(), stop)) {
+            const ssize_t size = ::read(file_.get(), bytes.data(), bytes.size());
+            if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+            if (size < 0) taker.note(fmt::format("cannot be read on: {}", std::strerror(errno)));
+            if (size <= 0) break;
+            if (!taker.came(0, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), true)) return;
+        }
+        taker.paused(0, true);
+    }
+
+  private:
+    Descriptor file_;
+    bool isFile_ = false;
+};
+
+class UdpSource final : public LineSource {
+  public:
+    explicit UdpSource(Descriptor socket) : socket_(std::move(socket)) {}
+    void read(LineTaker& taker, int stop) override {
+        std::string bytes(kPiece, '\0');
+        while (waitFor(socket_.get(), stop)) {
+            const ssize_t size = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
+            if (size < 0) continue;  // nothing is there after all
+            if (!taker.came(0, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), false)) return;
+            taker.paused(0, false);
+        }
+    }
+
+  private:
+    Descriptor socket_;
+};
+
+class TcpSource final : public LineSource {
+  public:
+    explicit TcpSource(Descriptor socket) : socket_(std::move(socket)) {}
+    void read(LineTaker& taker, int stop) override {
+        std::string bytes(kPiece, '\0');
+        std::vector<pollfd> items;
+        while (true) {
+            items.assign({{stop, POLLIN, 0}, {socket_.get(), POLLIN, 0}});
+            for (const Connection& one : connections_) items.push_back({one.socket.get(), POLLIN, 0});
+            if (::poll(items.data(), items.size(), -1) < 0) continue;
+            if (items[0].revents != 0) return;
+            for (std::size_t i = connections_.size(); i-- > 0;)
+                if (items[i + 2].revents != 0 && !readFrom(i, bytes, taker)) return;
+            if (items[1].revents != 0) accept(taker);
+        }
+    }
+
+  private:
+    struct Connection {
+        Descriptor socket;
+        std::uint64_t stream = 0;
+    };
+
+    /// Returns false if nothing more is wanted.
+    bool readFrom(std::size_t i, std::string& bytes, LineTaker& taker) {
+        const ssize_t size = ::recv(connections_[i].socket.get(), bytes.data(), bytes.size(), 0);
+        if (size < 0 && (errno == EAGAIN || errno == EINTR)) return true;
+        const std::uint64_t stream = connections_[i].stream;
+        if (size > 0)
+            return taker.came(stream, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), true);
+        taker.paused(stream, true);
+        connections_.erase(connections_.begin() + static_cast<std::ptrdiff_t>(i));
+        return true;
+    }
+    void accept(LineTaker& taker) {
+        Descriptor one(::accept4(socket_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+        if (one.get() < 0) {
+            // Too many files are open, say: the listening socket stays readable.
+            if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            return;
+        }
+        if (connections_.size() < kMostConnections) return connections_.push_back({std::move(one), ++streams_});
+        taker.note(fmt::format("refused a connection: there are {}", kMostConnections));
+    }
+
+    Descriptor socket_;
+    std::vector<Connection> connections_;
+    std::uint64_t streams_ = 0;
+};
+
+class MqttSource final : public LineSource {
+  public:
+    explicit MqttSource(Place place) : place_(std::move(place)) {}
+    /// Messages before read() are left out.
+    Result<> connect() {
+        MqttSettings settings;
+        settings.largest = kLargestMessage;
+        settings.take = [this](std::string_view message) {
+            const std::scoped_lock lock(mutex_);
+            if (!taker_) return;
+            (void)taker_->came(0, message, false);
+            taker_->paused(0, false);
+        };
+        settings.note = [this](std::string text) {
+            const std::scoped_lock lock(mutex_);
+            if (taker_) taker_->note(std::move(text));
+        };
+        auto module = startMqtt(place_, std::move(settings));
+        if (!module) return std::unexpected(module.error());
+        module_ = std::move(*module);
+        return {};
+    }
+    void read(LineTaker& taker, int stop) override {
+        {
+            const std::scoped_lock lock(mutex_);
+            taker_ = &taker;
+        }
+        pollfd item = {stop, POLLIN, 0};
+        while (::poll(&item, 1, -1) < 0 && errno == EINTR) {
+        }
+        const std::scoped_lock lock(mutex_);
+        taker_ = nullptr;
+    }
+
+  private:
+    Place place_;
+    std::mutex mutex_;
+    LineTaker* taker_ = nullptr;
+    std::unique_ptr<MqttModule> module_;  // last: its thread ends before what it uses
+};
+
+}  // namespace
+
+Result<std::unique_ptr<LineSource>> LineSource::open(Place& place, bool insecure) {
+    using Kind = Place::Kind;
+    if (place.kind == Kind::standard) return std::make_unique<FileSource>(Descriptor(STDIN_FILENO));
+    if (place.kind == Kind::file) {
+        Descriptor file(::open(place.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+        if (file.get() < 0) return fail(systemError("read", place));
+        return std::make_unique<FileSource>(std::move(file));
+    }
+    if (place.kind == Kind::mqtt) {
+        auto source = std::make_unique<MqttSource>(place);
+        if (auto ok = source->connect(); !ok) return std::unexpected(ok.error());
+        return source;
+    }
+    auto socket = listenAt(place, insecure);
+    if (!socket) return std::unexpected(socket.error());
+    if (place.kind == Kind::udp) return std::make_unique<UdpSource>(std::move(*socket));
+    return std::make_unique<TcpSource>(std::move(*socket));
+}
+
+}  // namespace rtsg::feeds

@@ -1,0 +1,42 @@
+// LineSource: where bytes of a feed come from.
+//
+// Threading: read() on a thread of its own, all else before it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <rtsg/core/diagnostic.h>
+
+#include "place.h"
+
+namespace rtsg::feeds {
+
+/// Takes what a source reads. Streams are connections, or datagrams of one socket.
+class LineTaker {
+  public:
+    virtual ~LineTaker() = default;
+    /// More of a stream. It may wait until there is room, if `mayWait`; otherwise it takes what it can. Returns false
+    /// if nothing more is wanted.
+    virtual bool came(std::uint64_t stream, std::string_view bytes, bool mayWait) = 0;
+    /// What is left of the stream is a line. `over`: nothing more comes of it.
+    virtual void paused(std::uint64_t stream, bool over) = 0;
+    /// Something else happened that the user should know.
+    virtual void note(std::string text) = 0;
+};
+
+class LineSource {
+  public:
+    virtual ~LineSource() = default;
+    /// Opens it. `place` gets the real port. Errors: what the system or a broker says; an address that others reach,
+    /// unless `insecure`.
+    static Result<std::unique_ptr<LineSource>> open(Place& place, bool insecure);
+    /// Reads until the end, or until `stop` is readable.
+    virtual void read(LineTaker& taker, int stop) = 0;
+    /// A regular file, which waits for its reader.
+    virtual bool isFile() const { return false; }
+};
+
+}  // namespace rtsg::feeds

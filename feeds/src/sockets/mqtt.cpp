@@ -1,0 +1,27 @@
+// Finds the module for MQTT, and connects.
+#include "mqtt.h"
+
+#include <fmt/format.h>
+
+#include <rtsg/core/module.h>
+
+namespace rtsg::feeds {
+
+Result<std::unique_ptr<MqttModule>> startMqtt(const Place& place, MqttSettings settings) {
+#ifdef RTSG_NO_MQTT
+    (void)settings;
+    return fail(fmt::format("{}: this build leaves MQTT out (libmosquitto-dev, RTSG_MQTT)", place.text));
+#else
+    const auto symbol = loadModule("rtsg_mqtt", RTSG_MQTT_SYMBOL, "feeds by MQTT need");
+    if (!symbol) return std::unexpected(symbol.error());
+    settings.host = place.host;
+    settings.topic = place.topic;
+    settings.port = place.port;
+    std::string problem;
+    auto module = reinterpret_cast<StartMqtt (*)()>(*symbol)()(std::move(settings), problem);
+    if (!module) return fail(fmt::format("{}: {}", place.text, problem));
+    return module;
+#endif
+}
+
+}  // namespace rtsg::feeds

@@ -1,0 +1,16 @@
+// Loads the module for MQTT when a place is on a broker.
+#pragma once
+
+#include <memory>
+
+#include <rtsg/core/diagnostic.h>
+
+#include "mqtt_module.h"
+#include "place.h"
+
+namespace rtsg::feeds {
+
+/// Sets host, topic and port of the settings from the place. Errors: no module; what the broker or the system says.
+Result<std::unique_ptr<MqttModule>> startMqtt(const Place& place, MqttSettings settings);
+
+}  // namespace rtsg::feeds
