@@ -47,5 +47,9 @@ class Closed(Error):
     """The scene, log or connection was closed, or the interpreter ends."""
 
 
+class NoExtension(Error, AttributeError):
+    """What only the extension module does, where it is not installed: see rtsg.native."""
+
+
 class DiagnosticWarning(UserWarning):
     """Something was said of a scene that is no reason to stop: an error in part of it, a warning."""

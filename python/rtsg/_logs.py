@@ -1,38 +1,6 @@
 """Logs: their states one by one, and their fields as columns."""
 from . import _rtsg
-
-
-class Table(dict):
-    """Columns by their names: "time" (n seconds since the log's start), and "NODE.field" (n rows) each.
-
-    Numbers are arrays of n, n x 3 and so on; texts, nodes and MF fields arrays of objects. Rows of states in which the
-    node was not there are NaN, or None. `types`: the type of each field.
-    """
-
-    def __init__(self, columns, types, parts):
-        super().__init__(columns)
-        self.types = types
-        self._parts = parts
-
-    def flat(self):
-        """The same with one number a row in each column: "TRAIN.rotation" becomes "TRAIN.rotation.x" and so on."""
-        columns = {}
-        for name, column in self.items():
-            parts = self._parts.get(name)
-            rows = column.reshape(len(column), len(parts)) if parts else column
-            columns.update({f"{name}.{part}": rows[:, i] for i, part in enumerate(parts)} if parts else {name: rows})
-        return columns
-
-    def frame(self):
-        """A pandas DataFrame of flat(), with the times as its index; where there is only polars, one of that."""
-        columns = self.flat()
-        try:
-            import pandas
-        except ImportError:
-            import polars
-            return polars.DataFrame(columns)
-        return pandas.DataFrame({name: column for name, column in columns.items() if name != "time"},
-                                index=pandas.Index(columns["time"], name="time"))
+from ._types import Table
 
 
 class Log(_rtsg.Log):

@@ -259,6 +259,16 @@ class Follower final : public Dependent {
     std::vector<MirrorVerdict> verdicts_;
 };
 
+/// The descriptors of which one becomes readable when poll() has something to do, and after how many seconds it has in
+/// any case.
+py::tuple waiting(const Follower& follower) {
+    const MirrorClient::Waiting waiting = follower.client().waiting();
+    py::list descriptors;
+    for (const int descriptor : waiting.descriptors)
+        if (descriptor >= 0) descriptors.append(descriptor);
+    return py::make_tuple(descriptors, std::chrono::duration<double>(waiting.most).count());
+}
+
 py::dict followerStatistics(const Follower& follower) {
     const MirrorStatistics& s = follower.client().statistics();
     py::dict all;
@@ -328,6 +338,7 @@ void addFollower(py::module_& module) {
         .def("verdicts", &Follower::verdicts, "What became of requests since the last call: Verdict by Verdict.")
         .def("presented", &Follower::presented, py::arg("path"),
              "The value to show now, between two frames where there is a `latency`.")
+        .def_property_readonly("_waiting", waiting)
         .def_property_readonly(
             "unanswered", [](const Follower& f) { return f.client().unanswered(); },
             "How many requests have no verdict yet.")

@@ -66,6 +66,38 @@ def test_a_follower_is_an_asynchronous_iterator():
     assert min(counts) > 10
 
 
+def test_asyncio_waits_on_descriptors(moving, monkeypatch):
+    """Nothing is looked at in turns: there are few polls while nothing comes."""
+    polls = []
+    poll = rtsg.Follower.poll
+
+    def counted(follower, timeout=0):
+        polls.append(timeout)
+        return poll(follower, timeout)
+
+    async def follow(server):
+        follower = rtsg.follow(server.endpoint)
+        follower.wait()
+        monkeypatch.setattr(rtsg.Follower, "poll", counted)
+        states = follower.__aiter__()
+        ahead = asyncio.ensure_future(states.__anext__())
+        await asyncio.sleep(1)
+        quiet = len(polls)
+        for k in range(1, 6):
+            moving.frame(k)
+            while (await ahead).time < k:
+                ahead = asyncio.ensure_future(states.__anext__())
+            ahead = asyncio.ensure_future(states.__anext__())
+            await asyncio.sleep(0)
+        ahead.cancel()
+        return quiet
+
+    moving.frame(0)
+    with moving.serve() as server:
+        quiet = asyncio.run(follow(server))
+    assert quiet < 60
+
+
 def test_the_origin_and_its_follower_on_one_thread(moving):
     with moving.serve() as server, rtsg.follow(server.endpoint) as follower:
         moving.frame(0)
