@@ -5,8 +5,10 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <rtsg/documents/filters.h>
+#include <rtsg/documents/language_server.h>
 #include <rtsg/documents/resource_check.h>
 #include <rtsg/documents/scene_builder.h>
 #include <rtsg/scripts/run_scripts.h>
@@ -82,22 +84,37 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
     return usable;
 }
 
+ExitStatus serveAnEditor(const std::vector<std::string>& files, const ResourceArguments& resources) {
+    if (!files.empty()) throw UsageError("--lsp", "the editor names the files");
+    LanguageServerOptions options;
+    options.policy = resources.ofReplica().policy();
+    const auto scripts = ecmaScript();
+    options.scripts = scripts.get();
+    const auto served = serveEditor(STDIN_FILENO, STDOUT_FILENO, options);
+    if (!served) return printError(served.error()), kBad;
+    return kDone;
+}
+
 }  // namespace
 
 Verb addValidate(Command& program) {
     struct ValidateArguments {
         std::vector<std::string> files;
         ResourceArguments resources;
-        bool json = false, sarif = false;
+        bool json = false, sarif = false, lsp = false;
     };
     auto options = std::make_shared<ValidateArguments>();
     Command* command = program.addVerb("validate", "Print errors and warnings with positions; look for what urls name");
-    command->addOption("FILE", options->files, "scene files")->required();
+    command->addOption("FILE", options->files, "scene files");
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "one JSON object a file, with all that is wrong in it");
     command->addFlag("--sarif", options->sarif, "all files as one SARIF 2.1.0 log, for editors and CI");
+    command->addFlag("--lsp", options->lsp,
+                     "serve an editor over standard input and output, by the Language Server Protocol");
     command->footer("Example: rtsg validate models/*.x3d\nExit status 1 if any file has an error.");
     return {command, [options] {
+                if (options->lsp) return serveAnEditor(options->files, options->resources);
+                if (options->files.empty()) throw UsageError("FILE is required, or --lsp");
                 bool good = true;
                 std::vector<Diagnostics> all;
                 for (const std::string& file : options->files) {

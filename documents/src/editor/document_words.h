@@ -1,0 +1,64 @@
+// DocumentWords: what the words of a document are to somebody who edits it, of ClassicVRML and XML.
+//
+// It takes any text, whole or not, in one pass, with no complaints: readers have those. What follows from meaning (does
+// the field exist?) is up to others. Views and offsets are of the text, which must outlive it.
+// Threading: values. Source: ISO/IEC 19776-1 and 19776-2, as far as words go.
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+#include <vector>
+
+namespace rtsg::editor {
+
+enum class WordKind {
+    nodeType,    // of a node, of a PROTO instance; `parent` has the field that it stands in
+    field,       // of the node `parent`
+    value,       // in the field `field` of the node `parent`
+    definition,  // of a name: DEF
+    use,         // of a name: USE, an end of a ROUTE
+    routeField,  // of the node called `field`
+    proto,       // a PROTO's or EXTERNPROTO's name where it is declared
+    protoUse,    // the same where an instance is made, in XML
+    attribute,   // of XML alone, such as DEF, and of statements
+};
+
+/// What lies deeper than so many brackets or elements has no words.
+constexpr std::size_t kDeepestWord = 4096;
+constexpr std::size_t kNoNode = static_cast<std::size_t>(-1);
+
+struct Word {
+    WordKind kind = WordKind::value;
+    std::string_view text;
+    std::size_t parent = kNoNode;  // a number of `nodes`
+    std::string_view field{};
+};
+
+struct WordNode {
+    std::string_view type, def;
+    std::size_t parent = kNoNode;
+    std::string_view field{};  // of the parent; empty where the encoding leaves it out
+    std::vector<std::string_view> given{};
+};
+
+/// What the next letter at the end of the text would belong to.
+struct WordsEnd {
+    enum class Expects { nothing, nodeType, field, value, use, routeField, attribute };
+    Expects expects = Expects::nothing;
+    std::string_view begun{};  // the part of the word that is there; empty: none
+    std::size_t node = kNoNode;
+    std::string_view field{};  // of a value; of a routeField: the node's name; of an attribute: the element
+};
+
+struct DocumentWords {
+    std::vector<Word> words;
+    std::vector<WordNode> nodes;
+    WordsEnd end;
+};
+
+DocumentWords wordsOfClassic(std::string_view text);
+DocumentWords wordsOfXml(std::string_view text);
+/// By what the text begins with; none of JSON and others.
+DocumentWords wordsOf(std::string_view text);
+
+}  // namespace rtsg::editor

@@ -1,0 +1,366 @@
+// Speaks the Language Server Protocol: keeps the documents that an editor has open, and answers about them.
+#include <rtsg/documents/language_server.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include <rtsg/documents/filters.h>
+#include <rtsg/documents/read_document.h>
+#include <rtsg/documents/resource_check.h>
+#include <rtsg/documents/scene_builder.h>
+
+#include "answers.h"
+#include "text_lines.h"
+
+namespace rtsg {
+
+namespace {
+
+using editor::TextLines;
+using editor::TextPlace;
+using editor::TextRange;
+using Json = nlohmann::json;
+
+// JSON-RPC 2.0, 5.1, and LSP 3.17.
+constexpr int kParseError = -32700, kInvalidRequest = -32600, kMethodNotFound = -32601, kInvalidParams = -32602,
+              kNotInitialized = -32002;
+constexpr std::size_t kDeepestMessage = 64;  // of a message
+constexpr std::size_t kMostProposals = 2000;
+
+/// The member, or null where there is no such thing.
+const Json& member(const Json& of, const char* name) {
+    static const Json none;
+    if (!of.is_object()) return none;
+    const auto found = of.find(name);
+    return found == of.end() ? none : *found;
+}
+std::string textOf(const Json& value) {
+    return value.is_string() ? value.get<std::string>() : std::string();
+}
+std::uint32_t countOf(const Json& value) {
+    if (!value.is_number_unsigned()) return 0;
+    return static_cast<std::uint32_t>(std::min<std::uint64_t>(value.get<std::uint64_t>(), UINT32_MAX));
+}
+
+/// Brackets within brackets: what a message holds is small, and what is deep would be long in coming.
+bool isTooDeep(std::string_view message) {
+    std::size_t depth = 0;
+    bool isText = false;
+    for (std::size_t i = 0; i < message.size(); ++i) {
+        const char c = message[i];
+        if (isText) {
+            if (c == '\\')
+                ++i;
+            else if (c == '"')
+                isText = false;
+        } else if (c == '"') {
+            isText = true;
+        } else if (c == '[' || c == '{') {
+            if (++depth > kDeepestMessage) return true;
+        } else if ((c == ']' || c == '}') && depth > 0) {
+            --depth;
+        }
+    }
+    return false;
+}
+
+int hexOf(char c) {
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+}
+/// The file of a `file:` uri; empty for others, such as that of a document that has no file as yet. Source: RFC 8089.
+std::filesystem::path fileOf(std::string_view uri) {
+    constexpr std::string_view kScheme = "file://";
+    if (!uri.starts_with(kScheme)) return {};
+    uri.remove_prefix(std::min(uri.find('/', kScheme.size()), uri.size()));
+    std::string path;
+    for (std::size_t i = 0; i < uri.size(); ++i) {
+        const int high = i + 2 < uri.size() && uri[i] == '%' ? hexOf(uri[i + 1]) : -1;
+        const int low = high >= 0 ? hexOf(uri[i + 2]) : -1;
+        if (low >= 0) {
+            path += static_cast<char>(high * 16 + low);
+            i += 2;
+        } else {
+            path += uri[i];
+        }
+    }
+    return path.contains('\0') ? std::filesystem::path() : std::filesystem::path(path);
+}
+
+}  // namespace
+
+struct LanguageServer::State {
+    struct Document {
+        std::string text;
+        Json version;
+    };
+
+    const LanguageServerOptions options;
+    const std::function<void(std::string_view)> send;
+    std::map<std::string, Document> documents;  // by uri
+    std::set<std::string> edited;               // since their faults were reported
+    bool isInitialized = false, countsBytes = false, wasAsked = false, hasEnded = false;
+
+    void write(Json message) const {
+        message["jsonrpc"] = "2.0";
+        send(message.dump(-1, ' ', false, Json::error_handler_t::replace));
+    }
+    void answer(const Json& id, Json result) const { write({{"id", id}, {"result", std::move(result)}}); }
+    void refuse(const Json& id, int code, std::string why) const {
+        write({{"id", id}, {"error", {{"code", code}, {"message", std::move(why)}}}});
+    }
+
+    Json placeOf(const TextLines& lines, std::size_t offset) const {
+        const TextPlace place = lines.placeOf(offset);
+        return {{"line", place.line}, {"character", place.character}};
+    }
+    Json rangeOf(const TextLines& lines, TextRange range) const {
+        return {{"start", placeOf(lines, range.begin)}, {"end", placeOf(lines, range.end)}};
+    }
+    static TextPlace placeOf(const Json& place) {
+        return {countOf(member(place, "line")), countOf(member(place, "character"))};
+    }
+    static std::string uriOf(const Json& params) { return textOf(member(member(params, "textDocument"), "uri")); }
+
+    void initialize(const Json& id, const Json& params);
+    void notify(const std::string& method, const Json& params);
+    void open(const Json& params);
+    void change(const Json& params);
+    void close(const Json& params);
+    void ask(const Json& id, const std::string& method, const Json& params);
+    Json complete(const std::string& text, std::size_t offset, const TextLines& lines) const;
+    Json explain(const std::string& text, std::size_t offset, const TextLines& lines) const;
+    Json mend(const std::string& uri, const std::string& text, const Json& params, const TextLines& lines) const;
+    void check(const std::string& uri, const Document& document) const;
+    Json faultOf(const Diagnostic& fault, const std::string& file, std::string_view text, const TextLines& lines) const;
+    void report(const std::string& uri, Json version, Json faults) const {
+        Json params = {{"uri", uri}, {"diagnostics", std::move(faults)}};
+        if (!version.is_null()) params["version"] = std::move(version);
+        write({{"method", "textDocument/publishDiagnostics"}, {"params", std::move(params)}});
+    }
+    void tell(std::string why) const {
+        write({{"method", "window/logMessage"}, {"params", {{"type", 1}, {"message", std::move(why)}}}});
+    }
+};
+
+LanguageServer::LanguageServer(LanguageServerOptions options, std::function<void(std::string_view)> send)
+    : state_(std::make_unique<State>(State{std::move(options), std::move(send), {}, {}})) {}
+LanguageServer::~LanguageServer() = default;
+
+bool LanguageServer::hasWork() const {
+    return !state_->edited.empty();
+}
+bool LanguageServer::hasEnded() const {
+    return state_->hasEnded;
+}
+bool LanguageServer::wasAsked() const {
+    return state_->wasAsked;
+}
+
+void LanguageServer::work() {
+    State& s = *state_;
+    if (s.edited.empty()) return;
+    const std::string uri = *s.edited.begin();
+    s.edited.erase(s.edited.begin());
+    if (const auto found = s.documents.find(uri); found != s.documents.end()) s.check(uri, found->second);
+}
+
+void LanguageServer::receive(std::string_view message) {
+    State& s = *state_;
+    if (message.size() > s.options.maximumBytes) return s.refuse(nullptr, kInvalidRequest, "the message is too long");
+    if (isTooDeep(message)) return s.refuse(nullptr, kParseError, "the message is nested too deeply");
+    const Json json = Json::parse(message, nullptr, false);
+    if (json.is_discarded()) return s.refuse(nullptr, kParseError, "the message is no JSON");
+    const Json& id = member(json, "id");
+    const bool isRequest = id.is_number_integer() || id.is_string();
+    if (!json.is_object() || !(member(json, "method").is_string() || json.contains("result") || json.contains("error")))
+        return s.refuse(isRequest ? id : Json(), kInvalidRequest,
+                        "the message is no request, notification or response");
+    const std::string method = textOf(member(json, "method"));
+    if (method.empty()) return;  // a response, and nothing is ever asked
+    if (!isRequest && !id.is_null()) return s.refuse(nullptr, kInvalidRequest, "an id is a number or a string");
+    const Json& params = member(json, "params");
+    if (!isRequest) return s.notify(method, params);
+    if (method == "initialize") return s.initialize(id, params);
+    if (!s.isInitialized) return s.refuse(id, kNotInitialized, "the first request is initialize");
+    if (s.wasAsked) return s.refuse(id, kInvalidRequest, "the server is shut down");
+    if (method == "shutdown") {
+        s.wasAsked = true;
+        return s.answer(id, nullptr);
+    }
+    s.ask(id, method, params);
+}
+
+void LanguageServer::State::initialize(const Json& id, const Json& params) {
+    if (isInitialized) return refuse(id, kInvalidRequest, "initialize comes once");
+    isInitialized = true;
+    const Json& encodings = member(member(member(params, "capabilities"), "general"), "positionEncodings");
+    if (encodings.is_array()) countsBytes = std::ranges::find(encodings, Json("utf-8")) != encodings.end();
+    answer(id, {{"serverInfo", {{"name", "rtsg"}}},
+                {"capabilities",
+                 {{"positionEncoding", countsBytes ? "utf-8" : "utf-16"},
+                  {"textDocumentSync", {{"openClose", true}, {"change", 1}, {"save", true}}},
+                  {"completionProvider", {{"triggerCharacters", {"<", " ", ".", "'", "\"", "{", "["}}}},
+                  {"hoverProvider", true},
+                  {"definitionProvider", true},
+                  {"codeActionProvider", {{"codeActionKinds", {"quickfix"}}}}}}});
+}
+
+void LanguageServer::State::notify(const std::string& method, const Json& params) {
+    if (method == "exit") hasEnded = true;
+    if (!isInitialized || wasAsked) return;
+    if (method == "textDocument/didOpen") open(params);
+    if (method == "textDocument/didChange") change(params);
+    if (method == "textDocument/didClose") close(params);
+    // What a document inlines may have been saved in another window.
+    if (method == "textDocument/didSave")
+        for (const auto& [uri, document] : documents) edited.insert(uri);
+}
+
+void LanguageServer::State::open(const Json& params) {
+    const Json& document = member(params, "textDocument");
+    const std::string uri = uriOf(params);
+    if (uri.empty() || !member(document, "text").is_string())
+        return tell("didOpen: it names no document, or has no text");
+    if (!documents.contains(uri) && documents.size() >= options.maximumDocuments)
+        return tell(fmt::format("{}: {} documents are open already", uri, documents.size()));
+    documents.insert_or_assign(uri, Document{textOf(member(document, "text")), member(document, "version")});
+    edited.insert(uri);
+}
+
+void LanguageServer::State::change(const Json& params) {
+    const auto found = documents.find(uriOf(params));
+    const Json& changes = member(params, "contentChanges");
+    if (found == documents.end() || !changes.is_array()) return tell("didChange: of no open document");
+    for (const Json& one : changes) {
+        if (!member(one, "text").is_string() || !member(one, "range").is_null())
+            return tell("didChange: the whole text is what was agreed on");
+        found->second.text = textOf(member(one, "text"));
+    }
+    found->second.version = member(member(params, "textDocument"), "version");
+    edited.insert(found->first);
+}
+
+void LanguageServer::State::close(const Json& params) {
+    const std::string uri = uriOf(params);
+    if (documents.erase(uri) == 0) return;
+    edited.erase(uri);
+    report(uri, nullptr, Json::array());
+}
+
+void LanguageServer::State::ask(const Json& id, const std::string& method, const Json& params) {
+    const bool isCompletion = method == "textDocument/completion", isHover = method == "textDocument/hover",
+               isDefinition = method == "textDocument/definition", isAction = method == "textDocument/codeAction";
+    if (!isCompletion && !isHover && !isDefinition && !isAction)
+        return refuse(id, kMethodNotFound, fmt::format("there is no {}", method.substr(0, 80)));
+    const auto found = documents.find(uriOf(params));
+    if (found == documents.end()) return refuse(id, kInvalidParams, "the document is not open");
+    const std::string& text = found->second.text;
+    const TextLines lines(text, countsBytes);
+    if (isAction) return answer(id, mend(found->first, text, params, lines));
+    const std::size_t offset = lines.offsetOf(placeOf(member(params, "position")));
+    if (isCompletion) return answer(id, complete(text, offset, lines));
+    if (isHover) return answer(id, explain(text, offset, lines));
+    const std::optional<TextRange> place = editor::definitionAt(text, offset);
+    if (!place) return answer(id, nullptr);
+    answer(id, {{"uri", found->first}, {"range", rangeOf(lines, *place)}});
+}
+
+Json LanguageServer::State::complete(const std::string& text, std::size_t offset, const TextLines& lines) const {
+    const editor::Proposals proposals = editor::proposalsAt(text, offset);
+    // The protocol's numbers for a class, a field, a reference, one of an enumeration, and a keyword.
+    constexpr int kKinds[] = {7, 5, 18, 20, 14};
+    const Json range = rangeOf(lines, proposals.replaced);
+    Json items = Json::array();
+    for (const editor::Proposal& one : proposals.all) {
+        if (items.size() >= kMostProposals) break;
+        Json item = {{"label", one.text},
+                     {"kind", kKinds[static_cast<std::size_t>(one.kind)]},
+                     {"textEdit", {{"range", range}, {"newText", one.text}}}};
+        if (!one.detail.empty()) item["detail"] = one.detail;
+        items.push_back(std::move(item));
+    }
+    return {{"isIncomplete", proposals.all.size() > kMostProposals}, {"items", std::move(items)}};
+}
+
+Json LanguageServer::State::explain(const std::string& text, std::size_t offset, const TextLines& lines) const {
+    const std::optional<editor::Explanation> said = editor::explanationAt(text, offset);
+    if (!said) return nullptr;
+    return {{"contents", {{"kind", "markdown"}, {"value", said->markdown}}}, {"range", rangeOf(lines, said->word)}};
+}
+
+/// Of the faults that the editor shows where it asks.
+Json LanguageServer::State::mend(const std::string& uri, const std::string& text, const Json& params,
+                                 const TextLines& lines) const {
+    Json actions = Json::array();
+    const Json& faults = member(member(params, "context"), "diagnostics");
+    if (!faults.is_array()) return actions;
+    for (const Json& fault : faults) {
+        const std::size_t offset = lines.offsetOf(placeOf(member(member(fault, "range"), "start")));
+        const auto wrong = editor::misspelledWord(text, offset, textOf(member(fault, "message")));
+        if (!wrong) continue;
+        const Json edit = {{"range", rangeOf(lines, wrong->word)}, {"newText", wrong->meant}};
+        actions.push_back({{"title", fmt::format("Replace by {}", wrong->meant)},
+                           {"kind", "quickfix"},
+                           {"isPreferred", true},
+                           {"diagnostics", {fault}},
+                           {"edit", {{"changes", {{uri, Json::array({edit})}}}}}});
+    }
+    return actions;
+}
+
+Json LanguageServer::State::faultOf(const Diagnostic& fault, const std::string& file, std::string_view text,
+                                    const TextLines& lines) const {
+    const bool isHere = fault.file.empty() || fault.file == file;
+    std::size_t begin = isHere ? lines.offsetOf(fault.where) : 0;
+    std::size_t end = std::min(text.find_first_of(" \t\r\n<>{}[]\"'=,", std::min(begin + 1, text.size())), text.size());
+    if (const auto wrong = isHere ? editor::misspelledWord(text, begin, fault.text) : std::nullopt)
+        begin = wrong->word.begin, end = wrong->word.end;
+    const int severity = fault.severity == Severity::error ? 1 : fault.severity == Severity::warning ? 2 : 3;
+    std::string message = fault.text;
+    if (!isHere) {
+        const std::string place = fault.where.line ? fmt::format(":{}:{}", fault.where.line, fault.where.column) : "";
+        message = fmt::format("{}{}: {}", fault.file, place, fault.text);
+    }
+    return {{"range", rangeOf(lines, {begin, end})},
+            {"severity", severity},
+            {"code", std::string(fault.code.text())},
+            {"source", "rtsg"},
+            {"message", std::move(message)}};
+}
+
+void LanguageServer::State::check(const std::string& uri, const Document& document) const {
+    const std::filesystem::path file = fileOf(uri);
+    const std::string name = file.empty() ? uri : file.string();
+    Diagnostics faults(name), missing(name);
+    const Resources resources = file.empty() ? Resources({}, options.policy) : Resources::ofFile(file, options.policy);
+    {
+        Scene scene;
+        BuildOptions build;
+        build.resources = resources;
+        build.file = file;
+        SceneBuilder builder(scene, faults, build);
+        UrlPlaces places(builder);
+        const auto filter = makeFilter("validate", places, {faults, resources, file, options.scripts});
+        if (filter) (void)readDocument(document.text, **filter, faults);
+        builder.finish();
+        checkResources(scene, resources, missing, &places);
+    }
+    faults.append(missing);
+    const TextLines lines(document.text, countsBytes);
+    Json all = Json::array();
+    for (const Diagnostic& fault : faults.all()) all.push_back(faultOf(fault, name, document.text, lines));
+    report(uri, document.version, std::move(all));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,436 @@
+// An editor asks about documents that are being written. Source: Language Server Protocol 3.17.
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <regex>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <unistd.h>
+#include <nlohmann/json.hpp>
+
+#include <rtsg/documents/language_server.h>
+#include <rtsg/scripts/run_scripts.h>
+
+#include "editor/answers.h"
+#include "editor/document_words.h"
+#include "editor/text_lines.h"
+#include "support/temp_folder.h"
+#include "test_paths.h"
+
+namespace rtsg {
+namespace {
+
+using Json = nlohmann::json;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsSupersetOf;
+using testing::Not;
+
+/// An editor.
+class Client {
+  public:
+    explicit Client(LanguageServerOptions options = {}, bool utf8 = false)
+        : server(std::move(options), [this](std::string_view message) { sent.push_back(Json::parse(message)); }) {
+        Json capabilities = Json::object();
+        if (utf8) capabilities = {{"general", {{"positionEncodings", {"utf-8", "utf-16"}}}}};
+        initialized = ask("initialize", {{"capabilities", capabilities}}).at("result");
+        tell("initialized", Json::object());
+    }
+    void say(Json message) {
+        message["jsonrpc"] = "2.0";
+        server.receive(message.dump());
+    }
+    void tell(const char* method, Json params) { say({{"method", method}, {"params", std::move(params)}}); }
+    /// The response.
+    Json ask(const char* method, Json params) {
+        say({{"id", ++number_}, {"method", method}, {"params", std::move(params)}});
+        for (const Json& one : sent)
+            if (one.value("id", Json()) == Json(number_)) return one;
+        ADD_FAILURE() << "no answer to " << method;
+        return {};
+    }
+    /// Opens or edits the document, and returns its faults.
+    Json write(const std::string& text, const std::string& name = "file:///nowhere/a.x3dv") {
+        uri = name;
+        if (opened_.insert(name).second)
+            tell("textDocument/didOpen",
+                 {{"textDocument", {{"uri", uri}, {"languageId", "x3d"}, {"version", 1}, {"text", text}}}});
+        else
+            tell("textDocument/didChange",
+                 {{"textDocument", {{"uri", uri}, {"version", 2}}}, {"contentChanges", {{{"text", text}}}}});
+        text_ = text;
+        return faults();
+    }
+    Json faults() {
+        while (server.hasWork()) server.work();
+        for (auto one = sent.rbegin(); one != sent.rend(); ++one)
+            if (one->value("method", "") == "textDocument/publishDiagnostics" && one->at("params").at("uri") == uri)
+                return one->at("params").at("diagnostics");
+        return {};
+    }
+    /// Asks about the place that | marks in the text, which is then the document.
+    Json at(const char* method, std::string marked, const std::string& name = "file:///nowhere/a.x3dv") {
+        const std::size_t mark = marked.find('|');
+        marked.erase(mark, 1);
+        write(marked, name);
+        const auto place = editor::TextLines(marked, false).placeOf(mark);
+        return ask(method, {{"textDocument", {{"uri", uri}}},
+                            {"position", {{"line", place.line}, {"character", place.character}}}})
+            .at("result");
+    }
+    std::vector<std::string> proposals(const std::string& marked, const std::string& name = "file:///nowhere/a.x3dv") {
+        std::vector<std::string> labels;
+        const Json answer = at("textDocument/completion", marked, name);
+        for (const Json& one : answer.at("items")) labels.push_back(one.at("label"));
+        return labels;
+    }
+    /// The document as the first of the actions that are offered for the fault makes it.
+    std::string mended(const Json& fault) {
+        const Json actions = ask("textDocument/codeAction", {{"textDocument", {{"uri", uri}}},
+                                                             {"range", fault.at("range")},
+                                                             {"context", {{"diagnostics", {fault}}}}})
+                                 .at("result");
+        if (actions.empty()) return {};
+        const Json edit = actions.at(0).at("edit").at("changes").at(uri).at(0);
+        std::string text = text_;
+        const std::size_t begin = offset(edit.at("range").at("start")), end = offset(edit.at("range").at("end"));
+        return text.replace(begin, end - begin, edit.at("newText").get<std::string>());
+    }
+    std::string marked(const Json& range) const {
+        const std::size_t begin = offset(range.at("start"));
+        return text_.substr(begin, offset(range.at("end")) - begin);
+    }
+    std::size_t offset(const Json& place) const {
+        return editor::TextLines(text_, false).offsetOf(editor::TextPlace{place.at("line"), place.at("character")});
+    }
+
+    LanguageServer server;
+    std::vector<Json> sent;
+    Json initialized;
+    std::string uri;
+
+  private:
+    int number_ = 0;
+    std::set<std::string> opened_;
+    std::string text_;
+};
+
+constexpr const char* kXml = "file:///nowhere/a.x3d";
+std::string classic(const std::string& body) {
+    return "#X3D V4.0 utf8\nPROFILE Immersive\n" + body;
+}
+std::string xml(const std::string& body) {
+    return "<X3D version='4.0' profile='Immersive'>\n<Scene>\n" + body + "</Scene></X3D>";
+}
+
+TEST(LanguageServer, FaultsAreReportedWhileSomebodyTypes) {
+    Client client;
+    EXPECT_TRUE(client.write(classic("Transform { translation 1 2 3 }\n")).empty());
+    const Json faults = client.write(classic("Group { }\nTransform { translaton 1 2 3 }\n"));
+    ASSERT_EQ(faults.size(), 1U) << faults;
+    EXPECT_THAT(faults[0].at("message").get<std::string>(), HasSubstr("did you mean translation?"));
+    EXPECT_EQ(client.marked(faults[0].at("range")), "translaton");
+    EXPECT_EQ(faults[0].at("severity"), 1);
+    EXPECT_EQ(faults[0].at("code"), "parse");
+    EXPECT_EQ(client.mended(faults[0]), classic("Group { }\nTransform { translation 1 2 3 }\n"));
+    EXPECT_TRUE(client.write(classic("Transform { translation 1 2 3 }\n")).empty()) << "mended";
+    client.tell("textDocument/didClose", {{"textDocument", {{"uri", client.uri}}}});
+    EXPECT_TRUE(client.faults().empty());
+}
+
+TEST(LanguageServer, MisspelledWordsAreMended) {
+    Client client;
+    const auto mended = [&](const std::string& text, const char* name) {
+        const Json faults = client.write(text, name);
+        return faults.empty() ? "no fault" : client.mended(faults[0]);
+    };
+    EXPECT_EQ(mended(xml("<Transform translaton='1 2 3'/>"), kXml), xml("<Transform translation='1 2 3'/>"));
+    EXPECT_EQ(mended(xml("<Group>\n<Trasnform DEF='Trasnform1'/></Group>"), kXml),
+              xml("<Group>\n<Transform DEF='Trasnform1'/></Group>"));
+    EXPECT_EQ(mended(classic("DEF Spere Shape { geometry Spere { } }"), "file:///nowhere/a.x3dv"),
+              classic("DEF Spere Shape { geometry Sphere { } }"))
+        << "not the name that is spelled so, too";
+    EXPECT_EQ(mended(classic("Shape { geometry Zzzzz { } }"), "file:///nowhere/a.x3dv"), "");
+}
+
+TEST(LanguageServer, PlacesCountUnitsOfUtf16OrBytes) {
+    const std::string text =
+        classic("# \xF0\x9F\x8C\x8D \xC3\xA9\nTransform { name \"\xF0\x9F\x8C\x8D\" scales 1 1 1 }");
+    Client units;
+    EXPECT_EQ(units.initialized.at("capabilities").at("positionEncoding"), "utf-16");
+    const Json start = units.write(text)[0].at("range").at("start");
+    EXPECT_EQ(start.at("line"), 3);
+    Client bytes({}, true);
+    EXPECT_EQ(bytes.initialized.at("capabilities").at("positionEncoding"), "utf-8");
+    bytes.write(text);
+    const Json faults = units.write(classic("\xF0\x9F\x8C\x8D\xC3\xA9 { } Grop { }"));
+    ASSERT_GE(faults.size(), 2U) << faults;
+    EXPECT_EQ(faults[1].at("range").at("start").at("character"), 8);
+    const Json same = bytes.write(classic("\xF0\x9F\x8C\x8D\xC3\xA9 { } Grop { }"));
+    EXPECT_EQ(same[1].at("range").at("start").at("character"), 11);
+    // Beyond the end of a line is its end.
+    const editor::TextLines lines("ab\r\nc\rd\n", false);
+    EXPECT_EQ(lines.offsetOf(editor::TextPlace{0, 99}), 2U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPlace{1, 0}), 4U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPlace{2, 1}), 7U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPlace{77, 1}), 8U);
+    EXPECT_EQ(lines.placeOf(7).line, 2U);
+}
+
+TEST(LanguageServer, NodesFieldsAndNamesAreCompleted) {
+    Client client;
+    // ClassicVRML
+    EXPECT_THAT(client.proposals(classic("|")), IsSupersetOf({"Transform", "Shape", "ROUTE", "PROTO"}));
+    EXPECT_THAT(client.proposals(classic("Tran|")), Contains("Transform"));
+    EXPECT_THAT(client.proposals(classic("Shape { geo|")), IsSupersetOf({"geometry", "appearance"}));
+    const auto geometries = client.proposals(classic("Shape { geometry |"));
+    EXPECT_THAT(geometries, IsSupersetOf({"Box", "IndexedFaceSet", "DEF", "USE"}));
+    EXPECT_THAT(geometries, Not(Contains("Transform")));
+    EXPECT_THAT(client.proposals(classic("Group { children [ Shape { } |")), Contains("Transform"));
+    EXPECT_THAT(client.proposals(classic("Group { children [ Shape { } ] |")), Contains("bboxSize"));
+    const auto fields = client.proposals(classic("Transform { translation 1 2 3 |"));
+    EXPECT_THAT(fields, Contains("scale"));
+    EXPECT_THAT(fields, Not(Contains("translation"))) << "it is given";
+    EXPECT_THAT(client.proposals(classic("TimeSensor { loop |")), testing::ElementsAre("TRUE", "FALSE"));
+    EXPECT_THAT(client.proposals(classic("Fog { fogType \"|")), IsSupersetOf({"LINEAR", "EXPONENTIAL"}));
+    EXPECT_THAT(client.proposals(classic("DEF A Group { } DEF B Shape { } Group { children USE |")),
+                testing::ElementsAre("A", "B"));
+    EXPECT_THAT(client.proposals(classic("DEF T TimeSensor { } DEF P PositionInterpolator { } ROUTE T.|")),
+                IsSupersetOf({"fraction_changed", "isActive"}));
+    EXPECT_THAT(client.proposals(classic("DEF T TimeSensor { } ROUTE T.time TO |\nDEF P Group { }")),
+                testing::ElementsAre("T", "P"));
+    EXPECT_THAT(client.proposals(classic("PROTO Chair [ ] { Group { } } |")), Contains("Chair"));
+    EXPECT_THAT(client.proposals(classic("# Tran|")), testing::IsEmpty());
+    EXPECT_THAT(client.proposals(classic("DEF |")), testing::IsEmpty());
+    // XML
+    EXPECT_THAT(client.proposals(xml("<|"), kXml), IsSupersetOf({"Transform", "ROUTE"}));
+    const auto inShape = client.proposals(xml("<Shape><|"), kXml);
+    EXPECT_THAT(inShape, IsSupersetOf({"Box", "Appearance"}));
+    EXPECT_THAT(inShape, Not(Contains("Transform")));
+    EXPECT_THAT(client.proposals(xml("<Transform |"), kXml), IsSupersetOf({"translation", "DEF", "USE"}));
+    EXPECT_THAT(client.proposals(xml("<Transform scale='1 1 1' s|"), kXml), Not(Contains("scale")));
+    EXPECT_THAT(client.proposals(xml("<TimeSensor loop='|"), kXml), testing::ElementsAre("true", "false"));
+    EXPECT_THAT(client.proposals(xml("<Group DEF='A'/><Group USE='|"), kXml), testing::ElementsAre("A"));
+    EXPECT_THAT(client.proposals(xml("<TimeSensor DEF='T'/><ROUTE fromNode='T' fromField='|"), kXml),
+                Contains("fraction_changed"));
+    EXPECT_THAT(client.proposals(xml("<ROUTE |"), kXml), Contains("toField"));
+    EXPECT_THAT(client.proposals(xml("<!-- <|"), kXml), testing::IsEmpty());
+    // What is there of the word is replaced.
+    const Json item = client.at("textDocument/completion", classic("Group { } Tran|")).at("items").at(0);
+    EXPECT_EQ(client.marked(item.at("textEdit").at("range")), "Tran");
+}
+
+TEST(LanguageServer, NodesAndFieldsAreExplainedWithTheirClause) {
+    Client client;
+    const auto said = [&](const std::string& marked, const char* name = "file:///nowhere/a.x3dv") {
+        const Json answer = client.at("textDocument/hover", marked, name);
+        return answer.is_null() ? std::string() : answer.at("contents").at("value").get<std::string>();
+    };
+    EXPECT_THAT(said(classic("Trans|form { }")),
+                HasSubstr("Grouping component, level 1; ISO/IEC 19775-1 V4.0, clause 10"));
+    EXPECT_THAT(said(classic("Transform { trans|lation 1 2 3 }")), HasSubstr("SFVec3f [in,out] translation 0 0 0"));
+    EXPECT_THAT(said(classic("Transform { trans|lation 1 2 3 }")), HasSubstr("Unit: length"));
+    EXPECT_THAT(said(classic("Transform { translation 1 |2 3 }")), "");
+    EXPECT_THAT(said(classic("DEF A Shape { geometry Box { } } ROUTE A|.x TO A.y")), HasSubstr("**Shape**"));
+    EXPECT_THAT(said(classic("DEF T TimeSensor { } ROUTE T.fraction|_changed TO T.y")),
+                HasSubstr("SFFloat [out] fraction_changed"));
+    EXPECT_THAT(said(xml("<Material shin|iness='.1'/>"), kXml), HasSubstr("[0, 1]"));
+    EXPECT_THAT(said(xml("<Mat|erial/>"), kXml), HasSubstr("clause 12"));
+    EXPECT_EQ(said(xml("<Nonsen|se/>"), kXml), "");
+    // The clauses are those of the tables of node types.
+    const std::regex heading("# (\\w+) component: ISO/IEC 19775-1 V4.0 clause (\\d+)");
+    std::size_t count = 0;
+    for (const auto& file : std::filesystem::directory_iterator(std::string(RTSG_SOURCE_DIR) + "/core/spec")) {
+        std::ifstream in(file.path());
+        std::string line;
+        std::smatch match;
+        if (!std::getline(in, line) || !std::regex_search(line, match, heading)) continue;
+        EXPECT_EQ(editor::clauseOf(match[1].str()), std::stoi(match[2])) << line;
+        ++count;
+    }
+    EXPECT_EQ(count, 36U);
+}
+
+TEST(LanguageServer, NamesLeadToTheirDefinitions) {
+    Client client;
+    const auto found = [&](const std::string& marked, const char* name = "file:///nowhere/a.x3dv") {
+        const Json answer = client.at("textDocument/definition", marked, name);
+        return answer.is_null() ? -1 : static_cast<int>(client.offset(answer.at("range").at("start")));
+    };
+    const std::size_t head = classic("").size(), start = xml("").find("</Scene>");
+    EXPECT_EQ(found(classic("DEF A Group { }\nGroup { children USE |A }")), head + 4);
+    EXPECT_EQ(found(classic("DEF A Group { } DEF A Shape { } ROUTE A|.x TO B.y")), head + 20) << "the last before it";
+    EXPECT_EQ(found(classic("ROUTE B.y TO |A.x DEF A Group { }")), head + 21);
+    EXPECT_EQ(found(classic("PROTO Chair [ ] { Group { } } Ch|air { }")), head + 6);
+    EXPECT_EQ(found(classic("Group { children USE |A }")), -1);
+    EXPECT_EQ(found(xml("<Group DEF='A'/><Group USE='|A'/>"), kXml), start + 12);
+    EXPECT_EQ(found(xml("<Group DEF='A'/><ROUTE fromNode='|A' fromField='x'/>"), kXml), start + 12);
+    EXPECT_EQ(found(xml("<ProtoDeclare name='P'><ProtoBody/></ProtoDeclare><ProtoInstance name='|P'/>"), kXml),
+              start + 20);
+}
+
+TEST(LanguageServer, FaultsOfInlinedFilesAndOfJsonAreReported) {
+    const test::TempFolder folder;
+    std::ofstream(folder.path() / "b b.x3dv") << "#X3D V4.0 utf8\nPROFILE Immersive\nTransform { nothing 1 }";
+    Client client;
+    const std::string here = "file://" + (folder.path() / "a%20a.x3dv").string();
+    const Json faults = client.write(classic("Inline { url \"b%20b.x3dv\" }"), here);
+    ASSERT_EQ(faults.size(), 1U) << faults;
+    EXPECT_THAT(faults[0].at("message").get<std::string>(), HasSubstr("b b.x3dv:3:13: Transform has no field"));
+    EXPECT_EQ(client
+                  .write(R"({"X3D":{"@version":"4.0","@profile":"Immersive","Scene":{"-children":[{"Grop":{}}]}}})",
+                         "untitled:Untitled-1")
+                  .size(),
+              1U);
+    EXPECT_TRUE(client.at("textDocument/completion", "{\"X3D|\"").at("items").empty());
+}
+
+// ---- whatever comes ------------------------------------------------------------------------------------------------
+
+TEST(LanguageServer, MessagesThatMakeNoSenseAreAnswered) {
+    std::vector<Json> sent;
+    LanguageServer server({}, [&](std::string_view message) { sent.push_back(Json::parse(message)); });
+    const auto code = [&](const std::string& message) {
+        sent.clear();
+        server.receive(message);
+        return sent.empty() ? 0 : sent.back().value("error", Json::object()).value("code", 1);
+    };
+    EXPECT_EQ(code(R"({"jsonrpc":"2.0","id":1,"method":"textDocument/hover"})"), -32002);
+    EXPECT_EQ(code("nothing"), -32700);
+    EXPECT_EQ(code(""), -32700);
+    EXPECT_EQ(code("{\"id\":1,\"method\":\"\xFF\"}"), -32700);
+    EXPECT_EQ(code(std::string(1000, '[')), -32700);
+    EXPECT_EQ(code(std::string(100000, '[') + std::string(100000, ']')), -32700);
+    EXPECT_EQ(code("[]"), -32600);
+    EXPECT_EQ(code("7"), -32600);
+    EXPECT_EQ(code(R"({"id":[[1]],"method":"initialize"})"), -32600);
+    EXPECT_EQ(code(R"({"id":1,"method":7})"), -32600);
+    EXPECT_EQ(code(R"({"id":1,"method":"initialize","params":[3]})"), 1);
+    EXPECT_EQ(code(R"({"id":2,"method":"initialize"})"), -32600);
+    EXPECT_EQ(code(R"({"id":"a","method":"textDocument/hover","params":{"textDocument":7,"position":{"line":-1}}})"),
+              -32602);
+    EXPECT_EQ(code(R"({"id":3,"method":"workspace/nothing"})"), -32601);
+    EXPECT_EQ(code(R"({"method":"textDocument/didOpen","params":{"textDocument":{"uri":7}}})"), 1);
+    EXPECT_EQ(code(R"({"method":"textDocument/didChange","params":{"contentChanges":[]}})"), 1);
+    server.receive(
+        R"({"method":"textDocument/didOpen","params":{"textDocument":{"uri":"x","text":"#X3D V4.0 utf8\n"}}})");
+    for (const char* place :
+         {"{}", "7", "{\"line\":1e300,\"character\":-3}", "{\"line\":99999999999999,\"character\":9}"})
+        EXPECT_EQ(
+            code(fmt::format(
+                R"({{"id":4,"method":"textDocument/completion","params":{{"textDocument":{{"uri":"x"}},"position":{}}}}})",
+                place)),
+            1);
+    EXPECT_EQ(code(R"x({"id":5,"method":"textDocument/codeAction","params":{"textDocument":{"uri":"x"},"context":)x"
+                   R"x({"diagnostics":[7,{},{"message":"(did you mean ?)"},{"message":"' (did you mean a?)"}]}}})x"),
+              1);
+    EXPECT_EQ(sent.back().at("result"), Json::array());
+    EXPECT_EQ(code(R"({"id":9,"result":null})"), 0);
+    EXPECT_EQ(code(R"({"id":6,"method":"shutdown"})"), 1);
+    EXPECT_EQ(code(R"({"id":7,"method":"textDocument/hover"})"), -32600);
+    server.receive(R"({"method":"exit"})");
+    EXPECT_TRUE(server.hasEnded() && server.wasAsked());
+}
+
+TEST(LanguageServer, DocumentsAreLimited) {
+    LanguageServerOptions options;
+    options.maximumDocuments = 2;
+    options.maximumBytes = 1000;
+    Client client(options);
+    client.write(classic(""), "file:///1.x3dv");
+    client.write(classic(""), "file:///2.x3dv");
+    EXPECT_TRUE(client.write(classic(""), "file:///3.x3dv").is_null());
+    EXPECT_THAT(client.sent.back().dump(), HasSubstr("2 documents are open already"));
+    client.server.receive(std::string(2000, ' '));
+    EXPECT_THAT(client.sent.back().dump(), HasSubstr("too long"));
+}
+
+/// Any beginning of a text, and any text that has been cut up, is only text: each question has an answer.
+TEST(LanguageServer, AnyTextMayBeAskedAbout) {
+    const std::string texts[] = {
+        classic(
+            "PROTO P [ inputOutput SFVec3f at 0 0 0 ] { DEF T Transform { translation IS at children [ USE T ] } }\n"
+            "DEF A P { at 1 2 3 } Shape { appearance Appearance { } } ROUTE A.at TO T.scale\n"),
+        xml("<ProtoDeclare name='P'><ProtoInterface><field name='a' type='SFBool'/></ProtoInterface><ProtoBody><Group "
+            "DEF='G'/></ProtoBody></ProtoDeclare><!-- x --><ProtoInstance name='P' DEF='I'/><ROUTE fromNode='I' "
+            "fromField=\"a\" toNode='G'/>")};
+    std::mt19937 random(5);
+    for (const std::string& whole : texts)
+        for (std::size_t round = 0; round < 2000; ++round) {
+            std::string text = whole.substr(0, random() % (whole.size() + 1));
+            for (std::size_t i = random() % 4; i-- > 0 && !text.empty();)
+                text[random() % text.size()] = "{}[]<>'\"#./ \nA"[random() % 14];
+            const std::size_t offset = random() % (text.size() + 1);
+            const auto replaced = editor::proposalsAt(text, offset).replaced;
+            ASSERT_LE(replaced.begin, replaced.end);
+            ASSERT_LE(replaced.end, text.size());
+            (void)editor::explanationAt(text, offset);
+            (void)editor::definitionAt(text, offset);
+        }
+    // What is deep is passed over, and takes no longer.
+    const std::string deep(1 << 20, '[');
+    (void)editor::proposalsAt("#X3D V4.0 utf8\nGroup { children " + deep, deep.size());
+    std::string elements = "<X3D>";
+    for (int i = 0; i < 100000; ++i) elements += "<Group>";
+    (void)editor::proposalsAt(elements + "<", elements.size() + 1);
+}
+
+class EditorStream : public testing::Test {
+  protected:
+    static std::string framed(const Json& message) {
+        const std::string text = message.dump();
+        return fmt::format("Content-Length: {}\r\n\r\n{}", text.size(), text);
+    }
+    Result<> serve(const std::string& input, LanguageServerOptions options = {}) {
+        std::ofstream(folder.path() / "in", std::ios::binary) << input;
+        const int in = ::open((folder.path() / "in").c_str(), O_RDONLY | O_CLOEXEC);
+        const int out = ::open((folder.path() / "out").c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+        auto result = serveEditor(in, out, options);
+        ::close(in);
+        ::close(out);
+        std::ifstream written(folder.path() / "out", std::ios::binary);
+        output = {std::istreambuf_iterator<char>(written), {}};
+        return result;
+    }
+    std::string problem(const std::string& input) {
+        const auto served = serve(input);
+        return served ? "none" : served.error().text;
+    }
+    const test::TempFolder folder;
+    std::string output;
+    const std::string begin = framed({{"id", 1}, {"method", "initialize"}}),
+                      end = framed({{"id", 2}, {"method", "shutdown"}}) + framed({{"method", "exit"}});
+};
+
+TEST_F(EditorStream, ASessionIsServed) {
+    const std::string open =
+        framed({{"method", "textDocument/didOpen"},
+                {"params", {{"textDocument", {{"uri", "file:///a.x3dv"}, {"text", "#X3D V4.0 utf8\nGrop { }"}}}}}});
+    EXPECT_EQ(problem(begin + open + end), "none");
+    EXPECT_THAT(output, testing::StartsWith("Content-Length: "));
+    EXPECT_THAT(output, HasSubstr("hoverProvider"));
+    EXPECT_THAT(output, Not(HasSubstr("publishDiagnostics"))) << "what waits comes first";
+    EXPECT_EQ(problem("content-type: x\r\nCONTENT-LENGTH:  2\r\n\r\n{}" + begin + end), "none");
+    EXPECT_THAT(output, HasSubstr("-32600"));
+    EXPECT_EQ(problem("Content-Length: 3\r\n\r\n{{{" + begin + end), "none");
+    EXPECT_THAT(output, HasSubstr("-32700"));
+}
+
+TEST_F(EditorStream, OneThatIsFramedWronglyEndsWithAReason) {
+    EXPECT_THAT(problem(begin), HasSubstr("gone without an exit"));
+    EXPECT_THAT(problem(begin + framed({{"method", "exit"}})), HasSubstr("exit before shutdown"));
+    EXPECT_THAT(problem("Content-Length: 99\r\n\r\n{}"), HasSubstr("end within one"));
+    EXPECT_THAT(problem("Content-Length: 99"), HasSubstr("end within a header"));
+    EXPECT_THAT(problem("Content-Length: -1\r\n\r\n{}"), HasSubstr("no length of a message"));
+    EXPECT_THAT(problem("Content-Length: 2x\r\n\r\n{}"), HasSubstr("no length of a message"));
+    EXPECT_THAT(problem("Content-Length: 99999999999999999999999\r\n\r\n{}"), HasSubstr("no length of a message"));
+    EXPECT_THAT(problem("Content-Length: 2\r\nContent-Length: 3\r\n\r\n{}"), HasSubstr("no length of a message"));
+    EXPECT_THAT(problem("Content-Length: 99999999999\r\n\r\n{}"), HasSubstr("at most 33554432 are taken"));
+    EXPECT_THAT(problem("Other: 2\r\n\r\n{}"), HasSubstr("no Content-Length"));
+    EXPECT_THAT(problem(std::string(1 << 20, 'x')), HasSubstr("begins with no header"));
+}
+
+}  // namespace
+}  // namespace rtsg
