@@ -32,6 +32,9 @@ constexpr Source kSources[] = {
      "sources "
      "against the time of a frame",
      bench::chartSound},
+    {"heard",
+     "error of what is heard against CPU time in a box, a hall, coupled rooms, an office and a corridor, by --quality",
+     bench::chartHeard},
     {"sound-parts",
      "what each mechanism of diffraction brings behind screens, corners, doors, tables, columns and cars, beside "
      "boundary elements",

@@ -16,6 +16,8 @@ void chartLightParts(const ChartSink& sink, bool quick);
 /// Error of a room's figures against time, by each method; moving sources against the time of a frame. False: a room
 /// cannot be made.
 bool chartSound(const ChartSink& sink, bool quick);
+/// Error of what is heard in five rooms against CPU time, by quality. False: a room cannot be made or heard.
+bool chartHeard(const ChartSink& sink, bool quick);
 /// Levels behind things with and without each mechanism of diffraction, beside boundary elements.
 bool chartSoundParts(const ChartSink& sink, bool quick);
 /// Work of one change against the size of the scene. False: something could not be measured.

@@ -59,6 +59,16 @@ std::string quadShape(const std::vector<glm::dvec3>& corners, double absorption,
         points, faces, heardAs(absorption, scattering));
 }
 
+std::string clickingVoice(const glm::dvec3& place) {
+    constexpr int kRate = 48'000, kClick = kRate / 20;
+    std::string samples;
+    for (int i = 0; i < kRate; ++i) samples += i == kClick ? "1 " : "0 ";
+    return fmt::format(
+        "DEF Voice Transform {{ translation {} {} {} children SpatialSound {{ dopplerEnabled TRUE children "
+        "BufferAudioSource {{ loop TRUE sampleRate {} numberOfChannels 1 buffer [ {} ] }} }} }}\n",
+        place.x, place.y, place.z, kRate, samples);
+}
+
 std::unique_ptr<SoundRoom> roomOf(const std::string& name, const std::string& shapes, const glm::dvec3& source,
                                   const glm::dvec3& listener) {
     auto room = std::make_unique<SoundRoom>();
@@ -66,7 +76,10 @@ std::unique_ptr<SoundRoom> roomOf(const std::string& name, const std::string& sh
     room->source = source;
     room->listener = listener;
     Diagnostics diagnostics;
-    if (!loadText(room->scene, "#X3D V4.0 utf8\nPROFILE Full\n" + shapes, diagnostics)) return nullptr;
+    const std::string text =
+        "#X3D V4.0 utf8\nPROFILE Full\n" + shapes + clickingVoice(source) +
+        fmt::format("ListenerPointSource {{ position {} {} {} }}\n", listener.x, listener.y, listener.z);
+    if (!loadText(room->scene, text, diagnostics)) return nullptr;
     room->start();
     return room;
 }
@@ -143,6 +156,52 @@ std::unique_ptr<SoundRoom> smallRoom() {
     return roomOf(
         "small", boxShape(glm::dvec3(0), {2.4, 2.1, 1.8}, .25, .3) + boxShape({1.6, .01, .3}, {2.38, .75, 1.5}, .1, .2),
         {.4, 1.5, .5}, {1.2, 1.2, 1.1});
+}
+
+namespace {
+
+/// A box without what is in it: floor, ceiling and walls of their own.
+std::string shell(const glm::dvec3& size, double floor, double ceiling, double walls, double scattering) {
+    const auto level = [&](double y, double absorption) {
+        return quadShape({{0, y, 0}, {size.x, y, 0}, {size.x, y, size.z}, {0, y, size.z}}, absorption, scattering);
+    };
+    return level(0, floor) + level(size.y, ceiling) +
+           quadShape({{0, 0, 0},
+                      {size.x, 0, 0},
+                      {size.x, size.y, 0},
+                      {0, size.y, 0},
+                      {0, 0, size.z},
+                      {size.x, 0, size.z},
+                      {size.x, size.y, size.z},
+                      {0, size.y, size.z},
+                      {0, 0, 0},
+                      {0, 0, size.z},
+                      {0, size.y, size.z},
+                      {0, size.y, 0},
+                      {size.x, 0, 0},
+                      {size.x, 0, size.z},
+                      {size.x, size.y, size.z},
+                      {size.x, size.y, 0}},
+                     walls, scattering);
+}
+
+}  // namespace
+
+std::unique_ptr<SoundRoom> officeRoom() {
+    std::string shapes = shell({14, 2.8, 9}, .15, .6, .1, .2);
+    for (const double x : {2.0, 5.5, 9.0})
+        for (const double z : {2.5, 6.5}) {
+            shapes += boxShape({x, .72, z - .8}, {x + 1.6, .76, z}, .1, .1);
+            shapes += boxShape({x, .72, z + .05}, {x + 1.6, .76, z + .85}, .1, .1);
+            shapes += boxShape({x, .01, z + .01}, {x + 1.6, 1.4, z + .04}, .5, .2);
+        }
+    return roomOf("office", shapes, {6.5, 1.3, 4.6}, {11.3, 1.2, 7.9});
+}
+
+std::unique_ptr<SoundRoom> corridorRoom() {
+    std::string shapes = shell({30, 2.6, 2}, .05, .3, .05, .1);
+    for (const double x : {6.0, 12.0, 18.0}) shapes += boxShape({x, .01, 1.6}, {x + 1, 2, 1.99}, .1, .2);
+    return roomOf("corridor", shapes, {2, 1.5, .9}, {20, 1.5, .8});
 }
 
 std::optional<MovingSound> moveSources(int sources, double seconds) {

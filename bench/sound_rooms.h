@@ -33,10 +33,14 @@ struct SoundRoom {
 /// A box of 6 x 5 x 3 m, as a scene: absorption .1, of the rest this share scattered.
 std::string boxScene(double scattering);
 /// A fan-shaped hall of 12,000 m^3 with raked seats, a balcony and columns; two rooms of 100 m^3 that an opening of 1
-/// m^2 couples; a booth of 9 m^3 with a desk. Null if the scene cannot be read.
+/// m^2 couples; a booth of 9 m^3 with a desk; an office of 350 m^3 with desks and screens; a corridor of 30 m with
+/// cupboards. In each a Transform "Voice" at the source clicks once a second, .05 s after it begins. Null if the scene
+/// cannot be read.
 std::unique_ptr<SoundRoom> hallRoom();
 std::unique_ptr<SoundRoom> coupledRoom();
 std::unique_ptr<SoundRoom> smallRoom();
+std::unique_ptr<SoundRoom> officeRoom();
+std::unique_ptr<SoundRoom> corridorRoom();
 std::unique_ptr<SoundRoom> boxRoom(double scattering);
 
 /// What live sound of sources that move in the box takes.
