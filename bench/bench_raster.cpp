@@ -61,17 +61,17 @@ class RasterRace {
         scene_.newFrame(number / 60.0);
         const double thread = threadSeconds(), cascade = wallSeconds() - begun;
         if (auto ok = world_->update(); !ok) return ok;
-        const double followed = threadSeconds() - thread, start = cpuSeconds();
+        const double followed = threadSeconds() - thread, flattening = world_->times().flattening, start = cpuSeconds();
         if (const auto picture = raster_->nextPicture(image_); !picture) return std::unexpected(picture.error());
         const double whole = wallSeconds() - begun;
         const double handing = raster_->counts().handing - before.handing;
         out.meshes += raster_->counts().meshes - before.meshes, out.bent += raster_->counts().bent - before.bent;
         out.drawing.push_back(cpuSeconds() - start - handing);
-        out.deltas.push_back(followed + handing), out.flattening.push_back(world_->times().flattening);
+        out.deltas.push_back(followed + handing), out.flattening.push_back(flattening);
         out.byDeltas.push_back(whole);
         // The same picture, had its changes been found by looking at every node.
         if (auto ok = full_.renderFrame(); !ok) return ok;
-        out.byTraversal.push_back(whole - world_->times().flattening + full_.stats().traverseSeconds);
+        out.byTraversal.push_back(whole - flattening + full_.stats().traverseSeconds);
         const double traced = cpuSeconds(), clock = wallSeconds();
         if (const auto picture = light_->picture(image_); !picture) return std::unexpected(picture.error());
         out.rays.push_back(cpuSeconds() - traced), out.byRays.push_back(wallSeconds() - clock + cascade);
