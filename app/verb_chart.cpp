@@ -47,6 +47,9 @@ constexpr Source kSources[] = {
     {"scale", "work of one change in scenes of 10^3 to 10^6 nodes", bench::chartScale},
     {"touch", "the stiffest surface that does not ring, and the error of forces, against the rate of touch",
      bench::chartTouch},
+    {"view",
+     "error of pictures of the demo's hall against time, by resolution and samples; by OGRE, too, with a display",
+     bench::chartView},
     {"deform", "speed of rays through deforming meshes against rebuilt ones", bench::chartDeform},
 };
 

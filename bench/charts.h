@@ -24,6 +24,9 @@ bool chartSoundParts(const ChartSink& sink, bool quick);
 bool chartScale(const ChartSink& sink, bool quick);
 /// The largest stiffness of a surface that does not ring, and the error of forces, against the rate of the touch.
 bool chartTouch(const ChartSink& sink, bool quick);
+/// Error of pictures of the demo's hall against time, by resolution and by samples. False: the hall is not below this
+/// folder.
+bool chartView(const ChartSink& sink, bool quick);
 /// Speed of rays through deforming meshes against meshes built afresh.
 bool chartDeform(const ChartSink& sink, bool quick);
 

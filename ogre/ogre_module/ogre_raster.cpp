@@ -250,21 +250,26 @@ class OgreRaster final : public RasterModule {
 
     void layOut(const RasterTables& tables) {
         std::vector<glm::vec4> texels;
+        std::vector<std::size_t> lights;  // where each begins
         for (const RasterLight& l : tables.lights) {
-            texels.insert(texels.end(),
-                          {glm::vec4(l.kind, l.radius, l.localFromWorld, l.beamWidth),
-                           glm::vec4(l.color, l.cutOffAngle), glm::vec4(l.ambient, 0), glm::vec4(l.position, 0),
-                           glm::vec4(l.direction, 0), glm::vec4(l.attenuation, 0)});
+            lights.push_back(texels.size());
+            texels.insert(texels.end(), {glm::vec4(l.kind, l.radius, l.localFromWorld, l.beamWidth),
+                                         glm::vec4(l.color, l.cutOffAngle), glm::vec4(l.ambient, 0)});
+            if (l.kind == 3)
+                for (const glm::vec3& one : l.harmonics) texels.emplace_back(one, 0);
+            else
+                texels.insert(texels.end(),
+                              {glm::vec4(l.position, 0), glm::vec4(l.direction, 0), glm::vec4(l.attenuation, 0)});
         }
         records_.clear();
         for (const RasterSurroundings& place : tables.places) {
-            const auto lights = texels.size();
+            const auto first = texels.size();
             for (const std::uint32_t light : place.lights)
-                texels.emplace_back(static_cast<float>(light * static_cast<std::uint32_t>(kLightTexels)), 0, 0, 0);
+                texels.emplace_back(static_cast<float>(lights.at(light)), 0, 0, 0);
             const auto cuts = texels.size();
             texels.insert(texels.end(), place.cuts.begin(), place.cuts.end());
             records_.push_back(static_cast<int>(texels.size()));
-            texels.insert(texels.end(), {glm::vec4(static_cast<float>(lights), static_cast<float>(place.lights.size()),
+            texels.insert(texels.end(), {glm::vec4(static_cast<float>(first), static_cast<float>(place.lights.size()),
                                                    static_cast<float>(cuts), static_cast<float>(place.cuts.size())),
                                          glm::vec4(place.fogType, place.fogRange, place.fogBegin, 0),
                                          glm::vec4(place.fogColor, 0), glm::vec4(place.fogAlong, 0)});

@@ -207,8 +207,21 @@ vec4 look(sampler2D from, vec4 rowS, vec4 rowT, vec3 px, vec3 py, float cosine, 
 const char* const kFragmentLight = R"(
 struct Surface {
     vec3 normal, view, base, specular, ambient;
-    float exponent, metallic, roughness;
+    float exponent, metallic, roughness, occluded;
 };
+// Of light from all around, what a matte surface reflects.
+vec3 matte(Surface s, int first) {
+    vec3 n = s.normal;
+    vec3 sum = 0.282095 * texel(first).rgb + 0.488603 * (n.y * texel(first + 1).rgb + n.z * texel(first + 2).rgb + n.x * texel(first + 3).rgb);
+    sum += 1.092548 * (n.x * n.y * texel(first + 4).rgb + n.y * n.z * texel(first + 5).rgb + n.x * n.z * texel(first + 7).rgb);
+    sum += 0.315392 * (3.0 * n.z * n.z - 1.0) * texel(first + 6).rgb + 0.546274 * (n.x * n.x - n.y * n.y) * texel(first + 8).rgb;
+    sum = max(sum, vec3(0.0));
+#ifdef PHYSICAL
+    return s.occluded * (1.0 - s.metallic) * 0.96 * s.base * sum;
+#else
+    return s.occluded * s.base * encoded(sum);
+#endif
+}
 float powerOf(float x, float exponent) { return exponent > 0.0 ? pow(max(x, 1e-20), exponent) : 1.0; }
 #ifdef PHYSICAL
 vec3 physical(Surface s, vec3 towards, float cosine) {
@@ -243,6 +256,10 @@ vec3 lit(Surface s, vec4 record) {
     for (int i = 0; i < count; ++i) {
         int at = int(texel(first + i).x);
         vec4 one = texel(at), colored = texel(at + 1), ambient = texel(at + 2);
+        if (one.x == 3.0) {
+            sum += colored.rgb * matte(s, at + 3) + ambient.rgb * s.ambient;
+            continue;
+        }
         vec3 direction = texel(at + 4).xyz;
         if (one.x == 0.0) {
             sum += shine(s, -direction, 1.0, colored.rgb, ambient.rgb);
@@ -334,7 +351,7 @@ void main() {
 
     vec3 base = baseColor.rgb, emissive = emissiveColor.rgb, specular = specularColor.rgb;
     float opacity = baseColor.a, alpha = 1.0, exponent = specularColor.a, ambient = numbers.x;
-    float metallic = numbers.y, roughness = numbers.z;
+    float metallic = numbers.y, roughness = numbers.z, occluded = 1.0;
     bool colored = mod(thing.y, 2.0) > 0.5, alphaColored = mod(floor(thing.y / 2.0), 2.0) > 0.5;
     bool fogged = thing.y >= 4.0;
     if (colored) {
@@ -365,7 +382,8 @@ void main() {
     metallic *= rough.b;
 #endif
 #ifdef USE5
-    ambient *= 1.0 + more.y * (LOOK(occlusionTexture, rowS5, rowT5).r - 1.0);
+    occluded = 1.0 + more.y * (LOOK(occlusionTexture, rowS5, rowT5).r - 1.0);
+    ambient *= occluded;
 #endif
 #ifdef USE3
     {
@@ -406,7 +424,7 @@ void main() {
         view = normalize(m * view);
         n = normalize(mat3(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1])) * n * sign(dot(cross(m[0], m[1]), m[2])));
     }
-    Surface s = Surface(n, view, base, specular, ambientBase * ambient, exponent, metallic, roughness);
+    Surface s = Surface(n, view, base, specular, ambientBase * ambient, exponent, metallic, roughness, occluded);
     vec3 shown = emissive + lit(s, record);
 #endif
 #ifdef PHYSICAL

@@ -29,7 +29,7 @@ struct ProgramKey {
 std::string vertexProgram(const ProgramKey& key);
 std::string fragmentProgram(const ProgramKey& key);
 
-/// Where the tables' parts are in their texture, in texels: a light, and a place's record.
-constexpr int kLightTexels = 6, kPlaceTexels = 4, kTableWidth = 64, kTableHeight = 4096;
+/// The size of the tables' texture.
+constexpr int kTableWidth = 64, kTableHeight = 4096;
 
 }  // namespace rtsg

@@ -288,6 +288,36 @@ TEST_F(OgrePictures, ExamplesAreSeenAsByRays) {
     }
 }
 
+// Of light from all around matte surfaces show what they do by rays; that nothing mirrors it is said.
+TEST_F(OgrePictures, MatteSurfacesAreLitFromAllAround) {
+    const std::string coefficients =
+        "diffuseCoefficients [ 2 1.6 1.2 .9 .3 .1 .2 .2 .6 -.5 .1 .4 .1 .1 .1 .05 .1 0 .2 .1 .05 0 .1 .1 .1 0 .1 ]";
+    for (const std::string& light :
+         {std::string("intensity .7 color .9 .8 .6"), coefficients,
+          coefficients + " rotation 0 1 0 1.2 intensity .5 ambientIntensity .4",
+          std::string("specularTexture ComposedCubeMapTexture { frontTexture DEF P PixelTexture { image 1 2 3 0xFFC080 "
+                      "0x204080 } backTexture USE P leftTexture USE P rightTexture USE P topTexture PixelTexture { "
+                      "image 1 1 3 0x80A0FF } bottomTexture PixelTexture { image 1 1 3 0x302010 } }")}) {
+        SCOPED_TRACE(light);
+        Both both;
+        ASSERT_TRUE(loadText(both.scene,
+                             "#X3D V4.1 utf8\nPROFILE Full\nNavigationInfo { headlight FALSE }\nViewpoint { }\n"
+                             "EnvironmentLight { " +
+                                 light + " }\n" +
+                                 shape("material Material { diffuseColor .8 .7 .6 ambientIntensity .5 }",
+                                       "Sphere { radius 1.5 }", "-1.7 0 0") +
+                                 shape("material Material { diffuseColor .3 .7 .9 }", "Box { }", "1.7 0 0"),
+                             both.diagnostics));
+        both.attach();
+        const Picture drawn = both.drawn();
+        EXPECT_LE(differenceOf(both.traced(), drawn).mean, .6);
+        EXPECT_GT(glm::length(Vec3f(drawn.at(50, 60))), .2);
+        std::string said;
+        for (const Diagnostic& d : both.raster->diagnostics().all()) said += d.text;
+        EXPECT_THAT(said, HasSubstr("not mirrored"));
+    }
+}
+
 TEST_F(OgrePictures, SeveralSamplesSmoothEdges) {
     Both both;
     both.load(shape("material UnlitMaterial { emissiveColor 1 1 1 }", "Box { size 4 4 1 }"));

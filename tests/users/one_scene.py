@@ -92,6 +92,27 @@ def test_live(user):
     equal(report["pictures"] + report["live"]["pictures_skipped"], SECONDS * 60, "every instant is pictured or counted as skipped")
 
 
+def test_live_pictures_keep_what_no_change_touches_and_show_every_edit(user):
+    # A box turns in a corner before a wall, and goes in the end.
+    user.path("corner.x3dv").write_text("""#X3D V4.0 utf8
+PROFILE Immersive
+Viewpoint { position 0 0 9 }
+Transform { translation 3 0 0 children Shape { appearance Appearance { material Material { diffuseColor 1 .5 .2 } } geometry Box { } } }
+DEF T Transform { translation -3 1 0 children DEF S Switch { whichChoice 0 children Shape { geometry Box { size .5 .5 .5 } } } }
+DEF CLOCK TimeSensor { cycleInterval 4 loop TRUE }
+DEF TURN OrientationInterpolator { key [0 1] keyValue [0 0 1 0, 0 0 1 3] }
+ROUTE CLOCK.fraction_changed TO TURN.set_fraction
+ROUTE TURN.value_changed TO T.rotation
+""")
+    scene = ("corner.x3dv", "--at", "2000-01-01", "--set", "S.whichChoice=-1@1.55", "--size", "160x120")
+    report = user.run("run", *scene, "--json", "--live", "--for", "2s", "--fps", 10, "--render", "p%02d.png")
+    check(report["kept"] > .2, f"most of it rests: {report}")
+    user.run("render", *scene, "--frames", 20, "--fps", 10, "-o", "r%02d.png")
+    for place, time_ in enumerate(report["picture_times"]):
+        equal(user.path(f"p{place:02d}.png").read_bytes(), user.path(f"r{round(time_ * 10):02d}.png").read_bytes(), f"the picture of {time_} s")
+    check(user.path("r00.png").read_bytes() != user.path("r19.png").read_bytes(), "what is edited is seen")
+
+
 def test_killed_in_a_picture(user):
     record(user)
     program = user.start("replay", "s.rlog", "--render", "p%02d.png", "--listen", "s.wav", "--fps", 30, "--size", "320x180", "--spp", "4",

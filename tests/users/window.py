@@ -286,6 +286,34 @@ def test_ogre_draws_the_window_and_everything_else_is_the_same(user):
     check("Ann (from a pointer" in program.out, f"what was clicked in its picture turned: {program.out!r}")
 
 
+def test_text_in_a_layer_of_a_served_scene_is_clicked_after_a_walk(user):
+    shutil.copy(ROOT / "examples" / "hud.x3dv", user.path("hud.x3dv"))
+    with display():
+        server, endpoint = user.serve("hud.x3dv", "--upstream", "events", "--record", "hud.rlog", "--fps", "30")
+        viewer = view(user, endpoint, "--name", "Ann")
+        window_of(viewer)
+        hand("keydown", "Up")
+        time.sleep(1)
+        hand("keyup", "Up")
+        time.sleep(0.5)
+        # 0.38 to the right, 0.26 down and 1 ahead of an eye whose picture is 2 tan(pi / 8) high there.
+        hand("mousemove", 200 + round(150 * 0.38 / 0.4142), 150 + round(150 * 0.26 / 0.4142))
+        time.sleep(0.5)
+        hand("mousedown", 1)
+        time.sleep(0.5)
+        hand("mouseup", 1)
+        time.sleep(0.5)
+        hand("mousemove", 200, 150)
+        time.sleep(0.3)
+        hand("key", "Escape")
+        viewer.done()
+        server.signal(signal.SIGINT)
+        server.wait()
+    program = user.start("replay", "hud.rlog", "--blame", "ABOVE.isBound")
+    program.done()
+    check("Ann (from a pointer" in program.out, f"the layer's text was clicked: {program.out!r}")
+
+
 @contextlib.contextmanager
 def nobody_looks():
     """Windows without a screen."""

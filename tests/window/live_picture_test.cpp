@@ -222,6 +222,28 @@ TEST(LivePictures, WithoutTimeForAllPixelsThereAreFewerOfThem) {
     }
 }
 
+// Whoever begins to move need not wait for a picture of where they were: the next one is of the new place.
+TEST(LivePictures, AnEyeThatBeginsToMoveIsShownAtOnce) {
+    Seen seen(10);
+    const auto from = [](float z) {
+        return Camera::perspective(WorldFromLocal(1), {0, 0, z}, Rotation{0, 1, 0, 0}, .8, 16. / 9);
+    };
+    for (int round = 0; round < 5; ++round) {
+        ASSERT_TRUE(seen.pictures->show(from(6)));
+        (void)seen.next([&](const auto& shown) { return shown.whole && shown.camera.position.z == 6; });
+        seen.scene.newFrame(seen.time += 1);
+        ASSERT_TRUE(seen.pictures->show(from(6)));
+        for (int i = 1; i < 4; ++i) {
+            const float z = 6 + float(i) / 8;
+            ASSERT_TRUE(seen.scene.set(seen.box, x3d::Transform::translation, Vec3f(z / 9, float(round) / 9, 0)));
+            seen.scene.newFrame(seen.time += 1);
+            ASSERT_TRUE(seen.pictures->show(from(z)));
+            const auto moved = seen.next([&](const auto& shown) { return shown.camera.position.z == z; });
+            EXPECT_EQ(moved->sequence, seen.scene.sequence());
+        }
+    }
+}
+
 /// Pictures by OGRE, as rtsg::OgreRenderer makes them by itself.
 struct Rastered : Seen {
     Rastered() : Seen(1 / 30.0, 8, Integrator::raster) {}

@@ -3,6 +3,7 @@
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
+#include <rtsg/renderers/light_renderer.h>
 #include <rtsg/window/own_eye.h>
 
 namespace rtsg {
@@ -107,6 +108,46 @@ TEST(OwnEyes, OfASceneInLayersItBeginsAtTheActiveOne) {
     ASSERT_TRUE(camera);
     EXPECT_NEAR(camera->position.z, 2, .3) << "3 m/s ahead";
     EXPECT_NEAR(camera->top, std::tan(.3), 1e-6);
+}
+
+/// What lies over it in a layer of its own is pointed at through that layer's viewpoint, also while it is dragged away.
+TEST(OwnEyes, WhatAnotherLayerShowsIsPointedAtThroughItsViewpoint) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Immersive\nCOMPONENT Layering:1\nLayerSet { activeLayer 1 order [1 2] layers [ "
+        "Layer { children [ NavigationInfo { type \"FLY\" speed 3 } Viewpoint { position 0 0 5 } Shape { geometry Box "
+        "{ } } ] } Layer { children [ Viewpoint { position 0 0 1 } Transform { translation .2 0 0 children Shape { "
+        "geometry Box { size .2 .2 .01 } } } ] } ] }",
+        diagnostics));
+    scene.newFrame(0);
+    SharedWorld world(scene);
+    OwnEye eye(world);
+    eye.take(Root::key.index, Value(KeyInput::named("UP", true)->toValue()));
+    for (double t = 0; t < .5; t += 1 / 30.0) eye.advance(t);
+    // As a picture lays it out that is seen from there.
+    LightRenderer light(world);
+    ImageOptions options;
+    options.settings.width = options.settings.height = 64;
+    const auto state = world.present();
+    ASSERT_TRUE(state);
+    ASSERT_TRUE(light.nextPicture(**state, options, {eye.camera(1), 0, 0}));
+    ASSERT_TRUE(world.update());
+    PointerInput pointer;
+    pointer.kind = PointerInput::Kind::picture;
+    const auto at = [&](double x, std::uint32_t buttons) {
+        pointer.x = .5 + .5 * x / std::tan(.7854 / 2), pointer.y = .5, pointer.buttons = buttons;
+        return eye.throughPicture(pointer);
+    };
+    EXPECT_LT(at(-.2, 0).origin.z, 4.5) << "beside it: from the eye of one's own";
+    EXPECT_NEAR(at(.2, 0).origin.z, 1, 1e-6);
+    EXPECT_NEAR(at(.2, 1).direction.x / -at(.2, 1).direction.z, .2, 1e-3);
+    EXPECT_NEAR(at(-.2, 1).origin.z, 1, 1e-6) << "a drag stays in its layer";
+    EXPECT_NEAR(at(-.2, 0).origin.z, 1, 1e-6) << "until it is let go";
+    EXPECT_LT(at(-.2, 0).origin.z, 4.5);
+    EXPECT_LT(at(-.2, 1).origin.z, 4.5);
+    EXPECT_LT(at(.2, 1).origin.z, 4.5) << "as one that began beside it does not get into it";
 }
 
 TEST(OwnEyes, ItGoesToViewpointsWhereverTheyStand) {

@@ -188,8 +188,10 @@ std::optional<RasterLight> rasterLight(const Light& light, const Vec3d& origin, 
             lack("a TextureProjector is left out");
             return std::nullopt;
         case Light::Kind::environment:
-            lack("an EnvironmentLight is left out");
-            return std::nullopt;
+            lack("an EnvironmentLight lights what is matte, and is not mirrored");
+            result.kind = 3;
+            result.harmonics = matteHarmonics(light);
+            break;
     }
     result.color = light.color, result.ambient = light.ambient;
     result.position = Vec3f(light.position - origin), result.direction = light.direction;

@@ -115,9 +115,10 @@ struct RasterSurroundings {
     glm::vec3 fogColor{0}, fogAlong{0};
 };
 struct RasterLight {
-    float kind = 0;  // 0 directional, 1 point, 2 spot
+    float kind = 0;  // 0 directional, 1 point, 2 spot, 3 environment
     glm::vec3 color{1}, ambient{0}, position{0}, direction{0, 0, -1}, attenuation{1, 0, 0};
     float radius = 0, localFromWorld = 1, beamWidth = 0, cutOffAngle = 0;
+    std::array<glm::vec3, 9> harmonics{};  // of an environment: what white matte surfaces show by their normals
 };
 struct RasterTables {
     std::vector<RasterLight> lights;

@@ -2,9 +2,12 @@
 #include <rtsg/renderers/surface_tables.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "draw.h"
+#include "lighting/environment.h"
 #include "tables/active.h"
 #include "tables/left_out.h"
 
@@ -55,6 +58,30 @@ Result<Camera> SurfaceState::camera(const BoxOfLayer& boxes, double aspect, std:
 std::vector<LayerView> SurfaceState::layers(const BoxOfLayer& boxes, const Camera& camera, int width,
                                             int height) const {
     return findLayers(*state_, boxes, camera, width, height);
+}
+
+std::array<Vec3f, 9> matteHarmonics(const Light& environment) {
+    constexpr int kDirections = 2048;
+    std::array<Vec3f, 9> sum{};
+    for (int i = 0; i < kDirections; ++i) {
+        // On a spiral from pole to pole, each for as much of the sphere.
+        const float z = 1 - (2 * static_cast<float>(i) + 1) / kDirections, across = std::sqrt(1 - z * z);
+        const float angle = std::numbers::pi_v<float> * (3 - std::sqrt(5.0f)) * static_cast<float>(i);
+        const Vec3f d(across * std::cos(angle), across * std::sin(angle), z);
+        const Vec3f light = environment.environment->matte(environment.localFromWorldTurn * d);
+        const float y[] = {0.282095f,
+                           0.488603f * d.y,
+                           0.488603f * d.z,
+                           0.488603f * d.x,
+                           1.092548f * d.x * d.y,
+                           1.092548f * d.y * d.z,
+                           0.315392f * (3 * d.z * d.z - 1),
+                           1.092548f * d.x * d.z,
+                           0.546274f * (d.x * d.x - d.y * d.y)};
+        for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += y[k] * light;
+    }
+    for (Vec3f& one : sum) one *= 4 * std::numbers::pi_v<float> / kDirections;
+    return sum;
 }
 
 struct SurfaceTables::Impl {

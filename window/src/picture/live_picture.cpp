@@ -21,10 +21,11 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kCoarsest = 0.25;    // of the width, and of the height
-constexpr double kOfBudget = 0.9;     // the rest is for enlarging and showing
-constexpr double kNewTimes = 0.3;     // the weight of the last picture in the mean
-constexpr int kWidthStep = 16;        // widths change in steps, or pictures would swim
+constexpr double kCoarsest = 0.25;  // of the width, and of the height
+constexpr double kOfBudget = 0.9;   // the rest is for enlarging and showing
+constexpr double kNewTimes = 0.3;   // the weight of the last picture in the mean
+constexpr int kWidthStep = 16;      // widths change in steps, or pictures would swim
+constexpr double kAnyAspect = 16. / 9;
 constexpr double kFirstGuess = 2e-7;  // seconds a pixel
 constexpr double kOfFirst = 0.6;      // of the budget, for the first picture after a rest: it answers somebody
 // Of pictures that take over what has not changed: how much longer than the budget one may take, below which share of
@@ -153,6 +154,10 @@ struct LivePicture::Impl {
     std::mutex making;                      // one picture at a time
     std::atomic<std::uint64_t> changes{0};  // of what is seen
     std::atomic<int> others{0};             // who wait for `making`
+    std::atomic<std::uint64_t> starts{0};   // how often an eye that rested has begun to move
+    // The scene's thread's own.
+    std::optional<Camera> seenBy;
+    bool eyeMoves = false;
 
     mutable std::mutex mutex;  // guards what follows
     std::condition_variable news;
@@ -166,7 +171,7 @@ struct LivePicture::Impl {
     std::uint64_t pictured = 0;  // changes that the newest picture shows
     Accumulated better;
     PictureSize size;
-    bool isWhole = false, rested = true;
+    bool isWhole = false, rested = true, eyeRested = false;
     std::optional<Camera> keptBy;  // the eye of the picture whose pixels can be taken over
     int keptWidth = 0;
     double keptSeconds = 0;  // that the last one took
@@ -180,6 +185,15 @@ struct LivePicture::Impl {
         return !now.state || maker->differ(*now.state, *next.state) || now.width != next.width ||
                now.height != next.height || eyeOf(now) != eyeOf(next) ||
                (now.eye && next.eye && (now.eye->forward != next.eye->forward || now.eye->up != next.eye->up));
+    }
+    /// On the scene's thread. Whoever begins to move waits for no picture of before.
+    void noteEye(const Subject& next) {
+        if (!maker->keeps(options.settings)) return;
+        const auto camera = next.eye ? Result<Camera>(*next.eye) : maker->camera(*next.state, kAnyAspect);
+        if (!camera) return;
+        const bool moves = seenBy && *camera != *seenBy;
+        if (moves && !eyeMoves) ++starts;
+        eyeMoves = moves, seenBy = *camera;
     }
     void change() {
         ++changes;
@@ -197,9 +211,10 @@ struct LivePicture::Impl {
         image.settings.seed = options.settings.seed + static_cast<std::uint64_t>(better.samples());
         image.keep = wish.keeps;
         const Clock::time_point start = Clock::now();
+        const std::uint64_t startsBefore = starts;
         image.settings.progress = [&](double) {
             if (wish.seconds > 0 && secondsSince(start) > wish.seconds) return false;
-            return wish.isMoving || (changes == of && others == 0);
+            return wish.isMoving ? starts == startsBefore : changes == of && others == 0;
         };
         const std::scoped_lock lock(making);
         Made made;
@@ -247,24 +262,28 @@ struct LivePicture::Impl {
     /// As many pixels as the budget allows; the whole picture if these are all.
     Result<> coarse(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
-        const PictureSize::Size fresh = size.fresh(what.width, what.height, std::exchange(rested, false));
+        const bool isSame = seenByTheSame(what), eyeStarts = std::exchange(eyeRested, isSame) && !isSame;
+        const PictureSize::Size fresh = size.fresh(what.width, what.height, std::exchange(rested, false) || eyeStarts);
         PictureSize::Size wanted = fresh;
-        const bool isSame = seenByTheSame(what);
         if (isSame) wanted = size.next(what.width, what.height, keptWidth, keptSeconds, start);
         const bool isLarger = wanted.width > fresh.width;
         if (!isLarger) wanted = fresh;
         better.clear();
         Wish wish{wanted.width, wanted.height, 1, true, maker->keeps(options.settings), 0};
         if (isLarger) wish.seconds = wanted.width > keptWidth ? kLargerAtFirst * size.latest() : size.latest();
+        const std::uint64_t startsBefore = starts;
         auto made = picture(what, wish, of);
-        if (made && !*made && isLarger) {
+        if (made && !*made && isLarger && starts == startsBefore) {
             size.wasLate(start);
             wanted = fresh, wish.width = fresh.width, wish.height = fresh.height, wish.seconds = 0;
             made = picture(what, wish, of);
         }
         if (!made) return std::unexpected(made.error());
-        if (!*made) return {};  // there is a newer one to make
-        Made& one = **made;
+        if (!*made) {  // there is a newer one to make
+            keptBy.reset();
+            return {};
+        }
+        const Made& one = **made;
         pictured = of;
         isWhole = wanted.width == what.width;
         publish(one.picture, one.camera, what, 1, start, true, one.stats.kept);
@@ -366,6 +385,7 @@ Result<> LivePicture::show(const std::optional<Camera>& eye) {
     if (!s.failure.empty()) return fail(s.failure);
     Impl::Subject next{std::move(*state), eye, s.subject.width, s.subject.height};
     const bool changed = s.differs(next);
+    s.noteEye(next);
     s.subject = std::move(next);
     if (changed) s.change();
     return {};

@@ -76,10 +76,13 @@ const Node* bound(const Scene& scene, std::string_view stack) {
 }  // namespace
 
 struct OwnEye::Impl {
-    explicit Impl(SharedWorld& w) : world(w), walls(w) {}
+    explicit Impl(SharedWorld& w) : world(w), walls(w), picture(w) {}
 
     SharedWorld& world;
     Walls walls;
+    WorldQueries picture;
+    bool pressed = false;        // a button is
+    std::optional<NodeId> over;  // the layer, other than the active one, that the pointer is over, or was when pressed
     std::unique_ptr<Scene> own;  // null until it is moved
     double time = 0;
     double fieldOfView = 0.7854;
@@ -112,6 +115,18 @@ struct OwnEye::Impl {
         (void)own->sendEvent(view, V::set_bind.index, true);
         (void)own->sendEvent(navigation, N::set_bind.index, true);
         own->newFrame(time);
+    }
+
+    /// The layer that is in front at a place of the picture; null: the active one, or none.
+    std::optional<NodeId> layerAt(double x, double y) {
+        const auto seen = picture.throughPicture(x, y, std::nullopt);
+        if (!seen || !seen->hit) return std::nullopt;
+        const Scene& scene = world.scene();
+        const NodeId active = scene.node(scene.root()).get(Root::_activeLayer);
+        for (const NodeId id : seen->hit->path)
+            if (const Node* node = scene.find(id); node && node->type().isA("X3DLayerNode"))
+                return id == active ? std::nullopt : std::optional(id);
+        return std::nullopt;
     }
 
     /// Whether such input moves a viewer that has not been moved yet.
@@ -178,13 +193,19 @@ std::optional<Camera> OwnEye::camera(double aspect) const {
     return Camera::perspective(WorldFromLocal(1), pose.position, orientationOf(pose), s.fieldOfView, aspect);
 }
 
-PointerInput OwnEye::throughPicture(const PointerInput& input) const {
-    const Impl& s = *impl_;
+PointerInput OwnEye::throughPicture(const PointerInput& input) {
+    Impl& s = *impl_;
     if (input.kind != PointerInput::Kind::picture) return input;
-    const Scene& scene = s.own ? *s.own : s.world.scene();
-    const Bearing bearing = bearingThrough(scene, input.x, input.y, input.aspect);
+    if (!std::exchange(s.pressed, input.buttons != 0)) s.over = s.layerAt(input.x, input.y);
     PointerInput ray = input;
     ray.kind = PointerInput::Kind::ray;
+    if (s.over)
+        if (const auto seen = s.picture.throughPicture(input.x, input.y, s.over)) {
+            ray.origin = seen->origin, ray.direction = seen->direction;
+            return ray;
+        }
+    const Scene& scene = s.own ? *s.own : s.world.scene();
+    const Bearing bearing = bearingThrough(scene, input.x, input.y, input.aspect);
     ray.origin = bearing.origin, ray.direction = bearing.direction;
     return ray;
 }

@@ -76,6 +76,11 @@ class SurfaceState {
     std::shared_ptr<const LightState> state_;
 };
 
+/// Nine coefficients of real spherical harmonics, by degree and order: (0,0), (1,-1), (1,0), (1,1), (2,-2) ... (2,2).
+/// Their sum towards a surface's normal (world space) is the linear light of 1 that a white matte surface reflects of
+/// an EnvironmentLight, before the light's colour. Precondition: it is one.
+std::array<Vec3f, 9> matteHarmonics(const Light& environment);
+
 class SurfaceTables final : public InstanceSubscriber {
   public:
     /// `resources`: what urls of textures may open.

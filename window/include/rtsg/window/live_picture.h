@@ -27,7 +27,7 @@ struct LivePictureOptions {
     Resources resources;       // of textures
     double budget = 1 / 30.0;  // seconds for a picture while something changes
     int mostSamples = 64;      // a pixel, at rest
-    double restsAfter = 0.06;  // seconds without a change
+    double restsAfter = 0.04;  // seconds without a change
     ToneMap toneMap;
     /// From the picture's thread: there is a new one to take, or it has failed.
     std::function<void()> wake;

@@ -31,8 +31,9 @@ class OwnEye {
     bool isMoving() const;
     /// Null until it has been moved. `aspect`: width / height.
     std::optional<Camera> camera(double aspect) const;
-    /// A place in the picture as the ray through it, for scenes that do not know this eye.
-    PointerInput throughPicture(const PointerInput& input) const;
+    /// A place in the picture as the ray through it, for scenes that do not know this eye; that of another layer's own
+    /// viewpoint where such a layer is in front, and until the buttons that were pressed there are let go.
+    PointerInput throughPicture(const PointerInput& input);
 
   private:
     struct Impl;
