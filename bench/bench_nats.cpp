@@ -32,7 +32,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr int kTransforms = 1050;  // whose moves are a frame of 13 kB
-constexpr int kBefore = 5;         // frames that are not measured
+constexpr int kWarmUp = 5;         // frames that are not measured
 constexpr auto kPatience = 60s;
 
 /// CPU seconds that another process has used.
@@ -101,9 +101,9 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     double before = 0;
     const auto spent = [&] { return cpuSeconds() + (nats ? cpuSecondsOf(nats->process()) : 0); };
     std::uint64_t bytes = 0;
-    for (int i = 1; i <= kBefore + frames; ++i) {
-        const bool counts = i > kBefore;
-        if (i == kBefore + 1) {
+    for (int i = 1; i <= kWarmUp + frames; ++i) {
+        const bool counts = i > kWarmUp;
+        if (i == kWarmUp + 1) {
             std::this_thread::sleep_for(500ms);
             before = spent();
             bytes = publisher ? publisher->statistics().bytes : (*server)->statistics().bytes;
@@ -176,8 +176,8 @@ Delays bareNats(std::size_t size, int peers, int messages, const test::NatsServe
     const std::vector<std::byte> payload(size);
     double before = 0;
     const auto spent = [&] { return cpuSeconds() + cpuSecondsOf(nats.process()); };
-    for (int i = 1; i <= kBefore + messages; ++i) {
-        if (i == kBefore + 1) {
+    for (int i = 1; i <= kWarmUp + messages; ++i) {
+        if (i == kWarmUp + 1) {
             std::this_thread::sleep_for(500ms);
             before = spent();
         }
@@ -185,14 +185,14 @@ Delays bareNats(std::size_t size, int peers, int messages, const test::NatsServe
         if (!(*publisher)->publish("bare", "", payload).empty()) return {};
         if (!waitForEach(all, [&](const BareSubscription& s) { return s.received() >= i; })) return {};
         for (const auto& s : all)
-            if (i > kBefore) result.seconds.push_back(static_cast<double>(s->receivedAt() - made) * 1e-9);
+            if (i > kWarmUp) result.seconds.push_back(static_cast<double>(s->receivedAt() - made) * 1e-9);
     }
     result.cpuSeconds = (spent() - before) / messages / peers;
     std::ranges::sort(result.seconds);
     return result;
 }
 
-double share(const std::vector<double>& sorted, double q) {
+double atShare(const std::vector<double>& sorted, double q) {
     return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1))];
 }
 
@@ -220,8 +220,8 @@ bool natsCrowd(const SyncSizes& sizes, const Report& report) {
                 "", 0});
         for (const auto& [which, q] :
              {std::pair("a frame's delay, median", .5), std::pair("a frame's delay, p99", .99)})
-            report({"sync", text, which, "ms", 1e3 * share(ours.seconds, q), baseline, 1e3 * share(alone.seconds, q),
-                    "", 0});
+            report({"sync", text, which, "ms", 1e3 * atShare(ours.seconds, q), baseline,
+                    1e3 * atShare(alone.seconds, q), "", 0});
     };
     say("by NATS", over, "bare NATS, same bytes", bare);
     say("by ZeroMQ", direct, "bare PUB, same bytes", socket);
