@@ -31,8 +31,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kTransforms = 1050;  // whose moves are a frame of 13 kB
-constexpr int kWarmUp = 5;         // frames that are not measured
+constexpr int kMovers = 1050;   // whose moves are a frame of 13 kB
+constexpr int kUnmeasured = 5;  // frames that are not measured
 constexpr auto kPatience = 60s;
 
 /// CPU seconds that another process has used.
@@ -67,7 +67,7 @@ struct Deliveries : Delays {
 /// Mirrors by ZeroMQ, or by the NATS server if there is one.
 Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     Deliveries result;
-    Moving origin(kTransforms);
+    Moving origin(kMovers);
     MirrorServerOptions options;
     options.maximumPeers = static_cast<std::size_t>(peers) + 2;
     options.peerTimeout = 60s;
@@ -101,9 +101,9 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     double before = 0;
     const auto spent = [&] { return cpuSeconds() + (nats ? cpuSecondsOf(nats->process()) : 0); };
     std::uint64_t bytes = 0;
-    for (int i = 1; i <= kWarmUp + frames; ++i) {
-        const bool counts = i > kWarmUp;
-        if (i == kWarmUp + 1) {
+    for (int i = 1; i <= kUnmeasured + frames; ++i) {
+        const bool counts = i > kUnmeasured;
+        if (i == kUnmeasured + 1) {
             std::this_thread::sleep_for(500ms);
             before = spent();
             bytes = publisher ? publisher->statistics().bytes : (*server)->statistics().bytes;
@@ -176,8 +176,8 @@ Delays bareNats(std::size_t size, int peers, int messages, const test::NatsServe
     const std::vector<std::byte> payload(size);
     double before = 0;
     const auto spent = [&] { return cpuSeconds() + cpuSecondsOf(nats.process()); };
-    for (int i = 1; i <= kWarmUp + messages; ++i) {
-        if (i == kWarmUp + 1) {
+    for (int i = 1; i <= kUnmeasured + messages; ++i) {
+        if (i == kUnmeasured + 1) {
             std::this_thread::sleep_for(500ms);
             before = spent();
         }
@@ -185,7 +185,7 @@ Delays bareNats(std::size_t size, int peers, int messages, const test::NatsServe
         if (!(*publisher)->publish("bare", "", payload).empty()) return {};
         if (!waitForEach(all, [&](const BareSubscription& s) { return s.received() >= i; })) return {};
         for (const auto& s : all)
-            if (i > kWarmUp) result.seconds.push_back(static_cast<double>(s->receivedAt() - made) * 1e-9);
+            if (i > kUnmeasured) result.seconds.push_back(static_cast<double>(s->receivedAt() - made) * 1e-9);
     }
     result.cpuSeconds = (spent() - before) / messages / peers;
     std::ranges::sort(result.seconds);
