@@ -7,6 +7,7 @@
 
 #include "bench/bench.h"
 #include "bench/bench_frames.h"
+#include "bench/bench_nats.h"
 #include "bench/bench_sync.h"
 #include "bench/bench_sync_mirror.h"
 #include "bench/bench_view.h"
@@ -86,6 +87,7 @@ constexpr Bench kBenches[] = {
     {"resume", "sync", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
     {"peers", "sync", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
     {"crowd", "sync", "256 replicas at 60 frames a second; 1,024 beside a bare PUB socket", synced<bench::mirrorCrowd>},
+    {"nats", "sync", "mirrors by way of NATS and by ZeroMQ, beside both alone", synced<bench::natsCrowd>},
     {"regions", "sync", "mirrors of what is near: a frame's cost by the size of the scene and the number of regions",
      synced<bench::mirrorRegions>},
     {"log", "sync", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},

@@ -162,7 +162,7 @@ class Link final : public NatsLink {
         into = {true, info.it->State.FirstSeq, info.it->State.LastSeq, info.it->State.Bytes};
         return {};
     }
-    std::string makeStream(const std::string& stream, const std::string& subject) override {
+    std::string makeStream(const std::string& stream, const std::string& subject, int copies) override {
         jsStreamConfig config;
         jsStreamConfig_Init(&config);
         const char* subjects[] = {subject.c_str()};
@@ -170,6 +170,7 @@ class Link final : public NatsLink {
         config.Subjects = subjects;
         config.SubjectsLen = 1;
         config.Storage = js_FileStorage;
+        config.Replicas = copies;
         config.Discard = js_DiscardNew;  // a full store must not forget how a session began
         jsErrCode code{};
         const natsStatus status = js_AddStream(nullptr, jetStream_, &config, nullptr, &code);
@@ -233,7 +234,7 @@ class Link final : public NatsLink {
 
   private:
     static std::string jetStreamText(natsStatus status) {
-        if (status == NATS_NO_RESPONDERS) return "the NATS server has no JetStream (start it with -js)";
+        if (status == NATS_NO_RESPONDERS) return "the NATS server has no JetStream (-js), or it has stopped";
         if (status == NATS_TIMEOUT) return "JetStream did not answer in time";
         return textOf(status);
     }

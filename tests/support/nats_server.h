@@ -7,6 +7,8 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -59,6 +61,10 @@ class NatsServer {
         const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
         while (!answers() && std::chrono::steady_clock::now() < end)
             std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        if (answers()) return;
+        std::ifstream said(log);
+        throw std::runtime_error("nats-server does not answer: " +
+                                 std::string(std::istreambuf_iterator<char>(said), std::istreambuf_iterator<char>()));
     }
     void stop(int signal = SIGTERM) {
         if (pid_ <= 0) return;
@@ -67,11 +73,12 @@ class NatsServer {
         pid_ = -1;
     }
     int port() const { return port_; }
+    pid_t process() const { return pid_; }
     std::string address(const std::string& name = "hall", const std::string& secret = {}) const {
         return "nats://" + secret + "127.0.0.1:" + std::to_string(port_) + "/" + name;
     }
 
-  private:
+    /// A socket that is connected to that port of this machine, or bound to it; -1 if that fails.
     static int connected(int port, bool listens) {
         const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
         sockaddr_in address{};
@@ -92,6 +99,8 @@ class NatsServer {
         ::close(descriptor);
         return ntohs(address.sin_port);
     }
+
+  private:
     bool answers() const {
         const int descriptor = connected(port_, false);
         char first = 0;

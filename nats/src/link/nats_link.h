@@ -59,8 +59,8 @@ class NatsLink {
 
     // ---- JetStream ------------------------------------------------------------------------------------------
     virtual std::string streamState(const std::string& stream, NatsStream& into) = 0;
-    /// A stream in files that refuses what no longer fits. `subject` is the only one that it takes.
-    virtual std::string makeStream(const std::string& stream, const std::string& subject) = 0;
+    /// A stream in files of so many servers that refuses what no longer fits. `subject` is the only one that it takes.
+    virtual std::string makeStream(const std::string& stream, const std::string& subject, int copies) = 0;
     virtual std::string removeStream(const std::string& stream) = 0;
     enum class Stored : std::uint8_t { yes, unknown, no };
     /// Stores a message behind the one with sequence `after`, and nowhere else. `unknown`: no answer came. Waits at

@@ -15,6 +15,8 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <rtsg/sync/mirror_request.h>
+
 #include "link/open_nats.h"
 #include "packet.h"
 #include "record_chain.h"
@@ -41,6 +43,8 @@ const char* refusalOf(const mirror::Wishes& wishes) {
     if (wishes.inputs) return "over NATS states are published: inputs need ZeroMQ";
     if (wishes.milliFrames > 0 || wishes.rate > 0)
         return "over NATS every frame is published: limits of rate need ZeroMQ";
+    if (wishes.whenSlow == static_cast<std::uint8_t>(MirrorWhenSlow::block))
+        return "over NATS nobody holds up the scene: mirrors with --when-slow block need ZeroMQ";
     return nullptr;
 }
 

@@ -33,6 +33,11 @@ std::string streamOf(const NatsAddress& address) {
     return "RTSG_" + address.name;
 }
 
+/// Whoever names three servers of a cluster wants what is stored to outlive one of them.
+int copiesFor(const NatsAddress& address) {
+    return address.servers.size() >= 3 ? 3 : 1;
+}
+
 Diagnostic storeFailure(const NatsAddress& address, std::string problem) {
     return {Severity::error, address.shown, {}, withoutSecrets(std::move(problem), address)};
 }
@@ -301,7 +306,8 @@ Result<std::unique_ptr<NatsLog>> NatsLog::start(const std::string& address, cons
         stream->exists = false;
     }
     if (!stream->exists)
-        if (std::string problem = (*link)->makeStream(name, NatsSubjects(parsed->name).log); !problem.empty())
+        if (std::string problem = (*link)->makeStream(name, NatsSubjects(parsed->name).log, copiesFor(*parsed));
+            !problem.empty())
             return std::unexpected(storeFailure(*parsed, std::move(problem)));
     return std::unique_ptr<NatsLog>(
         new NatsLog(std::make_unique<Impl>(std::move(*parsed), std::move(*link), file, there)));

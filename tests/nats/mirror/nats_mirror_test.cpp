@@ -23,7 +23,8 @@ TEST_F(NatsMirror, BringsTheBytesThatZeroMqBrings) {
     Scene scene;
     const auto direct = MirrorClient::connect(scene, from.server->endpoint());
     std::vector<std::uint64_t> records;
-    (*direct)->onStep([&](const RecordStep& step) { records.push_back(step.record ? step.record->header.checksum : 0); });
+    (*direct)->onStep(
+        [&](const RecordStep& step) { records.push_back(step.record ? step.record->header.checksum : 0); });
     ASSERT_TRUE(follower.settle(from));
     ASSERT_TRUE(test::pollUntilAt(**direct, from.scene));
     for (int i = 0; i < 60; ++i) {
@@ -167,11 +168,12 @@ TEST_F(NatsMirror, ALongRequestGoesThroughAndNodesGetNumbers) {
 TEST_F(NatsMirror, WhatIsNotPublishedIsRefused) {
     NatsServer nats;
     PublishedScene from(nats.address());
-    MirrorClientOptions part, rate, inputs;
+    MirrorClientOptions part, rate, inputs, blocking;
+    blocking.whenSlow = MirrorWhenSlow::block;
     part.parts = {"BOX"};
     rate.mostBytesPerSecond = 1000;
     inputs.inputs = true;
-    for (const MirrorClientOptions& options : {part, rate, inputs}) {
+    for (const MirrorClientOptions& options : {part, rate, inputs, blocking}) {
         NatsFollower follower(nats.address(), options);
         EXPECT_TRUE(test::pollUntil(*follower.client, [&] { return !follower.client->refusal().empty(); }));
         EXPECT_NE(follower.client->refusal().find("need ZeroMQ"), std::string::npos);
