@@ -21,6 +21,8 @@
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
+#include "say.h"
+
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics, std::string_view said) {
@@ -28,7 +30,7 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
     // value.
     static std::unordered_map<std::string, DiagnosticCode> toldBy;
     std::unordered_map<std::string, std::size_t> times;
-    std::vector<const std::string*> lines;  // in their order
+    std::vector<std::pair<const std::string*, const Diagnostic*>> lines;  // in their order
     for (const Diagnostic& d : diagnostics.all()) {
         constexpr std::string_view kDetached = "detached: ";
         if (d.code == DiagnosticCode("subscriber-failed") && d.text.starts_with(kDetached) &&
@@ -38,14 +40,14 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
         anybodys.code = DiagnosticCode("application");
         if (toldBy.try_emplace(anybodys.format(), d.code).first->second != d.code) continue;
         const auto [line, fresh] = times.try_emplace(terminalText(d.format()), 0);
-        if (fresh) lines.push_back(&line->first);
+        if (fresh) lines.emplace_back(&line->first, &d);
         ++line->second;
     }
-    for (const std::string* line : lines) {
+    for (const auto& [line, diagnostic] : lines) {
         const std::size_t n = times.at(*line);
-        fmt::print(stderr, "{}{}\n", *line, n > 1 ? fmt::format(" ({} times)", n) : "");
+        say(*diagnostic, n > 1 ? fmt::format("{} ({} times)", *line, n) : *line);
     }
-    if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
+    if (diagnostics.dropped()) say(fmt::format("... and {} more", diagnostics.dropped()), Severity::warning);
 }
 
 std::string framesText(std::uint64_t count) {
@@ -67,18 +69,16 @@ bool endsInCode(std::string_view text) {
 /// The text of a diagnostic already says that it is an error, and of which file.
 void printError(const std::string& text, DiagnosticCode code) {
     constexpr std::string_view kError = "error: ";
-    const std::string_view begin = text.starts_with(kError)     ? "rtsg: "
-                                   : text.contains(": error: ") ? ""
-                                                                : "rtsg: error: ";
+    const std::string begin = text.starts_with(kError) ? "rtsg: " : text.contains(": error: ") ? "" : "rtsg: error: ";
     const std::string end = endsInCode(text) ? "" : fmt::format(" [{}]", code.text());
-    fmt::print(stderr, "{}{}{}\n", begin, terminalText(text), end);
+    say(Diagnostic{Severity::error, {}, {}, text, code}, begin + terminalText(text) + end);
 }
 
 void printError(const Diagnostic& diagnostic) {
     if (diagnostic.file.empty())
         printError(diagnostic.text, diagnostic.code);
     else
-        fmt::print(stderr, "{}\n", terminalText(diagnostic.format()));
+        say(diagnostic);
 }
 
 Diagnostic namingOptions(Diagnostic why, std::string_view option, const std::string& keys) {

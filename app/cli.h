@@ -42,6 +42,7 @@ Verb addServe(Command& program);
 Verb addMirror(Command& program);
 Verb addRelay(Command& program);
 Verb addKeys(Command& program);
+Verb addTop(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 

@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/terminal.h>
 
 #include "cli.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -109,7 +109,7 @@ double Feeds::nextAt() const {
 
 void Feeds::printNews() {
     const auto print = [](const std::vector<Diagnostic>& news) {
-        for (const Diagnostic& d : news) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        for (const Diagnostic& d : news) say(d);
     };
     for (const auto& feed : feeds_) print(feed->takeDiagnostics());
     for (const auto& publisher : publishers_) print(publisher->takeDiagnostics());
@@ -118,11 +118,11 @@ void Feeds::printNews() {
 std::string Feeds::sayPlaces() const {
     std::string from, to;
     for (const auto& feed : feeds_) {
-        fmt::print(stderr, "events from {}\n", terminalText(feed->source()));
+        say("events from " + feed->source());
         from += (from.empty() ? ",\"feeds\":[" : ",") + jsonString(feed->source());
     }
     for (const auto& publisher : publishers_) {
-        fmt::print(stderr, "events to {}\n", terminalText(publisher->target()));
+        say("events to " + publisher->target());
         to += (to.empty() ? ",\"published\":[" : ",") + jsonString(publisher->target());
     }
     return from + (from.empty() ? "" : "]") + to + (to.empty() ? "" : "]");
@@ -132,34 +132,49 @@ void Feeds::end() {
     printNews();
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
-        if (feed->hasLeft())
-            fmt::print(stderr, "{}: note: its lines go on after the end\n", terminalText(feed->source()));
+        if (feed->hasLeft()) say(feed->source() + ": note: its lines go on after the end");
         if (counts.faulty + counts.flooded == 0) continue;
-        fmt::print(stderr, "{}: {} of {} lines made no sense or were refused, {} left out\n",
-                   terminalText(feed->source()), counts.faulty, counts.lines, counts.flooded);
+        say(fmt::format("{}: {} of {} lines made no sense or were refused, {} left out", feed->source(), counts.faulty,
+                        counts.lines, counts.flooded),
+            Severity::warning);
         if (isOfUser(feed->source())) noteLeftOut();
     }
     for (const auto& publisher : publishers_)
         if (const std::uint64_t missed = publisher->counts().missed)
-            fmt::print(stderr, "{}: {} lines were missed\n", terminalText(publisher->target()), missed);
+            say(fmt::format("{}: {} lines were missed", publisher->target(), missed), Severity::warning);
+}
+
+std::vector<Feeds::NamedCounts> Feeds::counts() const {
+    std::vector<NamedCounts> all;
+    for (const auto& feed : feeds_) {
+        const FeedCounts c = feed->counts();
+        all.push_back({feed->source(),
+                       {{"lines", c.lines},
+                        {"events", c.events},
+                        {"merged", c.merged},
+                        {"faulty", c.faulty},
+                        {"flooded", c.flooded}}});
+    }
+    for (const auto& publisher : publishers_) {
+        const PublishCounts c = publisher->counts();
+        all.push_back({publisher->target(), {{"events", c.events}, {"lines", c.lines}, {"missed", c.missed}}});
+    }
+    return all;
 }
 
 std::string Feeds::json() const {
     std::string text;
-    for (const auto& feed : feeds_) {
-        const FeedCounts c = feed->counts();
-        text += fmt::format("{}{{\"source\":{},\"lines\":{},\"events\":{},\"merged\":{},\"faulty\":{},\"flooded\":{}}}",
-                            text.empty() ? ",\"feeds\":[" : ",", jsonString(feed->source()), c.lines, c.events,
-                            c.merged, c.faulty, c.flooded);
+    std::size_t index = 0;
+    for (const NamedCounts& one : counts()) {
+        const bool isFeed = index < feeds_.size();
+        const bool isFirst = index == 0 || index == feeds_.size();
+        if (isFirst) text += isFeed ? ",\"feeds\":[" : ",\"published\":[";
+        text += fmt::format("{}{{\"{}\":{}", isFirst ? "" : ",", isFeed ? "source" : "target", jsonString(one.place));
+        for (const auto& [name, value] : one.counts) text += fmt::format(",\"{}\":{}", name, value);
+        text += '}';
+        ++index;
+        if (index == feeds_.size() || index == feeds_.size() + publishers_.size()) text += ']';
     }
-    if (!text.empty()) text += ']';
-    for (bool first = true; const auto& publisher : publishers_) {
-        const PublishCounts c = publisher->counts();
-        text += fmt::format("{}{{\"target\":{},\"events\":{},\"lines\":{},\"missed\":{}}}",
-                            std::exchange(first, false) ? ",\"published\":[" : ",", jsonString(publisher->target()),
-                            c.events, c.lines, c.missed);
-    }
-    if (!publishers_.empty()) text += ']';
     return text;
 }
 

@@ -3,8 +3,10 @@
 // Threading: the scene's thread.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/feeds/feed.h>
@@ -41,6 +43,12 @@ class Feeds {
     void after(double t);
     /// When the next event or value that waits is due; infinity if there is none.
     double nextAt() const;
+    /// What each has counted, by its place.
+    struct NamedCounts {
+        std::string place;
+        std::vector<std::pair<std::string, std::uint64_t>> counts;
+    };
+    std::vector<NamedCounts> counts() const;
     bool any() const { return !feeds_.empty() || !publishers_.empty(); }
     /// Says on standard error what is open, and where. Returns `,"feeds":["…"],"published":["…"]`.
     std::string sayPlaces() const;

@@ -17,6 +17,7 @@
 #include <rtsg/sync/log_player.h>
 
 #include "nats.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -80,7 +81,7 @@ class Playing {
                 tellOfLack(ok.error());
             tellOfLacks();
             last = now;
-            for (const Diagnostic& d : server_.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+            for (const Diagnostic& d : server_.takeDiagnostics()) say(d);
             const bool stands = player_.paused() || player_.ended();
             server_.wait(now + (!stands ? kPlaying : control ? kLines : kStanding));
         }
@@ -102,7 +103,7 @@ class Playing {
 
   private:
     void tellOfLack(const Diagnostic& what) {
-        fmt::print(stderr, "{}\n", terminalText(what.format()));
+        say(what);
         lacks_ = true;
     }
     /// Reports each damaged place once, even if the log loops; of missing frames only the first.
@@ -166,7 +167,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
         published->printNews();
     });
     const auto grace = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * log.linger));
-    if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
+    if (!interrupted() && !(*server)->drain(grace)) say("not all mirrors have caught up", Severity::warning);
     playing.print();
     server->reset();
     const bool cut = std::isfinite(log.seconds) && interrupted() && playing.played() < log.seconds;

@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/mirror_client.h>
@@ -18,9 +17,12 @@
 
 #include "behind.h"
 #include "cli.h"
+#include "health.h"
 #include "live_outputs.h"
 #include "nats.h"
 #include "requests.h"
+#include "say.h"
+#include "service_manager.h"
 
 namespace rtsg::app {
 
@@ -39,6 +41,8 @@ struct MirrorArguments {
     std::string maxLag;
     std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
     OutputArguments outputs;
+    MetricsArguments metrics;
+    SayArguments say;
     bool json = false;
 };
 
@@ -246,7 +250,7 @@ class Mirroring {
             if (reply.starts_with("refused"))
                 fail(reply);
             else
-                fmt::print(stderr, "{}\n", terminalText(reply));
+                say(reply);
         }
     }
     bool isOver(std::size_t applied);
@@ -274,6 +278,7 @@ class Mirroring {
     const Resources resources_;
     Scene replica_;
     Requests requests_;
+    Health health_;
     std::size_t controls_ = 0, replies_ = 0;  // commands sent and answered
     std::unique_ptr<MirrorClient> client_;    // null after leaving
     MirrorStatistics last_;
@@ -303,6 +308,7 @@ bool Mirroring::join() {
     arguments.endsByInterruption = options_.duration.empty();
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
     if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
+    tellServiceManager("READY=1");
     if (auto ok = requests_.parse(replica_); !ok) {
         printError(ok.error());
         status_ = kUsage;
@@ -381,7 +387,7 @@ void Mirroring::follow() {
     while (!interrupted()) {
         const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
-            if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+            if (d.severity != Severity::note) say(d);
         from_.printNews();
         // A server without room may have some in a while.
         if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
@@ -389,6 +395,8 @@ void Mirroring::follow() {
             break;
         }
         if (mayJoin() && !join()) return;
+        health_.noteMirror(client.statistics());
+        feedWatchdog();
         if (joined()) noteTime();
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
@@ -407,8 +415,9 @@ void Mirroring::sayWhetherHeard() {
     if (!lost) lostAt_ = Clock::now();
     if (lost == saidLost_ || secondsSince(lostAt_) < (lost ? .1 + 4 * client_->statistics().delay : 0)) return;
     saidLost_ = lost;
-    fmt::print(stderr, "{}: {}\n", options_.endpoint,
-               lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again");
+    say(fmt::format("{}: {}", options_.endpoint,
+                    lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again"),
+        lost ? Severity::warning : Severity::note);
 }
 
 /// Waits for records that are known to be missing. On a slow link they may take long, while the origin goes on.
@@ -521,6 +530,7 @@ void Mirroring::printJson() const {
 }
 
 int Mirroring::run() {
+    options_.say.apply();
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
     tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
@@ -532,6 +542,8 @@ int Mirroring::run() {
     auto connected = MirrorClient::connect(replica_, from_.endpoint(), std::move(*wanted));
     if (!connected) return printError(connected.error()), kUsage;
     client_ = std::move(*connected);
+    if (auto ok = health_.start(options_.metrics, false); !ok) return printError(ok.error()), kBad;
+    if (health_.serves()) say("figures at http://" + health_.address() + "/metrics");
     heard_ = joinedAt_ = Clock::now();
     follow();
     if (status_ != kDone) return status_;
@@ -628,6 +640,8 @@ Verb addMirror(Command& program) {
     addActing(*command, *options);
     addParts(*command, *options);
     addSlowLinks(*command, *options);
+    options->metrics.addTo(*command);
+    options->say.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->footer(
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --save replica.x3d\n"

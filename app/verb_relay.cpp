@@ -6,12 +6,12 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
 #include <rtsg/sync/mirror_relay.h>
 
 #include "cli.h"
 #include "hints.h"
 #include "nats.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -24,6 +24,7 @@ struct RelayArguments {
                         patience = "5s";
     std::string maxLag = "250ms";
     std::size_t peers = 64, parts = 8;
+    SayArguments say;
     bool insecure = false, json = false;
 };
 
@@ -37,7 +38,7 @@ Result<std::optional<MirrorKeys>> keysFrom(const std::string& file) {
 template <class Source>
 void printNews(Source& source) {
     for (const Diagnostic& d : source.takeDiagnostics())
-        if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        if (d.severity != Severity::note) say(d);
 }
 
 /// The wait between two looks at what to report, if nothing comes.
@@ -152,6 +153,7 @@ class Relaying {
 };
 
 int relay(RelayArguments options) {
+    options.say.apply();
     auto from = Origin::open(options.origin, options.key, parseSeconds(options.patience));
     if (!from) return printError(from.error()), kBad;
     options.origin = from->shown();
@@ -184,6 +186,7 @@ Verb addRelay(Command& program) {
     command->addOption("--parts", options->parts, "how many different parts of the scene they may ask for")->preset();
     command->addFlag("--insecure", options->insecure, "serve other machines without keys");
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    options->say.addTo(*command);
     command->footer(
         "Example: rtsg relay tcp://127.0.0.1:4711 --bind tcp://127.0.0.1:4712 --for 20s\n"
         "Mirrors that follow a relay are told within a second when it has lost its origin.");

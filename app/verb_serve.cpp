@@ -12,7 +12,6 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
@@ -20,12 +19,15 @@
 
 #include "feeds.h"
 #include "files.h"
+#include "health.h"
 #include "hints.h"
 #include "keyframes.h"
 #include "nats.h"
 #include "rotate.h"
 #include "running_scene.h"
+#include "say.h"
 #include "serve_log.h"
+#include "service_manager.h"
 #include "web.h"
 
 namespace rtsg::app {
@@ -53,6 +55,8 @@ struct ServeArguments {
     RotateArguments rotate;
     WebArguments web;
     FeedArguments feeds;
+    MetricsArguments metrics;
+    SayArguments say;
     std::string nats;
     bool insecure = false, json = false, force = false, reload = false;
 };
@@ -62,7 +66,7 @@ Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     if (file.empty()) return std::nullopt;
     if (!std::filesystem::exists(file)) {
         if (auto ok = MirrorKeys::generate(file); !ok) return std::unexpected(ok.error());
-        fmt::print(stderr, "new keys in {}: rtsg keys {} --client CLIENT.key makes those of a mirror\n", file, file);
+        say(fmt::format("new keys in {}: rtsg keys {} --client CLIENT.key makes those of a mirror", file, file));
     }
     auto keys = MirrorKeys::load(file);
     if (!keys) return std::unexpected(keys.error());
@@ -71,7 +75,7 @@ Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
 }
 
 void printServerNews(MirrorServer& server) {
-    for (const Diagnostic& d : server.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+    for (const Diagnostic& d : server.takeDiagnostics()) say(d);
 }
 
 /// Waits until so many mirrors have the scene's first state, so that all of them have it.
@@ -96,12 +100,13 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeAr
         return count ? fmt::format("; {}", count == 1 ? std::string(one) : fmt::format("{} {}", count, several))
                      : std::string();
     };
-    fmt::print(stderr, "going on at state {}, t = {:.3f} s{}{}\n", running.scene().sequence(), running.time(),
-               times(session->damaged, "1 place of the log could not be read", "places of the log could not be read"),
-               times(session->gaps, "states are missing in 1 place", "times states are missing"));
+    say(fmt::format(
+        "going on at state {}, t = {:.3f} s{}{}", running.scene().sequence(), running.time(),
+        times(session->damaged, "1 place of the log could not be read", "places of the log could not be read"),
+        times(session->gaps, "states are missing in 1 place", "times states are missing")));
     if (session->file != options.resume)
-        fmt::print(stderr, "{} was cut before its first state: that is the last one of {}\n",
-                   terminalText(options.resume), terminalText(session->file.string()));
+        say(fmt::format("{} was cut before its first state: that is the last one of {}", options.resume,
+                        session->file.string()));
     return std::optional(std::move(*session));
 }
 
@@ -153,8 +158,9 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
     if (!options.start.at.empty())
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
-    for (const char* option : {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep",
-                               "--dis", "--clip", "--reload", "--feed", "--publish", "--fields", "--publish-rate"})
+    for (const char* option :
+         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis", "--clip",
+          "--feed", "--publish", "--fields", "--publish-rate", "--metrics-port"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
@@ -217,6 +223,7 @@ class Session {
     Web web_;
     Published published_;
     std::optional<Feeds> feeds_;
+    Health health_;
     SessionLog log_;
     std::uint64_t frames_ = 0;
     Clock::time_point start_;
@@ -304,6 +311,8 @@ int Session::startFeeds() {
     auto feeds = Feeds::start(options_.feeds, running_.scene(), how);
     if (!feeds) return printError(namingOptions(feeds.error(), "--insecure", "")), kBad;
     feeds_ = std::move(*feeds);
+    if (auto ok = health_.start(options_.metrics, options_.insecure); !ok)
+        return printError(namingOptions(ok.error(), "--insecure", "")), kBad;
     return kDone;
 }
 
@@ -319,8 +328,11 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
+    const std::string figures = health_.address();
+    if (!figures.empty()) say("figures at http://" + figures + "/metrics");
     sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address(),
-                feeds_->sayPlaces());
+                feeds_->sayPlaces() + (figures.empty() ? "" : fmt::format(",\"metrics\":{}", jsonString(figures))));
+    tellServiceManager(fmt::format("READY=1\nSTATUS=serving {} at {}", name(), server_->endpoint()));
     // What publishes is a peer as well.
     if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
@@ -348,10 +360,17 @@ void Session::run() {
 /// Frames have even times. Those for which there was no time are left out, so the clock never lags.
 void Session::frame(std::uint64_t slot) {
     const double t = from_ + static_cast<double>(slot) / options_.fps;
+    const Clock::time_point begun = Clock::now();
     feeds_->before(t);
     running_.frame(t);
     feeds_->after(t);
     ++frames_;
+    feedWatchdog();
+    if (!health_.serves()) return;
+    health_.noteFrame(Clock::now() - begun, running_.scene().sequence(), t);
+    health_.noteServer(*server_);
+    health_.noteFeeds(*feeds_);
+    health_.noteLog(log_.bytes());
 }
 std::uint64_t Session::slotNow() const {
     return static_cast<std::uint64_t>(std::chrono::duration<double>(Clock::now() - start_).count() * options_.fps);
@@ -400,9 +419,10 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 }
 
 int Session::close() {
+    tellServiceManager("STOPPING=1");
     running_.printDiagnostics(log_.failure());
     // Mirrors that are behind, say because of a picture, may still catch up.
-    if (!interrupted() && !server_->drain(linger_)) fmt::print(stderr, "not all mirrors have caught up\n");
+    if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);
     const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);
     server_.reset();
@@ -418,7 +438,7 @@ int Session::close() {
     print(statistics);
     if (interrupted()) {
         if (log_ && !failed_)
-            fmt::print(stderr, "{} holds the session to state {}\n", logFile(), running_.scene().sequence());
+            say(fmt::format("{} holds the session to state {}", logFile(), running_.scene().sequence()));
         if (!options_.duration.empty() && running_.time() - from_ < duration_) {
             printError(fmt::format("interrupted at {:.3f} of {} s", running_.time() - from_, duration_));
             failed_ = true;
@@ -439,6 +459,7 @@ int serveScene(const ServeArguments& options) {
 }
 
 int serve(ServeArguments options, const std::vector<std::string>& given) {
+    options.say.apply();
     options.web.check();
     options.feeds.check(options.scene, false);
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
@@ -520,6 +541,8 @@ Verb addServe(Command& program) {
     options->log.addTo(*command);
     options->web.addTo(*command);
     options->feeds.addTo(*command);
+    options->metrics.addTo(*command);
+    options->say.addTo(*command);
     options->resources.addTo(*command);
     options->network.addTo(*command);
     command->footer(

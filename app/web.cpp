@@ -5,9 +5,10 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
+#include <rtsg/core/field_text.h>
 
 #include "cli.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -67,7 +68,7 @@ Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server
 void Web::service(const Scene& scene, const Resources& resources) {
     if (!gateway_) return;
     gateway_->service(scene, resources);
-    for (const Diagnostic& d : gateway_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+    for (const Diagnostic& d : gateway_->takeDiagnostics()) say(d);
 }
 
 void sayEndpoint(const std::string& words, const MirrorServer& server, const Web& web, bool json,

@@ -1,0 +1,74 @@
+// Prints lines on standard error, in the form and from the level that were asked for.
+#include "say.h"
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/terminal.h>
+
+namespace rtsg::app {
+
+namespace {
+
+/// How the whole process says things; needed wherever something is said.
+struct Manner {
+    bool json = false;
+    Severity least = Severity::note;
+} manner;
+
+constexpr std::string_view kLevels[] = {"note", "warning", "error"};  // in the order of Severity
+
+std::string timeText() {
+    const auto now = std::chrono::system_clock::now();
+    const auto whole = std::chrono::floor<std::chrono::seconds>(now);
+    const std::time_t seconds = std::chrono::system_clock::to_time_t(whole);
+    const auto part = std::chrono::duration_cast<std::chrono::milliseconds>(now - whole).count();
+    return fmt::format("{:%FT%T}.{:03}Z", fmt::gmtime(seconds), part);
+}
+
+}  // namespace
+
+void SayArguments::addTo(Command& command) {
+    const Command::Section section(command, "What is said");
+    command.addOption("--log", form, "text, or json: a line of JSON each on standard error")
+        ->preset()
+        ->oneOf({"text", "json"});
+    command.addOption("--log-level", level, "what is said on standard error: note, warning, error, and what is graver")
+        ->preset()
+        ->oneOf({"note", "warning", "error"});
+}
+
+void SayArguments::apply() const {
+    manner.json = form == "json";
+    manner.least = level == "error" ? Severity::error : level == "warning" ? Severity::warning : Severity::note;
+}
+
+void say(const Diagnostic& diagnostic, std::string_view text) {
+    if (diagnostic.severity < manner.least) return;
+    if (!manner.json) return fmt::print(stderr, "{}\n", text);
+    std::string line =
+        fmt::format("{{\"time\":\"{}\",\"level\":\"{}\",\"code\":{}", timeText(),
+                    kLevels[static_cast<std::size_t>(diagnostic.severity)], jsonString(diagnostic.code.text()));
+    if (!diagnostic.file.empty()) line += fmt::format(",\"file\":{}", jsonString(diagnostic.file));
+    if (diagnostic.where.line > 0) line += fmt::format(",\"line\":{}", diagnostic.where.line);
+    if (diagnostic.where.column > 0) line += fmt::format(",\"column\":{}", diagnostic.where.column);
+    fmt::print(stderr, "{},\"text\":{}}}\n", line, jsonString(diagnostic.text));
+}
+
+void say(const Diagnostic& diagnostic) {
+    say(diagnostic, terminalText(diagnostic.format()));
+}
+
+void say(std::string_view text, Severity level) {
+    if (level < manner.least) return;
+    if (!manner.json) return fmt::print(stderr, "{}\n", terminalText(text));
+    fmt::print(stderr, "{{\"time\":\"{}\",\"level\":\"{}\",\"text\":{}}}\n", timeText(),
+               kLevels[static_cast<std::size_t>(level)], jsonString(text));
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,29 @@
+// What verbs say on standard error: as text, or with --log json as a line of JSON each, from some level on.
+//
+// Threading: the main thread.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include <rtsg/core/diagnostic.h>
+
+#include "command.h"
+
+namespace rtsg::app {
+
+struct SayArguments {
+    std::string form = "text", level = "note";
+    void addTo(Command& command);
+    /// From now on everything is said so.
+    void apply() const;
+};
+
+/// A line of the program's own. In JSON: {"time":"2026-01-02T03:04:05.678Z","level":"note","text":…}.
+void say(std::string_view text, Severity level = Severity::note);
+/// A diagnostic: `file:line:col: error: text [code]`, or with "file", "line", "column" and "code" in the JSON.
+void say(const Diagnostic& diagnostic);
+/// Says it as `text`, which begins and ends as it should on a terminal; in JSON as the diagnostic.
+void say(const Diagnostic& diagnostic, std::string_view text);
+
+}  // namespace rtsg::app

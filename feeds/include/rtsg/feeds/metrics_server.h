@@ -1,0 +1,60 @@
+// MetricsServer: figures of a running program for Prometheus and `rtsg top`, by HTTP at /metrics.
+//
+// Invariant: it answers GET and HEAD, one request a connection, with the text that the program gives when it is asked;
+// so nothing is computed while nobody asks. Connections, requests and their time are bounded.
+// Threading: a thread of its own, on which the program's text is made. Source: Prometheus' text format 0.0.4; HTTP/1.1
+// (RFC 9112).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg {
+
+class MetricsServer {
+  public:
+    /// `listen`: "9100" is that port on loopback, "HOST:9100" another address; port 0 is a free one. `text` is called
+    /// on the server's thread. Errors: what the system says; an address that others reach, unless `insecure`.
+    static Result<std::unique_ptr<MetricsServer>> start(const std::string& listen, bool insecure,
+                                                        std::function<std::string()> text);
+    ~MetricsServer();
+    MetricsServer(const MetricsServer&) = delete;
+    MetricsServer& operator=(const MetricsServer&) = delete;
+
+    /// "127.0.0.1:9100", the port filled in.
+    const std::string& address() const;
+
+  private:
+    struct State;
+    explicit MetricsServer(std::unique_ptr<State> state);
+    std::unique_ptr<State> state_;
+};
+
+/// The figures at such an address ("9100", "HOST:9100", "http://HOST:9100/metrics"). Waits some seconds at most.
+Result<std::string> fetchMetrics(const std::string& address);
+
+/// Builds the text: each name once, with its meaning and all of its values.
+class MetricsText {
+  public:
+    enum class Kind : std::uint8_t { gauge, counter };
+    /// `labels`: empty, or `{source="…"}` as label() makes it. Values of one name must follow each other.
+    void add(std::string_view name, Kind kind, std::string_view help, double value, std::string_view labels = {});
+    /// How often something took how long: `bounds` in seconds, `counts` for each and one more beyond.
+    void addHistogram(std::string_view name, std::string_view help, std::span<const double> bounds,
+                      std::span<const std::uint64_t> counts, double sum);
+    static std::string label(std::string_view name, std::string_view value);
+    std::string take() { return std::move(text_); }
+
+  private:
+    void head(std::string_view name, std::string_view kind, std::string_view help);
+    std::string text_, last_;
+};
+
+}  // namespace rtsg

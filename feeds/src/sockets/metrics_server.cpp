@@ -1,0 +1,204 @@
+// Answers requests for figures, and asks for them.
+#include <rtsg/feeds/metrics_server.h>
+
+#include <poll.h>
+#include <sys/eventfd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <thread>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "place.h"
+
+namespace rtsg {
+
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr std::size_t kMostAsking = 16, kLongestRequest = 4096, kLongestAnswer = std::size_t{4} << 20;
+constexpr auto kRequestTime = std::chrono::seconds(5);
+
+Result<feeds::Place> metricsPlace(std::string text) {
+    if (const std::size_t scheme = text.find("://"); scheme != text.npos) {
+        if (!text.starts_with("http://")) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
+        text = text.substr(scheme + 3);
+    }
+    text = text.substr(0, text.find('/'));
+    if (text.find(':') == text.npos) text = "127.0.0.1:" + text;
+    auto place = feeds::Place::parse("tcp://" + text);
+    if (!place) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
+    return place;
+}
+
+std::string answerWith(std::string_view status, std::string_view body, bool head) {
+    return fmt::format(
+        "HTTP/1.1 {}\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: {}\r\n"
+        "Cache-Control: no-store\r\nConnection: close\r\n\r\n{}",
+        status, body.size(), head ? std::string_view() : body);
+}
+
+}  // namespace
+
+struct MetricsServer::State {
+    /// One connection: it asks, then it is answered.
+    struct Asking {
+        feeds::Descriptor socket;
+        SteadyClock::time_point end;
+        std::string request, answer;
+        std::size_t sent = 0;
+    };
+
+    void run();
+    void accept();
+    /// Returns false if the connection is done.
+    bool turn(Asking& one);
+    std::string answer(std::string_view request);
+
+    feeds::Descriptor socket, stop{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
+    std::string address;
+    std::function<std::string()> text;
+    std::vector<Asking> asking;
+    std::thread thread;
+};
+
+MetricsServer::MetricsServer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+
+MetricsServer::~MetricsServer() {
+    ::eventfd_write(state_->stop.get(), 1);
+    state_->thread.join();
+}
+
+const std::string& MetricsServer::address() const {
+    return state_->address;
+}
+
+Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& listen, bool insecure,
+                                                            std::function<std::string()> text) {
+    auto place = metricsPlace(listen);
+    if (!place) return std::unexpected(place.error());
+    auto socket = feeds::listenAt(*place, insecure);
+    if (!socket) return std::unexpected(socket.error());
+    auto state = std::make_unique<State>();
+    state->socket = std::move(*socket);
+    state->address = place->text.substr(place->text.find("://") + 3);
+    state->text = std::move(text);
+    state->thread = std::thread([s = state.get()] { s->run(); });
+    return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(state)));
+}
+
+void MetricsServer::State::run() {
+    std::vector<pollfd> items;
+    while (true) {
+        items.assign({{stop.get(), POLLIN, 0}, {asking.size() < kMostAsking ? socket.get() : -1, POLLIN, 0}});
+        for (const Asking& one : asking)
+            items.push_back({one.socket.get(), static_cast<short>(one.answer.empty() ? POLLIN : POLLOUT), 0});
+        if (::poll(items.data(), items.size(), asking.empty() ? -1 : 200) < 0) continue;
+        if (items[0].revents != 0) return;
+        const auto now = SteadyClock::now();
+        std::erase_if(asking, [&](Asking& one) { return now > one.end || !turn(one); });
+        if (items[1].revents != 0) accept();
+    }
+}
+
+void MetricsServer::State::accept() {
+    feeds::Descriptor one(::accept4(socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (one.get() >= 0) return asking.push_back({std::move(one), SteadyClock::now() + kRequestTime, {}, {}});
+    if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+}
+
+bool MetricsServer::State::turn(Asking& one) {
+    if (one.answer.empty()) {
+        char bytes[kLongestRequest];
+        const ssize_t size = ::recv(one.socket.get(), bytes, sizeof(bytes), 0);
+        if (size <= 0) return size < 0 && (errno == EAGAIN || errno == EINTR);
+        one.request.append(bytes, static_cast<std::size_t>(size));
+        const bool whole = one.request.find("\r\n\r\n") != std::string::npos;
+        if (!whole && one.request.size() <= kLongestRequest) return true;
+        one.answer = whole ? answer(one.request) : answerWith("431 Request Header Fields Too Large", "", false);
+    }
+    const ssize_t size =
+        ::send(one.socket.get(), one.answer.data() + one.sent, one.answer.size() - one.sent, MSG_NOSIGNAL);
+    if (size < 0) return errno == EAGAIN || errno == EINTR;
+    one.sent += static_cast<std::size_t>(size);
+    return one.sent < one.answer.size();
+}
+
+std::string MetricsServer::State::answer(std::string_view request) {
+    const std::size_t space = request.find(' ');
+    const std::string_view method = request.substr(0, space);
+    if (method != "GET" && method != "HEAD")
+        return answerWith("405 Method Not Allowed", "Only GET and HEAD are answered.\n", false);
+    std::string_view target = request.substr(space + 1);
+    target = target.substr(0, target.find_first_of(" ?\r"));
+    if (target != "/metrics") return answerWith("404 Not Found", "There is /metrics.\n", method == "HEAD");
+    return answerWith("200 OK", text(), method == "HEAD");
+}
+
+Result<std::string> fetchMetrics(const std::string& address) {
+    const auto place = metricsPlace(address);
+    if (!place) return std::unexpected(place.error());
+    const auto at = feeds::findAddress(*place);
+    if (!at) return std::unexpected(at.error());
+    const feeds::Descriptor socket(::socket(at->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const timeval patience = {std::chrono::seconds(kRequestTime).count(), 0};
+    for (const int option : {SO_RCVTIMEO, SO_SNDTIMEO})
+        (void)::setsockopt(socket.get(), SOL_SOCKET, option, &patience, sizeof(patience));
+    if (socket.get() < 0 || ::connect(socket.get(), at->get(), at->length) != 0)
+        return fail(feeds::systemError("ask", *place));
+    const std::string request =
+        fmt::format("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", place->host);
+    if (::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(request.size()))
+        return fail(feeds::systemError("ask", *place));
+    std::string answer(1 << 16, '\0');
+    std::size_t size = 0;
+    for (ssize_t more = 1; more > 0; size += static_cast<std::size_t>(more)) {
+        if (size == answer.size()) answer.resize(2 * size);
+        if (size > kLongestAnswer) return fail(fmt::format("{}: its answer is too long", place->text));
+        more = ::recv(socket.get(), answer.data() + size, answer.size() - size, 0);
+        if (more < 0) return fail(feeds::systemError("hear", *place));
+    }
+    answer.resize(size);
+    const std::size_t body = answer.find("\r\n\r\n");
+    if (!answer.starts_with("HTTP/1.1 200 ") || body == answer.npos)
+        return fail(fmt::format("{}: it serves no figures", place->text));
+    return answer.substr(body + 4);
+}
+
+void MetricsText::head(std::string_view name, std::string_view kind, std::string_view help) {
+    if (last_ == name) return;
+    last_ = name;
+    text_ += fmt::format("# HELP {} {}\n# TYPE {} {}\n", name, help, name, kind);
+}
+
+void MetricsText::add(std::string_view name, Kind kind, std::string_view help, double value, std::string_view labels) {
+    head(name, kind == Kind::counter ? "counter" : "gauge", help);
+    text_ += fmt::format("{}{} {}\n", name, labels, value);
+}
+
+void MetricsText::addHistogram(std::string_view name, std::string_view help, std::span<const double> bounds,
+                               std::span<const std::uint64_t> counts, double sum) {
+    head(name, "histogram", help);
+    std::uint64_t all = 0;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+        all += counts[i];
+        const std::string bound = i < bounds.size() ? fmt::format("{}", bounds[i]) : "+Inf";
+        text_ += fmt::format("{}_bucket{{le=\"{}\"}} {}\n", name, bound, all);
+    }
+    text_ += fmt::format("{}_sum {}\n{}_count {}\n", name, sum, name, all);
+}
+
+std::string MetricsText::label(std::string_view name, std::string_view value) {
+    std::string text = fmt::format("{{{}=\"", name);
+    for (const char c : value) {
+        if (c == '"' || c == '\\') text += '\\';
+        text += c == '\n' ? ' ' : c;
+    }
+    return text + "\"}";
+}
+
+}  // namespace rtsg

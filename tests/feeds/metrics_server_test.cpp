@@ -1,0 +1,91 @@
+// Figures by HTTP: the text's form, and requests of all kinds.
+#include <sys/socket.h>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/feeds/metrics_server.h>
+
+#include "sockets/place.h"
+
+namespace rtsg {
+
+namespace {
+
+std::string asked(const std::string& address, const std::string& request) {
+    const auto place = feeds::Place::parse("tcp://" + address);
+    const auto at = feeds::findAddress(*place);
+    const feeds::Descriptor socket(::socket(AF_INET, SOCK_STREAM, 0));
+    const timeval patience = {60, 0};
+    (void)::setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+    EXPECT_EQ(::connect(socket.get(), at->get(), at->length), 0);
+    for (const char c : request)
+        if (::send(socket.get(), &c, 1, MSG_NOSIGNAL) != 1) break;
+    std::string answer;
+    char bytes[4096];
+    for (ssize_t size = 0; (size = ::recv(socket.get(), bytes, sizeof(bytes), 0)) > 0;)
+        answer.append(bytes, static_cast<std::size_t>(size));
+    return answer;
+}
+
+}  // namespace
+
+TEST(MetricsText, HasEachNameOnceWithItsValues) {
+    MetricsText text;
+    text.add("a", MetricsText::Kind::gauge, "Of a.", 1.5);
+    text.add("b_total", MetricsText::Kind::counter, "Of b.", 2, MetricsText::label("place", "x\"\\\ny"));
+    text.add("b_total", MetricsText::Kind::counter, "Of b.", 3, MetricsText::label("place", "z"));
+    const double bounds[] = {.1, 1};
+    const std::uint64_t counts[] = {2, 0, 5};
+    text.addHistogram("h", "Of h.", bounds, counts, 9.5);
+    EXPECT_EQ(text.take(), R"(# HELP a Of a.
+# TYPE a gauge
+a 1.5
+# HELP b_total Of b.
+# TYPE b_total counter
+b_total{place="x\"\\ y"} 2
+b_total{place="z"} 3
+# HELP h Of h.
+# TYPE h histogram
+h_bucket{le="0.1"} 2
+h_bucket{le="1"} 2
+h_bucket{le="+Inf"} 7
+h_sum 9.5
+h_count 7
+)");
+}
+
+TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
+    int made = 0;
+    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++made) + "\n"; });
+    ASSERT_TRUE(server) << server.error().text;
+    const std::string& at = (*server)->address();
+    EXPECT_EQ(*fetchMetrics(at), "a 1\n");
+    EXPECT_EQ(*fetchMetrics("http://" + at + "/metrics"), "a 2\n");
+    EXPECT_TRUE(asked(at, "GET /metrics?x=1 HTTP/1.1\r\nHost: x\r\n\r\n").ends_with("\r\n\r\na 3\n"));
+    EXPECT_TRUE(asked(at, "HEAD /metrics HTTP/1.1\r\n\r\n").ends_with("\r\n\r\n"));
+    EXPECT_TRUE(asked(at, "GET / HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 404 "));
+    EXPECT_TRUE(asked(at, "POST /metrics HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 405 "));
+    EXPECT_TRUE(asked(at, "\r\n\r\n").starts_with("HTTP/1.1 405 "));
+    EXPECT_TRUE(asked(at, "GET /" + std::string(5000, 'x')).starts_with("HTTP/1.1 431 "));
+    EXPECT_EQ(made, 4);
+}
+
+TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
+    const auto server = MetricsServer::start("0", false, [] { return std::string("a 1\n"); });
+    ASSERT_TRUE(server);
+    const auto place = feeds::Place::parse("tcp://" + (*server)->address());
+    const auto at = feeds::findAddress(*place);
+    std::vector<feeds::Descriptor> silent;
+    for (int i = 0; i < 15; ++i) {
+        silent.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
+        ASSERT_EQ(::connect(silent.back().get(), at->get(), at->length), 0);
+    }
+    EXPECT_TRUE(fetchMetrics((*server)->address()));
+}
+
+TEST(MetricsServer, PlacesThatMakeNoSenseAreErrors) {
+    for (const char* place : {"", "x", "tcp://127.0.0.1:1", "70000", "0.0.0.0:0"})
+        EXPECT_FALSE(MetricsServer::start(place, false, [] { return std::string(); })) << place;
+}
+
+}  // namespace rtsg
