@@ -277,7 +277,30 @@ void setClock(Scene& scene, double secondsSince1970) {
     if (secondsSince1970 > 0) scene.newFrame(secondsSince1970);
 }
 
+namespace {
+
+/// Of minutes:seconds, or hours:minutes:seconds; nothing if the text is not of that form.
+std::optional<double> clockSeconds(const std::string& text) {
+    if (text.find(':') == text.npos || text.find_first_not_of("0123456789:.") != text.npos) return std::nullopt;
+    const char *at = text.data(), *const last = at + text.size();
+    double seconds = 0;
+    for (int parts = 1; parts <= 3; ++parts) {
+        double part = 0;
+        const auto [end, error] = std::from_chars(at, last, part, std::chars_format::fixed);
+        const bool whole = std::find(at, end, '.') == end;
+        if (error != std::errc() || (parts > 1 && part >= 60)) return std::nullopt;
+        seconds = 60 * seconds + part;
+        if (end == last) return parts > 1 && seconds <= 1e9 ? std::optional(seconds) : std::nullopt;
+        if (*end != ':' || !whole) return std::nullopt;
+        at = end + 1;
+    }
+    return std::nullopt;
+}
+
+}  // namespace
+
 double parseSeconds(const std::string& text) {
+    if (const auto clock = clockSeconds(text)) return *clock;
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
@@ -287,7 +310,7 @@ double parseSeconds(const std::string& text) {
                          : unit == "h"                 ? 3600
                                                        : 0;
     if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
-        throw UsageError(text, "expected a duration such as 2s, 500ms, 1.5, 10min or 1h");
+        throw UsageError(text, "expected a duration such as 2s, 500ms, 1.5, 10min, 1h or 1:30");
     return value * scale;
 }
 

@@ -38,6 +38,7 @@ Verb addListen(Command& program);
 Verb addRecord(Command& program);
 Verb addReplay(Command& program);
 Verb addDiff(Command& program);
+Verb addMerge(Command& program);
 Verb addServe(Command& program);
 Verb addMirror(Command& program);
 Verb addRelay(Command& program);
@@ -111,7 +112,7 @@ int statusOf(int status);
 /// Sets the time of an empty scene. What is loaded into it exists from that time on.
 void setClock(Scene& scene, double secondsSince1970);
 
-/// "2s", "500ms", "1.5" (seconds). Throws UsageError.
+/// "2s", "500ms", "1.5" (seconds), "10min", "1h", "1:30" (minutes and seconds), "1:02:03.5". Throws UsageError.
 double parseSeconds(const std::string& text);
 
 }  // namespace rtsg::app

@@ -9,6 +9,8 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
 
+#include "start_time.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -147,7 +149,7 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
         const auto equals = text.find('='), at = text.rfind('@');
         if (equals == std::string::npos || at == std::string::npos || at < equals)
             return fail(fmt::format("{}: expected DEF.field=VALUE@TIME or DEVICE=WHAT@TIME", text));
-        all.push_back({parseSeconds(text.substr(at + 1)), text, text.substr(0, equals),
+        all.push_back({parseMoment(text.substr(at + 1), scene.now()), text, text.substr(0, equals),
                        text.substr(equals + 1, at - equals - 1)});
     }
     // Sorted by time, since an event takes omitted values from the one before.

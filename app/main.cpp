@@ -25,7 +25,8 @@ std::vector<Verb> addVerbs(Command& program) {
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
                             addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
-                            addView(program),   addTouch(program),    addKeys(program),    addTop(program)};
+                            addView(program),   addTouch(program),    addKeys(program),    addMerge(program),
+                            addTop(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last, because it needs the verbs before
     return verbs;

@@ -8,6 +8,8 @@
 #include <rtsg/core/terminal.h>
 #include <rtsg/documents/world.h>
 
+#include "start_time.h"
+
 namespace rtsg::app {
 
 void RequestArguments::addTo(Command& command) {
@@ -32,7 +34,8 @@ Result<> Requests::parseEdits(Scene& replica) {
     for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
                                               std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
         for (const std::string& text : *texts)
-            takenBack_.emplace_back(parseSeconds(text), fmt::format("{} {}", option, text)).request.kind = kind;
+            takenBack_.emplace_back(parseMoment(text, replica.now()), fmt::format("{} {}", option, text)).request.kind =
+                kind;
     }
     std::ranges::stable_sort(takenBack_, {}, &Timed::time);
     return {};
@@ -43,7 +46,7 @@ Result<> Requests::parseLocks(const Scene& replica) {
         const std::size_t at = text.rfind('@'), equals = text.rfind('=', at);
         if (at == std::string::npos || equals == std::string::npos || equals == 0)
             throw UsageError("--lock", text + ": expected DEF[,DEF...]=LEASE@TIME");
-        Timed lock{parseSeconds(text.substr(at + 1)), "--lock " + text};
+        Timed lock{parseMoment(text.substr(at + 1), replica.now()), "--lock " + text};
         lock.request.kind = MirrorRequest::Kind::lock;
         const double lease = parseSeconds(text.substr(equals + 1, at - equals - 1));
         const double most = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();

@@ -8,6 +8,8 @@
 
 #include <fmt/format.h>
 
+#include "cli.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -45,9 +47,16 @@ double parseDate(const std::string& text) {
     const year_month_day date{year(y), std::chrono::month(month), std::chrono::day(day)};
     good = good && given[used] == 0 && date.ok() && y >= 1970 && hour >= 0 && hour < 24 && minute >= 0 && minute < 60 &&
            second >= 0 && second < 60;
-    if (!good)
-        throw UsageError("--at", text + ": expected seconds since 1970, a date such as 2026-11-20T12:00:00Z, or now");
+    if (!good) throw UsageError(text, "expected seconds since 1970, a date such as 2026-11-20T12:00:00Z, or now");
     return static_cast<double>(sys_days(date).time_since_epoch().count()) * 86400 + hour * 3600 + minute * 60 + second;
+}
+
+double parseMoment(const std::string& text, double start) {
+    const bool isDate = text.size() >= 10 && text[4] == '-' && text[7] == '-';
+    if (!isDate) return parseSeconds(text);
+    const double moment = parseDate(text) - start;
+    if (moment < 0) throw UsageError(text, "that is before the start, " + dateText(start));
+    return moment;
 }
 
 std::string dateText(double secondsSince1970) {

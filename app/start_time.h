@@ -31,5 +31,8 @@ void addClip(Command& command, std::string& clip);
 std::string dateText(double secondsSince1970);
 /// Parses "1234.5", "2026-11-20", "2026-11-20T12:00:00Z" or "now" to seconds since 1970. Throws UsageError.
 double parseDate(const std::string& text);
+/// A moment of something that begins at `start`, in seconds since 1970: as parseSeconds() has it, or a date. Returns
+/// seconds from the start. Throws UsageError, also for a date before it.
+double parseMoment(const std::string& text, double start);
 
 }  // namespace rtsg::app

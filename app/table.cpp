@@ -2,6 +2,7 @@
 #include "table.h"
 
 #include <cstdio>
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -13,17 +14,17 @@
 
 namespace rtsg::app {
 
-namespace {
-
 std::vector<std::string> splitFields(const std::string& text) {
     std::vector<std::string> fields;
-    for (std::size_t from = 0; from <= text.size();) {
+    for (std::size_t from = 0; !text.empty() && from <= text.size();) {
         const std::size_t comma = std::min(text.find(',', from), text.size());
         fields.push_back(text.substr(from, comma - from));
         from = comma + 1;
     }
     return fields;
 }
+
+namespace {
 
 Result<> writeTo(const std::string& out, const LogTable& table) {
     if (out.empty() || out == "-") {
@@ -44,6 +45,13 @@ Result<> writeTo(const std::string& out, const LogTable& table) {
 }
 
 }  // namespace
+
+void checkTableName(const std::string& out) {
+    if (std::filesystem::path(out).extension() == ".parquet")
+        throw UsageError("-o", out +
+                                   ": writing Parquet takes Apache Arrow, which Debian does not have; write .csv, or "
+                                   "use Python: rtsg.Log(...).table(...).frame().to_parquet(...)");
+}
 
 int writeTable(const TableArguments& arguments) {
     const Progress bar = progressBar("reading " + arguments.log);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <rtsg/sync/log_table.h>
 
@@ -13,6 +14,11 @@ struct TableArguments {
     bool json = false;
 };
 
+/// "A.x,B.*" one by one; of an empty text none.
+std::vector<std::string> splitFields(const std::string& text);
+
+/// Throws UsageError for a kind of table that is not written here.
+void checkTableName(const std::string& out);
 /// The exit status.
 int writeTable(const TableArguments& arguments);
 

@@ -115,7 +115,7 @@ bool isWhole(const MeasureArguments& options, const std::string& place, const Ir
 int measure(const MeasureArguments& options) {
     std::vector<std::array<double, 6>> places;
     for (const std::string& text : options.places) places.push_back(parseProbe(text));
-    const double time = parseSeconds(options.time);
+    const double time = parseMoment(options.time, options.start.seconds());
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     SharedWorld::Options flattened;

@@ -152,7 +152,7 @@ int render(const RenderArguments& options) {
     AnimationOptions animation;
     animation.frames = options.frames;
     animation.framesPerSecond = options.fps;
-    const double time = parseSeconds(options.time);
+    const double time = parseMoment(options.time, options.start.seconds());
     const std::filesystem::path out(options.out);
     if (options.frames > 1 && !PictureFiles(out, options.fps).takesSeveral())
         throw UsageError("-o", "several frames need a .mp4 or .gif, or a place for their number such as %04d");

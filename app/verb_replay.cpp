@@ -25,6 +25,7 @@
 #include "live_outputs.h"
 #include "nats.h"
 #include "replay_test.h"
+#include "start_time.h"
 #include "table.h"
 
 namespace rtsg::app {
@@ -32,7 +33,7 @@ namespace rtsg::app {
 namespace {
 
 struct ReplayArguments {
-    std::string log, seek, duration, diff, compact, exported, blamed, tabled, out, interval = "0s";
+    std::string log, seek, duration, diff, compact, exported, blamed, tabled, only, without, out, interval = "0s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -74,24 +75,30 @@ std::string missingOfLog(double there, double wanted, double end) {
     return fmt::format("{:.6g} of {:.6g} s of the log, which ends at t = {:.6g} s", wanted - there, wanted, end);
 }
 
+/// Seconds from the log's start; 0 without --seek.
+double seekOf(const ReplayArguments& options, double start) {
+    return options.seek.empty() ? 0 : parseMoment(options.seek, start);
+}
+
 /// Says so if what --compact keeps is shorter than --for.
 Result<std::string> missingOfCompacted(const ReplayArguments& options) {
     if (options.duration.empty()) return std::string();
     const auto summary = summariseLog(options.log);
     if (!summary) return std::unexpected(summary.error());
     const double end = summary->end - logStart(options.log);
-    return missingOfLog(end - (options.seek.empty() ? 0 : parseSeconds(options.seek)), parseSeconds(options.duration),
-                        end);
+    return missingOfLog(end - seekOf(options, logStart(options.log)), parseSeconds(options.duration), end);
 }
 
 int compact(const ReplayArguments& options) {
     CompactOptions to;
-    const double start = logStart(options.log), from = options.seek.empty() ? 0 : parseSeconds(options.seek);
+    const double start = logStart(options.log), from = seekOf(options, start);
     if (!options.seek.empty()) to.from = start + from;
     if (!options.duration.empty()) to.to = start + (from + parseSeconds(options.duration));
     if (auto ok = reaches(options.log, start + from, options.seek); !ok) return printError(ok.error()), kBad;
     to.every = options.every;
     to.interval = parseSeconds(options.interval);
+    to.only = splitFields(options.only);
+    to.without = splitFields(options.without);
     to.log.existing = existing(options.outputs.force);
     const Progress progress = progressBar("compacting " + options.log);
     to.progress = [&](std::uint64_t done, std::uint64_t total) {
@@ -163,7 +170,7 @@ class Replaying {
             noteTime();
             return {};
         }
-        const double from = parseSeconds(options_.seek);
+        const double from = seekOf(options_, start_);
         if (auto ok = replayer_.seek(start_ + from); !ok) return ok;
         noteTime();
         more_ = true;
@@ -342,7 +349,7 @@ struct ReplayMode {
 const std::vector<ReplayMode>& replayModes() {
     static const std::vector<ReplayMode> modes = {
         {{"--diff"}, {}},
-        {{"--compact"}, {"--seek", "--for", "--every", "--interval"}},
+        {{"--compact", "--only", "--without"}, {"-o", "--output", "--seek", "--for", "--every", "--interval"}},
         {{"--blame"}, {}},
         {{"--table"}, {"-o", "--output", "--seek", "--for", "--every"}},
         {{"--rerun", "--update", "--expect-picture", "--expect-sound", "--field", "--ignore", "--tolerance", "--junit",
@@ -367,13 +374,17 @@ const ReplayMode& modeOf(const OptionNames& given) {
 
 /// Throws UsageError for an option that needs another one.
 void checkNeeded(const OptionNames& given) {
-    static const std::pair<std::string_view, OptionNames> needed[] = {{"--every", {"--compact", "--table"}},
-                                                                      {"--output", {"--table"}},
-                                                                      {"--interval", {"--compact"}},
-                                                                      {"--export-plain", {"--export"}},
-                                                                      {"--picture-tolerance", {"--expect-picture"}},
-                                                                      {"--sound-tolerance", {"--expect-sound"}},
-                                                                      {"--name", {"--junit", "--page"}}};
+    static const OptionNames another = {"--compact", "--only", "--without"};
+    static const std::pair<std::string_view, OptionNames> needed[] = {
+        {"--every", {"--compact", "--table", "--only", "--without"}},
+        {"--output", {"--table", "--only", "--without"}},
+        {"--only", {"--output", "--compact"}},
+        {"--without", {"--output", "--compact"}},
+        {"--interval", another},
+        {"--export-plain", {"--export"}},
+        {"--picture-tolerance", {"--expect-picture"}},
+        {"--sound-tolerance", {"--expect-sound"}},
+        {"--name", {"--junit", "--page"}}};
     for (const auto& [option, others] : needed)
         if (holds(given, option) && std::ranges::none_of(others, [&](auto other) { return holds(given, other); }))
             throw UsageError(std::string(option), fmt::format("goes with {}", fmt::join(others, " or ")));
@@ -402,7 +413,7 @@ int makeTable(const ReplayArguments& options) {
     TableArguments arguments{options.log, options.tabled, options.out, {}, options.json};
     if (options.json && (options.out.empty() || options.out == "-"))
         throw UsageError("--json", "the table itself is on standard output; -o names a file for it");
-    if (!options.seek.empty()) arguments.options.from = parseSeconds(options.seek);
+    arguments.options.from = seekOf(options, logStart(options.log));
     if (!options.duration.empty()) arguments.options.to = arguments.options.from + parseSeconds(options.duration);
     arguments.options.every = options.every;
     return writeTable(arguments);
@@ -410,6 +421,13 @@ int makeTable(const ReplayArguments& options) {
 
 int replay(const Command& command, ReplayArguments options) {
     checkTogether(command.given());
+    if (!options.only.empty() || !options.without.empty()) {
+        if (!options.compact.empty() && !options.out.empty())
+            throw UsageError("-o", "goes not together with --compact, which names the log that is written");
+        // -o is what one writes to; --compact says the same.
+        if (options.compact.empty()) options.compact = std::exchange(options.out, {});
+    }
+    if (!options.tabled.empty()) checkTableName(options.out);
     const auto log = fetchLog("LOG", options.log);
     if (!log) return printError(log.error()), kBad;
     const auto other = fetchLog("--diff", options.diff);
@@ -430,7 +448,7 @@ int replay(const Command& command, ReplayArguments options) {
         test.closed = options.verify;
         return runReplayTest(options.log, test, options.outputs, options.json);
     }
-    if (!options.seek.empty()) parseSeconds(options.seek);  // checked before anything is opened
+    (void)seekOf(options, 0);  // checked before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
     tellOfEarlierPieces(options.log);
@@ -445,7 +463,8 @@ Verb addReplay(Command& program) {
     command->addOption("LOG", options->log, "log to read (.rlog), or nats://HOST:PORT/NAME")->required();
     command->addFlag("--verify", options->verify,
                      "all of it, to the index that a session ends with; states are checked in any case");
-    command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
+    command->addOption("--seek", options->seek,
+                       "begin with the state so long after the log's start (1:30, 90s), or at a date");
     command->addOption("--for", options->duration, "how much to play");
     command->addFlag("--json", options->json, "the report as JSON");
     {
@@ -457,7 +476,13 @@ Verb addReplay(Command& program) {
             "--table", options->tabled,
             "fields by commas (TRAIN.rotation,DOOR.*) as CSV, a row for each state: from --seek on, --for so "
             "long, one state of --every");
-        command->addOption("-o,--output", options->out, "with --table: .csv to write; - or none: standard output");
+        command->addOption(
+            "--only", options->only,
+            "with -o: write a log in which only these fields change (TRAIN.rotation,DOOR.*); others stay "
+            "as they were at first");
+        command->addOption("--without", options->without, "with -o: one in which these fields do not change");
+        command->addOption("-o,--output", options->out,
+                           "with --table: .csv to write; - or none: standard output. With --only and --without: .rlog");
         command->addOption("--compact", options->compact,
                            "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
         command
@@ -481,6 +506,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
         "Example: rtsg replay hall.rlog --table TRAIN.rotation -o train.csv\n"
+        "Example: rtsg replay hall.rlog --without VISITOR.* -o cut.rlog\n"
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.\n"

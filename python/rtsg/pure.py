@@ -2,16 +2,14 @@
 
 Logs need NumPy, mirrors pyzmq as well. `import rtsg` takes Log, follow() and what they hand out from here where the
 extension module is not installed (rtsg.native is then False). Every state's hash is computed and compared. What only the
-extension does raises NoExtension. `python3 -m rtsg.pure FILE [--values]` prints a log state by state, as lines of JSON.
+extension does raises NoExtension.
 """
 import functools
-import json
 import math
 import os
 import re
 import secrets
 import struct
-import sys
 import threading
 import time
 import warnings
@@ -2005,40 +2003,3 @@ def follow(endpoint, *, name="", keys="", parts=(), latency=0.0, base=""):
     if keys or latency or base:
         raise NoExtension("keys, latency and base need the extension module rtsg._rtsg")
     return Follower(endpoint, name=name, parts=parts)
-
-
-# ---- as a program ------------------------------------------------------------------------------------------------------
-
-def _print_log(path, shows_values):
-    """A line for the head, for each state, for each damaged place, and a summary."""
-    log, more = Log(path), True
-    if log.head:
-        print(json.dumps({"head": log.head.version, "epoch": log.head.epoch, "creator": log.head.creator, "types": log.head.builtin,
-                          "mode": ("state", "input", "lossy")[log.head.mode], "error": log.head.error}))
-    while more:
-        record = log.record
-        print(json.dumps({"state": record.to, "from": record.origin, "t": record.time, "hash": log.scene.hash, "as_recorded": log.scene.hash == record.hash,
-                          **({"scene": log._decoder.catalogued} if record.kind == _SCENE else {}), "blocks": log.counts}))
-        try:
-            more = log.step()
-        except FormatError as error:
-            print(json.dumps({"error": str(error)}))
-    for place in log.damage:
-        print(json.dumps({"damage": place.offset, "length": place.length}))
-    scene = log.scene
-    summary = {"frames": log.reached, "verified": log.verified, "gaps": log.gaps, "closed": log.was_closed, "nodes": len(scene),
-               "routes": sum(len(inside.routes) for inside in scene._nodes.values()), "state": scene.number}
-    if shows_values:
-        dump = scene.dump()["nodes"]
-        summary["values"] = {f"{scene._label(int(n))}.{field}": value for n, node in dump.items() for field, value in node["fields"].items()}
-    print(json.dumps(summary))
-    return 0 if log.verified == log.reached else 1
-
-
-if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("usage: python3 -m rtsg.pure FILE [--values]")
-    try:
-        sys.exit(_print_log(sys.argv[1], "--values" in sys.argv[2:]))
-    except Error as error:
-        sys.exit(f"{error}")

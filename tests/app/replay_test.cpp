@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <sys/file.h>
 #include <unistd.h>
+#include <algorithm>
 #include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "program.h"
 
@@ -451,6 +454,96 @@ TEST_F(Replay, WhatALogLacksIsSaidByEveryUseOfIt) {
     EXPECT_EQ(json::parse(compared.out).at("in_one_alone"), 0);
     const Outcome replayed = rtsg({"replay", log, "--diff", log, "--json"});
     EXPECT_EQ(json::parse(replayed.out).at("compared"), json::parse(compared.out).at("compared"));
+}
+
+const char* const kTwo = R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF CLOCK TimeSensor { loop TRUE }
+DEF WAY PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 0 0 ] }
+DEF A Transform { }
+DEF B Transform { }
+ROUTE CLOCK.fraction_changed TO WAY.set_fraction
+ROUTE WAY.value_changed TO A.translation
+ROUTE WAY.value_changed TO B.translation
+)";
+
+/// The second column of a table, as numbers.
+std::vector<double> columnOf(const std::string& csv) {
+    std::vector<double> numbers;
+    std::istringstream lines(csv);
+    for (std::string line; std::getline(lines, line);)
+        if (line.starts_with("0") || line.starts_with("1"))
+            numbers.push_back(std::stod(line.substr(line.find(',') + 1)));
+    return numbers;
+}
+
+TEST_F(Replay, ALogIsCutToFields) {
+    record(log, kTwo);
+    const std::string cut = folder / "cut.rlog";
+    for (const auto& [option, fields, moves, rests] :
+         {std::tuple("--only", "A.translation,CLOCK.*", "A", "B"), std::tuple("--without", "B.*", "A", "B")}) {
+        const Outcome outcome = rtsg({"replay", log, option, fields, "-o", cut, "--force", "--json"});
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        EXPECT_TRUE(json::parse(outcome.out).at("complete"));
+        EXPECT_EQ(rtsg({"replay", cut, "--verify"}).status, 0);
+        const auto of = [&](const std::string& file, const std::string& node) {
+            return columnOf(rtsg({"replay", file, "--table", node + ".translation"}).out);
+        };
+        EXPECT_EQ(of(cut, moves), of(log, moves));
+        const std::vector<double> still = of(cut, rests);
+        EXPECT_EQ(still.size(), of(log, rests).size());
+        EXPECT_TRUE(std::ranges::all_of(still, [&](double x) { return x == still.front(); }));
+        EXPECT_LT(std::filesystem::file_size(cut), std::filesystem::file_size(log));
+    }
+    EXPECT_THAT(rtsg({"replay", log, "--only", "C.*", "-o", folder / "none.rlog"}).err,
+                HasSubstr("no state has a field C.*"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "none.rlog"));
+    for (const std::vector<std::string>& wrong : {std::vector<std::string>{"--only", "A.*"},
+                                                  {"--only", "A.*", "-o", cut, "--compact", cut},
+                                                  {"--only", "A.*", "-o", folder / "a.csv"},
+                                                  {"--only", "A.*", "-o", cut, "--table", "A.*"},
+                                                  {"-o", cut}}) {
+        std::vector<std::string> words{"replay", log, "--force"};
+        words.insert(words.end(), wrong.begin(), wrong.end());
+        EXPECT_EQ(rtsg(words).status, 2) << wrong.front();
+    }
+}
+
+TEST_F(Replay, TwoLogsBecomeOne) {
+    record(log, kTwo);
+    const std::string other = folder / "b.rlog", both = folder / "both.rlog";
+    record(other, scene());
+    const Outcome outcome = rtsg({"merge", log, other, "-o", both, "--apart", "3", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_TRUE(json::parse(outcome.out).at("complete"));
+    EXPECT_EQ(rtsg({"replay", both, "--verify"}).status, 0);
+    EXPECT_EQ(columnOf(rtsg({"replay", both, "--table", "A_A.translation"}).out).back(),
+              columnOf(rtsg({"replay", log, "--table", "A.translation"}).out).back());
+    EXPECT_THAT(rtsg({"replay", both, "--table", "B.translation"}).out, HasSubstr(",3,0,0"));
+    EXPECT_THAT(rtsg({"merge", log, other, "-o", both}).err, HasSubstr("already"));
+    EXPECT_EQ(rtsg({"merge", log, other, "-o", log, "--force"}).status, 2);
+}
+
+TEST_F(Replay, TimesAreSecondsOrMinutesOrDates) {
+    record(log, kTwo);
+    const auto rows = [&](const std::vector<std::string>& span) {
+        std::vector<std::string> words{"replay", log, "--table", "A.translation"};
+        words.insert(words.end(), span.begin(), span.end());
+        return rtsg(words);
+    };
+    const Outcome half = rows({"--seek", "0.5"});
+    ASSERT_EQ(half.status, 0) << half.err;
+    // Simulated time begins in 2000.
+    for (const char* const same : {"0:00.5", "0:00:00.5", "500ms", "2000-01-01T00:00:00.5Z"})
+        EXPECT_EQ(rows({"--seek", same}).out, half.out) << same;
+    EXPECT_EQ(rows({"--seek", "0", "--for", "0:00.5"}).out, rows({"--seek", "0", "--for", "500ms"}).out);
+    for (const char* const wrong : {"1:75", "1:2:3:4", ":5", "5:", "1:-2", "1.5:2", "1999-12-31", "2000-13-01"})
+        EXPECT_EQ(rows({"--seek", wrong}).status, 2) << wrong;
+    EXPECT_EQ(rows({"--for", "2000-01-01"}).status, 2);  // a date is no duration
+    const Outcome set = rtsg({"run", folder / "source.x3dv", "--for", "0:01", "--fps", "10", "--watch", "B.scale",
+                              "--set", "B.scale=2 2 2@2000-01-01T00:00:00.5Z"});
+    EXPECT_THAT(set.out, HasSubstr("\"t\":0.5")) << set.err;
+    EXPECT_THAT(rows({"-o", folder / "a.parquet"}).err, HasSubstr("Apache Arrow"));
 }
 
 }  // namespace

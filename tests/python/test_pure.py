@@ -366,7 +366,7 @@ def test_an_extension_that_cannot_be_loaded_is_an_error(alone, tmp_path):
     assert rtsg.native is True
 
 
-def test_a_log_is_printed_by_the_module(alone):
-    done = alone("-m", "rtsg.pure", CONFORMANCE / "scene.rlog", "--values")
+def test_a_log_is_printed_by_the_package(alone):
+    done = alone("-m", "rtsg", CONFORMANCE / "scene.rlog", "--values")
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert done.returncode == 0 and lines[0]["as_recorded"] and lines[-1]["frames"] == 1 and lines[-1]["values"], done.stderr

@@ -9,39 +9,11 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/sync/log_check.h>
 
+#include "field_patterns.h"
+
 namespace rtsg {
 
 namespace {
-
-/// Whether a text is as the pattern says, in which a * stands for any letters.
-bool matchesPattern(std::string_view pattern, std::string_view text) {
-    std::size_t p = 0, t = 0, star = pattern.npos, from = 0;
-    while (t < text.size()) {
-        if (p < pattern.size() && pattern[p] == '*') {
-            star = p++;
-            from = t;
-        } else if (p < pattern.size() && pattern[p] == text[t]) {
-            ++p, ++t;
-        } else if (star != pattern.npos) {
-            p = star + 1;
-            t = ++from;
-        } else {
-            return false;
-        }
-    }
-    return pattern.find_first_not_of('*', p) == pattern.npos;
-}
-
-/// With the names of the scopes around it in front; empty: it, or one of them, has none.
-std::string scopedName(const Scene& scene, NodeId id) {
-    std::string path;
-    for (const Node* node = scene.find(id); node; node = scene.find(node->scope())) {
-        const std::string_view name = scene.name(node->id());
-        if (name.empty()) return {};
-        path.insert(0, path.empty() ? std::string(name) : fmt::format("{}/", name));
-    }
-    return path;
-}
 
 std::uint64_t fieldKey(NodeId node, FieldIndex field) {
     return std::uint64_t{node.value} << 16 | field;
@@ -49,14 +21,16 @@ std::uint64_t fieldKey(NodeId node, FieldIndex field) {
 
 }  // namespace
 
+LogTable::LogTable() : patterns_(std::make_unique<FieldPatterns>()) {}
+LogTable::LogTable(LogTable&&) noexcept = default;
+LogTable& LogTable::operator=(LogTable&&) noexcept = default;
+LogTable::~LogTable() = default;
+
 Result<LogTable> LogTable::make(const std::vector<std::string>& patterns) {
+    auto made = FieldPatterns::make(patterns);
+    if (!made) return std::unexpected(made.error());
     LogTable table;
-    for (const std::string& pattern : patterns) {
-        const std::size_t dot = pattern.rfind('.');
-        if (dot == pattern.npos || dot == 0 || dot + 1 == pattern.size())
-            return fail(DiagnosticCode("no-such-field"), pattern + ": expected NODE.field");
-        table.patterns_.push_back({pattern.substr(0, dot), pattern.substr(dot + 1)});
-    }
+    *table.patterns_ = std::move(*made);
     return table;
 }
 
@@ -85,24 +59,18 @@ Result<> LogTable::apply(const Scene& scene, const ChangeSet& changes) {
 }
 
 void LogTable::takeNode(const Scene& scene, NodeId id) {
-    const Node* const node = scene.find(id);
-    if (!node || node->type().internal) return;
-    const std::string path = scopedName(scene, id), number = "#" + std::to_string(id.value);
-    for (std::size_t p = 0; p < patterns_.size(); ++p) {
-        const Pattern& pattern = patterns_[p];
-        const bool byNumber = pattern.node == number;
-        if (!byNumber && (path.empty() || !matchesPattern(pattern.node, path))) continue;
-        for (FieldIndex field = 0; field < node->type().fieldCount(); ++field) {
-            const FieldDef& def = node->type().fields[field];
-            if (def.hidden || !def.readable() || !matchesPattern(pattern.field, def.name)) continue;
-            addColumn(*node, field, (byNumber ? number : path) + "." + def.name, p);
+    for (const FieldPatterns::Match& match : patterns_->matches(scene, id)) {
+        const Node& node = scene.node(id);
+        for (FieldIndex field = 0; field < node.type().fieldCount(); ++field) {
+            const FieldDef& def = node.type().fields[field];
+            if (def.hidden || !def.readable() || !patterns_->matches(match.pattern, def.name)) continue;
+            addColumn(node, field, match.name + "." + def.name, match.pattern);
         }
     }
 }
 
 void LogTable::addColumn(const Node& node, FieldIndex field, const std::string& name, std::size_t pattern) {
     const auto [found, isNew] = byName_.emplace(name, columns_.size());
-    patterns_[pattern].matched = true;
     if (isNew) {
         Column column;
         column.name = name;
@@ -143,9 +111,7 @@ std::vector<const LogTable::Column*> LogTable::columns() const {
 }
 
 std::string LogTable::matchedNothing() const {
-    for (const Pattern& pattern : patterns_)
-        if (!pattern.matched) return pattern.node + "." + pattern.field;
-    return {};
+    return patterns_->matchedNothing();
 }
 
 namespace {

@@ -34,7 +34,7 @@ std::string python() {
 
 std::vector<json> runReader(const std::string& arguments) {
     const std::string command =
-        "PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" RTSG_SOURCE_DIR "/python " + python() + " -m rtsg.pure " + arguments;
+        "PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" RTSG_SOURCE_DIR "/python " + python() + " -m rtsg " + arguments;
     std::vector<json> lines;
     FILE* pipe = ::popen(command.c_str(), "r");
     if (!pipe) return lines;

@@ -2,7 +2,8 @@
 //
 // Invariant: every state that is kept has its number, time and hash, and verifies. diffLogs() of both logs finds at
 // most that the new one ends earlier. The states between are lost, and in merged frames the order of events, so a rerun
-// (replay_test.h) needs the original.
+// (replay_test.h) needs the original. Where fields are left out, states have their numbers and times, and the hashes of
+// scenes in which these fields never changed.
 // Threading: the calling thread.
 #pragma once
 
@@ -10,6 +11,7 @@
 #include <functional>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include <rtsg/sync/log.h>
 
@@ -23,6 +25,10 @@ struct CompactOptions {
     std::uint64_t every = 1;
     /// Merges frames that are less than this apart in scene time, in seconds.
     double interval = 0;
+    /// Whose changes stay, and whose do not: "DOOR.rotation", "DOOR.*", "*.rotation", "#12.translation"; empty: all
+    /// stay. A field that is left out stays as it was in the first state, or when its node came. Nodes, their names,
+    /// routes and lists of nodes always stay.
+    std::vector<std::string> only{}, without{};
     LogOptions log;  // for the new log
     /// Called now and then with the bytes read and their total. If it returns false, compaction stops and nothing is
     /// written.
@@ -39,7 +45,7 @@ struct CompactReport {
 };
 
 /// Writes `out` in one step at the end. Errors: `out` exists and must be kept, `out` is `in`, a file cannot be read or
-/// written, a state does not have the recorded hash.
+/// written, a state does not have the recorded hash, no state has a field that is named.
 Result<CompactReport> compactLog(const std::filesystem::path& in, const std::filesystem::path& out,
                                  const CompactOptions& options = {});
 

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,6 +26,8 @@
 #include <rtsg/sync/replay.h>
 
 namespace rtsg {
+
+class FieldPatterns;
 
 class LogTable final : public Subscriber {
   public:
@@ -37,6 +40,9 @@ class LogTable final : public Subscriber {
     /// "DOOR.rotation", "DOOR.*", "*.rotation", "#12.translation"; a * stands for any letters. Errors: a pattern that
     /// is no NODE.field.
     static Result<LogTable> make(const std::vector<std::string>& patterns);
+    LogTable(LogTable&&) noexcept;
+    LogTable& operator=(LogTable&&) noexcept;
+    ~LogTable() override;
 
     /// To be attached to the bus of a scene that is replayed, or that runs.
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
@@ -56,15 +62,12 @@ class LogTable final : public Subscriber {
     void writeCsv(const std::function<void(std::string_view)>& sink) const;
 
   private:
-    struct Pattern {
-        std::string node, field;
-        bool matched = false;
-    };
+    LogTable();
     void takeNode(const Scene& scene, NodeId id);
     void addColumn(const Node& node, FieldIndex field, const std::string& name, std::size_t pattern);
     void forget(NodeId id);
 
-    std::vector<Pattern> patterns_;
+    std::unique_ptr<FieldPatterns> patterns_;
     std::vector<double> times_;
     std::vector<Column> columns_;
     std::vector<std::size_t> patternOf_;                      // of each column

@@ -2,6 +2,9 @@
 #include <rtsg/sync/log_compact.h>
 
 #include <algorithm>
+#include <set>
+
+#include <rtsg/core/x3d.h>
 
 #include "support/log_support.h"
 
@@ -180,6 +183,116 @@ TEST_F(Compaction, AnEndThatIsOpenIsNamed) {
     const auto part = compactLog(file("open.rlog"), file("c.rlog"), before);
     ASSERT_TRUE(part) << part.error().text;
     EXPECT_EQ(part->lacks, "");
+}
+
+/// What a log's scene has, field by field, by the node's number and the field's name.
+std::map<std::pair<std::uint32_t, std::string>, Value> valuesOf(const Scene& scene) {
+    std::map<std::pair<std::uint32_t, std::string>, Value> values;
+    scene.forEachNode([&](const Node& node) {
+        for (FieldIndex field = 0; field < node.type().fieldCount(); ++field)
+            if (node.type().slot(field).offset != FieldDef::kNoOffset)
+                values.emplace(std::pair(node.id().value, node.type().fields[field].name), node.value(field));
+    });
+    return values;
+}
+
+/// Fields that are left out are as they were in the first state, or when their node came; all others are the log's.
+TEST_F(Compaction, FieldsThatAreLeftOutStayAsTheyWereWhenTheirNodeCame) {
+    std::size_t logs = 0;
+    for (std::uint64_t seed = 21; seed <= 30; ++seed) {
+        SCOPED_TRACE(testing::Message() << "seed " << seed);
+        record(file(), 40, seed, denseKeyframes());
+        CompactOptions options;
+        (seed % 2 ? options.only : options.without) = {"*.translation", "*.rotation"};
+        const auto report = compactLog(file(), file("b.rlog"), options);
+        if (!report) {  // no node that has a translation got a name
+            EXPECT_EQ(report.error().code, DiagnosticCode("no-such-field")) << report.error().text;
+            continue;
+        }
+        ++logs;
+        auto whole = Replayer::open(file()), cut = Replayer::open(file("b.rlog"));
+        ASSERT_TRUE(whole && cut);
+        std::map<std::pair<std::uint32_t, std::string>, Value> first;
+        std::size_t differing = 0;
+        while (true) {
+            const auto more = (*whole)->step();
+            ASSERT_TRUE(more);
+            ASSERT_EQ((*cut)->step().value_or(!*more), *more);
+            if (!*more) break;
+            EXPECT_EQ((*cut)->scene().sequence(), (*whole)->scene().sequence());
+            EXPECT_EQ((*cut)->time(), (*whole)->time());
+            const auto expected = valuesOf((*whole)->scene()), own = valuesOf((*cut)->scene());
+            std::erase_if(first, [&](const auto& one) { return !expected.contains(one.first); });
+            first.insert(expected.begin(), expected.end());
+            ASSERT_EQ(own.size(), expected.size());
+            for (const auto& [key, value] : expected) {
+                // Names come and go, and with them what is chosen.
+                if (key.second == "translation" || key.second == "rotation") continue;
+                const bool stays = seed % 2 == 0 || sf(value.type()) == FieldType::SFNode;
+                EXPECT_EQ(own.at(key), stays ? value : first.at(key)) << key.first << '.' << key.second;
+                differing += value != first.at(key);
+            }
+            EXPECT_EQ((*cut)->scene().routeCount(), (*whole)->scene().routeCount());
+        }
+        EXPECT_EQ((*cut)->verified(), (*cut)->frames());
+        EXPECT_GT(differing, 100u);
+    }
+    EXPECT_GE(logs, 4u);
+}
+
+TEST_F(Compaction, OneFieldOfManyMoves) {
+    {
+        Scene scene;
+        auto log = LogWriter::create(file(), builtinTypes());
+        ASSERT_TRUE(log);
+        NodeId nodes[2];
+        for (NodeId& node : nodes) {
+            node = scene.createNode(x3d::Transform::type);
+            ASSERT_TRUE(scene.setName(node, node == nodes[0] ? "A" : "B"));
+            ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
+        }
+        const Attachment attachment = scene.bus().attach(**log);
+        for (int k = 0; k < 10; ++k) {
+            for (const NodeId node : nodes) {
+                ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(static_cast<float>(k), 0, 0)));
+                scene.attribute(node == nodes[0] ? "anna" : "bert", node, x3d::Transform::translation.index);
+            }
+            if (k == 5) {
+                ASSERT_TRUE(scene.setName(nodes[0], "C"));
+            }
+            scene.newFrame(k);
+        }
+        ASSERT_TRUE((*log)->close());
+    }
+    CompactOptions options;
+    options.without = {"A.translation"};
+    ASSERT_TRUE(compactLog(file(), file("b.rlog"), options));
+    auto cut = Replayer::open(file("b.rlog"));
+    ASSERT_TRUE(cut);
+    std::set<std::string> authors;
+    while (*(*cut)->step()) {
+        const auto x = [&](const char* name) {
+            const NodeId node = (*cut)->scene().findName(name);
+            return node ? (*cut)->scene().node(node).get(x3d::Transform::translation).x : -1;
+        };
+        if ((*cut)->lastSet().authors)
+            for (const Authored& one : *(*cut)->lastSet().authors) authors.insert(one.author.str());
+        const float t = static_cast<float>((*cut)->time());
+        EXPECT_EQ(x("B"), t);
+        EXPECT_EQ(x("A"), t < 5 ? 0 : -1);
+        EXPECT_EQ(x("C"), t < 5 ? -1 : t);  // under another name it is another field
+    }
+    EXPECT_TRUE(authors.contains("bert"));
+    EXPECT_TRUE(authors.contains("anna"));  // of what C does
+    for (const auto& [patterns, text] : {std::pair(std::vector<std::string>{"D.*"}, "no state has a field D.*"),
+                                         {{"A.children"}, "always stay"},
+                                         {{"A"}, "expected NODE.field"}}) {
+        options.without = patterns;
+        const auto refused = compactLog(file(), file("c.rlog"), options);
+        ASSERT_FALSE(refused);
+        EXPECT_NE(refused.error().text.find(text), std::string::npos) << refused.error().text;
+        EXPECT_FALSE(std::filesystem::exists(file("c.rlog")));
+    }
 }
 
 }  // namespace

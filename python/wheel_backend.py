@@ -1,0 +1,87 @@
+"""Builds the wheel for `pip install ./python` (PEP 517) with CMake and Python's own library, so that nothing is fetched.
+
+Debian 12 has no scikit-build-core. The extension is built in a folder of its own, or, with
+`--config-settings build=FOLDER` or RTSG_BUILD, in a build folder that is there already.
+"""
+import base64
+import hashlib
+import os
+import pathlib
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+
+try:
+    import tomllib
+except ImportError:  # before 3.11
+    from pip._vendor import tomli as tomllib
+
+HERE = pathlib.Path(__file__).resolve().parent
+LEFT_OUT = ("TESTS", "BENCH", "WEB", "WINDOW")
+
+
+def get_requires_for_build_wheel(config_settings=None):
+    return []
+
+
+def build_sdist(sdist_directory, config_settings=None):
+    raise RuntimeError("the sources of the package are the whole repository, whose archive git makes; a wheel is built from a checkout")
+
+
+def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
+    """Returns the wheel's name."""
+    project = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    with tempfile.TemporaryDirectory() as folder:
+        installed = pathlib.Path(folder) / "installed"
+        build = (config_settings or {}).get("build") or os.environ.get("RTSG_BUILD")
+        if not build:
+            build = os.path.join(folder, "build")
+            configure(build)
+        run("cmake", "--build", build, "--target", "rtsg_python", "--parallel")
+        run("cmake", "--install", build, "--component", "python", "--prefix", installed, "--strip")
+        files = {path.relative_to(installed).as_posix(): path.read_bytes() for path in sorted(installed.rglob("*")) if path.is_file()}
+    for path in sorted((HERE / "rtsg").iterdir()):
+        if path.suffix in (".py", ".pyi") or path.name == "py.typed":
+            files[f"rtsg/{path.name}"] = path.read_bytes()
+    return write_wheel(pathlib.Path(wheel_directory), project, files)
+
+
+def configure(build):
+    generator = ["-G", "Ninja"] if subprocess.run(["ninja", "--version"], capture_output=True, check=False).returncode == 0 else []
+    run("cmake", "-S", HERE.parent, "-B", build, *generator, "-DCMAKE_BUILD_TYPE=Release", "-DRTSG_PYTHON=ON", f"-DPython_EXECUTABLE={sys.executable}",
+        *[f"-DRTSG_{part}=OFF" for part in LEFT_OUT])
+
+
+def run(*command):
+    try:
+        subprocess.run([str(word) for word in command], check=True, stdout=sys.stderr)
+    except FileNotFoundError:
+        raise RuntimeError(f"{command[0]} is not installed: ./dev names the packages that a build takes") from None
+
+
+def write_wheel(folder, project, files):
+    version = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    tag = f"{version}-{version}-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
+    about = f"{project['name']}-{project['version']}.dist-info"
+    metadata = [f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\nSummary: {project['description']}",
+                f"License: {project['license']['text']}", f"Requires-Python: {project['requires-python']}"]
+    metadata += [f"Requires-Dist: {need}" for need in project["dependencies"]]
+    for extra, needs in project.get("optional-dependencies", {}).items():
+        metadata += [f"Provides-Extra: {extra}"] + [f"Requires-Dist: {need} ; extra == '{extra}'" for need in needs]
+    points = "".join(f"[{group}]\n" + "".join(f"{name} = {target}\n" for name, target in names.items())
+                     for group, names in project.get("entry-points", {}).items())
+    files = {**files, f"{about}/METADATA": ("\n".join(metadata) + "\n").encode(), f"{about}/entry_points.txt": points.encode(),
+             f"{about}/WHEEL": f"Wheel-Version: 1.0\nGenerator: rtsg\nRoot-Is-Purelib: false\nTag: {tag}\n".encode()}
+    name = f"{project['name']}-{project['version']}-{tag}.whl"
+    record = []
+    with zipfile.ZipFile(folder / name, "w", zipfile.ZIP_DEFLATED) as wheel:
+        for path, data in files.items():
+            entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))  # the same wheel of the same files
+            entry.external_attr = (0o755 if path.endswith(".so") else 0o644) << 16
+            wheel.writestr(entry, data, zipfile.ZIP_DEFLATED)
+            digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()
+            record.append(f"{path},sha256={digest},{len(data)}")
+        wheel.writestr(f"{about}/RECORD", "\n".join([*record, f"{about}/RECORD,,"]) + "\n")
+    return name
