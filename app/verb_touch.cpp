@@ -77,10 +77,7 @@ class TickFile {
 class Touching {
   public:
     Touching(const TouchArguments& arguments, RunningScene& running, TickFile& ticks, const HapticOptions& options)
-        : arguments_(arguments),
-          running_(running),
-          ticks_(ticks),
-          renderer_(running.world().get(), options) {}
+        : arguments_(arguments), running_(running), ticks_(ticks), renderer_(running.world().get(), options) {}
 
     Result<> attach() {
         if (auto ok = renderer_.attachToScene(running_.scene()); !ok) return ok;

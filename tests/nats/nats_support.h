@@ -67,7 +67,8 @@ struct NatsFollower {
         if (!started) return;
         nats = std::move(*started);
         client = *MirrorClient::connect(scene, nats->endpoint(), options);
-        client->onStep([this](const RecordStep& step) { records.push_back(step.record ? step.record->header.checksum : 0); });
+        client->onStep(
+            [this](const RecordStep& step) { records.push_back(step.record ? step.record->header.checksum : 0); });
     }
     ~NatsFollower() { client.reset(); }
     /// Until it is in the scene's newest state, with its hash.
