@@ -21,6 +21,8 @@
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics, std::string_view said) {
@@ -147,6 +149,7 @@ void ResourceArguments::addTo(Command& command) {
             "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
             "memory: bytes of the whole process")
         ->repeatable();
+    addExtensions(command);
 }
 
 void NetworkArguments::addTo(Command& command) {
@@ -211,12 +214,12 @@ Resources ResourceArguments::ofReplica() const {
 
 namespace {
 
-/// The first scene with errors and their number, and whether an event of --set was refused. This is needed for the exit
-/// status, and nothing else keeps it.
+/// The first scene with errors and their number, and whether something asked for is missing. This is needed for the
+/// exit status, and nothing else keeps it.
 struct Damage {
     std::string file;
     std::size_t errors = 0;
-    bool unsent = false;
+    bool missing = false;
 } damage;
 
 /// A scene file has a whole state, which only an empty scene takes. If the scene's clock was set, it is set again.
@@ -238,6 +241,7 @@ void tellOfFailuresInTheEnd(Scene& scene) {
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
           const std::string& clip) {
     runScripts(scene);
+    extensions().registerWith(scene);
     if (file != "-" && isSceneFile(file)) {
         if (!clip.empty()) diagnostics.error({}, "it has no clip " + clip + ": only glTF files have clips");
         if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
@@ -261,13 +265,13 @@ void noteDamage(const std::string& file, std::size_t errors) {
     if (damage.file == file) damage.errors += errors;
 }
 
-void noteUnsent() {
-    damage.unsent = true;
+void noteMissing() {
+    damage.missing = true;
 }
 
 int statusOf(int status) {
     if (status != kDone) return status;
-    if (damage.errors == 0) return damage.unsent ? kBad : kDone;
+    if (damage.errors == 0) return damage.missing ? kBad : kDone;
     printError(fmt::format("{} had {} error{}: this was made of the rest of it",
                            damage.file == "-" ? "<stdin>" : damage.file, damage.errors, damage.errors == 1 ? "" : "s"));
     return kBad;

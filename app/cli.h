@@ -99,10 +99,11 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
 /// Counts errors of files that a running scene loaded later, like those of load(). `file` is the scene's.
 void noteDamage(const std::string& file, std::size_t errors);
 
-/// Notes that a requested event was refused, and that this was reported.
-void noteUnsent();
+/// Notes that something asked for is not there, such as an event that was refused or a plug-in, and that this was
+/// reported.
+void noteMissing();
 
-/// The exit status of a verb that would end with `status`. It is kBad instead of kDone if an event was refused, or if
+/// The exit status of a verb that would end with `status`. It is kBad instead of kDone if something is missing, or if
 /// the scene had errors when it was loaded or while it ran; the latter is also said on standard error.
 int statusOf(int status);
 

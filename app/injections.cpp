@@ -188,7 +188,7 @@ void Injections::sendUntil(double t, double start) {
             scene_->sendEvent(due->target.node, due->target.field, due->isNow ? Value(Time{start + t}) : due->value);
         if (sent) continue;
         printError(fmt::format("{}: {}", due->text, isThere ? sent.error().text : "its node is no longer there"));
-        noteUnsent();
+        noteMissing();
     }
 }
 

@@ -20,6 +20,7 @@
 #include <rtsg/sync/session.h>
 
 #include "cli.h"
+#include "extensions.h"
 #include "injections.h"
 #include "outputs.h"
 #include "start_time.h"
@@ -102,6 +103,7 @@ class RunningScene {
     std::vector<std::string> allowedAddresses_;
     std::unique_ptr<DisNetwork> network_;
     Injections injections_;
+    Extensions::Attached subscribers_;  // of plug-ins
 };
 
 }  // namespace rtsg::app

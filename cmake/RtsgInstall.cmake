@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(RTSG_LIBRARIES core documents scripts renderers audio sync physics dis window haptics ogre)
+set(RTSG_LIBRARIES core documents scripts renderers audio sync physics dis window haptics ogre plugins)
 list(TRANSFORM RTSG_LIBRARIES PREPEND rtsg_ OUTPUT_VARIABLE library_targets)
 install(TARGETS ${library_targets} EXPORT rtsgTargets COMPONENT libraries)
 add_custom_target(rtsg_libraries DEPENDS ${library_targets})
@@ -18,6 +18,7 @@ if(BUILD_SHARED_LIBS)
     install(FILES "${PROJECT_BINARY_DIR}/rtsg-${RTSG_PC_NAME}.pc" DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
   endforeach()
 endif()
+install(TARGETS rtsg_plugin EXPORT rtsgTargets)  # what plug-ins are compiled with
 install(TARGETS rtsg EXPORT rtsgTargets RUNTIME)
 if(RTSG_IMAGES)
   install(TARGETS rtsg_images rtsg_plain LIBRARY DESTINATION "${RTSG_MODULE_DIR}")

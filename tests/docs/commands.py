@@ -21,6 +21,7 @@ ROOT = pathlib.Path(__file__).parent.parent.parent
 NOT_RUN = {
     "bench": "measures for minutes; test_bench_scenes and test_sync run the benches small",
     "chart": "measures for minutes",
+    "build/workshop.so": "a plug-in that is built first; test_plugins has it",
     "udp:5571": "waits for a driver; app.Touch has one",
 }
 # Durations and sizes that show the same in less time.
