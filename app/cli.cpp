@@ -21,6 +21,7 @@
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
+#include "extensions.h"
 #include "say.h"
 
 namespace rtsg::app {
@@ -147,6 +148,7 @@ void ResourceArguments::addTo(Command& command) {
             "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
             "memory: bytes of the whole process")
         ->repeatable();
+    addExtensions(command);
 }
 
 void NetworkArguments::addTo(Command& command) {
@@ -238,6 +240,7 @@ void tellOfFailuresInTheEnd(Scene& scene) {
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
           const std::string& clip) {
     runScripts(scene);
+    extensions().registerWith(scene);
     if (file != "-" && isSceneFile(file)) {
         if (!clip.empty()) diagnostics.error({}, "it has no clip " + clip + ": only glTF files have clips");
         if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());

@@ -20,6 +20,8 @@
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/log_summary.h>
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -102,12 +104,10 @@ std::string either(const std::vector<std::string_view>& words) {
 void checkSceneName(const OutputName& output) {
     const bool isOfConvert = output.option == "OUT";
     MeshFormat mesh{};
-    Encoding encoding{};
-    bool gzip = false;
     if (isOfConvert &&
         (output.file == "-" || fs::path(output.file).extension() == ".rtsgb" || meshFormatFromName(output.file, mesh)))
         return;
-    if (encodingFromName(output.file, encoding, gzip)) return;
+    if (checkDocumentName(output.file, extensions().dialect().get())) return;
     throw UsageError(
         output.option,
         fmt::format("{}: no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "

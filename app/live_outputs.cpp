@@ -10,6 +10,8 @@
 
 #include <rtsg/renderers/denoise.h>
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -47,6 +49,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
         image.refine = true;
         image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
+        extensions().registerWith(*light_);
         if (!light_->attached()) return rtsg::fail(light_->failure());
     }
     if (!arguments_.listen.empty()) {
@@ -59,6 +62,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
             device_ = std::move(*device);
         } else {
             sound_ = std::make_unique<SoundRenderer>(world_, options);
+            extensions().registerWith(*sound_);
             if (!sound_->attached()) return rtsg::fail(sound_->failure());
         }
     }

@@ -13,6 +13,7 @@
 
 #include "cli.h"
 #include "command_table.h"
+#include "extensions.h"
 #include "hints.h"
 #include "verb_measure.h"
 #include "version.h"
@@ -104,7 +105,7 @@ int run(int argc, char** argv) {
     try {
         if (const auto status = program.parse(argc, argv)) return *status == 0 ? kDone : kUsage;
         for (const Verb& verb : verbs)
-            if (verb.command->parsed()) return verb.run();
+            if (verb.command->parsed()) return loadExtensions(*verb.command), verb.run();
     } catch (const UsageError& e) {
         return wrongUsage(program, e);
     }

@@ -9,13 +9,15 @@
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing) {
     Diagnostics diagnostics(file);
-    auto writer = DocumentFileWriter::create(file, diagnostics, existing);
-    if (!writer) return std::unexpected(writer.error());
     Encoding encoding = Encoding::classicVrml;
+    auto writer = DocumentFileWriter::create(file, diagnostics, existing, encoding, dialectOf(scene));
+    if (!writer) return std::unexpected(writer.error());
     bool gzip = false;
     encodingFromName(file, encoding, gzip);
     SceneExporter(scene, diagnostics).write((*writer)->handler(), encoding);
@@ -82,6 +84,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
         options.render.given =
             arguments.sound.given.open(world.scene(), false, arguments.seconds, options.render.sampleRate);
         outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
+        extensions().registerWith(*outputs->sound_);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     return outputs;
@@ -91,6 +94,7 @@ Result<> Outputs::attachLight() {
     ImageOptions image = arguments_.picture.parse();
     image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
     light_ = std::make_unique<LightRenderer>(world_.get(), LightRenderer::Options(resources_, image));
+    extensions().registerWith(*light_);
     if (!light_->attached()) return fail(light_->failure());
     return {};
 }

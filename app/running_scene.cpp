@@ -15,6 +15,7 @@
 #include <rtsg/renderers/world_queries.h>
 #include <rtsg/scripts/run_scripts.h>
 
+#include "extensions.h"
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -111,6 +112,7 @@ Result<ResumedSession> RunningScene::resume(const std::string& log) {
     ResumeOptions options;
     options.progress = progressBar("reading " + log);
     runScripts(scene_);
+    extensions().registerWith(scene_);
     auto session = resumeSession(log, scene_, options);
     if (!session) return session;
     scene_.setScriptResources(std::make_shared<const Resources>(resources_));
@@ -140,6 +142,7 @@ void RunningScene::followInlines() {
     scene_.setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(scene_);
     network_ = std::make_unique<DisNetwork>(scene_, DisOptions{.allowed = allowedAddresses_});
+    subscribers_ = attachSubscribers(scene_);
 }
 
 void RunningScene::measureAllTexts() {

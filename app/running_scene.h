@@ -20,6 +20,7 @@
 #include <rtsg/sync/session.h>
 
 #include "cli.h"
+#include "extensions.h"
 #include "followed_file.h"
 #include "injections.h"
 #include "outputs.h"
@@ -110,6 +111,7 @@ class RunningScene {
     std::unique_ptr<DisNetwork> network_;
     Injections injections_;
     std::function<void(double t)> before_;
+    Extensions::Attached subscribers_;  // of plug-ins
 };
 
 }  // namespace rtsg::app

@@ -4,6 +4,8 @@
 #include <memory>
 #include <utility>
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, const Resources& resources) {
@@ -16,6 +18,7 @@ Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, co
     ImageOptions image = outputs.picture.parse();
     image.settings.progress = [](double) { return !interrupted(); };
     LightRenderer light(world.get(), LightRenderer::Options(resources, image));
+    extensions().registerWith(light);
     if (!light.attached()) return fail(light.failure());
     RenderStats stats;
     Result<Picture> picture = light.picture(image, &stats);

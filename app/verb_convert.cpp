@@ -20,6 +20,7 @@
 
 #include "cli.h"
 #include "export/triangulate.h"
+#include "extensions.h"
 #include "files.h"
 #include "start_time.h"
 
@@ -52,7 +53,8 @@ Encoding encodingOf(const ConvertArguments& options) {
 DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
                           std::vector<std::unique_ptr<DocumentHandler>>& chain) {
     const std::string file = options.in == "-" ? "" : options.in;
-    const FilterContext context{diagnostics, Resources::ofFile(options.in), file, ecmaScript().get()};
+    const FilterContext context{diagnostics, Resources::ofFile(options.in), file, ecmaScript().get(),
+                                extensions().dialect()};
     DocumentHandler* first = &last;
     for (const std::string& name : options.filters | std::views::reverse) {
         if (name.starts_with(std::string(kTriangulate) + '='))
@@ -77,6 +79,7 @@ int convertBinary(const ConvertArguments& options) {
     Diagnostics diagnostics(options.in);
     Scene scene;
     runScripts(scene);
+    extensions().registerWith(scene);
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     bool ok = true;
     if (isSceneFile(options.in)) {
@@ -90,8 +93,9 @@ int convertBinary(const ConvertArguments& options) {
         if (options.in != "-") build.file = options.in;
         SceneBuilder builder(scene, diagnostics, build);
         const Progress bar = progressBar("reading " + options.in);
-        ok = readDocumentFile(options.in, *filtered(options, builder, diagnostics, chain), diagnostics,
-                              {.progress = bar, .threads = options.threads, .clip = options.clip});
+        ok = readDocumentFile(
+            options.in, *filtered(options, builder, diagnostics, chain), diagnostics,
+            {.progress = bar, .threads = options.threads, .clip = options.clip, .dialect = extensions().dialect()});
         builder.finish();
         if (bar) bar(1, 1);
         scene.newFrame(0);
@@ -111,8 +115,8 @@ int convertBinary(const ConvertArguments& options) {
     } else if (isBinaryName(options.out)) {
         written = writeSceneFile(scene, options.out, existing(options.force));
     } else {
-        auto writer =
-            DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options));
+        auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options),
+                                                 dialectOf(scene));
         if (!writer) return printError(writer.error()), kBad;
         DocumentHandler* first = &(*writer)->handler();
         if (isSceneFile(options.in)) first = filtered(options, *first, diagnostics, chain);
@@ -136,7 +140,8 @@ int convert(const ConvertArguments& options) {
         return convertBinary(options);
     Diagnostics diagnostics(options.in);
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
-    auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options));
+    auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options),
+                                             extensions().dialect());
     if (!writer) return printError(writer.error()), kBad;
     const Progress bar = progressBar("converting " + options.in);
     const Progress progress = [&](std::uint64_t done, std::uint64_t total) {
@@ -152,8 +157,9 @@ int convert(const ConvertArguments& options) {
     // The copy must not replace a file that the document loads.
     std::optional<DocumentFiles> used;
     if (std::filesystem::exists(options.out)) first = &used.emplace(*first, Resources::ofFile(options.in));
-    const bool ok = readDocumentFile(options.in, *first, diagnostics,
-                                     {.progress = progress, .threads = options.threads, .clip = options.clip});
+    const bool ok = readDocumentFile(
+        options.in, *first, diagnostics,
+        {.progress = progress, .threads = options.threads, .clip = options.clip, .dialect = extensions().dialect()});
     if (bar) bar(1, 1);
     print(diagnostics);
     if (used) keepFiles(used->files(), {{"OUT", options.out, OutputKind::scene}});
@@ -185,6 +191,7 @@ Verb addConvert(Command& program) {
         ->oneOf({"x3d", "x3dv", "wrl", "json"});
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
     addClip(*command, options->clip);
+    addExtensions(*command);
     command->addOption("--threads", options->threads,
                        "threads that read a list of numbers of more than 4 MiB (0: one a core; at most 8)");
     std::string list = "Filters:\n";

@@ -14,6 +14,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
+#include "extensions.h"
 #include "files.h"
 #include "outputs.h"
 #include "start_time.h"
@@ -62,7 +63,8 @@ void printCounts(const std::map<std::string, std::size_t>& counts) {
 
 /// Counts the triangles of all instances: a mesh that is used twice counts twice.
 void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
-    const SharedWorld world(scene, worldOptions(resources));  // no rays are asked for: no BVH is built
+    SharedWorld world(scene, worldOptions(resources));  // no rays are asked for: no BVH is built
+    extensions().registerWith(world);
     const InstanceDelta all = world.flattener().snapshot();
     std::map<NodeId, std::size_t> triangles;
     for (const auto& geometry : all.geometries)

@@ -13,6 +13,7 @@
 #include <rtsg/core/output_file.h>
 #include <rtsg/renderers/picture.h>
 
+#include "extensions.h"
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -238,6 +239,7 @@ int listenTo(const ListenArguments& options) {
     };
     SharedWorld& world = running.world().get();
     SoundRenderer sound(world, listening);
+    extensions().registerWith(sound);
     auto report = listen(sound, listening);
     if (progress) progress(1, 1);
     if (interrupted()) return printError("interrupted: nothing was written"), kBad;

@@ -17,6 +17,7 @@
 
 #include "behind.h"
 #include "cli.h"
+#include "extensions.h"
 #include "health.h"
 #include "live_outputs.h"
 #include "nats.h"
@@ -201,7 +202,9 @@ class Mirroring {
           patience_(parseSeconds(options.patience)),
           latency_(parseSeconds(options.latency)),
           resources_(options.outputs.resources.ofReplica()),
-          requests_(options.requests) {}
+          requests_(options.requests) {
+        extensions().registerBehaviours(replica_);
+    }
 
     int run();
 
@@ -282,6 +285,7 @@ class Mirroring {
     std::size_t controls_ = 0, replies_ = 0;  // commands sent and answered
     std::unique_ptr<MirrorClient> client_;    // null after leaving
     MirrorStatistics last_;
+    Extensions::Attached subscribers_;  // of plug-ins
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when --for was over
@@ -306,6 +310,7 @@ bool Mirroring::join() {
     OutputArguments arguments = options_.outputs;
     if (!options_.duration.empty()) arguments.seconds = duration_;
     arguments.endsByInterruption = options_.duration.empty();
+    subscribers_ = attachSubscribers(replica_);
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
     if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
     tellServiceManager("READY=1");

@@ -7,6 +7,7 @@
 
 #include <rtsg/ogre/ogre_renderer.h>
 
+#include "extensions.h"
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -92,6 +93,7 @@ class PictureMaker {
             raster_ = std::make_unique<OgreRenderer>(world, std::move(options));
         else
             light_ = std::make_unique<LightRenderer>(world, std::move(options));
+        if (light_) extensions().registerWith(*light_);
     }
     Result<> remember(const ImageOptions& image) { return light_ ? light_->remember(image) : Result<>(); }
     Result<int> write(const std::string& file, const ImageOptions& image, const AnimationOptions& animation,

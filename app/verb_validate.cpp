@@ -15,6 +15,7 @@
 #include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
+#include "extensions.h"
 
 namespace rtsg::app {
 
@@ -69,10 +70,13 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
         BuildOptions options;
         options.resources = resources;
         if (file != "-") options.file = file;
+        extensions().registerWith(scene);
         SceneBuilder builder(scene, diagnostics, options);
         UrlPlaces places(builder);
-        const auto check = makeFilter("validate", places, {diagnostics, resources, file, ecmaScript().get()});
-        const bool complete = check && readDocumentFile(file, **check, diagnostics);
+        const auto check =
+            makeFilter("validate", places, {diagnostics, resources, file, ecmaScript().get(), extensions().dialect()});
+        const bool complete =
+            check && readDocumentFile(file, **check, diagnostics, {.dialect = extensions().dialect()});
         builder.finish();
         print(diagnostics);
         usable = complete || !builder.roots().empty();

@@ -1,6 +1,8 @@
 // Makes the world of a scene when it is first asked for.
 #include "world_on_demand.h"
 
+#include "extensions.h"
+
 namespace rtsg::app {
 
 SharedWorld::Options worldOptions(const Resources& resources) {
@@ -21,7 +23,10 @@ std::optional<Flattener::Cuts> WorldOnDemand::cuts() const {
 }
 
 SharedWorld& WorldOnDemand::get() {
-    if (!world_) world_ = std::make_unique<SharedWorld>(scene_, options_);
+    if (!world_) {
+        world_ = std::make_unique<SharedWorld>(scene_, options_);
+        extensions().registerWith(*world_);
+    }
     return *world_;
 }
 

@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(RTSG_LIBRARIES core documents scripts renderers audio sync feeds physics dis window haptics ogre nats)
+set(RTSG_LIBRARIES core documents scripts renderers audio sync feeds physics dis window haptics ogre nats plugins)
 list(TRANSFORM RTSG_LIBRARIES PREPEND rtsg_ OUTPUT_VARIABLE library_targets)
 install(TARGETS ${library_targets} EXPORT rtsgTargets COMPONENT libraries)
 if(NOT BUILD_SHARED_LIBS)
@@ -22,6 +22,7 @@ if(BUILD_SHARED_LIBS)
     install(FILES "${PROJECT_BINARY_DIR}/rtsg-${RTSG_PC_NAME}.pc" DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
   endforeach()
 endif()
+install(TARGETS rtsg_plugin EXPORT rtsgTargets)  # what plug-ins are compiled with
 install(TARGETS rtsg EXPORT rtsgTargets RUNTIME)
 get_property(module_targets GLOBAL PROPERTY RTSG_MODULE_TARGETS)
 install(TARGETS ${module_targets} LIBRARY DESTINATION "${RTSG_MODULE_DIR}")

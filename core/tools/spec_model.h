@@ -1,9 +1,11 @@
 // Model of the node tables (*.x3dspec): what the parser reads, what the emitter writes.
 //
-// Host tool of the build: plain standard C++, no dependency on the library it generates code for.
+// For the host tool of the build, and for tables that are read at run time: plain standard C++, no dependency on the
+// library it generates code for.
 // The notation is described in core/spec/README.md.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <map>
 #include <string>
@@ -74,10 +76,12 @@ struct Type {
     int state = 0;                        // 0 untouched, 1 being resolved, 2 done
 };
 
-/// Everything read so far. Errors go to stderr as `file:line: error: text` and are counted; the parser reports only
-/// the first of a line.
+/// Everything read so far. Errors are reported and counted; the parser reports only the first of a line.
 class Model {
   public:
+    using Report = std::function<void(const Position& where, const std::string& text)>;
+    /// Without a function errors go to stderr as `file:line: error: text`.
+    explicit Model(Report report = {}) : report_(std::move(report)) {}
     void parse(const std::string& file, const std::string& text, bool imported);
     /// Inherits fields, applies retags and extensions, checks every name; call once after the last parse().
     void resolve();
@@ -106,6 +110,7 @@ class Model {
     void checkTags(const Type& type);
     Type* lookup(std::string_view name);
 
+    Report report_;
     std::vector<Type> types_;
     std::map<std::string, std::size_t, std::less<>> byName_;
     struct Extension {

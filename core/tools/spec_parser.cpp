@@ -140,6 +140,7 @@ void Model::error(const Position& where, const std::string& text) {
     ++errors_;
     if (parsing_ && errorLine_ == where.line) return;
     errorLine_ = where.line;
+    if (report_) return report_(where, text);
     std::cerr << where.file << ':' << where.line << ": error: " << text << '\n';
 }
 

@@ -22,6 +22,7 @@ NOT_RUN = {
     "bench": "measures for minutes; test_bench_scenes and test_sync run the benches small",
     "chart": "measures for minutes",
     "nats://": "needs a NATS server; app.NatsOption has one",
+    "build/workshop.so": "a plug-in that is built first; test_plugins has it",
     "udp:5571": "waits for a driver; app.Touch has one",
 }
 # Durations and sizes that show the same in less time.

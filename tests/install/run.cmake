@@ -75,3 +75,8 @@ foreach(pair IN LISTS modules)
   endif()
 endforeach()
 step("${WORK}/prefix/bin/rtsg" info "${WORK}/box.x3dv")
+
+# A plug-in, built as a stranger builds it, and loaded by the installed program.
+step("${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S "${SOURCE}/examples/plugin" -B "${WORK}/plugin" "-DCMAKE_PREFIX_PATH=${WORK}/prefix" ${FLAGS})
+step("${CMAKE_COMMAND}" --build "${WORK}/plugin")
+step("${WORK}/prefix/bin/rtsg" info "${SOURCE}/examples/plugin/spinner.x3dv" --plugin "${WORK}/plugin/workshop.so")

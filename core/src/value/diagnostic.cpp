@@ -76,6 +76,8 @@ constexpr FileCode kFileCodes[] = {
     {"/haptics/src/", DiagnosticCode("touch")},
     {"/window/src/", DiagnosticCode("window")},
     {"/dis/src/", DiagnosticCode("dis")},
+    {"/plugins/src/tables/", DiagnosticCode("node-table")},
+    {"/plugins/src/", DiagnosticCode("plug-in")},
     {"/app/export/", DiagnosticCode("mcap")},
     {"/app/files", DiagnosticCode("output")},
     {"/app/output", DiagnosticCode("output")},

@@ -10,6 +10,7 @@
 #include <tuple>
 #include <unordered_set>
 
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/scene_builder.h>
 
 #include "commands/document_head.h"
@@ -39,7 +40,7 @@ class LoadSession {
     /// The file behind `url`, seen from the folder `from`, as far as `nodesLeft` nodes go. Fails for a file that the
     /// policy refuses, that is missing, or that has no usable content.
     Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url,
-                       std::uint64_t nodesLeft);
+                       std::uint64_t nodesLeft, const std::shared_ptr<const Dialect>& dialect);
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
         return &environments_.emplace_back(outer, visible);
     }
@@ -137,6 +138,7 @@ struct SceneBuilder::State {
     Scene& scene;
     Diagnostics& diagnostics;
     BuildOptions options;
+    std::shared_ptr<const Dialect> dialect;  // of the scene; null: none
     LoadSession session;
 
     std::vector<OpenNode> open;  // reused: only the first `openCount` are live

@@ -26,6 +26,9 @@ namespace {
 /// Those of this library.
 class Documents final : public DocumentServices {
   public:
+    explicit Documents(std::shared_ptr<const Dialect> added = {}) : dialect(std::move(added)) {}
+    const std::shared_ptr<const Dialect> dialect;
+
     Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
                                          const Resources* resources) const override;
     Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope,
@@ -111,7 +114,7 @@ Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, No
                                          wanted.declaration, declaredName(wanted));
     Diagnostics diagnostics{wanted.name};
     SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
-    readDocument(text, builder, diagnostics);
+    readDocument(text, builder, diagnostics, {.dialect = dialectOf(scene)});
     builder.finish();
     if (builder.roots().size() == 1 && scene.node(builder.roots()[0]).typeIndex() == type) {
         Diagnostics errors;  // of an EXTERNPROTO that leads nowhere: its instances do nothing
@@ -138,7 +141,7 @@ Result<> Documents::declareAs(Scene& scene, TypeIndex type, std::string_view nam
         fmt::format("#X3D V4.0 utf8\n{}{}\n", declarationsFor(scene, wanted), renamed(wanted, name));
     Diagnostics diagnostics{std::string(name)};
     SceneBuilder builder(scene, diagnostics, detachedOptions({}, resources));
-    readDocument(text, builder, diagnostics);
+    readDocument(text, builder, diagnostics, {.dialect = dialectOf(scene)});
     builder.finish();
     if (scene.findType(name)) return {};
     return fail(firstError(diagnostics).value_or(fmt::format("{} is no name for a prototype", name)));
@@ -182,7 +185,7 @@ Result<DocumentServices::Piece> Documents::makePiece(Scene& scene, std::string_v
                                                      const Resources* resources) const {
     Diagnostics diagnostics{"text"};
     SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
-    const bool complete = readDocument(text, builder, diagnostics, {.headerless = true});
+    const bool complete = readDocument(text, builder, diagnostics, {.headerless = true, .dialect = dialectOf(scene)});
     builder.finish();
     return pieceOf(scene, builder, complete, diagnostics);
 }
@@ -202,7 +205,8 @@ Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId 
     options.namedByUrl = true;
     SceneBuilder builder(scene, diagnostics, options);
     const bool complete =
-        readDocumentFile(opened->file, builder, diagnostics, {.maximumBytes = resources->policy().maximumBytes});
+        readDocumentFile(opened->file, builder, diagnostics,
+                         {.maximumBytes = resources->policy().maximumBytes, .dialect = dialectOf(scene)});
     builder.finish();
     return pieceOf(scene, builder, complete, diagnostics);
 }
@@ -285,7 +289,24 @@ std::vector<DocumentServices::ProfileParts> Documents::profiles() const {
 
 void registerDocuments(Scene& scene) {
     static const auto& documents = lasting([] { return std::make_shared<const Documents>(); });
-    if (&scene.documents() != documents.get()) scene.setDocuments(documents);
+    if (!dynamic_cast<const Documents*>(&scene.documents())) scene.setDocuments(documents);
+}
+
+void registerDocuments(Scene& scene, std::shared_ptr<const Dialect> dialect) {
+    scene.setDocuments(std::make_shared<const Documents>(std::move(dialect)));
+}
+
+std::shared_ptr<const Dialect> dialectOf(const Scene& scene) {
+    const auto* documents = dynamic_cast<const Documents*>(&scene.documents());
+    std::shared_ptr<const Dialect> registered = documents ? documents->dialect : nullptr;
+    std::shared_ptr<Dialect> more;
+    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i) {
+        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
+        if (type.kind != NodeType::Kind::user || (registered && registered->findType(type.name))) continue;
+        if (!more) more = registered ? std::make_shared<Dialect>(*registered) : std::make_shared<Dialect>();
+        (void)more->add(std::shared_ptr<const NodeType>(std::shared_ptr<void>(), &type));  // the scene keeps it
+    }
+    return more ? more : registered;
 }
 
 }  // namespace rtsg

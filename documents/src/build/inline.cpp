@@ -48,7 +48,8 @@ const Array<NodeId>& contentOf(const Node& node) {
 }  // namespace
 
 Result<LoadSession::File*> LoadSession::open(const Resources& resources, const std::filesystem::path& from,
-                                             std::string_view url, std::uint64_t nodesLeft) {
+                                             std::string_view url, std::uint64_t nodesLeft,
+                                             const std::shared_ptr<const Dialect>& dialect) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
     const auto base = Resources::folderBehind(from, url);
@@ -59,7 +60,7 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
         file->source = {resource->path(), base, resource->name()};
         file->diagnostics.setFile(resource->name());
         CommandList& commands = file->commands;
-        detail::readResource(*resource, policy.maximumBytes, detail::openBeside(resources, base), commands,
+        detail::readResource(*resource, policy.maximumBytes, detail::openBeside(resources, base), dialect, commands,
                              file->diagnostics);
         if (commands.isFull()) file->diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     }
@@ -110,7 +111,7 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     for (const String& url : urls) {
         Result<LoadSession::File*> file = fail({});
         for (std::size_t i = 0; i < folders.size() && !file; ++i) {
-            auto one = session.open(*options.resources, folders[i], url, nodesLeft());
+            auto one = session.open(*options.resources, folders[i], url, nodesLeft(), dialect);
             if (one || i == 0) file = std::move(one);
         }
         if (file && std::ranges::any_of(scopes, [&](const auto& one) {

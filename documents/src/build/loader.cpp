@@ -26,7 +26,8 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
     if (file != "-") build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
     const bool complete = readDocumentFile(
-        file, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
+        file, builder, diagnostics,
+        {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
     builder.finish();
     return complete || !builder.roots().empty();
 }
@@ -35,7 +36,8 @@ bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, con
               const LoadOptions& options) {
     SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
     const bool complete = readDocument(
-        text, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
+        text, builder, diagnostics,
+        {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
     builder.finish();
     return complete || !builder.roots().empty();
 }

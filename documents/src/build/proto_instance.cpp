@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/lasting.h>
+#include <rtsg/documents/loader.h>
 
 #include "builder_state.h"
 
@@ -182,7 +183,7 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
     std::string why;
     const auto failed = [&](const std::string& reason) { why += (why.empty() ? "" : "; ") + reason; };
     for (const std::string& url : declaration.url) {
-        const auto file = session.open(*options.resources, declaration.source->base, url, nodesLeft());
+        const auto file = session.open(*options.resources, declaration.source->base, url, nodesLeft(), dialect);
         if (!file) {
             failed(file.error().text);
             continue;
@@ -358,6 +359,7 @@ void SceneBuilder::State::checkUnusedProtos() {
     for (std::size_t i = 0; i < declared.size(); ++i) unused |= !declared.at(i)->external && !declared.at(i)->instanced;
     if (!unused || isTrial) return;
     Scene scratch;
+    registerDocuments(scratch, dialect);
     Diagnostics found(diagnostics.file());
     BuildOptions trialOptions = options;
     trialOptions.loadInlines = false;

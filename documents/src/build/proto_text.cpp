@@ -77,7 +77,7 @@ Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnosti
 Result<NodeId> SceneBuilder::instantiate(std::string_view proto, std::string_view declarations, NodeId scope) {
     State& s = *state_;
     s.scope().declarationsOnly = true;
-    readDocument(declarations, *this, s.diagnostics);
+    readDocument(declarations, *this, s.diagnostics, {.dialect = s.dialect});
     finish();
     if (!s.scope().environment->findHere(proto)) return fail(fmt::format("the declaration of {} is not known", proto));
     s.scope().declarationsOnly = false;

@@ -73,6 +73,7 @@ const FieldDef& OpenNode::field(FieldIndex index) const {
 SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions)
     : handler(builder), scene(target), diagnostics(sink), options(std::move(buildOptions)) {
     registerDocuments(scene);
+    dialect = dialectOf(scene);
     DocumentSource source;
     std::error_code ignored;
     if (!options.file.empty()) source.path = std::filesystem::weakly_canonical(options.file, ignored);
@@ -146,6 +147,12 @@ std::pair<TypeIndex, const NodeType*> SceneBuilder::State::findBuiltin(std::stri
         const NodeType& type = scene.type(*index);
         const bool fromTables = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
         if (fromTables && !type.internal) result = {*index, &type};
+    } else if (const auto own = dialect ? dialect->findType(name) : nullptr) {
+        // The scene learns a type of a table with the first node of it: what nobody uses travels nowhere.
+        if (const auto defined = scene.defineType(own))
+            result = {*defined, own.get()};
+        else
+            diagnostics.error({}, defined.error().text);
     }
     builtin.emplace(std::string(name), result);
     return result;

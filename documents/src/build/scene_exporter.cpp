@@ -11,6 +11,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/command_list.h>
 #include <rtsg/documents/filter.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/documents/read_document.h>
 
 #include "builder_state.h"
@@ -427,7 +428,7 @@ void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
     if (text.empty()) return;
     CommandList read;
     Diagnostics again(diagnostics.file());  // what there is to say of values was said when they were loaded
-    readDocument(text, read, again);
+    readDocument(text, read, again, {.dialect = dialectOf(scene)});
     if (again.errors() > 0) diagnostics.append(again);
     read.replay(declarations);
     Contents contents(&handler);

@@ -108,7 +108,9 @@ std::optional<Fragment> createX3DFromString(Scene& scene, std::string_view text,
     BuildOptions build = buildOptions(options, Resources());
     build.detached = true;
     SceneBuilder builder(scene, diagnostics, build);
-    const bool complete = readDocument(text, builder, diagnostics, {options.progress, options.threads, true});
+    const bool complete = readDocument(
+        text, builder, diagnostics,
+        {.progress = options.progress, .threads = options.threads, .headerless = true, .dialect = dialectOf(scene)});
     builder.finish();
     return fragmentOf(builder, complete);
 }
@@ -131,7 +133,8 @@ std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::p
     build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
     const bool complete = readDocumentFile(
-        file, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
+        file, builder, diagnostics,
+        {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
     builder.finish();
     return fragmentOf(builder, complete);
 }
@@ -171,6 +174,7 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
     CommandList commands(limits);
     const std::size_t errors = diagnostics.errors();
     reading.clip = options.clip;
+    reading.dialect = dialectOf(scene);
     const bool complete = readDocumentFile(file, commands, diagnostics, reading);
     if (commands.isFull()) diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     // A document without nodes is a world, too, but for one that is no document.
@@ -191,12 +195,13 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
 Result<> saveWorld(const Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics, Existing existing) {
     Encoding encoding = Encoding::classicVrml;
     bool gzip = false;
-    if (file != "-" && !encodingFromName(file, encoding, gzip))
+    const auto dialect = dialectOf(scene);
+    if (file != "-" && !encodingFromName(file, encoding, gzip) && !checkDocumentName(file, dialect.get()))
         return fail(
             fmt::format("{}: the name says nothing about the encoding (.x3d, .x3dv, .wrl, .json; z or .gz "
                         "behind it for gzip)",
                         file.string()));
-    auto writer = DocumentFileWriter::create(file, diagnostics, existing);
+    auto writer = DocumentFileWriter::create(file, diagnostics, existing, encoding, dialect);
     if (!writer) return std::unexpected(std::move(writer.error()));
     SceneExporter(scene, diagnostics).write((*writer)->handler(), encoding);
     return (*writer)->close();

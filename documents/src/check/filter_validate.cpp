@@ -46,8 +46,9 @@ constexpr Indices kIndices[] = {{"coordIndex", "coord", "point"},     {"index", 
 
 class Validate final : public Filter {
   public:
-    Validate(DocumentHandler& next, Diagnostics& diagnostics, const ScriptLanguage* scripts)
-        : Filter(next), diagnostics_(diagnostics), scripts_(scripts) {}
+    Validate(DocumentHandler& next, Diagnostics& diagnostics, const ScriptLanguage* scripts,
+             std::shared_ptr<const Dialect> dialect)
+        : Filter(next), diagnostics_(diagnostics), scripts_(scripts), dialect_(std::move(dialect)) {}
 
     void beginDocument(const DocumentHeader& header) override {
         if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, header.where, diagnostics_);
@@ -60,7 +61,7 @@ class Validate final : public Filter {
         Filter::beginDocument(header);
     }
     void component(std::string_view name, int level, SourceLocation where) override {
-        profile_.component(name, level, where, diagnostics_);
+        if (!isOfDialect(name)) profile_.component(name, level, where, diagnostics_);
         Filter::component(name, level, where);
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
@@ -277,8 +278,15 @@ class Validate final : public Filter {
         }
     }
 
+    /// A table of the user's has nodes of this component.
+    bool isOfDialect(std::string_view component) const {
+        return dialect_ && std::ranges::any_of(dialect_->nodeTypes(),
+                                               [&](const auto& type) { return type->component == component; });
+    }
+
     Diagnostics& diagnostics_;
     const ScriptLanguage* scripts_;
+    std::shared_ptr<const Dialect> dialect_;
     ProfileCheck profile_;
     std::vector<ValidatedNode> open_;
     std::vector<std::unordered_map<std::string, ValidatedNode::Child>> scopes_{1};  // by DEF
@@ -288,8 +296,8 @@ class Validate final : public Filter {
 }  // namespace
 
 std::unique_ptr<DocumentHandler> makeValidate(DocumentHandler& next, Diagnostics& diagnostics,
-                                              const ScriptLanguage* scripts) {
-    return std::make_unique<Validate>(next, diagnostics, scripts);
+                                              const ScriptLanguage* scripts, std::shared_ptr<const Dialect> dialect) {
+    return std::make_unique<Validate>(next, diagnostics, scripts, std::move(dialect));
 }
 
 }  // namespace rtsg::detail

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <rtsg/core/value.h>
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/document_handler.h>
 
 namespace rtsg {
@@ -71,7 +72,7 @@ struct ValidatedNode {
 /// A filter that reports what fits together badly. `scripts`: by which the texts of Scripts are checked; null: not at
 /// all.
 std::unique_ptr<DocumentHandler> makeValidate(DocumentHandler& next, Diagnostics& diagnostics,
-                                              const ScriptLanguage* scripts);
+                                              const ScriptLanguage* scripts, std::shared_ptr<const Dialect> dialect);
 /// Warns of lists that have too few or too many values beside others, do not ascend, or say nothing.
 void checkCounts(const ValidatedNode& node, SourceLocation where, Diagnostics& diagnostics);
 /// Warns of triangles and faces without an area.

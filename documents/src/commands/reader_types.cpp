@@ -182,13 +182,13 @@ bool ReaderTypes::declaredHere(std::string_view proto) const {
 }
 
 std::string ReaderTypes::protoName(std::string_view name) const {
-    if (!findBuiltinType(name)) return std::string(name);
+    if (!fromTables(name)) return std::string(name);
     return isInVersion(name, version_) && !instancesAreTold_ ? std::string() : std::string(name) + '_';
 }
 
 bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name) {
     if (declaredHere(name)) return false;
-    if (findBuiltinType(name)) {
+    if (fromTables(name)) {
         if (proto->name == name) return false;
         shadows_ = shadows_ || !isInVersion(name, version_);
     }
@@ -200,17 +200,22 @@ bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, st
 ReaderTypes::Extern ReaderTypes::declareExtern(const std::shared_ptr<ProtoType>& proto) {
     proto->calledInFile = proto->name;
     const std::string name = protoName(proto->calledInFile);
+    const bool isOurs = !findBuiltinType(proto->calledInFile) && fromTables(proto->calledInFile);
     const bool isLater = !name.empty() && name != proto->calledInFile;
-    if (isLater) {
+    if (isLater || isOurs) {
         NodeShape builtin;
-        builtin.type = findBuiltinType(proto->calledInFile);
+        builtin.type = fromTables(proto->calledInFile);
         const auto isItsField = [&](const FieldDeclaration& field) {
             const FieldRef found = findField(builtin, field.name);
             return found && found.type == field.type;
         };
-        const bool isOfVersion = isInVersion(proto->calledInFile, version_);
-        if (!isOfVersion && std::ranges::all_of(proto->fields.all(), isItsField)) return Extern::isBuiltin;
-        proto->name = name;
+        const bool isItself = std::ranges::all_of(proto->fields.all(), isItsField);
+        if (isOurs && isItself) {
+            ours_.try_emplace(proto->calledInFile, proto);
+            return Extern::isOurs;
+        }
+        if (!isInVersion(proto->calledInFile, version_) && isItself) return Extern::isBuiltin;
+        if (isLater) proto->name = name;
     }
     if (!declareProto(proto, proto->calledInFile)) return Extern::isThere;
     return isLater ? Extern::renamed : Extern::declared;
@@ -222,10 +227,21 @@ std::shared_ptr<const ProtoType> ReaderTypes::findProto(std::string_view name) c
     return found == protos_.end() ? nullptr : found->second.back().proto;
 }
 
+NodeShape ReaderTypes::findInstance(std::string_view proto) const {
+    NodeShape shape;
+    shape.proto = findProto(proto);
+    if (shape.proto) return shape;
+    if (const auto ours = ours_.find(std::string(proto)); ours != ours_.end()) {
+        shape.type = fromTables(proto);
+        shape.proto = ours->second;
+    }
+    return shape;
+}
+
 NodeShape ReaderTypes::find(std::string_view type) const {
     NodeShape shape;
     if (shadows_ && !(findBuiltinType(type) && isInVersion(type, version_))) shape.proto = findProto(type);
-    if (!shape.proto) shape.type = findBuiltinType(type);
+    if (!shape.proto) shape.type = fromTables(type);
     if (!shape.type && !shape.proto) shape.proto = findProto(type);
     if (!shape.known()) shape.unknown = std::make_shared<const std::string>(type);
     return shape;

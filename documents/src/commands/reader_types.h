@@ -15,6 +15,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/document_handler.h>
 
 namespace rtsg::detail {
@@ -105,7 +106,8 @@ class GivenFields {
 
 class ReaderTypes {
   public:
-    ReaderTypes() { pushScope(); }
+    /// `dialect`: whose node types are known beside the built-in ones; null: none.
+    explicit ReaderTypes(std::shared_ptr<const Dialect> dialect = {}) : dialect_(std::move(dialect)) { pushScope(); }
 
     void pushScope() { scopes_.emplace_back(); }
     void popScope();
@@ -126,12 +128,14 @@ class ReaderTypes {
     /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
     bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);
     bool declareProto(const std::shared_ptr<const ProtoType>& proto) { return declareProto(proto, proto->name); }
-    /// Chooses the name of an EXTERNPROTO. If it is that of a later version's node and all its fields are that node's,
-    /// it means the node: then nothing is declared, as when there is such a type already.
-    enum class Extern : std::uint8_t { declared, renamed, isBuiltin, isThere };
+    /// Chooses the name of an EXTERNPROTO. If it is that of a later version's node, or of one of the dialect, and all
+    /// its fields are that node's, it means the node: then nothing is declared, as when there is such a type already.
+    enum class Extern : std::uint8_t { declared, renamed, isBuiltin, isOurs, isThere };
     Extern declareExtern(const std::shared_ptr<ProtoType>& proto);
     bool declaredHere(std::string_view proto) const;
     NodeShape find(std::string_view type) const;
+    /// What an instance of a prototype is: of one that stands for a node of the dialect both are there.
+    NodeShape findInstance(std::string_view proto) const;
     /// Just the prototype, built-in or not.
     std::shared_ptr<const ProtoType> findProto(std::string_view name) const;
 
@@ -148,11 +152,19 @@ class ReaderTypes {
         std::size_t scope;
         std::shared_ptr<const ProtoType> proto;
     };
+    /// A type of a table, built in or of the dialect; null if there is none.
+    const NodeType* fromTables(std::string_view name) const {
+        const NodeType* builtin = findBuiltinType(name);
+        return builtin || !dialect_ ? builtin : dialect_->findType(name).get();  // the dialect keeps it
+    }
+
+    std::shared_ptr<const Dialect> dialect_;
     std::string version_ = "4.0";
     bool shadows_ = false;  // a PROTO has the name of a later version's node, and is meant by it
     bool instancesAreTold_ = false;
     std::vector<Scope> scopes_;
     std::unordered_map<std::string, std::vector<Declared>> protos_;
+    std::unordered_map<std::string, std::shared_ptr<const ProtoType>> ours_;  // EXTERNPROTOs of the dialect's nodes
 };
 
 }  // namespace rtsg::detail

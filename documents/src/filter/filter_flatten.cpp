@@ -8,6 +8,7 @@
 
 #include <rtsg/core/placement.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/documents/scene_builder.h>
 #include <rtsg/documents/scene_exporter.h>
 
@@ -41,11 +42,16 @@ class WithVersion final : public Filter {
     const std::string version_;
 };
 
+Scene& knowing(Scene& scene, const std::shared_ptr<const Dialect>& dialect) {
+    if (dialect) registerDocuments(scene, dialect);
+    return scene;
+}
+
 struct SceneOfDocument {
     Scene scene;
     SceneBuilder builder;
     SceneOfDocument(const FilterContext& context, bool loadInlines)
-        : builder(scene, context.diagnostics, buildOptions(context, loadInlines)) {}
+        : builder(knowing(scene, context.dialect), context.diagnostics, buildOptions(context, loadInlines)) {}
 };
 
 /// 7.2.2: nothing in an Inline is bound by itself. Warns of each kind of bindable node whose first one now comes from a

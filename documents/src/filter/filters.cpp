@@ -77,7 +77,7 @@ Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, Docum
     if (name == "short-names") return makeShortNames(next);
     if (name == "statistics") return makeStatistics(next, context.diagnostics);
     if (name == "units") return makeUnits(argument, next);
-    if (name == "validate") return makeValidate(next, context.diagnostics, context.scripts);
+    if (name == "validate") return makeValidate(next, context.diagnostics, context.scripts, context.dialect);
     const Result<double> error = numberIn(argument);
     if (!error) return std::unexpected(error.error());
     return makeQuantise(*error, next);

@@ -274,7 +274,7 @@ const json& GltfFile::list(const json& object, const char* key) {
 }
 
 /// Replaces numbers that are not finite by 0, since values computed from them would be meaningless. Numbers that are
-/// passed on unchanged are checked by importFile().
+/// passed on unchanged are checked by CheckedStream.
 void GltfFile::makeFinite(std::vector<float>& numbers) {
     std::size_t changed = 0;
     for (float& number : numbers)

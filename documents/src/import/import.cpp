@@ -4,13 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <cstring>
 
-#include <rtsg/core/memory.h>
-#include <rtsg/documents/filter.h>
-
-#include "commands/value_numbers.h"
 #include "text/number_text.h"
 
 namespace rtsg::detail {
@@ -189,72 +184,6 @@ std::string whyNotRead(std::string_view head) {
     for (const Magic& magic : kNotRead)
         if (head.starts_with(magic.start)) return "it is " + std::string(magic.what) + ", and is not read here";
     return "it is " + std::string(strange(head)) + ", and is not read here";
-}
-
-namespace {
-
-/// Puts 0 in the place of numbers that are not finite, which no text could say and no tree could hold.
-class FiniteNumbers final : public Filter {
-  public:
-    using Filter::Filter;
-    std::size_t changed() const { return changed_; }
-
-    void setField(std::string_view name, Value value, SourceLocation where) override {
-        makeFinite(value);
-        Filter::setField(name, std::move(value), where);
-    }
-
-  private:
-    void makeFinite(Value& value) {
-        const auto isBad = [](auto number) { return !std::isfinite(number); };
-        std::ptrdiff_t bad = 0;
-        seeNumbers(value, [&](auto numbers) { bad = std::ranges::count_if(numbers, isBad); });
-        if (bad == 0) return;  // as ever: nothing is copied
-        changeNumbers(value, [&](auto numbers) { std::ranges::replace_if(numbers, isBad, 0); });
-        changed_ += static_cast<std::size_t>(bad);
-    }
-    std::size_t changed_ = 0;
-};
-
-struct Import {
-    bool (*run)(const ImportInput&, DocumentHandler&, Diagnostics&) = nullptr;
-    std::string_view name;
-};
-
-Import importOf(FileKind kind) {
-    switch (kind) {
-        case FileKind::stl:
-            return {importStl, "STL"};
-        case FileKind::obj:
-            return {importObj, "OBJ"};
-        case FileKind::ply:
-            return {importPly, "PLY"};
-        case FileKind::gltf:
-        case FileKind::glb:
-            return {importGltf, "glTF"};
-        case FileKind::document:
-        case FileKind::notRead:
-            break;
-    }
-    return {};
-}
-
-}  // namespace
-
-bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
-    const Import import = importOf(kind);
-    if (!import.run) return false;
-    constexpr std::uint64_t kArrays = 4;  // bytes of them for each of the file
-    if (auto ok = mayHold(kArrays * input.bytes.size()); !ok) {
-        diagnostics.error({}, ok.error().text, ok.error().code);
-        return false;
-    }
-    FiniteNumbers finite(handler);
-    const bool usable = import.run(input, finite, diagnostics);
-    if (finite.changed())
-        diagnostics.error({}, std::to_string(finite.changed()) + " numbers of the " + std::string(import.name) +
-                                  " file are not finite; 0 is taken instead");
-    return usable;
 }
 
 void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version) {

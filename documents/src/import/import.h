@@ -40,7 +40,6 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
 bool importObj(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 bool importGltf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
-bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 
 /// Begins an imported document: its header and statements.
 void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version = "4.0");

@@ -23,7 +23,7 @@ bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside&
 
 /// What a url names, piece by piece where it is a file or packed. What shows no sign of being a scene is refused
 /// without repeating a word of it. `maximumBytes` is of the unpacked text.
-bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside, DocumentHandler& handler,
-                  Diagnostics& diagnostics);
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside,
+                  std::shared_ptr<const Dialect> dialect, DocumentHandler& handler, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

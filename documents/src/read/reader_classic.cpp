@@ -41,6 +41,7 @@ ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnosti
       diagnostics_(diagnostics),
       position_(text.begin()),
       meter_(text.total(), options.progress),
+      types_(options.dialect),
       splitting_(options.splitting),
       headerless_(options.headerless) {}
 
@@ -455,6 +456,8 @@ void ClassicReader::externProto() {
     switch (types_.declareExtern(proto)) {
         case ReaderTypes::Extern::isBuiltin:
             return report(Severity::warning, where, externIsBuiltin(proto->name));
+        case ReaderTypes::Extern::isOurs:
+            return;
         case ReaderTypes::Extern::isThere:
             return error(where, alreadyDeclared(proto->name));
         case ReaderTypes::Extern::renamed:

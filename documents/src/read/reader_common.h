@@ -4,6 +4,10 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <string>
+
+#include <rtsg/documents/dialect.h>
 
 #include "commands/reader_types.h"
 #include "text/field_text_parser.h"
@@ -22,6 +26,8 @@ struct ReaderOptions {
     std::uint64_t maximumBytes = std::uint64_t{4} << 30;  // of a text that says nothing of its size
     std::uint64_t maximumMemory = UINT64_MAX;             // that the process takes while it reads
     std::string clip{};
+    std::shared_ptr<const Dialect> dialect{};  // formats and node types beyond the library's own; null: none
+    std::string name{};                        // of the file, as FormatClue has it
 };
 
 /// Calls the progress function once per megabyte of input.

@@ -15,7 +15,7 @@
 #include "gzip.h"
 #include "reader_bytes.h"
 #include "reader_common.h"
-#include "reader_html.h"
+#include "reader_formats.h"
 #include "reader_utf8.h"
 #include "text/text_position.h"
 #include "text_feed.h"
@@ -32,7 +32,8 @@ detail::ReaderOptions readerOptions(const ReadOptions& options) {
             .headerless = options.headerless,
             .maximumBytes = options.maximumBytes,
             .maximumMemory = memory,
-            .clip = options.clip};
+            .clip = options.clip,
+            .dialect = options.dialect};
 }
 
 }  // namespace
@@ -46,15 +47,6 @@ Encoding detectEncoding(std::string_view head) {
     if (start != head.end() && *start == '{') return Encoding::json;
     return Encoding::classicVrml;
 }
-
-namespace {
-
-/// A text file that is no scene could be taken for ClassicVRML, and its words would come out as errors one by one.
-bool isHeaded(std::string_view text) {
-    return detectEncoding(text) != Encoding::classicVrml || detail::withoutBom(text).starts_with("#X3D");
-}
-
-}  // namespace
 
 namespace {
 
@@ -104,58 +96,35 @@ class ReadingEnd {
 bool readFed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
              Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     feed.fill(detail::TextFeed::kHead);
-    const auto text = [&] { return std::string_view(feed.begin(), feed.end()); };
-    const detail::FileKind kind = detail::fileKind(text(), feed.size());
-    if (kind == detail::FileKind::notRead) {
-        diagnostics.error({}, detail::whyNotRead(text()), DiagnosticCode("not-a-scene"));
+    detail::FeedSource source(feed, beside, options, diagnostics);
+    const std::string_view text(feed.begin(), feed.end());
+    const FormatReader* reader =
+        detail::findReader({options.name, text.substr(0, detail::TextFeed::kHead), feed.size()}, options.dialect.get());
+    if (!reader) {
+        diagnostics.error({}, detail::whyNotRead(text), DiagnosticCode("not-a-scene"));
         return false;
     }
-    // TimeSensors of X3D and VRML run or wait as they say themselves.
-    if (!options.clip.empty() && kind != detail::FileKind::gltf && kind != detail::FileKind::glb)
-        diagnostics.error({}, "it has no clip " + options.clip + ": only glTF files have clips");
-    if (kind == detail::FileKind::document && options.mustBeHeaded && !isHeaded(text())) {
-        diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
-        return false;
-    }
-    if (kind != detail::FileKind::document) {
-        feed.fill();
-        if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
-        return !feed.wasStopped() &&
-               detail::importFile(kind, {text(), beside, options.maximumBytes, options.clip}, handler, diagnostics);
-    }
-    const Encoding encoding = detectEncoding(text());
-    const bool utf8 = encoding != Encoding::xml || !detail::isOtherXmlEncoding(detail::withoutBom(text()));
-    if (utf8) feed.skip(text().size() - detail::withoutBom(text()).size());
-    if (text().empty()) {
-        diagnostics.error({1, 1}, "the document is empty");
-        return false;
-    }
-    bool complete = false;
-    if (encoding == Encoding::xml && detail::isHtml(text())) {
-        feed.fill();
-        const std::string xml = detail::xmlOfHtml(text(), diagnostics);
-        if (xml.empty()) return false;
-        detail::TextFeed own(xml);
-        complete = detail::readXml(own, true, handler, diagnostics, options);
-    } else if (encoding == Encoding::xml) {
-        complete = detail::readXml(feed, utf8, handler, diagnostics, options);
-    } else if (encoding == Encoding::json) {
-        complete = detail::readJson(feed, handler, diagnostics, options);
-    } else {
-        complete = detail::readClassic(feed, handler, diagnostics, options);
-    }
+    const bool complete = detail::readBy(*reader, source, handler, diagnostics);
     if (feed.invalid())
         diagnostics.error(feed.firstInvalid(), std::to_string(feed.invalid()) +
                                                    " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
                                                    "taken instead");
-    if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
+    source.reportFailure();
     return complete;
+}
+
+/// Whether bytes that are no UTF-8 are to be replaced.
+bool isText(std::string_view head, std::uint64_t size, const detail::ReaderOptions& options) {
+    if (detail::isOtherXmlEncoding(head)) return false;
+    const FormatReader* reader = detail::findReader({options.name, head, size}, options.dialect.get());
+    return reader && reader->isText;
 }
 
 bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
               Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     ReadingEnd end(handler, diagnostics, options.maximumMemory);
     feed.stopWhen([&] { return end.isReached(); });
+    feed.decideBy([&](std::string_view head, std::uint64_t size) { return isText(head, size, options); });
     const bool complete = readFed(feed, beside, handler, diagnostics, options);
     end.settle();
     return complete && !feed.wasStopped();
@@ -171,8 +140,7 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
 bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler,
                       Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     std::string clean;
-    const bool utf8 =
-        fileKind(text.substr(0, TextFeed::kHead), text.size()) == FileKind::document && !isOtherXmlEncoding(text);
+    const bool utf8 = isText(text.substr(0, TextFeed::kHead), text.size(), options);
     const std::size_t bad = utf8 ? detail::findInvalidUtf8(text, options.splitting) : text.npos;
     if (bad != text.npos) {
         std::size_t count = 0;
@@ -199,10 +167,12 @@ OpenBeside openBeside(Resources resources, std::filesystem::path folder) {
     };
 }
 
-bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside, DocumentHandler& handler,
-                  Diagnostics& diagnostics) {
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside,
+                  std::shared_ptr<const Dialect> dialect, DocumentHandler& handler, Diagnostics& diagnostics) {
     ReaderOptions options = readerOptions({});
     options.mustBeHeaded = true;
+    options.dialect = std::move(dialect);
+    options.name = plainName(resource.name());
     options.maximumBytes = options.maximumMemory = maximumBytes;
     const auto fed = [&](const Result<std::unique_ptr<TextFeed>>& feed) {
         if (!feed) diagnostics.error({}, feed.error().text, feed.error().code);
@@ -233,12 +203,13 @@ bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const Ope
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       const ReadOptions& options) {
     constexpr std::size_t block = 1 << 20;
+    detail::ReaderOptions reading = readerOptions(options);
+    reading.name = detail::plainName(file.native());
     const auto cannot = [&](const std::string& why) {
         diagnostics.error({}, "cannot read " + file.string() + ": " + why, DiagnosticCode("file"));
         return false;
     };
-    if (file == "-")
-        return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, readerOptions(options));
+    if (file == "-") return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, reading);
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
     if (descriptor < 0) return cannot(std::strerror(errno));
     struct stat status{};
@@ -246,7 +217,7 @@ bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handle
     const bool complete =
         isFolder ? cannot("it is a folder")
                  : detail::readDescriptorInBlocks(descriptor, block, detail::openBeside(Resources::ofFile(file), {}),
-                                                  handler, diagnostics, readerOptions(options));
+                                                  handler, diagnostics, reading);
     ::close(descriptor);
     return complete;
 }

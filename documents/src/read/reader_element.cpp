@@ -6,12 +6,14 @@
 
 namespace rtsg::detail {
 
-ElementReader::ElementReader(Encoding encoding, DocumentHandler& handler, Diagnostics& diagnostics)
+ElementReader::ElementReader(Encoding encoding, DocumentHandler& handler, Diagnostics& diagnostics,
+                             std::shared_ptr<const Dialect> dialect)
     : handler_(&handler),
       loud_(&handler),
       diagnostics_(diagnostics),
       encoding_(encoding),
-      plainStrings_(encoding == Encoding::json) {
+      plainStrings_(encoding == Encoding::json),
+      types_(std::move(dialect)) {
     types_.setInstancesAreTold();
 }
 
@@ -375,6 +377,8 @@ void ElementReader::endExternProto(Frame& frame) {
     switch (types_.declareExtern(type)) {
         case ReaderTypes::Extern::isBuiltin:
             return diagnostics_.warning(frame.open, externIsBuiltin(type->name));
+        case ReaderTypes::Extern::isOurs:
+            return;
         case ReaderTypes::Extern::isThere:
             return diagnostics_.error(frame.open, alreadyDeclared(type->name));
         case ReaderTypes::Extern::renamed:

@@ -18,7 +18,8 @@ class ElementReader : private FieldTextReport {
     using Attributes = const char**;
 
   protected:
-    ElementReader(Encoding encoding, DocumentHandler& handler, Diagnostics& diagnostics);
+    ElementReader(Encoding encoding, DocumentHandler& handler, Diagnostics& diagnostics,
+                  std::shared_ptr<const Dialect> dialect);
 
     /// `specified`: how many strings of `attributes` count (a DTD's defaults are behind them).
     void start(const char* name, Attributes attributes, int specified);

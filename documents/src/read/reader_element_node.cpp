@@ -46,7 +46,7 @@ void ElementReader::startInstance(Attributes attributes) {
     const char* name = attribute(attributes, "name");
     const char* use = attribute(attributes, "USE");
     NodeShape shape;
-    if (name) shape.proto = types_.findProto(name);
+    if (name) shape = types_.findInstance(name);
     if (!shape.proto && use)
         if (const NodeShape* defined = types_.defined(use)) shape = *defined;
     if (!shape.known())

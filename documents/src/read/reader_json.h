@@ -20,7 +20,7 @@ class JsonReader final : private ElementReader {
   public:
     JsonReader(TextFeed& text, JsonOutline outline, DocumentHandler& handler, Diagnostics& diagnostics,
                const ReaderOptions& options)
-        : ElementReader(Encoding::json, handler, diagnostics),
+        : ElementReader(Encoding::json, handler, diagnostics, options.dialect),
           feed_(text),
           outline_(std::move(outline)),
           position_(text.begin()),

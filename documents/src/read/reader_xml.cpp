@@ -53,7 +53,7 @@ bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& d
 
 XmlReader::XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
                      const ReaderOptions& options)
-    : ElementReader(Encoding::xml, handler, diagnostics),
+    : ElementReader(Encoding::xml, handler, diagnostics, options.dialect),
       feed_(text),
       utf8_(utf8),
       position_(text.begin()),

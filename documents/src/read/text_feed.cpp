@@ -13,8 +13,6 @@
 #include <zlib.h>
 
 #include "gzip.h"
-#include "import/import.h"
-#include "reader_utf8.h"
 #include "text/text_position.h"
 
 namespace rtsg::detail {
@@ -254,9 +252,7 @@ bool TextFeed::more() {
             // The bytes that decide the encoding must be there together.
             for (std::size_t some = got; s.filled == 0 && s.pending == 0 && got < kHead && some != 0; got += some)
                 some = read(to + got, s.block);
-            if (s.filled == 0 &&
-                (isOtherXmlEncoding({to, got}) || fileKind({to, std::min(got, kHead)}, size()) != FileKind::document))
-                clean_ = false;
+            if (s.filled == 0 && isText_) clean_ = isText_({to, std::min(got, kHead)}, size());
         }
         if (s.filled + got > s.limit && failure_.empty()) {
             failure_ = "the text is larger than the limit of " + std::to_string(s.limit) + " bytes";

@@ -1,8 +1,8 @@
 // The text of a document as it arrives: in pieces, one behind the other at addresses that never change, so that readers
 // keep pointers into it; text that they have finished goes back to the system.
 //
-// Invariant: [begin(), end()) of a file is valid UTF-8, unless it is XML that names another encoding (invalid bytes are
-// replaced, and counted); text before the last release() is gone. Memory in use is the text that was read and not
+// Invariant: [begin(), end()) of a file is valid UTF-8, unless decideBy() says that it is no such text (invalid bytes
+// are replaced, and counted); text before the last release() is gone. Memory in use is the text that was read and not
 // released. A file is read, not mapped: whoever truncated a mapped
 // file would end the process. Threading: one thread a feed.
 #pragma once
@@ -41,6 +41,10 @@ class TextFeed {
     bool more();
     /// Asked before each block of a file: true ends the text there, and it is not a failure.
     void stopWhen(std::function<bool()> enough) { enough_ = std::move(enough); }
+    /// Asked once for the first bytes of a file, and its size where that is known: true makes the text valid UTF-8.
+    void decideBy(std::function<bool(std::string_view head, std::uint64_t size)> isText) {
+        isText_ = std::move(isText);
+    }
     /// It has ended so.
     bool wasStopped() const { return stopped_; }
     /// Reads to the end, or until there are `size` bytes.
@@ -85,6 +89,7 @@ class TextFeed {
     SourceLocation firstInvalid_;
     std::string failure_;
     std::function<bool()> enough_;
+    std::function<bool(std::string_view head, std::uint64_t size)> isText_;  // none: any is
     bool stopped_ = false;
 };
 

@@ -9,12 +9,16 @@
 #include <iterator>
 #include <optional>
 #include <ostream>
+#include <span>
 #include <utility>
 
 #include <fmt/format.h>
 #include <unistd.h>
 #include <zlib.h>
 
+#include <rtsg/core/lasting.h>
+
+#include "guarded_writer.h"
 #include "writer_common.h"
 
 namespace rtsg {
@@ -133,6 +137,50 @@ constexpr NamedEncoding kExtensions[] = {{".x3d", Encoding::xml},    {".x3dv", E
                                          {".wrl", Encoding::vrml97}, {".vrml", Encoding::vrml97},
                                          {".json", Encoding::json},  {".x3dj", Encoding::json}};
 
+/// A writer of the library's own, under the names of files that are in its encoding.
+FormatWriter writerOf(std::string name, Encoding encoding) {
+    FormatWriter result;
+    result.name = std::move(name);
+    for (const auto& [extension, its] : kExtensions)
+        if (its == encoding) result.extensions.emplace_back(extension);
+    result.make = [encoding](TextSink sink, Diagnostics& diagnostics) {
+        return makeWriter(encoding, std::move(sink), diagnostics);
+    };
+    return result;
+}
+
+std::span<const FormatWriter> builtinWriters() {
+    static const auto& all = lasting([] {
+        return std::array<FormatWriter, 4>{writerOf("XML", Encoding::xml),
+                                           writerOf("ClassicVRML", Encoding::classicVrml),
+                                           writerOf("VRML97", Encoding::vrml97), writerOf("JSON", Encoding::json)};
+    });
+    return all;
+}
+
+/// The extension of a file's name, without the sign of gzip.
+std::string plainExtension(const std::filesystem::path& file, bool& gzip) {
+    std::filesystem::path name = file.filename();
+    gzip = name.extension() == ".gz";
+    if (gzip) name = name.stem();
+    return name.extension();
+}
+
+/// Null if no file of such a name can be written. Those of a dialect come first.
+const FormatWriter* findWriter(const std::filesystem::path& file, const Dialect* dialect, bool& gzip) {
+    const std::string extension = plainExtension(file, gzip);
+    if (dialect)
+        if (const FormatWriter* own = dialect->writerOf(extension)) return own;
+    for (const FormatWriter& writer : builtinWriters())
+        for (const std::string& known : writer.extensions) {
+            const bool packed = extension == known + 'z';
+            if (extension != known && !packed) continue;
+            gzip = gzip || packed;
+            return &writer;
+        }
+    return nullptr;
+}
+
 }  // namespace
 
 TextSink streamSink(std::ostream& stream) {
@@ -154,10 +202,7 @@ std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Di
 }
 
 bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip) {
-    std::filesystem::path name = file.filename();
-    gzip = name.extension() == ".gz";
-    if (gzip) name = name.stem();
-    const std::string extension = name.extension();
+    const std::string extension = plainExtension(file, gzip);
     for (const auto& [known, its] : kExtensions) {
         const bool packed = extension == std::string(known) + "z";
         if (extension != known && !packed) continue;
@@ -168,11 +213,23 @@ bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, boo
     return false;
 }
 
+Result<> checkDocumentName(const std::filesystem::path& file, const Dialect* dialect) {
+    bool gzip = false;
+    if (findWriter(file, dialect, gzip)) return {};
+    std::string more;
+    if (dialect)
+        for (const FormatWriter& writer : dialect->writers())
+            for (const std::string& extension : writer.extensions) more += ", " + extension;
+    return fail("no encoding that can be written has names like " + file.filename().string() +
+                "; there are .x3d, .x3dv, .wrl and .json" + more + ", and with gzip .x3dz, .x3dvz, .wrlz");
+}
+
 struct DocumentFileWriter::File {
     std::optional<OutputFile> file;  // else standard output
     gzFile packed = nullptr;         // writes into `file`
     std::string waiting;             // for the next write() of a plain file
     Result<> result;
+    const detail::GuardedWriter* guarded = nullptr;  // the writer, but for standard output
 
     ~File() {
         if (packed) gzclose(packed);
@@ -195,6 +252,7 @@ struct DocumentFileWriter::File {
             flush();
     }
     Result<> close() {
+        if (guarded && result) result = guarded->state();
         if (packed) note(gzclose(std::exchange(packed, nullptr)) == Z_OK);
         if (!file) note(std::fflush(stdout) == 0);
         if (file && result) flush();
@@ -206,16 +264,16 @@ DocumentFileWriter::~DocumentFileWriter() = default;
 
 Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std::filesystem::path& file,
                                                                        Diagnostics& diagnostics, Existing existing,
-                                                                       Encoding ofStandardOutput) {
+                                                                       Encoding ofStandardOutput,
+                                                                       std::shared_ptr<const Dialect> dialect) {
     std::unique_ptr<DocumentFileWriter> result(new DocumentFileWriter);
     result->file_ = std::make_unique<File>();
     File& out = *result->file_;
-    Encoding encoding = ofStandardOutput;
     bool gzip = false;
+    const FormatWriter* format = nullptr;  // none: of standard output
     if (file != "-") {
-        if (!encodingFromName(file, encoding, gzip))
-            return fail("no encoding that can be written has names like " + file.filename().string() +
-                        "; there are .x3d, .x3dv, .wrl and .json, and with gzip .x3dz, .x3dvz, .wrlz");
+        if (auto ok = checkDocumentName(file, dialect.get()); !ok) return std::unexpected(std::move(ok.error()));
+        format = findWriter(file, dialect.get(), gzip);
         auto created = OutputFile::create(file, existing);
         if (!created) return std::unexpected(created.error());
         out.file = std::move(*created);
@@ -223,7 +281,15 @@ Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std
         if (gzip) out.packed = gzdopen(::dup(out.file->descriptor()), "wb");
         if (gzip && !out.packed) return fail("cannot pack what is written", {}, file.string());
     }
-    result->writer_ = makeWriter(encoding, [&out](std::string_view text) { out.write(text); }, diagnostics);
+    TextSink sink = [&out](std::string_view text) { out.write(text); };
+    if (!format) {
+        result->writer_ = makeWriter(ofStandardOutput, std::move(sink), diagnostics);
+        return result;
+    }
+    auto guarded = std::make_unique<detail::GuardedWriter>(*format, std::move(sink), diagnostics);
+    if (auto ok = guarded->state(); !ok) return std::unexpected(ok.error());
+    out.guarded = guarded.get();
+    result->writer_ = std::move(guarded);
     return result;
 }
 

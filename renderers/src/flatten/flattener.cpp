@@ -491,7 +491,25 @@ const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& chang
     return impl_->delta;
 }
 
+namespace {
+
+/// What was said of a type's geometry is not so where somebody else makes it.
+void forgetGeometryOf(std::string_view type, Diagnostics& diagnostics) {
+    const auto isOfType = [&](const Diagnostic& one) {
+        return one.code == DiagnosticCode("geometry") && one.text.starts_with(type) && one.text.size() > type.size() &&
+               (one.text[type.size()] == ':' || one.text[type.size()] == ' ');
+    };
+    if (std::ranges::none_of(diagnostics.all(), isOfType)) return;
+    Diagnostics rest(diagnostics.file());
+    for (const Diagnostic& one : diagnostics.all())
+        if (!isOfType(one)) rest.add(one);
+    diagnostics = std::move(rest);
+}
+
+}  // namespace
+
 void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSource source) {
+    forgetGeometryOf(type, impl_->diagnostics);
     impl_->ownMeshes.insert_or_assign(std::string(type), std::move(source));
     impl_->scene = &scene;
     for (const auto& [id, mesh] : impl_->meshes) {

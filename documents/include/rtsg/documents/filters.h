@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include <rtsg/core/resource.h>
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/filter.h>
 
 namespace rtsg {
@@ -25,10 +26,11 @@ struct FilterInfo {
 std::span<const FilterInfo> filters();
 
 struct FilterContext {
-    Diagnostics& diagnostics;                 // what filters report; must outlive them
-    std::optional<Resources> resources{};     // what they may open; none given: Resources::ofFile(file)
-    std::filesystem::path file{};             // of the document, where relative urls start
-    const ScriptLanguage* scripts = nullptr;  // by which "validate" checks the texts of Scripts; null: not at all
+    Diagnostics& diagnostics;                  // what filters report; must outlive them
+    std::optional<Resources> resources{};      // what they may open; none given: Resources::ofFile(file)
+    std::filesystem::path file{};              // of the document, where relative urls start
+    const ScriptLanguage* scripts = nullptr;   // by which "validate" checks the texts of Scripts; null: not at all
+    std::shared_ptr<const Dialect> dialect{};  // of the document; null: none
 };
 
 /// By its name, with its argument behind an equals sign: "quantise=1e-3". Filters that look at a document as a whole

@@ -14,6 +14,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -27,6 +28,11 @@ namespace rtsg {
 /// From now on prototypes and scripts of the scene can be made of documents (document_services.h). Whatever loads a
 /// document calls it; who goes on with a session of a log or a mirror, without one, does so too.
 void registerDocuments(Scene& scene);
+/// The same, with formats and node types of one's own for all that the scene reads and writes from now on; null: none.
+void registerDocuments(Scene& scene, std::shared_ptr<const Dialect> dialect);
+/// That, and the node types that the scene itself has of users' tables; null if there are neither. Valid as long as the
+/// scene.
+std::shared_ptr<const Dialect> dialectOf(const Scene& scene);
 
 struct LoadOptions {
     bool loadInlines = true;

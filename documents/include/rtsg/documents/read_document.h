@@ -8,9 +8,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <string_view>
 
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/document_handler.h>
 
 namespace rtsg {
@@ -34,6 +36,8 @@ struct ReadOptions {
     /// Of a file with several animations (glTF) the one that plays, by its author's name or its DEF; an error if there
     /// is none. Empty: the first.
     std::string clip{};
+    /// Formats and node types beyond the library's own (dialect.h); null: none.
+    std::shared_ptr<const Dialect> dialect{};
 };
 
 /// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.

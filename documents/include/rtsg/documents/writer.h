@@ -9,18 +9,16 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <iosfwd>
 #include <memory>
 #include <string_view>
 
 #include <rtsg/core/output_file.h>
+#include <rtsg/documents/dialect.h>
 #include <rtsg/documents/document_handler.h>
 
 namespace rtsg {
 
-/// Takes the next piece of the text, in order.
-using TextSink = std::function<void(std::string_view)>;
 TextSink streamSink(std::ostream& stream);
 
 /// A writer for `encoding` (null for `binary`). Parts that cannot be written are reported to `diagnostics`, which must
@@ -31,15 +29,19 @@ std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Di
 /// Finds the encoding in a file's name: .x3d, .x3dv, .wrl or .json, each also with z or .gz at its end for gzip. False
 /// if the name has no encoding that can be written.
 bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip);
+/// Whether a file of this name can be written; else why not, with the names that can be.
+Result<> checkDocumentName(const std::filesystem::path& file, const Dialect* dialect = nullptr);
 
 /// Writes a document into a file, gzipped if its name says so; "-" is standard output, in the encoding that is given
-/// for it. The file has its name from close() on; without that there is none.
+/// for it. The file has its name from close() on; without that there is none. The formats of a dialect come before the
+/// library's own, and an exception of one ends the file.
 class DocumentFileWriter {
   public:
     static Result<std::unique_ptr<DocumentFileWriter>> create(const std::filesystem::path& file,
                                                               Diagnostics& diagnostics,
                                                               Existing existing = Existing::replace,
-                                                              Encoding ofStandardOutput = Encoding::classicVrml);
+                                                              Encoding ofStandardOutput = Encoding::classicVrml,
+                                                              std::shared_ptr<const Dialect> dialect = {});
     ~DocumentFileWriter();
     DocumentHandler& handler() { return *writer_; }
     /// After endDocument: flushes, and says whether everything arrived (a full disk, say).

@@ -1,0 +1,98 @@
+// Plug-ins that are not as they should be: which one is said when it is compiled.
+#include <stdexcept>
+
+#include <rtsg/plugins/plugin.h>
+
+namespace {
+
+[[maybe_unused]] rtsg::Result<> addNothing(rtsg::Extensions&) {
+    return {};
+}
+
+/// A reader whose commands break every rule.
+[[maybe_unused]] bool readNonsense(rtsg::FormatSource& source, rtsg::DocumentHandler& handler, rtsg::Diagnostics&) {
+    using rtsg::Value;
+    handler.endNode({});
+    handler.setField("point", Value(true), {});
+    handler.beginNode("Shape", "a name", {}, {});
+    handler.beginNode("Box", {}, "geometry", {});
+    handler.endNode({});
+    handler.endNode({});
+    handler.beginNode("Shape", "KEPT", {}, {});
+    handler.beginNode("Sphere", {}, "geometry", {});
+    handler.setField("radius", Value(rtsg::Vec3f(1)), {});
+    handler.setField("radius", Value(std::numeric_limits<float>::quiet_NaN()), {});
+    handler.setField("size", Value(1.0f), {});
+    handler.endProto({});
+    handler.endDocument();
+    handler.beginNode("Box", {}, {}, {});
+    if (source.bytes().contains("throw")) throw std::runtime_error("out of ideas");
+    return true;
+}
+
+/// A writer that gives up after some nodes.
+class Tired final : public rtsg::NullHandler {
+  public:
+    void beginNode(std::string_view, std::string_view, std::string_view, rtsg::SourceLocation) override {
+        throw std::runtime_error("too many nodes");
+    }
+};
+
+}  // namespace
+
+#if defined ODD_VERSION
+extern "C" const rtsg::PluginEntry* rtsg_plugin() {
+    static constexpr rtsg::PluginEntry entry{sizeof(rtsg::PluginEntry), "0.0", addNothing};
+    return &entry;
+}
+#elif defined ODD_SIZE
+extern "C" const rtsg::PluginEntry* rtsg_plugin() {
+    static constexpr rtsg::PluginEntry entry{4, RTSG_PLUGIN_VERSION, addNothing};
+    return &entry;
+}
+#elif defined ODD_NOTHING
+extern "C" const rtsg::PluginEntry* rtsg_plugin() {
+    return nullptr;
+}
+#elif defined ODD_FUNCTION
+extern "C" int rtsg_other() {
+    return 1;
+}
+#elif defined ODD_SYMBOL
+namespace rtsg {
+void whatNobodyHas();
+}
+RTSG_PLUGIN(extensions) {
+    (void)extensions;
+    rtsg::whatNobodyHas();
+    return {};
+}
+#elif defined ODD_THROWS
+RTSG_PLUGIN(extensions) {
+    extensions.add(rtsg::FormatReader{
+        .name = "half", .recognises = [](const rtsg::FormatClue&) { return true; }, .read = readNonsense});
+    throw std::runtime_error("no licence");
+}
+#elif defined ODD_ERROR
+RTSG_PLUGIN(extensions) {
+    auto box = std::make_unique<rtsg::NodeType>();
+    box->name = "Box";
+    return extensions.add(std::shared_ptr<const rtsg::NodeType>(std::move(box)));
+}
+#else
+RTSG_PLUGIN(extensions) {
+    extensions.add(
+        rtsg::FormatReader{.name = "nonsense",
+                           .recognises = [](const rtsg::FormatClue& clue) { return clue.head.starts_with("nonsense"); },
+                           .read = readNonsense});
+    extensions.add(rtsg::FormatReader{
+        .name = "unsure", .recognises = [](const rtsg::FormatClue&) -> bool { throw 1; }, .read = readNonsense});
+    extensions.add(
+        rtsg::FormatWriter{.name = "tired", .extensions = {".tired"}, .make = [](rtsg::TextSink, rtsg::Diagnostics&) {
+                               return std::make_unique<Tired>();
+                           }});
+    extensions.addSubscriber(
+        [](rtsg::Scene&) -> std::unique_ptr<rtsg::Subscriber> { throw std::runtime_error("busy"); });
+    return {};
+}
+#endif

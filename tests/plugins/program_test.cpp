@@ -1,0 +1,136 @@
+// The program with plug-ins, formats and tables of others: every verb has them, and what is missing is no status 0.
+#include <cstdlib>
+
+#include <gtest/gtest.h>
+
+#include "app/program.h"
+#include "test_plugins.h"
+
+namespace rtsg::test {
+namespace {
+
+class WithPlugins : public CommandLine {
+  protected:
+    void SetUp() override {
+        beginsAtZero = true;
+        writeFile(folder / "own.x3dv", kOwn);
+        writeFile(folder / "cloud.points", "0 0 0\n1 2 3\n\n4 5 six\n7 8 9\n");
+        writeFile(folder / "inline.x3dv", "#X3D V4.0 utf8\nInline { url \"cloud.points\" }\n");
+    }
+    static std::string plugin(const std::string& name) { return std::string(RTSG_TEST_PLUGINS) + "/" + name + ".so"; }
+
+    static constexpr const char* kOwn =
+        "#X3D V4.0 utf8\nDEF S Spinner { turnsPerSecond 0.25 }\nDEF T Transform { children Shape { appearance "
+        "Appearance { "
+        "material Material { } } geometry Pane { } } }\nROUTE S.rotation_changed TO T.rotation\n";
+    const std::string workshop = plugin("workshop");
+};
+
+TEST_F(WithPlugins, NodesActAndHaveGeometry) {
+    const std::string own = folder / "own.x3dv";
+    const Outcome run = rtsg({"run", own, "--plugin", workshop, "--for", "1s", "--fps", "1", "--watch", "T.rotation"});
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_NE(run.out.find("\"value\":[0,1,0,1.5707"), std::string::npos) << run.out;
+    EXPECT_NE(run.err.find("workshop: "), std::string::npos) << "its subscriber follows the scene";
+    const Outcome info = rtsg({"info", own, "--plugin", workshop, "--json"});
+    EXPECT_EQ(info.status, 0) << info.err;
+    EXPECT_NE(info.out.find("\"triangles\":2"), std::string::npos) << info.out;
+    EXPECT_EQ(info.err, "");
+    const std::string spinner = std::string(RTSG_SOURCE_DIR) + "/examples/plugin/spinner.x3dv";
+    const Outcome validate = rtsg({"validate", spinner, "--plugin", workshop});
+    EXPECT_EQ(validate.status, 0);
+    EXPECT_EQ(validate.err, "") << "its component is known";
+    const Outcome render = rtsg({"render", own, "--plugin", workshop, "--size", "16x16", "-o", folder / "out.png"});
+    EXPECT_EQ(render.status, 0) << render.err;
+    const Outcome without = rtsg({"info", own, "--json"});
+    EXPECT_NE(without.err.find("unknown node type Spinner"), std::string::npos);
+}
+
+TEST_F(WithPlugins, TablesAloneMakeTypesKnown) {
+    const std::string table = std::string(RTSG_SOURCE_DIR) + "/examples/plugin/workshop.x3dspec",
+                      own = folder / "own.x3dv";
+    const Outcome run = rtsg({"run", own, "--nodes", table, "--for", "1s", "--hash"});
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_EQ(run.err, "");
+    const Outcome xml = rtsg({"convert", own, folder / "own.x3d", "--nodes", table});
+    EXPECT_EQ(xml.status, 0) << xml.err;
+    const Outcome back = rtsg({"convert", folder / "own.x3d", folder / "back.x3dv", "--nodes", table});
+    EXPECT_EQ(back.status, 0) << back.err;
+    EXPECT_NE(readFile(folder / "back.x3dv").find("DEF S Spinner {\n  turnsPerSecond 0.25\n}"), std::string::npos)
+        << readFile(folder / "back.x3dv");
+    EXPECT_EQ(rtsg({"convert", own, folder / "own.rtsgb", "--nodes", table}).status, 0);
+    const Outcome state = rtsg({"convert", folder / "own.rtsgb", folder / "state.x3dv"});
+    EXPECT_EQ(state.status, 0) << "the state has its types with it: " << state.err;
+    EXPECT_NE(readFile(folder / "state.x3dv").find("Spinner"), std::string::npos);
+}
+
+TEST_F(WithPlugins, LogsHaveTheTypesAndReplayWithoutThePlugin) {
+    const std::string log = folder / "own.rlog";
+    const Outcome record = rtsg({"record", folder / "own.x3dv", "-o", log, "--for", "1s", "--plugin", workshop});
+    EXPECT_EQ(record.status, 0) << record.err;
+    const Outcome replay = rtsg({"replay", log, "--verify", "--json"});
+    EXPECT_EQ(replay.status, 0) << replay.err;
+    EXPECT_NE(replay.out.find("\"first_divergence\":null"), std::string::npos) << replay.out;
+}
+
+TEST_F(WithPlugins, FormatsAreThereForEveryVerbAndForInlines) {
+    const std::string cloud = folder / "cloud.points";
+    const Outcome info = rtsg({"info", cloud, "--plugin", workshop, "--json"});
+    EXPECT_NE(info.out.find("\"nodes\":3"), std::string::npos) << info.out;
+    EXPECT_NE(info.err.find("cloud.points:4:1: error: expected three numbers"), std::string::npos) << info.err;
+    const Outcome convert = rtsg({"convert", cloud, folder / "cloud.x3dv", "--plugin", workshop});
+    EXPECT_EQ(convert.status, 1) << "one line was left out";
+    EXPECT_NE(readFile(folder / "cloud.x3dv").find("point [0 0 0, 1 2 3, 7 8 9]"), std::string::npos)
+        << readFile(folder / "cloud.x3dv");
+    const Outcome inlined = rtsg({"info", folder / "inline.x3dv", "--plugin", workshop, "--json"});
+    EXPECT_NE(inlined.out.find("\"Rendering\":2"), std::string::npos) << inlined.out << inlined.err;
+    const Outcome without = rtsg({"info", cloud});
+    EXPECT_EQ(without.status, 1);
+}
+
+TEST_F(WithPlugins, AWriterHasItsNames) {
+    const Outcome convert = rtsg({"convert", folder / "own.x3dv", folder / "own.dot", "--plugin", workshop});
+    EXPECT_EQ(convert.status, 0) << convert.err;
+    EXPECT_EQ(readFile(folder / "own.dot"),
+              "digraph scene {\n  n0 [label=\"S Spinner\"];\n  n1 [label=\"T Transform\"];\n  n2 [label=\"Shape\"];\n"
+              "  n1 -> n2 [label=\"children\"];\n  n3 [label=\"Appearance\"];\n  n2 -> n3 [label=\"appearance\"];\n"
+              "  n4 [label=\"Material\"];\n  n3 -> n4 [label=\"material\"];\n  n5 [label=\"Pane\"];\n"
+              "  n2 -> n5 [label=\"geometry\"];\n}\n");
+    const Outcome without = rtsg({"convert", folder / "own.x3dv", folder / "more.dot"});
+    EXPECT_EQ(without.status, 2) << without.err;
+    const Outcome tired =
+        rtsg({"convert", folder / "own.x3dv", folder / "own.tired", "--plugin", plugin("odd_reader")});
+    EXPECT_EQ(tired.status, 1);
+    EXPECT_NE(tired.err.find("the writer of tired files failed: too many nodes"), std::string::npos) << tired.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "own.tired"));
+}
+
+TEST_F(WithPlugins, WhatCannotBeLoadedIsNamedAndTheRestGoesOn) {
+    writeFile(folder / "bad.x3dspec", "component Own\nnode A level\n");
+    const Outcome info = rtsg({"info", folder / "own.x3dv", "--json", "--plugin", folder / "none.so", "--plugin",
+                               plugin("odd_throws"), "--plugin", workshop, "--nodes", folder / "bad.x3dspec"});
+    EXPECT_EQ(info.status, 1);
+    EXPECT_NE(info.err.find("none.so: error: it cannot be loaded: No such file or directory [plug-in]"),
+              std::string::npos)
+        << info.err;
+    EXPECT_NE(info.err.find("odd_throws.so: error: it failed: no licence [plug-in]"), std::string::npos) << info.err;
+    EXPECT_NE(info.err.find("bad.x3dspec:2: error: "), std::string::npos) << info.err;
+    EXPECT_NE(info.out.find("\"triangles\":2"), std::string::npos) << "the plug-in that is as it should be";
+}
+
+TEST_F(WithPlugins, TheEnvironmentNamesPluginsForScenesOfOnesOwnOnly) {
+    ASSERT_EQ(::setenv("RTSG_PLUGINS", (workshop + ":" + (folder / "none.so")).c_str(), 1), 0);
+    const Outcome info = rtsg({"info", folder / "own.x3dv", "--json"});
+    const std::string log = folder / "own.rlog";
+    const Outcome record = rtsg({"record", folder / "own.x3dv", "-o", log, "--for", "0.1s"});
+    const Outcome replay = rtsg({"replay", log, "--verify"});
+    ::unsetenv("RTSG_PLUGINS");
+    EXPECT_EQ(info.status, 1) << "one of them is missing";
+    EXPECT_NE(info.out.find("\"triangles\":2"), std::string::npos) << info.out;
+    EXPECT_NE(record.err.find("none.so: error: "), std::string::npos);
+    EXPECT_EQ(replay.status, 0) << replay.err;
+    EXPECT_EQ(replay.err, "") << "a log is of others: nothing was loaded for it";
+}
+
+}  // namespace
+}  // namespace rtsg::test
