@@ -11,11 +11,24 @@
 
 namespace rtsg {
 
-void weigh(PairField& field, const BodyWeights::Tones& weights) {
+namespace {
+
+template <class Factors>
+void multiply(PairField& field, const Factors& factors) {
     for (std::size_t t = 0; t < kEdgeTones; ++t) {
-        field.wave[t] *= weights[t];
-        for (FacePair::End& end : field.ends) end.pressure[t] *= weights[t];
+        field.wave[t] *= factors[t];
+        for (FacePair::End& end : field.ends) end.pressure[t] *= factors[t];
     }
+}
+
+}  // namespace
+
+void weigh(PairField& field, const BodyWeights::Tones& weights) {
+    multiply(field, weights);
+}
+
+void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>& factors) {
+    multiply(field, factors);
 }
 
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,

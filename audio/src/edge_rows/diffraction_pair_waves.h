@@ -19,6 +19,7 @@ namespace rtsg {
 
 /// Factors of all that it has, by tone.
 void weigh(PairField& field, const BodyWeights::Tones& weights);
+void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>& factors);
 
 /// By the ends of edges along faces.
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,

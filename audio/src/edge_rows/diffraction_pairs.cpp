@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "diffraction_lit_rows.h"
 #include "diffraction_pair_waves.h"
 #include "diffraction_pair_way.h"
 #include "diffraction_rows.h"
@@ -106,9 +107,21 @@ class EdgePairs {
         PairWay sided = way;
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
-        weigh(pressure, weights);
+        LitRow row;
+        const bool inRow = way.onFace && !firstHides && !secondHides &&
+                           litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
+        PairField ofImage = pressure;
+        if (inRow) {
+            weigh(pressure, row.all);
+            weigh(ofImage, row.image);
+        } else {
+            weigh(pressure, weights);
+        }
         const Bent both = bentBy(way, pressure, source_, listener_, options_);
-        if (way.onFace && !byItself) addImage(way, both.wave);
+        if (way.onFace && !byItself)
+            addImage(way, both.wave,
+                     inRow ? bentBy(way, ofImage, source_, listener_, options_).wave.pressure
+                           : mirroredOf(both.wave.pressure, way.first->material));
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
         if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
@@ -171,21 +184,26 @@ class EdgePairs {
         };
         return isLit(*way.first) || isLit(*way.second);
     }
-    /// Along a face direct sound and the image in it come as one: of a wave that is to be added, what the face mirrors
-    /// of both is of the image.
-    void addImage(const PairWay& way, const EdgeWave& wave) {
+    /// Along a face direct sound and the image in it come as one: what the face mirrors of both is of the image.
+    EdgeTonePressures mirroredOf(const EdgeTonePressures& both, std::uint32_t material) const {
+        EdgeTonePressures result;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double mirrors = tones_.mirrors(material, t / EdgeTones::kTones);
+            result[t] = static_cast<float>(mirrors / (1 + mirrors)) * both[t];
+        }
+        return result;
+    }
+    /// Of a wave that is to be added the part that is of the image in the pair's face.
+    void addImage(const PairWay& way, const EdgeWave& wave, const EdgeTonePressures& pressure) {
         const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
         ImagePart part;
         part.image = source_ - 2 * glm::dot(source_ - way.first->from, off) * off;
         const double distance = glm::distance(part.image, listener_);
         if (!isFaint(wave.pressure, way.path.way)) part.wave = field_.waves.size();
-        if (part.wave == ImagePart::kFaint) return;
+        if (part.wave == ImagePart::kFaint && isFaint(pressure, way.path.way)) return;
         part.seconds = wave.seconds;
         part.direction = wave.direction;
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double mirrors = tones_.mirrors(way.first->material, t / EdgeTones::kTones);
-            part.pressure[t] = static_cast<float>(mirrors / (1 + mirrors)) * wave.pressure[t];
-        }
+        part.pressure = pressure;
         for (std::size_t b = 0; b < kBandCount; ++b) part.whole[b] = tones_.mirrors(way.first->material, b) / distance;
         parts_.images.push_back(part);
     }

@@ -16,10 +16,7 @@ namespace {
 struct Mark {
     double at = 0;
     bool begins = false;
-};
-/// A face on a straight way in its plane: metres on from where that begins.
-struct RowFace {
-    double from = 0, to = 0;
+    const WallEdge* edge = nullptr;
 };
 
 /// The plane of a face, and the straight way in it.
@@ -41,7 +38,7 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
         std::abs(toward) < kAlong)
         return false;
-    mark = {glm::dot(way, face) / toward, toward > 0};
+    mark = {glm::dot(way, face) / toward, toward > 0, &edge};
     const double on = glm::dot(line.along * mark.at - way, edge.axis);
     return on >= 0 && on <= edge.length;
 }
@@ -50,21 +47,22 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
 std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
     std::vector<RowFace> faces;
-    double begun = from;
+    Mark begun{from};
     int open = 0;
     for (const Mark& mark : marks) {
         if (mark.at < from || mark.at > to) continue;
         if (mark.begins) {
-            if (open++ == 0) begun = mark.at;
+            if (open++ == 0) begun = mark;
         } else if (open > 0) {
-            if (--open == 0) faces.push_back({begun, mark.at});
+            if (--open == 0) faces.push_back({begun.at, mark.at, begun.edge, mark.edge});
         } else if (faces.empty()) {
-            faces.push_back({from, mark.at});
+            faces.push_back({from, mark.at, nullptr, mark.edge});
         } else {
             faces.back().to = mark.at;
+            faces.back().end = mark.edge;
         }
     }
-    if (open > 0) faces.push_back({begun, to});
+    if (open > 0) faces.push_back({begun.at, to, begun.edge});
     return faces;
 }
 
@@ -74,8 +72,8 @@ std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, s
     for (const WallEdge* edge : edges)
         if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
     if (marks.empty()) return marks;
-    marks.push_back({0, true});
-    marks.push_back({second, false});
+    marks.push_back({0, true, way.first});
+    marks.push_back({second, false, way.second});
     return marks;
 }
 
@@ -87,13 +85,6 @@ Line lineOf(const PairWay& way) {
 double nearPlane(double toEdge, double whole, double cosine, double waveNumber) {
     const double length = std::max(0.0, toEdge * (whole - toEdge) / whole);
     return toEdge / (1 + waveNumber * length * (1 - cosine));
-}
-
-double leftBeyond(double before, double gap, double after) {
-    const double whole = (before + gap) * (after + gap);
-    if (!(whole > 0)) return 1;  // no gap, and nothing on one side of it
-    const double square = before * after / whole;
-    return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
 }
 
 /// The faces on a way, and what gets along them to where it leaves the plane.
@@ -154,6 +145,19 @@ class Row {
 };
 
 }  // namespace
+
+double leftBeyond(double before, double gap, double after) {
+    const double whole = (before + gap) * (after + gap);
+    if (!(whole > 0)) return 1;  // no gap, and nothing on one side of it
+    const double square = before * after / whole;
+    return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
+}
+
+std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges) {
+    const double second = glm::distance(way.byFirst, way.bySecond);
+    std::vector<Mark> marks = marksOn(lineOf(way), way, second, edges);
+    return facesOf(marks, 0, second);
+}
 
 BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
                               bool secondHides, std::span<const WallEdge* const> edges, double speedOfSound) {

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include <glm/glm.hpp>
 
@@ -20,6 +21,18 @@
 #include "edges/diffraction_small_bodies.h"
 
 namespace rtsg {
+
+/// A face on a straight way in its plane: metres on from where that begins, and the edges there; null: not known.
+struct RowFace {
+    double from = 0, to = 0;
+    const WallEdge *begin = nullptr, *end = nullptr;
+};
+/// The faces on a way along a face of both edges, from the first edge to the second one; `edges`: among them are those
+/// that it passes.
+std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges);
+
+/// F of the above, of a gap and the ways before and after it, metres.
+double leftBeyond(double before, double gap, double after);
 
 /// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
 /// it passes. An edge hides the source, or the listener, if that is below the plane: then faces beyond the edge are
