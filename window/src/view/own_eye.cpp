@@ -17,6 +17,7 @@ namespace rtsg {
 namespace {
 
 using Root = x3d::RtsgScene;
+constexpr double kBeforeIt = 1e-3;  // of the way back from what a ray meets
 
 /// Of the other scene's world what stops an avatar. Pointers meet nothing: nodes have other numbers there.
 class Walls final : public SpaceQueries {
@@ -202,6 +203,9 @@ PointerInput OwnEye::throughPicture(const PointerInput& input) {
     if (s.over)
         if (const auto seen = s.picture.throughPicture(input.x, input.y, s.over)) {
             ray.origin = seen->origin, ray.direction = seen->direction;
+            // From right before it: whoever casts the ray again may take no account of layers, whose things lie among
+            // each other in the world.
+            if (seen->hit) ray.origin = glm::mix(seen->hit->point, seen->origin, kBeforeIt);
             return ray;
         }
     const Scene& scene = s.own ? *s.own : s.world.scene();
