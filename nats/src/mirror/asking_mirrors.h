@@ -28,6 +28,10 @@ class AskingMirrors {
 
     /// A mirror has come. False: there are too many.
     bool greeted(const std::string& inbox, const mirror::Hello& hello);
+    /// A mirror that only pings is there, too.
+    void pinged(const std::string& inbox, Clock::time_point now) {
+        if (const auto found = mirrors_.find(inbox); found != mirrors_.end()) found->second.heard = now;
+    }
     /// A message of a mirror that is neither a hello nor a ping. False: it makes no sense.
     bool take(const std::string& inbox, const Packet& packet, Clock::time_point now);
     /// A message of the server. A repair is a record that leads from a state to itself.

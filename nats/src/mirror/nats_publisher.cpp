@@ -30,9 +30,11 @@ constexpr std::size_t kHeadroom = 256;                   // bytes of a message b
 constexpr std::uint64_t kNear = 256 << 10;               // bytes of frames behind a keyframe that is published
 constexpr std::uint64_t kFar = std::uint64_t{16} << 20;  // after these another keyframe is taken anyway
 constexpr auto kJoinersGather = 50ms;                    // from one publication of the state to the next
-constexpr auto kSleep = 500ms;                           // at most
-constexpr auto kFetchWithin = 10s;                       // a keyframe
-constexpr int kAtOnce = 256;                             // messages of mirrors, before others get a turn
+// A short question may have a long answer, and anybody may ask.
+constexpr double kAnswersAtOnce = 128e6, kAnswersPerSecond = 32e6;  // bytes
+constexpr auto kSleep = 500ms;                                      // at most
+constexpr auto kFetchWithin = 10s;                                  // a keyframe
+constexpr int kAtOnce = 256;                                        // messages of mirrors, before others get a turn
 constexpr std::size_t kMostDiagnostics = 100;
 
 std::uint64_t anyNumber() {
@@ -113,6 +115,8 @@ class NatsPublisher::Impl {
     SharedRecord fetched_;
     Clock::time_point fetchBegan_{}, statePublished_{};
     bool stateWanted_ = false;
+    double allowance_ = kAnswersAtOnce;  // bytes of answers to hellos
+    Clock::time_point allowed_{};
     ByteBuffer message_, packet_;
     NatsPublisherStatistics statistics_;
     std::thread thread_;
@@ -203,6 +207,7 @@ bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     wire::Reader in = packet->fields();
     std::uint64_t token[1];
     if (!mirror::read(in, token)) return false;
+    mirrors_.pinged(message.reply, Clock::now());
     const std::uint64_t answer[] = {token[0], mirror::clockNow()};
     mirror::write(message_, Message::pong, answer);
     publish(message.reply, message_.bytes());
@@ -223,6 +228,9 @@ bool NatsPublisher::Impl::hello(const std::string& inbox, const Packet& packet) 
     const bool resumes = greeting.epoch != 0 && greeting.epoch == server_.epoch() && !history_.empty() &&
                          history_.continues(greeting.sequence, greeting.wishes.hash);
     if (!resumes) return stateWanted_ = true;
+    const double size = static_cast<double>(history_.bytesFrom(greeting.sequence));
+    if (allowance_ < 0) return true;  // it asks again
+    allowance_ -= size;
     ++statistics_.resumed;
     publishWelcome(inbox);
     for (const SharedRecord& missed : history_.framesFrom(greeting.sequence, SIZE_MAX)) publishRecord(inbox, *missed);
@@ -276,9 +284,13 @@ void NatsPublisher::Impl::fetchKeyframe(Clock::time_point now) {
 }
 
 void NatsPublisher::Impl::publishState(Clock::time_point now) {
+    allowance_ = std::min(kAnswersAtOnce,
+                          allowance_ + std::chrono::duration<double>(now - allowed_).count() * kAnswersPerSecond);
+    allowed_ = now;
     if (!stateWanted_ || fetch_ || !server_.welcomed() || now - statePublished_ < kJoinersGather) return;
     const SharedRecord keyframe = history_.keyframe();
-    if (!keyframe) return;
+    if (!keyframe || allowance_ < 0) return;
+    allowance_ -= static_cast<double>(keyframe->bytes.size() + history_.bytesFrom(keyframe->header.to));
     stateWanted_ = false;
     ++statistics_.states;
     publishWelcome(subjects_.state);

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "link/open_nats.h"
+#include "mirror/packet.h"
 #include "nats/nats_support.h"
 #include "support/random_edits.h"
 
@@ -179,6 +181,53 @@ TEST_F(NatsMirror, WhatIsNotPublishedIsRefused) {
         EXPECT_NE(follower.client->refusal().find("need ZeroMQ"), std::string::npos);
         EXPECT_FALSE(follower.client->turnedAway()) << "asking again is of no use";
     }
+}
+
+TEST_F(NatsMirror, AServerWithKeysIsPublishedAsItsFirstClient) {
+    NatsServer nats;
+    test::TempFolder folder;
+    ASSERT_TRUE(MirrorKeys::generate(folder / "hall.key"));
+    const MirrorKeys keys = *MirrorKeys::load(folder / "hall.key");
+    Scene scene;
+    scene.newFrame(0);
+    MirrorServerOptions options;
+    options.keys = keys;
+    const auto server = MirrorServer::start(scene, test::kAnyPort, options);
+    ASSERT_TRUE(server);
+    NatsPublisherOptions to;
+    to.address = nats.address();
+    to.endpoint = (*server)->endpoint();
+    EXPECT_TRUE(NatsPublisher::start(to)) << "it starts, but the server does not know it";
+    MirrorKeys none;
+    to.keys = none;
+    EXPECT_FALSE(NatsPublisher::start(to));
+    to.keys = keys;
+    const auto publisher = NatsPublisher::start(to);
+    ASSERT_TRUE(publisher);
+    NatsFollower follower(nats.address());
+    EXPECT_TRUE(test::pollUntilAt(*follower.client, scene));
+    EXPECT_EQ(follower.scene.hash(), scene.hash());
+}
+
+TEST_F(NatsMirror, AnAskerCannotMakeItSendWithoutEnd) {
+    NatsServer nats;
+    PublishedScene from(nats.address(), MirrorUpstream::none, 1'000'000);  // a keyframe of 12 MB
+    NatsFollower follower(nats.address());
+    ASSERT_TRUE(follower.settle(from));
+    const auto link = openNatsLink(*NatsAddress::parse(nats.address()), "stranger");
+    ASSERT_TRUE(link);
+    mirror::Hello hello;
+    ByteBuffer message, packet;
+    hello.write(message);
+    nats::pack(packet, message.bytes());
+    const std::uint64_t before = from.publisher->statistics().bytes;
+    for (int i = 0; i < 100; ++i) {
+        EXPECT_EQ((*link)->publish(NatsSubjects("hall").ask, "nobody", packet.bytes()), "");
+        (void)follower.client->poll(20ms);
+    }
+    EXPECT_LT(from.publisher->statistics().bytes - before, 400'000'000u);
+    from.turn();
+    EXPECT_TRUE(follower.settle(from));
 }
 
 TEST_F(NatsMirror, TheServersGoodbyeArrives) {
