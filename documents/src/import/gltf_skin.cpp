@@ -21,7 +21,7 @@ glm::dmat4 GltfPlace::matrix() const {
 namespace {
 
 /// A matrix without shear, taken apart.
-GltfPlace partsOf(const glm::dmat4& m) {
+GltfPlace placeOfMatrix(const glm::dmat4& m) {
     GltfPlace place;
     place.translation = glm::dvec3(m[3]);
     glm::dmat3 axes(m);
@@ -41,7 +41,7 @@ GltfPlace partsOf(const glm::dmat4& m) {
 }  // namespace
 
 GltfPlace placeOf(const json& node) {
-    if (const auto m = GltfFile::numbers(node, "matrix", 16)) return partsOf(glm::make_mat4(m->data()));
+    if (const auto m = GltfFile::numbers(node, "matrix", 16)) return placeOfMatrix(glm::make_mat4(m->data()));
     GltfPlace place;
     if (const auto t = GltfFile::numbers(node, "translation", 3)) place.translation = glm::make_vec3(t->data());
     if (const auto s = GltfFile::numbers(node, "scale", 3)) place.scale = glm::make_vec3(s->data());
@@ -124,7 +124,7 @@ void GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) 
     for (std::size_t i = 0; i < joints_.size(); ++i) {
         Joint& joint = joints_[i];
         if (joint.above != kNone) joints_[joint.above].below.push_back(i);
-        const GltfPlace outside = partsOf(joint.outside), bound = partsOf(joint.bound);
+        const GltfPlace outside = placeOfMatrix(joint.outside), bound = placeOfMatrix(joint.bound);
         joint.left = outside.rotation;
         joint.right = glm::inverse(bound.rotation);
         joint.factor = bound.scale.x == 0 ? 1 : outside.scale.x / bound.scale.x;
