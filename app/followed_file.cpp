@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/terminal.h>
-#include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
 
@@ -45,29 +44,14 @@ bool FollowedFile::isEdited() {
     return isEdited_;
 }
 
-bool FollowedFile::read(Scene& into, Diagnostics& diagnostics) const {
-    if (isSceneFile(file_)) {
-        const auto done = readSceneFile(into, file_);
-        if (!done) diagnostics.add(done.error());
-        return done.has_value();
-    }
-    LoadOptions options;
-    options.resources = resources_;
-    options.clip = clip_;
-    return loadFile(into, file_, diagnostics, options) && diagnostics.errors() == 0;
-}
-
 void FollowedFile::follow() {
     isEdited_ = false;
     followed_ = last_;  // one that is wrong is not read again until it has been edited again
     Diagnostics diagnostics(file_);
-    auto edited = document_.emptyScene();
-    isBehind_ = !read(*edited, diagnostics);
-    if (!isBehind_)
-        if (auto ok = document_.follow(std::move(edited), diagnostics); !ok) {
-            diagnostics.add(std::move(ok.error()));
-            isBehind_ = true;
-        }
+    LoadOptions options;
+    options.resources = resources_;
+    options.clip = clip_;
+    isBehind_ = !document_.followFile(file_, diagnostics, options);
     print(diagnostics);
     if (isBehind_)
         return printError(

@@ -37,7 +37,6 @@ class FollowedFile {
         friend bool operator==(const Look&, const Look&) = default;
     };
     std::vector<Look> look() const;
-    bool read(Scene& into, Diagnostics& diagnostics) const;
 
     using Clock = std::chrono::steady_clock;
     Scene& scene_;

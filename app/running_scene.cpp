@@ -14,6 +14,7 @@
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/sync/scene_file.h>
 
 #include "extensions.h"
 #include "outputs.h"
@@ -90,6 +91,7 @@ RunningScene::~RunningScene() {
 
 void RunningScene::followEdits() {
     if (file_ == "-") throw UsageError("--reload", "standard input is read once");
+    if (isSceneFile(file_)) throw UsageError("--reload", "a document is edited, and " + file_ + " is a state");
     followsEdits_ = true;
 }
 

@@ -50,7 +50,7 @@ class RunningScene {
     /// Call it before load(). Sets the addresses that DIS nodes may use; by default none.
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
     /// Call it before load(). From now on the scene follows edits of its file, and of those that it inlines, at the
-    /// beginning of a frame. Throws UsageError for standard input.
+    /// beginning of a frame. Throws UsageError for what is no document in a file.
     void followEdits();
     bool followsEdits() const { return followsEdits_; }
     /// Looks whether the file has been edited, so that a frame is due.

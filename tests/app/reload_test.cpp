@@ -82,7 +82,28 @@ TEST_F(Reload, AFileThatIsInlinedIsFollowedToo) {
     EXPECT_THAT(ended.err, HasSubstr("outer.x3dv: note: it was edited: 1 change\n"));
 }
 
-TEST_F(Reload, WhatIsNoFileIsRefused) {
+/// What somebody takes back is what they did, and not what was edited in the file meanwhile.
+TEST_F(Reload, AMirrorTakesBackItsOwnEditOnly) {
+    const std::string replica = folder / "replica.x3dv";
+    serve({"--reload", "--for", "120s", "--upstream", "edits"}, "ipc://" + folder / "socket", edited);
+    Program mirror({"mirror", endpoint, "--name", "Ann", "--edit", "T.center=1 2 3@0.2", "--edit",
+                    "M.shininess=0.5@0.4", "--undo", "12", "--for", "14s", "--save", replica, "--json"},
+                   streams());
+    pass(3000);
+    write("0 1 0", "Box { }");
+    awaitEdits(1, "it was edited: ");
+    const Outcome ended = mirror.wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    const std::string saved = readFile(replica);
+    EXPECT_THAT(saved, HasSubstr("center 1 2 3")) << "it stays: the file says nothing of it";
+    EXPECT_THAT(saved, testing::Not(HasSubstr("shininess"))) << "taken back";
+    EXPECT_THAT(saved, HasSubstr("diffuseColor 0 1 0"));
+    EXPECT_THAT(saved, HasSubstr("Box"));
+}
+
+TEST_F(Reload, WhatIsNoDocumentInAFileIsRefused) {
+    ASSERT_EQ(rtsg({"convert", edited, folder / "a.rtsgb"}).status, 0);
+    EXPECT_EQ(rtsg({"run", folder / "a.rtsgb", "--reload"}).status, 2);
     EXPECT_EQ(rtsg({"run", "-", "--reload"}).status, 2);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "a.rlog", "--reload"}).status, 2);
     EXPECT_EQ(rtsg({"view", "ipc://" + folder / "nobody", "--reload", "--for", "1s"}).status, 1);

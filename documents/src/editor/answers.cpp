@@ -139,6 +139,29 @@ const FieldDef* fieldOf(const NodeType* type, std::string_view name) {
     return index == kNoField ? nullptr : &type->fields[index];
 }
 
+/// Null for a built-in type, and for one that nobody declares.
+const WordProto* protoOf(const DocumentWords& words, std::string_view type) {
+    if (findBuiltinType(type)) return nullptr;
+    const auto found = std::ranges::find(words.protos, type, &WordProto::name);
+    return found == words.protos.end() ? nullptr : &*found;
+}
+const WordProto* protoOf(const DocumentWords& words, std::size_t node) {
+    return node == kNoNode ? nullptr : protoOf(words, words.nodes[node].type);
+}
+const WordProto* protoOfName(const DocumentWords& words, std::string_view name) {
+    for (const WordNode& node : words.nodes)
+        if (!name.empty() && node.def == name) return protoOf(words, node.type);
+    return nullptr;
+}
+std::string fieldLine(const WordProto::Field& field) {
+    return fmt::format("{} {} {}", field.access, field.type, field.name);
+}
+std::string protoText(const WordProto& proto) {
+    std::string text = fmt::format("PROTO **{}**\n\n```\n", proto.name);
+    for (const WordProto::Field& field : proto.fields) text += fieldLine(field) + '\n';
+    return text + "```\n";
+}
+
 /// Collects what may stand in one place.
 class Proposer {
   public:
@@ -166,6 +189,7 @@ class Proposer {
                 if (end_.field == "ROUTE")
                     for (const char* one : {"fromNode", "fromField", "toNode", "toField"})
                         add(Proposal::Kind::field, one);
+                if (end_.field == "fieldValue") protoFields();
                 break;
             case Expects::nothing:
                 break;
@@ -216,8 +240,17 @@ class Proposer {
                 if (std::ranges::find(given, field.name) != given.end() && end_.begun != field.name) continue;
                 add(Proposal::Kind::field, field.name, fieldLine(field));
             }
+        if (!isXml_) protoFields();
         if (isXml_)
             for (const char* one : {"DEF", "USE", "containerField"}) add(Proposal::Kind::keyword, one);
+    }
+    void protoFields() {
+        const WordProto* proto = protoOf(before_, end_.node);
+        if (!proto) return;
+        for (const WordProto::Field& field : proto->fields)
+            if (field.access != "inputOnly" && field.access != "outputOnly" && field.access != "eventIn" &&
+                field.access != "eventOut")
+                add(Proposal::Kind::field, field.name, fieldLine(field));
     }
     void values() {
         const FieldDef* field = fieldOf(typeOf(before_, end_.node), end_.field);
@@ -233,6 +266,10 @@ class Proposer {
             if (!node.def.empty()) add(Proposal::Kind::name, node.def, std::string(node.type));
     }
     void routeFields() {
+        if (const WordProto* proto = protoOfName(whole_, end_.field))
+            for (const WordProto::Field& field : proto->fields)
+                if (field.access != "initializeOnly" && field.access != "field")
+                    add(Proposal::Kind::field, field.name, fieldLine(field));
         const NodeType* type = typeOfName(whole_, end_.field);
         if (!type) return;
         for (const FieldDef& field : type->fields)
@@ -277,6 +314,10 @@ std::optional<Explanation> explanationAt(std::string_view text, std::size_t offs
         case WordKind::nodeType:
             if (const NodeType* type = findBuiltinType(word->text); type && !type->internal)
                 return Explanation{range, nodeText(*type)};
+            [[fallthrough]];
+        case WordKind::protoUse:
+        case WordKind::proto:
+            if (const WordProto* proto = protoOf(words, word->text)) return Explanation{range, protoText(*proto)};
             return std::nullopt;
         case WordKind::use:
         case WordKind::definition:
@@ -289,7 +330,12 @@ std::optional<Explanation> explanationAt(std::string_view text, std::size_t offs
                 word->kind == WordKind::field ? typeOf(words, word->parent) : typeOfName(words, word->field);
             const FieldDef* field = fieldOf(type, word->text);
             if (field && !field->hidden) return Explanation{range, fieldText(*type, *field)};
-            return std::nullopt;
+            const WordProto* proto =
+                word->kind == WordKind::field ? protoOf(words, word->parent) : protoOfName(words, word->field);
+            if (!proto) return std::nullopt;
+            const auto declared = std::ranges::find(proto->fields, word->text, &WordProto::Field::name);
+            if (declared == proto->fields.end()) return std::nullopt;
+            return Explanation{range, fmt::format("```\n{}\n```\nOf PROTO {}\n", fieldLine(*declared), proto->name)};
         }
         default:
             return std::nullopt;

@@ -172,6 +172,7 @@ class ClassicWords {
             if (level.bracket != '[') level.waiting = {};
         } else if (before == "PROTO" || before == "EXTERNPROTO") {
             add(WordKind::proto, word);
+            result_.protos.push_back({word});
             isProto_ = true;
         } else if (before == "ROUTE" || before == "TO") {
             const std::size_t dot = std::min(word.find('.'), word.size());
@@ -186,12 +187,27 @@ class ClassicWords {
             pending_ = word;
         } else if (level.isInterface || skipped_ > 0) {
             add(WordKind::attribute, word);
+            if (level.isInterface) declare(word);
         } else if (level.bracket == '{' && level.waiting.empty()) {
             add(WordKind::field, word);
             level.waiting = word;
             result_.nodes[level.node].given.push_back(word);
         } else {
             nodeOrValue(word);
+        }
+    }
+
+    /// A word of a PROTO's interface: access, type, name, then a value that means nothing here.
+    void declare(std::string_view word) {
+        static constexpr std::string_view kAccess[] = {"inputOnly", "outputOnly", "inputOutput",  "initializeOnly",
+                                                       "eventIn",   "eventOut",   "exposedField", "field"};
+        if (std::ranges::find(kAccess, word) != std::end(kAccess)) {
+            declared_ = {word, {}, {}};
+        } else if (!declared_.access.empty() && declared_.type.empty()) {
+            declared_.type = word;
+        } else if (!declared_.access.empty() && !result_.protos.empty()) {
+            declared_.name = word;
+            result_.protos.back().fields.push_back(std::exchange(declared_, {}));
         }
     }
 
@@ -237,6 +253,7 @@ class ClassicWords {
     std::vector<Level> levels_;
     std::size_t skipped_ = 0;
     std::string_view pending_{}, def_{}, last_{};
+    WordProto::Field declared_{};
     std::size_t opening_ = kNoNode;  // the node whose brace comes next
     bool isProto_ = false, isInWord_ = false;
 };

@@ -41,6 +41,15 @@ struct WordNode {
     std::vector<std::string_view> given{};
 };
 
+/// The interface of a PROTO or EXTERNPROTO, as far as it is written.
+struct WordProto {
+    struct Field {
+        std::string_view access, type, name;
+    };
+    std::string_view name;
+    std::vector<Field> fields{};
+};
+
 /// What the next letter at the end of the text would belong to.
 struct WordsEnd {
     enum class Expects { nothing, nodeType, field, value, use, routeField, attribute };
@@ -53,6 +62,7 @@ struct WordsEnd {
 struct DocumentWords {
     std::vector<Word> words;
     std::vector<WordNode> nodes;
+    std::vector<WordProto> protos;
     WordsEnd end;
 };
 

@@ -84,6 +84,10 @@ class XmlWords {
             element.node = result_.nodes.size();
             result_.nodes.push_back({type, {}, around()});
         }
+        const bool isDeclared = type == "field" && !open_.empty() && !result_.protos.empty() &&
+                                (open_.back().name == "ProtoInterface" || open_.back().name == "ExternProtoDeclare");
+        if (isDeclared) result_.protos.back().fields.emplace_back();
+        declared_ = isDeclared ? &result_.protos.back().fields.back() : nullptr;
         const bool isWhole = attributes(element, isNode);
         if (!isWhole && open_.size() < kDeepestWord)
             open_.push_back(element);
@@ -159,6 +163,10 @@ class XmlWords {
             result_.words.push_back({WordKind::attribute, attribute, element.node, element.name});
         }
         result_.words.push_back({meaning.kind, inside, element.node, meaning.field});
+        if (meaning.kind == WordKind::proto) result_.protos.push_back({inside});
+        if (declared_ && attribute == "name") declared_->name = inside;
+        if (declared_ && attribute == "type") declared_->type = inside;
+        if (declared_ && attribute == "accessType") declared_->access = inside;
         if (!isNode) return true;
         WordNode& node = result_.nodes[element.node];
         if (attribute == "DEF") node.def = inside;
@@ -181,6 +189,8 @@ class XmlWords {
         if (isNode) return {WordKind::value, Expects::value, attribute};
         if ((element.name == "ProtoDeclare" || element.name == "ExternProtoDeclare") && attribute == "name")
             return {WordKind::proto, Expects::nothing};
+        if (element.name == "fieldValue" && attribute == "name" && element.node != kNoNode)
+            return {WordKind::field, Expects::attribute, element.name};
         if (element.name == "ROUTE" && (attribute == "fromNode" || attribute == "toNode"))
             return {WordKind::use, Expects::use};
         if (element.name == "ROUTE" && attribute == "fromField")
@@ -197,6 +207,7 @@ class XmlWords {
     std::size_t at_ = 0, skipped_ = 0;
     DocumentWords result_;
     std::vector<Element> open_;
+    WordProto::Field* declared_ = nullptr;  // by the element that is being read
 };
 
 }  // namespace

@@ -299,5 +299,19 @@ EXPORT P1 AS OUT)");
     EXPECT_EQ(info.externPrototypes, (std::vector<std::string>{"Q"}));
 }
 
+/// The types of the world before stay known; the document is of those that it uses.
+TEST_F(WorldTest, AWorldWithAnotherPrototypeOfTheSameNameIsSavedWithItsOwn) {
+    load("PROTO P [ ] { Group { } } PROTO Q [ ] { P { } } P { }");
+    ASSERT_TRUE(loadWorld(scene_, file("next.x3dv", "PROTO P [ ] { Switch { } } P { }"), diagnostics_));
+    expectQuiet();
+    EXPECT_EQ(documentInfo(scene_).prototypes, (std::vector<std::string>{"P", "Q"}));
+    ASSERT_TRUE(saveWorld(scene_, folder_ / "saved.x3dv", diagnostics_));
+    expectQuiet();
+    Scene saved;
+    ASSERT_TRUE(loadWorld(saved, folder_ / "saved.x3dv", diagnostics_));
+    expectQuiet();
+    EXPECT_TRUE(saved.effectiveNode(saved.node(saved.root()).get(x3d::RtsgScene::children)[0])->is(x3d::Switch::type));
+}
+
 }  // namespace
 }  // namespace rtsg

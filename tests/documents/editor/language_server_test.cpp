@@ -217,6 +217,18 @@ TEST(LanguageServer, NodesFieldsAndNamesAreCompleted) {
                 Contains("fraction_changed"));
     EXPECT_THAT(client.proposals(xml("<ROUTE |"), kXml), Contains("toField"));
     EXPECT_THAT(client.proposals(xml("<!-- <|"), kXml), testing::IsEmpty());
+    // Prototypes
+    const std::string chair =
+        "PROTO Chair [ inputOutput SFFloat height 1 inputOnly SFTime sit initializeOnly MFNode "
+        "parts [ Group { } ] ] { Group { } } ";
+    EXPECT_THAT(client.proposals(classic(chair + "Chair { |")), testing::ElementsAre("height", "parts"));
+    EXPECT_THAT(client.proposals(classic(chair + "DEF C Chair { } ROUTE X.y TO C.|")),
+                testing::ElementsAre("height", "sit"));
+    EXPECT_THAT(client.proposals(xml("<ProtoDeclare name='Chair'><ProtoInterface><field name='height' type='SFFloat' "
+                                     "accessType='inputOutput'/></ProtoInterface></ProtoDeclare><ProtoInstance "
+                                     "name='Chair'><fieldValue name='|"),
+                                 kXml),
+                testing::ElementsAre("height"));
     // What is there of the word is replaced.
     const Json item = client.at("textDocument/completion", classic("Group { } Tran|")).at("items").at(0);
     EXPECT_EQ(client.marked(item.at("textEdit").at("range")), "Tran");
@@ -239,6 +251,10 @@ TEST(LanguageServer, NodesAndFieldsAreExplainedWithTheirClause) {
     EXPECT_THAT(said(xml("<Material shin|iness='.1'/>"), kXml), HasSubstr("[0, 1]"));
     EXPECT_THAT(said(xml("<Mat|erial/>"), kXml), HasSubstr("clause 12"));
     EXPECT_EQ(said(xml("<Nonsen|se/>"), kXml), "");
+    EXPECT_THAT(said(classic("PROTO Chair [ inputOutput SFFloat height 1 ] { Group { } } Ch|air { }")),
+                HasSubstr("inputOutput SFFloat height"));
+    EXPECT_THAT(said(classic("PROTO Chair [ inputOutput SFFloat height 1 ] { Group { } } Chair { hei|ght 2 }")),
+                HasSubstr("Of PROTO Chair"));
     // The clauses are those of the tables of node types.
     const std::regex heading("# (\\w+) component: ISO/IEC 19775-1 V4.0 clause (\\d+)");
     std::size_t count = 0;
