@@ -18,7 +18,7 @@ import time
 
 SOURCE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 # Options that leave a part of the program out when they are OFF; all others choose how it is built.
-HOW = {"TESTS", "PCH", "WERROR", "FUZZ", "LONG", "DELAY_LOAD"}
+HOW = {"TESTS", "PCH", "WERROR", "FUZZ", "LONG", "DELAY_LOAD", "STATE_ALONE", "MODULES"}
 
 
 def options():

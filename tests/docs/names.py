@@ -15,7 +15,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CODE = {".h", ".cpp", ".in", ".py", ".mjs", ".js", ".cmake", ".x3dspec", ".html", ".x3d", ".x3dv", ".wrl", ".scenario", ".json"}
 FILE = re.compile(r"(?<![\w.])[\w./-]*\w\.(?:h|cpp|py|md|x3dspec|mjs|cmake|scenario)\b")
 # Files that are made, or that stand for any; of others' names what the pages explain or compare with.
-MADE = {"x3d.h", "pendulum.h", "workshop.h", "workshop.x3dspec", "name.h", "fq.cpp", "mine.cpp"}
+MADE = {"x3d.h", "version.h", "pendulum.h", "workshop.h", "workshop.x3dspec", "name.h", "fq.cpp", "mine.cpp"}
 ELSEWHERE = set("""WebM PascalCase camelCase snake_case delaySamples levelDb col AnalyserNode AudioBufferSourceNode BiquadFilterNode DelayNode PannerNode
     DynamicsCompressorNode WaveShaperNode SplitMix64 AVX2 CONSTRAINT TAG my_target ENDPOINT NAME_fuzz StereoLithography sffloatValue
     sfint32Value SENSOR alsoftrc concat LINEAR_WHEN_PHYSICAL_MATERIAL inView Nd MyRenderer MySubject KEY npx INDEX CHILD _more set_name

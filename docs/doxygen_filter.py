@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""Writes what Doxygen reads of public headers and pages to a folder.
+
+usage: doxygen_filter.py FOLDER
+
+Comments of headers are plain text with backticks: the one that opens a header becomes that file's, indented lines become code, and what
+Doxygen would take for commands does not. Headings of pages get the names that links to them have, which are those of GitHub, with the
+page's before them, as Doxygen knows one set of names for all pages. Links to what the site does not have become plain text.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+
+
+def plain(text):
+    """Text without commands, what stands in backticks aside."""
+    pieces = re.split(r"(`[^`]*`)", text)
+    for i, piece in enumerate(pieces):
+        pieces[i] = piece if i % 2 else re.sub(r"([\\@#%<>])", r"\\\1", piece).replace("\\>::", "\\>\\::")
+    return "".join(pieces)
+
+
+def header(text):
+    out, opening, code = ["/// @file"], True, False
+    for line in text.splitlines():
+        opening = opening and not line.startswith("#pragma once")
+        comment = re.match(r"(\s*)//(/?<?)( {0,4})(.*)" if opening else r"(.*?)(?:(?<=\s)|^)//(/<?)( {0,4})(.*)", line)
+        if not comment:
+            out += ["/// @endcode"] * code + [line]
+            code = False
+            continue
+        before, kind, _, words = comment.groups()
+        mark = f"{before}//{kind if kind else '/'}"
+        indented = opening and line.startswith("//     ")
+        if indented != code:
+            out.append("/// @code{.cpp}" if indented else "/// @endcode")
+            code = indented
+        out.append(f"///{line[2:]}" if indented else f"{mark} {plain(words)}")
+    return "\n".join(out + ["/// @endcode"] * code) + "\n"
+
+
+def slug(heading):
+    """As GitHub makes it."""
+    return re.sub(r"[^\w\- ]", "", heading.replace("`", "").lower()).strip().replace(" ", "-")
+
+
+def label(path):
+    """Of a page; two pages may have names that only differ in case."""
+    return path.stem.lower() if path.parent.name == "docs" else f"about-{path.stem.lower()}"
+
+
+def page(text, path):
+    def link(match):
+        words, aim = match.groups()
+        if aim.startswith(("http:", "https:")):
+            return match[0]
+        name, _, anchor = aim.partition("#")
+        to = (path.parent / name).resolve() if name else path
+        if to.suffix == ".md" and (to.parent in (ROOT, ROOT / "docs")):
+            return f"[{words}](#{label(to)}{'-' + anchor if anchor else ''})"
+        return words
+
+    out, fenced = [], False
+    for number, line in enumerate(text.splitlines()):
+        fenced ^= line.startswith("```")
+        if not fenced and not line.startswith("    "):
+            heading = re.match(r"(#+) (.*)", line)
+            if heading:
+                name = label(path) + ("" if number == 0 else "-" + slug(heading[2]))
+                line = f"{heading[1]} {heading[2]} {{#{name}}}"
+            else:
+                line = re.sub(r"!\[([^\]]*)\]\((?:[^)\s]*/)?([^)\s/]+)\)", r"![\1](\2)", line)
+                line = re.sub(r"(?<!!)\[([^\]]*)\]\(([^)\s]+)\)", link, line)
+        out.append(line)
+    return "\n".join(out) + "\n"
+
+
+def main():
+    to = pathlib.Path(sys.argv[1])
+    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*/include/rtsg/*/*.h"))):
+        text = path.read_text(encoding="utf-8")
+        inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[2:])
+        (to / inside).parent.mkdir(parents=True, exist_ok=True)
+        (to / inside).write_text(page(text, path) if path.suffix == ".md" else header(text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
