@@ -238,6 +238,35 @@ TEST(AHeadUpDisplay, AnswersWhereItIsSeenAfterAWalk) {
     scene.setSpaceQueries(nullptr);
 }
 
+TEST_F(AWindow, AFileThatIsDroppedIsTheApplications) {
+    open();
+    for (const char* name : {"/somewhere/one.x3dv", "/somewhere/two words.wrl"}) {
+        SDL_Event event{};
+        event.type = SDL_DROPFILE;
+        event.drop.file = SDL_strdup(name);
+        SDL_PushEvent(&event);
+    }
+    std::vector<std::string> dropped;
+    EXPECT_TRUE(run([&] {
+        for (std::string& name : window->takeDropped()) dropped.push_back(std::move(name));
+        return dropped.size() == 2;
+    }));
+    EXPECT_EQ(dropped, (std::vector<std::string>{"/somewhere/one.x3dv", "/somewhere/two words.wrl"}));
+    EXPECT_TRUE(window->takeDropped().empty());
+}
+
+TEST_F(AWindow, AnotherSizeIsThatOfItsPictures) {
+    open();
+    ASSERT_TRUE(run([&] { return window->isSettled(); }));
+    SDL_Window* own = nullptr;
+    for (Uint32 id = 1; id < 1000 && !own; ++id) own = SDL_GetWindowFromID(id);
+    ASSERT_NE(own, nullptr);
+    SDL_SetWindowSize(own, 200, 160);
+    EXPECT_TRUE(run([&] { return window->size() == std::pair(200, 160); }));
+    EXPECT_TRUE(run([&] { return window->shown()->whole && window->shown()->width == 200; }));
+    EXPECT_EQ(window->shown()->height, 160);
+}
+
 TEST_F(AWindow, WakeEndsATurnFromAnotherThread) {
     open();
     ASSERT_TRUE(run([&] { return window->isSettled(); }));

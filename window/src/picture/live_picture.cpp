@@ -13,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include "clean_edges.h"
 #include "live_picture_maker.h"
 
 namespace rtsg {
@@ -230,6 +231,7 @@ struct LivePicture::Impl {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
+        if (!isWhole) cleanEdges(next->pixels, next->width, next->height);  // it is to be enlarged
         next->sequence = what.state->sequence;
         next->samples = samples;
         next->whole = isWhole;
