@@ -9,8 +9,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/sound_file.h>
-#include <rtsg/renderers/movie.h>
+#include <rtsg/audio/media_length.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
 #include <rtsg/scripts/run_scripts.h>
@@ -20,44 +19,6 @@
 #include "outputs.h"
 
 namespace rtsg::app {
-
-namespace {
-
-/// Tessellates the scene only when somebody points at it, or it has a Collision or a pick sensor.
-class LateQueries final : public SpaceQueries {
-  public:
-    explicit LateQueries(RunningScene& running) : running_(running) {}
-    std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
-        return queries().firstHit(origin, direction);
-    }
-    std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override {
-        return queries().throughPicture(x, y, layer);
-    }
-    std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
-        return queries().within(center, radius);
-    }
-    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
-        return queries().crossings(origin, direction, length);
-    }
-    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
-        return queries().obstacles(origin, direction, length);
-    }
-    std::vector<ShapeBox> boxes() override { return queries().boxes(); }
-    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override {
-        return queries().meetings(center, radius, test);
-    }
-    std::vector<Vec3d> corners(const Node& geometry) override { return queries().corners(geometry); }
-
-  private:
-    WorldQueries& queries() {
-        if (!queries_) queries_.emplace(running_.world().get(), running_.resources());
-        return *queries_;
-    }
-    RunningScene& running_;
-    std::optional<WorldQueries> queries_;
-};
-
-}  // namespace
 
 std::uint64_t Pace::frames() const {
     return static_cast<std::uint64_t>(std::ceil(seconds * framesPerSecond - 1e-9)) + 1;
@@ -128,18 +89,12 @@ void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
-    build.mediaLength = [most = resources_.policy().maximumSamples](const Resource& file) -> std::optional<double> {
-        auto seconds = soundSeconds(file);
-        if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
-        if (seconds) return *seconds;
-        // Of sound without pictures heads tell little: it is as long as what is heard of it.
-        const auto sound = movieSound(file, most);
-        if (!sound) return std::nullopt;
-        return static_cast<double>(sound->samples.size()) / sound->channels / sound->sampleRate;
+    build.mediaLength = [most = resources_.policy().maximumSamples](const Resource& file) {
+        return mediaSeconds(file, most);
     };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
-    queries_ = std::make_unique<LateQueries>(*this);
+    queries_ = std::make_unique<WorldQueries>([this]() -> SharedWorld& { return world().get(); }, resources_);
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(scene_);

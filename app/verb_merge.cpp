@@ -59,8 +59,7 @@ Verb addMerge(Command& program) {
     addForce(*command, options->force);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(
-        "Example: rtsg merge monday.rlog tuesday.rlog -o both.rlog --apart 10\n"
-        "Example: rtsg replay both.rlog --table A_TRAIN.rotation,B_TRAIN.rotation\n"
+        "Example: rtsg merge door.rlog other.rlog -o both.rlog --apart 10\n"
         "The scenes are below two Transforms, A and B; names at the top level begin with A_ and B_. What is bound is\n"
         "A's. Each log has to be of one session without gaps. Exit status 1 where one of them lacks something.");
     return {command, [options] { return merge(*options); }};

@@ -506,7 +506,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
         "Example: rtsg replay hall.rlog --table TRAIN.rotation -o train.csv\n"
-        "Example: rtsg replay hall.rlog --without VISITOR.* -o cut.rlog\n"
+        "Example: rtsg replay hall.rlog --without TRAIN.* -o cut.rlog\n"
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.\n"

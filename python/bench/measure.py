@@ -76,14 +76,14 @@ def fields():
     report("a node", "find by its name", "us", each(lambda: scene["T"]), "a dict", each(lambda: {"T": node}["T"]), 3)
 
 
-def columns():
-    """Ten minutes at 60 Hz of a scene that moves; beside it the same log stepped through state by state."""
+def columns(count=216_000):
+    """An hour at 60 Hz of a scene that moves; beside it the same log stepped through state by state."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "a.rlog")
         scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Immersive\nDEF C TimeSensor { loop TRUE }\nDEF P PositionInterpolator { key [ 0 1 ] keyValue [ 0 0 0, 1 0 0 ] }\n"
                            "DEF T Transform { }\nROUTE C.fraction_changed TO P.set_fraction\nROUTE P.value_changed TO T.translation\n" + "Transform { }\n" * 100)
         with scene.record(path, inputs=False):
-            for k in range(36_000):
+            for k in range(count):
                 scene.frame(k / 60)
         log = rtsg.Log(path)
         rows = len(log.table("T.translation")["time"])

@@ -17,18 +17,20 @@ from ._types import Damage, Divergence, FieldDifference, FieldStep, Irradiance, 
 
 native = _util.find_spec(__name__ + "._rtsg") is not None  # one that is there and cannot be loaded is an ImportError
 
-_EXTENDED = ["Recorder", "Server", "Sound", "Subscription", "diff", "load", "loads", "replay_test", "serve"]
+_EXTENDED = ["Cascade", "Recorder", "Server", "Sound", "Subscription", "diff", "load", "loads", "replay_test", "serve"]
 
 __all__ = ["Change", "ChangeSet", "Closed", "Damage", "Diagnostic", "DiagnosticWarning", "Divergence", "Error",
            "FieldDifference", "FieldStep", "Follower", "Irradiance", "Log", "NoExtension", "Node", "NoSuchField", "NoSuchName",
            "Pick", "ReplayReport", "Scene", "Table", "Verdict", "WrongThread", "follow", "native", "__version__"]
 
 if native:
-    from ._rtsg import (Change, ChangeSet, Node, Recorder, Scene, Server, Sound, Subscription, __version__, diff, load, loads,
+    from ._rtsg import (Cascade, Change, ChangeSet, Node, Recorder, Scene, Server, Sound, Subscription, __version__, diff, load, loads,
                         replay_test)
     from ._follow import Follower, follow
     from ._logs import Log
     from ._serve import serve
+    from . import _notebook
+    Scene._repr_png_, Log._repr_html_, Sound._repr_html_ = _notebook.scene_png, _notebook.log_html, _notebook.sound_html
     __all__ += _EXTENDED
 else:
     from .pure import Change, ChangeSet, Follower, Log, Node, Scene, follow

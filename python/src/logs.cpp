@@ -235,6 +235,14 @@ py::dict summary(const Log& log) {
     return all;
 }
 
+/// (offset in bytes, seconds since the log's start) of each whole state that is there for seeking.
+py::list keyframes(const Log& log) {
+    py::list all;
+    for (const LogKeyframe& one : log.replayer().keyframes())
+        all.append(py::make_tuple(one.offset, sinceStart(one.time, log.start())));
+    return all;
+}
+
 py::dict verify(const Log& log) {
     Interruption interruption;
     bool interrupted = false;
@@ -371,6 +379,7 @@ void addLogs(py::module_& module) {
         .def("step", &Log::step, "To the next state. False at the end.")
         .def("seek", &Log::seek, py::arg("seconds"), "To the last state at or before this time since the log's start.")
         .def("_seek_first", &Log::seekFirst)
+        .def_property_readonly("_keyframes", keyframes)
         .def("_table", table, py::arg("paths"), py::arg("start"), py::arg("stop"), py::arg("every"))
         .def_property_readonly("summary", summary, "States, bytes, seconds, damage and so on, as a dict.")
         .def("verify", verify,

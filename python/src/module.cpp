@@ -39,6 +39,7 @@ PYBIND11_MODULE(_rtsg, module) {
     addScene(module);
     addNodes(module);
     addChanges(module);
+    addOwnNodes(module);
     addPictures(module);
     addSound(module);
     addMirrors(module);

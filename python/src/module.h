@@ -8,6 +8,7 @@ namespace rtsg::python {
 void addScene(pybind11::module_& module);
 void addNodes(pybind11::module_& module);
 void addChanges(pybind11::module_& module);
+void addOwnNodes(pybind11::module_& module);
 void addPictures(pybind11::module_& module);
 void addSound(pybind11::module_& module);
 void addMirrors(pybind11::module_& module);

@@ -6,9 +6,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/audio/sound_file.h>
+#include <rtsg/audio/media_length.h>
 #include <rtsg/documents/loader.h>
-#include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/scripts/run_scripts.h>
 
@@ -24,40 +23,6 @@ namespace {
 
 std::mutex livingMutex;
 std::vector<SceneHandle*> living;
-
-/// A scene that nobody points at, and that has no sensor that picks, is not tessellated for this.
-class QueriesOnDemand final : public SpaceQueries {
-  public:
-    explicit QueriesOnDemand(SceneHandle& handle) : handle_(handle) {}
-    std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override {
-        return queries().firstHit(origin, direction);
-    }
-    std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override {
-        return queries().throughPicture(x, y, layer);
-    }
-    std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
-        return queries().within(center, radius);
-    }
-    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
-        return queries().crossings(origin, direction, length);
-    }
-    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
-        return queries().obstacles(origin, direction, length);
-    }
-    std::vector<ShapeBox> boxes() override { return queries().boxes(); }
-    std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override {
-        return queries().meetings(center, radius, test);
-    }
-    std::vector<Vec3d> corners(const Node& geometry) override { return queries().corners(geometry); }
-
-  private:
-    WorldQueries& queries() {
-        if (!queries_) queries_.emplace(handle_.world(), handle_.resources());
-        return *queries_;
-    }
-    SceneHandle& handle_;
-    std::optional<WorldQueries> queries_;
-};
 
 SharedWorld::Options worldOptions(const Resources& resources) {
     SharedWorld::Options options;
@@ -239,14 +204,12 @@ void SceneHandle::follow() {
     BuildOptions build;
     build.resources = options_.resources;
     build.file = options_.file;
-    build.mediaLength = [](const Resource& file) -> std::optional<double> {
-        auto seconds = soundSeconds(file);
-        if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
-        return seconds ? std::optional(*seconds) : std::nullopt;
+    build.mediaLength = [most = options_.resources.policy().maximumSamples](const Resource& file) {
+        return mediaSeconds(file, most);
     };
     inlines_ = std::make_unique<InlineLoader>(*scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
-    queries_ = std::make_unique<QueriesOnDemand>(*this);
+    queries_ = std::make_unique<WorldQueries>([this]() -> SharedWorld& { return world(); }, options_.resources);
     scene_->setSpaceQueries(queries_.get());
     scene_->setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(*scene_);
@@ -370,6 +333,10 @@ void SceneHandle::note(const Diagnostic& failure) {
 
 int SceneHandle::visit(visitproc visit, void* arg) {
     for (const auto& subscription : subscriptions_) Py_VISIT(subscription->call().ptr());
+    for (const auto& behaviour : behaviours_) {
+        Py_VISIT(behaviour->onTime.ptr());
+        Py_VISIT(behaviour->onEvent.ptr());
+    }
     return 0;
 }
 
@@ -377,6 +344,11 @@ void SceneHandle::clear() {
     // Letting go of a function may end the last owner of anything.
     const auto ended = std::exchange(subscriptions_, {});
     for (const auto& subscription : ended) subscription->end();
+    std::vector<py::function> functions;
+    for (const auto& behaviour : behaviours_) {
+        functions.push_back(std::exchange(behaviour->onTime, {}));
+        functions.push_back(std::exchange(behaviour->onEvent, {}));
+    }
     pending_.clear();
 }
 

@@ -21,6 +21,8 @@
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/world_queries.h>
 
+#include "own_nodes.h"
+
 namespace rtsg::python {
 
 class SceneHandle;
@@ -127,6 +129,9 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     /// From any thread: told with the next frame, or at the end.
     void note(const Diagnostic& failure);
 
+    /// As long as the scene lives, whose types call it.
+    void keep(std::unique_ptr<OwnBehaviour> behaviour) { behaviours_.push_back(std::move(behaviour)); }
+
     void add(Dependent& dependent) { dependents_.push_back(&dependent); }
     /// The scene keeps it, whoever else does, until it is removed or the scene ends.
     void own(std::shared_ptr<Dependent> dependent);
@@ -154,6 +159,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<Measured> measured_;
     std::vector<std::shared_ptr<Subscription>> subscriptions_;
+    std::vector<std::unique_ptr<OwnBehaviour>> behaviours_;
     std::vector<pybind11::error_already_set> pending_;
     std::vector<Dependent*> dependents_;
     std::vector<std::shared_ptr<Dependent>> owned_;  // of them

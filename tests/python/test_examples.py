@@ -31,7 +31,8 @@ def driven(tmp_path_factory):
 
 def test_each_is_about_ten_lines():
     names = sorted(path.name for path in EXAMPLES.glob("*.py"))
-    assert names == ["drive_scene.py", "follow_mirror.py", "pictures_of_log.py", "plot_log.py", "test_door.py", "training_set.py"]
+    assert names == ["drive_scene.py", "follow_mirror.py", "impulse_responses.py", "own_node.py", "pictures_of_log.py", "plot_log.py", "test_door.py",
+                     "training_set.py"]
     for path in EXAMPLES.glob("*.py"):
         code = path.read_text().split('"""')[2]
         lines = [line for line in code.splitlines() if line.strip() and not line.startswith(("import", "from"))]
@@ -89,6 +90,7 @@ def test_training_set(tmp_path):
     run("training_set.py", ROOM, tmp_path / "set.npz", 20)
     data = np.load(tmp_path / "set.npz")
     assert data["rgb"].shape == (20, 36, 64, 3) and data["depth"].shape == data["ids"].shape == (20, 36, 64)
+    assert data["sound"].shape == (20, 1600, 2) and np.abs(data["sound"]).max() > 0
     assert len(np.unique(data["ids"])) > 3 and (data["rgb"][0] != data["rgb"][1]).any()
 
 
@@ -100,3 +102,17 @@ def test_a_recorded_door(tmp_path):
     done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "rtsg.pytest_plugin", tmp_path],
                           capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_own_node():
+    lines = run("own_node.py").splitlines()
+    assert len(lines) == 31 and lines[0].endswith("+0.000 rad")
+    assert float(lines[10].split()[4]) == pytest.approx(.5 * np.sin(np.sqrt(9.81 / 2)), abs=1e-3)
+
+
+def test_impulse_responses(tmp_path):
+    lines = run("impulse_responses.py", ROOM, tmp_path / "responses.npz").splitlines()
+    responses = np.load(tmp_path / "responses.npz")
+    assert len(lines) == len(responses.files) == 5 and "+-" in lines[0]
+    first = [np.abs(responses[name]).argmax() for name in responses.files]
+    assert len(set(first)) > 1 and all(np.isfinite(responses[name]).all() for name in responses.files)

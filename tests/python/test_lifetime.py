@@ -239,7 +239,7 @@ def test_scripts_followers_and_errors_leak_nothing(tmp_path):
             with pytest.raises((ValueError, KeyError, rtsg.Error)):
                 call()
 
-    assert grows(work, 2_000 if LONG else 60) < 8e6
+    assert grows(work, 10_000 if LONG else 60) < 8e6
     gc.collect()
     assert rtsg._rtsg._living() <= living + 4
 

@@ -206,3 +206,13 @@ def test_what_is_said_of_a_scene_once_is_said_once(moving, recwarn):
         moving.frame(k)
     assert not recwarn.list
     assert MOVING  # the scene has nothing to complain of
+
+
+@pytest.mark.parametrize("name", ["tone.mka", "tone.webm", "tone.aac"])
+def test_packed_sounds_without_pictures_have_a_length(name):
+    scene = rtsg.loads(f'#X3D V4.0 utf8\nPROFILE Immersive\nSound {{ source DEF CLIP AudioClip {{ url "{name}" }} }}', base=ROOT / "tests/audio/scene/data")
+    for k in range(3):
+        scene.frame(k / 10)
+    if any("module" in one.code for one in scene.diagnostics):
+        pytest.skip("films are not read here")
+    assert scene["CLIP"].duration_changed > 0

@@ -102,20 +102,26 @@ class WorldQueries::Seen final : public trace::SurfacesInPicture {
 };
 
 WorldQueries::WorldQueries(SharedWorld& world, Resources resources)
-    : world_(world), seen_(std::make_unique<Seen>(world, std::move(resources))) {}
+    : WorldQueries([&world]() -> SharedWorld& { return world; }, std::move(resources)) {}
+WorldQueries::WorldQueries(std::function<SharedWorld&()> make, Resources resources)
+    : make_(std::move(make)), resources_(std::move(resources)) {}
 WorldQueries::~WorldQueries() = default;
 
 bool WorldQueries::follow() {
-    const auto updated = world_.update();
+    if (!world_) {
+        world_ = &make_();
+        seen_ = std::make_unique<Seen>(*world_, resources_);
+    }
+    const auto updated = world_->update();
     if (!updated && !std::exchange(told_, true))
-        world_.scene().diagnostics().error({}, "pointers meet nothing: " + updated.error().text);
+        world_->scene().diagnostics().error({}, "pointers meet nothing: " + updated.error().text);
     return updated.has_value();
 }
 
 std::optional<PointerHit> WorldQueries::firstHit(const Vec3d& origin, const Vec3d& direction) {
     if (!follow()) return std::nullopt;
     seen_->useSight(nullptr);
-    auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction, *seen_);
+    auto pick = Picker(world_->rays(), world_->flattener()).ray(origin, direction, *seen_);
     if (!pick) return std::nullopt;
     return hitOf(std::move(*pick));
 }
@@ -125,14 +131,14 @@ std::optional<PointerHit> WorldQueries::hitOf(Pick&& pick) const {
     std::optional<PointerHit> result(std::in_place, pick.point, pick.normal, Vec2d(pick.texCoord),
                                      std::move(pick.path));
     PointerHit& hit = *result;
-    for (auto& [at, parentFromLocal] : world_.flattener().byPicture(pick.instance))
+    for (auto& [at, parentFromLocal] : world_->flattener().byPicture(pick.instance))
         hit.byPicture.push_back({at, parentFromLocal});
     return result;
 }
 
 std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::optional<NodeId> layer) {
     if (!follow()) return std::nullopt;
-    const Flattener& flattener = world_.flattener();
+    const Flattener& flattener = world_->flattener();
     if (!flattener.usesPixels() || flattener.sights().empty()) return std::nullopt;
     std::optional<PictureHit> behind;
     const auto& sights = flattener.sights();
@@ -143,8 +149,8 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
         if (!layer && !(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
         const auto [origin, direction] = sight->ray(across, down);
         seen_->useSight(&*sight);
-        const PixelLens lens = trace::lensOf(world_.rays(), cameraOf(*sight), sight->height);
-        auto pick = Picker(world_.rays(), flattener)
+        const PixelLens lens = trace::lensOf(world_->rays(), cameraOf(*sight), sight->height);
+        auto pick = Picker(world_->rays(), flattener)
                         .ray(origin, direction, sight->layer, sight->limit, lens, nullptr, seen_.get());
         if (!pick) continue;
         PictureHit seen{origin, direction, hitOf(std::move(*pick))};
@@ -157,7 +163,7 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
 std::vector<std::vector<NodeId>> WorldQueries::within(const Vec3d& center, double radius) {
     std::vector<std::vector<NodeId>> paths;
     if (!follow()) return paths;
-    const auto picks = Picker(world_.rays(), world_.flattener()).overlaps(center, radius, Surfaces::felt);
+    const auto picks = Picker(world_->rays(), world_->flattener()).overlaps(center, radius, Surfaces::felt);
     if (!picks) return paths;
     for (const Pick& pick : *picks) paths.push_back(pick.path);
     return paths;
@@ -175,7 +181,7 @@ std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& 
                                               Surfaces surfaces) {
     std::vector<Crossing> all;
     if (!follow()) return all;
-    const auto picks = Picker(world_.rays(), world_.flattener()).crossings(origin, direction, length, surfaces);
+    const auto picks = Picker(world_->rays(), world_->flattener()).crossings(origin, direction, length, surfaces);
     if (!picks) return all;
     for (const Pick& pick : *picks) all.push_back({pick.point, pick.normal, Vec3d(pick.texCoord), pick.path});
     return all;
@@ -195,10 +201,10 @@ std::optional<ShapeBox> boxOf(const RayInstance& instance, std::vector<NodeId> p
 std::vector<ShapeBox> WorldQueries::boxes() {
     std::vector<ShapeBox> all;
     if (!follow()) return all;
-    const Flattener& flattener = world_.flattener();
+    const Flattener& flattener = world_->flattener();
     for (const Instance& instance : flattener.instances()) {
         if (!instance.id || !instance.seen || instance.boundingBox) continue;
-        if (auto box = boxOf(world_.rays().instance(instance.id.slot), flattener.path(instance.id)))
+        if (auto box = boxOf(world_->rays().instance(instance.id.slot), flattener.path(instance.id)))
             all.push_back(std::move(*box));
     }
     return all;
@@ -207,21 +213,22 @@ std::vector<ShapeBox> WorldQueries::boxes() {
 std::vector<Meeting> WorldQueries::meetings(const Vec3d& center, double radius, TriangleTest& test) {
     std::vector<Meeting> all;
     if (!follow()) return all;
-    const Flattener& flattener = world_.flattener();
-    const auto picks = Picker(world_.rays(), flattener)
+    const Flattener& flattener = world_->flattener();
+    const auto picks = Picker(world_->rays(), flattener)
                            .overlaps(
                                center, radius, [&](const InstanceId& id) { return test.concerns(flattener.path(id)); },
                                [&](const std::array<Vec3d, 3>& triangle) { return test.meets(triangle); });
     if (!picks) return all;
     for (const Pick& pick : *picks)
-        if (auto box = boxOf(world_.rays().instance(pick.instance.slot), pick.path))
+        if (auto box = boxOf(world_->rays().instance(pick.instance.slot), pick.path))
             all.push_back({std::move(*box), pick.distance});
     return all;
 }
 
 std::vector<Vec3d> WorldQueries::corners(const Node& geometry) {
     std::vector<Vec3d> points;
-    const auto mesh = tessellate(world_.scene(), geometry.id());
+    if (!follow()) return points;
+    const auto mesh = tessellate(world_->scene(), geometry.id());
     if (!mesh || !*mesh) return points;
     std::vector<bool> used((*mesh)->positions.size());
     for (std::uint32_t i = 0; i < (*mesh)->triangleCount + (*mesh)->strokeCount; ++i)

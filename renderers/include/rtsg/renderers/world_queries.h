@@ -22,6 +22,7 @@
 //     scene.newFrame(0);  // a TouchSensor there is active now
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -39,6 +40,9 @@ class WorldQueries final : public SpaceQueries {
   public:
     /// The world must outlive this. `resources`: what urls of textures may open; one is read when a pointer meets it.
     explicit WorldQueries(SharedWorld& world, Resources resources = {});
+    /// Of a world that `make` makes at the first question: a scene in which nobody points, and that has no Collision
+    /// and no pick sensor, is not tessellated for this.
+    explicit WorldQueries(std::function<SharedWorld&()> make, Resources resources = {});
     ~WorldQueries() override;
     WorldQueries(const WorldQueries&) = delete;
     WorldQueries& operator=(const WorldQueries&) = delete;
@@ -57,7 +61,9 @@ class WorldQueries final : public SpaceQueries {
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length, Surfaces surfaces);
     std::optional<PointerHit> hitOf(Pick&& pick) const;
     class Seen;
-    SharedWorld& world_;
+    std::function<SharedWorld&()> make_;
+    Resources resources_;
+    SharedWorld* world_ = nullptr;  // from the first question on, as is seen_
     std::unique_ptr<Seen> seen_;
     bool told_ = false;
 };

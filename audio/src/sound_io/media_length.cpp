@@ -1,0 +1,19 @@
+// Asks sound files, films and packed sounds in turn.
+#include <rtsg/audio/media_length.h>
+
+#include <rtsg/audio/sound_file.h>
+#include <rtsg/renderers/movie.h>
+
+namespace rtsg {
+
+std::optional<double> mediaSeconds(const Resource& file, std::uint64_t maximumSamples) {
+    auto seconds = soundSeconds(file);
+    if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
+    if (seconds) return *seconds;
+    // Of sound without pictures heads tell little: it is as long as what is heard of it.
+    const auto sound = movieSound(file, maximumSamples);
+    if (!sound) return std::nullopt;
+    return static_cast<double>(sound->samples.size()) / sound->channels / sound->sampleRate;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,173 @@
+// Binds node types of the user's own: a table of fields, and functions of Python that say what such nodes do.
+#include "own_nodes.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/behaviour.h>
+
+#include "collected.h"
+#include "errors.h"
+#include "module.h"
+#include "values.h"
+
+namespace py = pybind11;
+
+namespace rtsg::python {
+
+namespace {
+
+/// The cascade that calls a function, for as long as the call lasts.
+struct CascadeObject {
+    Cascade* cascade = nullptr;
+    SceneHandle* handle = nullptr;
+    NodeId node;
+
+    Cascade& running() const {
+        if (!cascade) raise(DiagnosticCode("application"), "the call that this cascade was for is over", "Closed");
+        return *cascade;
+    }
+};
+
+void emit(const CascadeObject& object, const NodeObject& node, const std::string& name, const py::handle& value) {
+    Cascade& cascade = object.running();
+    if (node.id != object.node || node.handle != object.handle)
+        raise(DiagnosticCode("access"), "a node's functions emit what is the node's own");
+    const Node& own = node.node();
+    const FieldIndex field = own.type().findExact(name);
+    if (field == kNoField)
+        raise(DiagnosticCode("no-such-field"), fmt::format("{} has no field {}", own.type().name, name), "NoSuchField");
+    const FieldDef& def = own.type().fields[field];
+    if (!def.readable()) raise(DiagnosticCode("access"), name + " is an input and sends nothing");
+    take(cascade.output(own, field, fromPython(def.type, value, *object.handle, own.type().name + "." + name)));
+}
+
+/// Calls a function for a node. What it raises is raised by frame() once the frame is complete, and all of its type
+/// rest from then on.
+template <class... Arguments>
+py::object callFor(OwnBehaviour& own, const py::function& function, Cascade& cascade, const Node& node,
+                   Arguments&&... arguments) {
+    if (own.rests || !function) return py::none();
+    const py::object turn = py::cast(CascadeObject{&cascade, own.handle, node.id()});
+    py::object result = py::none();
+    try {
+        const py::object scene = objectOf(*own.handle);
+        result = function(turn, nodeOrNone(scene, node.id()), std::forward<Arguments>(arguments)...);
+    } catch (py::error_already_set& error) {
+        own.rests = true;
+        own.handle->keep(std::move(error));
+    }
+    py::cast<CascadeObject&>(turn).cascade = nullptr;
+    return result;
+}
+
+double onTime(Cascade& cascade, const Node& node) {
+    auto& own = *static_cast<OwnBehaviour*>(cascade.context(node));
+    const py::gil_scoped_acquire lock;
+    const py::object next = callFor(own, own.onTime, cascade, node);
+    if (next.is_none()) return kNever;
+    const double time = PyFloat_AsDouble(next.ptr());
+    if (!PyErr_Occurred()) return time;
+    own.rests = true;
+    own.handle->keep(py::error_already_set());
+    return kNever;
+}
+
+void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    auto& own = *static_cast<OwnBehaviour*>(cascade.context(node));
+    const py::gil_scoped_acquire lock;
+    callFor(own, own.onEvent, cascade, node, py::str(node.type().fields[field].name),
+            toPython(value.value(), objectOf(*own.handle)));
+}
+
+Access accessFrom(const std::string& name, const std::string& field) {
+    constexpr std::pair<const char*, Access> kNames[] = {{"initializeOnly", Access::initializeOnly},
+                                                         {"inputOnly", Access::inputOnly},
+                                                         {"outputOnly", Access::outputOnly},
+                                                         {"inputOutput", Access::inputOutput}};
+    for (const auto& [known, access] : kNames)
+        if (name == known) return access;
+    throw py::value_error(
+        fmt::format("{}: \"{}\" is no access: initializeOnly, inputOnly, outputOnly or inputOutput", field, name));
+}
+
+/// "SFFloat", ("SFFloat", "outputOnly") or ("SFFloat", "inputOutput", 1.0).
+FieldDef fieldFrom(const std::string& name, const py::handle& given, const SceneHandle& handle) {
+    const py::tuple parts =
+        py::isinstance<py::str>(given) ? py::make_tuple(given) : py::tuple(py::cast<py::object>(given));
+    if (parts.empty() || parts.size() > 3)
+        throw py::value_error(name + ": expected a type, or (type, access), or (type, access, default)");
+    FieldDef field;
+    field.name = name;
+    const auto type = py::cast<std::string>(parts[0]);
+    if (!fieldTypeFromName(type, field.type))
+        throw py::value_error(fmt::format("{}: there is no field type {}", name, type));
+    if (parts.size() > 1) field.access = accessFrom(py::cast<std::string>(parts[1]), name);
+    field.defaultValue = parts.size() > 2 ? fromPython(field.type, parts[2], handle, name) : Value::zero(field.type);
+    return field;
+}
+
+void define(SceneHandle& handle, const std::string& name, const py::dict& fields, const py::object& onTimeFunction,
+            const py::object& onEventFunction, const std::vector<std::string>& implements, bool deterministic) {
+    Scene& scene = handle.edited();
+    if (scene.findType(name)) raise(DiagnosticCode("edit"), "there is a node type " + name + " already");
+    auto type = std::make_shared<NodeType>();
+    type->name = name;
+    type->component = "Own";
+    type->kind = NodeType::Kind::user;
+    type->implements = implements;
+    type->acts = !onTimeFunction.is_none() ? Acts::always : onEventFunction.is_none() ? Acts::never : Acts::onInput;
+    for (const auto& [field, given] : fields)
+        type->fields.push_back(fieldFrom(py::cast<std::string>(field), given, handle));
+    if (!type->finish()) throw py::value_error(name + ": two fields have one name, or there are too many");
+    const TypeIndex index = take(scene.defineType(std::move(type)));
+    auto own = std::make_unique<OwnBehaviour>();
+    own->handle = &handle;
+    Behaviour behaviour;
+    if (!onTimeFunction.is_none()) own->onTime = onTimeFunction, behaviour.onTime = onTime;
+    if (!onEventFunction.is_none()) own->onEvent = onEventFunction, behaviour.onEvent = onEvent;
+    behaviour.deterministic = deterministic;
+    behaviour.context = own.get();
+    scene.registerBehaviour(index, behaviour);
+    handle.keep(std::move(own));
+}
+
+}  // namespace
+
+void addOwnNodes(py::module_& module) {
+    py::class_<CascadeObject>(
+        module, "Cascade", "What the functions of a node type of one's own are called with; good for the call alone.")
+        .def_property_readonly(
+            "now", [](const CascadeObject& c) { return c.running().now(); }, "Scene time of the frame, seconds.")
+        .def_property_readonly(
+            "previous", [](const CascadeObject& c) { return c.running().previous(); }, "That of the frame before.")
+        .def("emit", emit, py::arg("node"), py::arg("field"), py::arg("value"),
+             "Stores a field of the node, and sends it along its routes if it is an output. Once it has gone along "
+             "routes "
+             "in a frame, it is not sent again until the next.")
+        .def(
+            "warn",
+            [](const CascadeObject& c, const std::string& text) {
+                Cascade& cascade = c.running();
+                cascade.warn(cascade.scene().node(c.node), text);
+            },
+            py::arg("text"), "Says something of the node, once: a DiagnosticWarning.");
+    auto scene = py::class_<SceneHandle, std::shared_ptr<SceneHandle>>(module.attr("Scene"));
+    scene.def(
+        "define", define, py::arg("name"), py::arg("fields"), py::kw_only(), py::arg("on_time") = py::none(),
+        py::arg("on_event") = py::none(), py::arg("implements") = std::vector<std::string>{"X3DNode", "X3DChildNode"},
+        py::arg("deterministic") = false,
+        "Defines a node type: `fields` is {\"length\": (\"SFFloat\", \"inputOutput\", 1.0), ...}; access and default "
+        "may be "
+        "left out. on_time(cascade, node) is called when a field was written or the time has come that it returned "
+        "last: "
+        "cascade.now for every frame, None for not before a field is written. on_event(cascade, node, field, value) is "
+        "called for each event that comes in. `implements`: all abstract types that it is of. `deterministic` promises "
+        "that what they do follows from fields, events and the clock alone; else replicas of inputs play back their "
+        "calls. Raises Error where there is a type of that name.");
+}
+
+}  // namespace rtsg::python
