@@ -30,7 +30,7 @@ TEST_P(EveryType, IsSeenAndHeardWhateverItsFieldsHold) {
     LightRenderer light(world);
     ListenOptions listening;
     listening.metrics = false;
-    listening.render.ask(20, 0);
+    listening.render.trace = AcousticOptions::heardTraceOf(20);
     SoundRenderer sound(world, listening);
     ASSERT_EQ(sound.failure(), "");
     ImageOptions picture;
