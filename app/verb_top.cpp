@@ -160,7 +160,7 @@ int top(const TopArguments& options) {
 
 Verb addTop(Command& program) {
     auto options = std::make_shared<TopArguments>();
-    Command* command = program.addVerb("top", "Show figures of a program that runs with --metrics-port");
+    Command* command = program.addVerb("top", "Show the figures of a running program in the terminal");
     command->addOption("ADDRESS", options->address, "PORT on this machine, or HOST:PORT")->required();
     command->addOption("--interval", options->interval, "time between two looks")->preset();
     command->addFlag("--once", options->once, "look once");
