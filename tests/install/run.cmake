@@ -29,8 +29,8 @@ step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --n
 
 # Libraries that the first call loads: the program says what is missing without them.
 file(WRITE "${WORK}/script.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nScript { url \"ecmascript: function initialize() { print('here'); }\" }\n")
-file(WRITE "${WORK}/polygon.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry IndexedFaceSet { convex FALSE coordIndex [0 1 2 3 4 5]
-  coord Coordinate { point [0 0 0, 2 0 0, 2 2 0, 1 .5 0, .5 2 0, .4 .6 0] } } }\n")
+file(WRITE "${WORK}/polygon.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry IndexedFaceSet { convex FALSE coordIndex [0 1 2 3 4]
+  coord Coordinate { point [0 1 0, .59 -.81 0, -.95 .31 0, .95 .31 0, -.59 -.81 0] } } }\n")
 file(WRITE "${WORK}/bodies.x3dv" "#X3D V4.0 utf8\nPROFILE Full\nRigidBodyCollection { bodies RigidBody { } }\n")
 function(expect_missing module)
   file(GLOB_RECURSE file "${WORK}/prefix/*/librtsg_${module}.so")
