@@ -14,7 +14,8 @@ namespace {
 bool isSameType(const NodeType& a, const NodeType& b) {
     const auto same = [](const FieldDef& x, const FieldDef& y) {
         return x.name == y.name && x.type == y.type && x.access == y.access && x.aspect == y.aspect &&
-               x.hidden == y.hidden && x.defaultValue == y.defaultValue;
+               x.hidden == y.hidden && x.defaultValue == y.defaultValue && x.min == y.min && x.max == y.max &&
+               x.unit == y.unit && x.accepts == y.accepts && x.allowed == y.allowed;
     };
     return a.component == b.component && a.containerField == b.containerField && a.implements == b.implements &&
            a.acts == b.acts && a.role == b.role && std::ranges::equal(a.fields, b.fields, same);

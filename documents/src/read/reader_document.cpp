@@ -98,8 +98,7 @@ bool readFed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentH
     feed.fill(detail::TextFeed::kHead);
     detail::FeedSource source(feed, beside, options, diagnostics);
     const std::string_view text(feed.begin(), feed.end());
-    const FormatReader* reader =
-        detail::findReader({options.name, text.substr(0, detail::TextFeed::kHead), feed.size()}, options.dialect.get());
+    const FormatReader* reader = detail::findReader({options.name, text, feed.size()}, options.dialect.get());
     if (!reader) {
         diagnostics.error({}, detail::whyNotRead(text), DiagnosticCode("not-a-scene"));
         return false;

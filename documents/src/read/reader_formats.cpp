@@ -114,7 +114,8 @@ std::span<const FormatReader> builtinReaders() {
 
 const FormatReader* findReader(const FormatClue& clue, const Dialect* dialect) {
     if (dialect)
-        if (const FormatReader* own = dialect->readerOf(clue)) return own;
+        if (const FormatReader* own = dialect->readerOf({clue.name, clue.head.substr(0, TextFeed::kHead), clue.size}))
+            return own;
     const auto found =
         std::ranges::find_if(builtinReaders(), [&](const FormatReader& reader) { return reader.recognises(clue); });
     return found == builtinReaders().end() ? nullptr : &*found;

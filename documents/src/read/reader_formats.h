@@ -40,7 +40,8 @@ class FeedSource final : public FormatSource {
 
 /// The library's own formats, which are asked behind those of a dialect.
 std::span<const FormatReader> builtinReaders();
-/// Null: no format fits.
+/// Null: no format fits. The library's own formats look at all of the head, however long it is: an OBJ file may begin
+/// with a long comment.
 const FormatReader* findReader(const FormatClue& clue, const Dialect* dialect);
 /// Reads a file by a format; of one that is not the library's own text, what breaks the rules is reported and left out.
 bool readBy(const FormatReader& reader, FeedSource& source, DocumentHandler& handler, Diagnostics& diagnostics);
