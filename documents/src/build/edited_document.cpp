@@ -91,7 +91,7 @@ ListEdit editOf(const std::vector<NodeId>& before, std::vector<NodeId> after) {
 struct EditedDocument::State {
     Scene& scene;
     std::unique_ptr<Scene> document;  // as it was read last
-    std::vector<NodeId> live;         // by number of the document's node: that of the scene
+    std::vector<NodeId> nodes;        // of the scene, by number of the document's node
 
     class Edits;
 };
@@ -104,7 +104,7 @@ class EditedDocument::State::Edits {
           before_(*state.document),
           after_(after),
           match_(before_, after_),
-          liveBefore_(state.live),
+          liveBefore_(state.nodes),
           types_(after.typeCount()),
           diagnostics_(diagnostics) {
         std::uint32_t last = 0;
@@ -364,8 +364,8 @@ EditedDocument::EditedDocument(Scene& scene) : state_(std::make_unique<State>(sc
     const auto copied = state_->document->apply(std::make_shared<ChangeSet>(scene.snapshot()));
     RTSG_CHECK_EQ(copied ? std::string() : copied.error().text, std::string());
     scene.forEachNode([&](const Node& node) {
-        state_->live.resize(std::size_t{node.id().value} + 1);
-        state_->live.back() = node.id();
+        state_->nodes.resize(std::size_t{node.id().value} + 1);
+        state_->nodes.back() = node.id();
     });
 }
 EditedDocument::~EditedDocument() = default;
@@ -385,7 +385,7 @@ Result<> EditedDocument::follow(std::unique_ptr<Scene> edited, Diagnostics& diag
     if (s.scene.isInFrame()) return fail(DiagnosticCode("from-within"), "a document is followed between two frames");
     State::Edits edits(s, *edited, diagnostics);
     edits.carryOut();
-    s.live = edits.takeLive();
+    s.nodes = edits.takeLive();
     s.document = std::move(edited);
     return {};
 }
