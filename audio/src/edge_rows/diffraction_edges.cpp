@@ -27,13 +27,13 @@
 namespace rtsg {
 namespace {
 
-/// Of edges whose shortest way leads past them so many count, those that bend most: a bound of work. What is 60 dB
-/// below sound in the open does not: T30 reaches down as far (ISO 3382-1).
+/// The most edges that count although the shortest way leads past them, those that bend most: a bound of work. Sound 60
+/// dB below that in the open does not count, as T30 reaches down no farther (ISO 3382-1).
 constexpr std::size_t kPast = 32;
 constexpr double kLeastPast = 1e-3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Of the paths known before; null if it is not one of them.
+/// Finds an arrival among the paths known before; null if it is not one of them.
 Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint32_t order, double seconds) {
     for (std::size_t i = 0; i < known; ++i)
         if (arrivals[i].order == order && std::abs(arrivals[i].seconds - seconds) < 1e-8 + 1e-6 * seconds)
@@ -41,7 +41,7 @@ Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint3
     return nullptr;
 }
 
-/// What edges do to the paths known so far, one edge after the other.
+/// Applies edges to the paths known so far, one edge after the other.
 class Diffraction {
   public:
     Diffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
@@ -71,7 +71,7 @@ class Diffraction {
             bodies_.note(edge.body);
             const BesideEdge beside(edge, source_, listener_);
             if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, beside));
-            // Of most edges of a furnished room no angle need be known.
+            // Most edges of a furnished room end here, without their angles.
             if (!(bentPastAtMost(edge, beside, straight) > pastAll.last().bent)) return;
             RoundEdge round;
             if (!pathRound(edge, source_, listener_, beside, round)) return;
@@ -104,7 +104,7 @@ class Diffraction {
         WallEdge edge;
         RoundEdge round;
     };
-    /// Where what comes straight from a place begins, or ends.
+    /// A boundary at which sound that comes straight from a place begins or ends.
     struct Boundary {
         glm::dvec3 from;
         bool isImage = false;  // of the source, which may be in the mirror's plane
@@ -175,8 +175,8 @@ class Diffraction {
             if (part.length > 0 && pathRound(part, source_, listener_, round))
                 heard = bend(part, round, through) || heard;
         };
-        // What small bodies alone hide is there as far as they are not. In the plane of a face it is chance whether
-        // one sees along it: there nothing is heard through what the face is of.
+        // Small bodies hide an edge in part only. In the plane of a face it is chance whether one sees along it, so
+        // nothing is heard there through the body of the face.
         const auto bendHidden = [&](double from, double to) {
             if (grazesFace(one.round.path)) return;
             const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
@@ -195,7 +195,7 @@ class Diffraction {
         return heard;
     }
 
-    /// What the faces of small bodies mirror.
+    /// Weakens what the faces of small bodies mirror.
     void weakenMirrors() {
         for (const auto& [arrival, body] : mirrors_) {
             const BodyWeights::Tones& weights = bodies_.of(body);
@@ -259,7 +259,7 @@ class Diffraction {
         return true;
     }
 
-    /// Of what comes straight and passes so near to an edge that it is chance whether it was found.
+    /// Notes sound that comes straight and passes an edge so closely that it is chance whether it was found.
     void noteBoundaries(const WallEdge& edge, const RoundEdge& round, const ImagePart& image,
                         const BodyWeights::Tones& weights) {
         const auto note = [&](const glm::dvec3& from, bool isImage, bool expected) {
@@ -288,8 +288,8 @@ class Diffraction {
         return seen(geometry_, source_ + above * off, listener_ + other * off);
     }
 
-    /// What ought to be there and was not found, or the other way round: such that with what edges bend all is
-    /// continuous. Where edges are in line it is one for all of them.
+    /// Adds sound that ought to be there and was not found, and takes away what ought not to be, so that the sum with
+    /// what edges bend is continuous. Edges in line share one correction.
     void addMissed() {
         for (const Boundary& one : boundaries_) {
             const double way = glm::distance(one.from, listener_);

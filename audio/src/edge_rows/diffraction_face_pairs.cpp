@@ -12,8 +12,8 @@
 namespace rtsg {
 namespace {
 
-/// Of a part, by which its places stay within it: at a corner of both edges there is no way from one to the other.
-/// Ten roundings of single precision.
+/// Places stay by this share of a part within it, since at a corner of both edges there is no way from one to the
+/// other. It is ten roundings of single precision.
 constexpr double kOffEnd = 1e-6;
 
 glm::dvec3 farEnd(const WallEdge& edge) {
@@ -79,7 +79,7 @@ glm::dvec3 FacePair::crossing(const glm::dvec3& from, const glm::dvec3& flat, co
 
 double FacePair::strength(const TwoWedgePath& path) const {
     constexpr double kWaveNumber = 2.3;  // 1 / m, of 125 Hz in air of 343 m/s
-    // Of a zone in which waves are about in phase, the share that there is; of ends by which it leads past, less.
+    // The share that is there of the zone in which waves are about in phase; less where the way leads past ends.
     double share = 0;
     for (const Side& side : sides_) {
         const double toEdge = std::hypot(side.radius, side.shortest - side.along);

@@ -28,12 +28,13 @@ class FacePair {
     bool lay(const WallEdge& first, const WallEdge& second, const glm::dvec3& source, const glm::dvec3& listener);
 
     bool shared = false;  // there is such a face
-    /// Of the places within both edges those by which the way is shortest, if it leads past their ends about so.
+    /// The places within both edges by which the way is shortest; nearly so if the way leads past their ends.
     glm::dvec3 byFirst{0}, bySecond{0};
     /// Whether the shortest way of edges without ends leads there.
     bool within = false;
 
-    /// What is missing of edges without ends, or comes where the shortest way leads past, by the end of a part.
+    /// The wave by the end of a part: what edges without ends would have more, or what comes where the shortest way
+    /// leads past.
     struct End {
         glm::dvec3 first{0}, second{0};
         double way = 0;
@@ -48,7 +49,7 @@ class FacePair {
     static bool shareFace(const WallEdge& a, const WallEdge& b);
 
   private:
-    /// Where the line from a place to what is laid flat crosses an edge.
+    /// The place where the line from `from` to a place that is laid flat crosses an edge.
     static glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& flat, const WallEdge& edge);
     /// An edge and what counts of it: where it is seen from, and where it is seen across the other edge, laid flat.
     struct Side {

@@ -17,7 +17,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-/// What a face adds to direct sound by itself: both its edges, what goes from the one to the other, and its image.
+/// The waves that one face adds to direct sound: by each of its edges, from one edge to the other, and by its image.
 class LitFace {
   public:
     LitFace(const RowFace& face, const glm::dvec3& side, const glm::dvec3& source, const glm::dvec3& listener,
@@ -89,7 +89,7 @@ double excess(const LitFace& a, const LitFace& b, double straight, std::size_t t
     return a.weight(tone) * b.weight(tone) * inPlane / (1 + waveNumber * (a.detour() + b.detour()));
 }
 
-/// Of some faces in a row all that is left, and what of that is of their image.
+/// The share of direct sound that is left behind some faces in a row, and the part of it that is their image.
 class RowShares {
   public:
     RowShares(const std::vector<LitFace>& faces, double straight, std::size_t tone, double waveNumber,
@@ -104,7 +104,7 @@ class RowShares {
         Complex left = 1, notMirrored = 1;
         for (std::size_t i = from; i < to; ++i) {
             left *= alone_[i].left;
-            // What is all of the image and half of the rest, as in the plane, is so in any number of faces.
+            // In the plane the image is half of what is left, and by this rule it is half for any number of faces.
             if (std::norm(alone_[i].left) > 0) notMirrored *= 1.0 - 2.0 * alone_[i].image / alone_[i].left;
             if (i + 1 < to) left *= together_[i];
         }

@@ -28,7 +28,7 @@ struct LitRow {
     std::array<std::complex<double>, kEdgeTones> all, image;
 };
 
-/// Of a pair along a face that hides neither source nor listener. False if there are no gaps on its way.
+/// Finds the factors of a pair along a face that hides neither source nor listener. False if its way has no gaps.
 bool litRowOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener,
               std::span<const WallEdge* const> edges, const EdgeTones& tones, BodyWeights& bodies, LitRow& result);
 

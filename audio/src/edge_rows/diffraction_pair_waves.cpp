@@ -59,7 +59,7 @@ Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source
     bent.wave.seconds = length / options.air.speedOfSound;
     bent.wave.order = 2;
     bent.wave.direction = glm::normalize(second - listener);
-    // What leads past an end goes by that end.
+    // A way that leads past an end goes by that end.
     const auto axisIf = [&](std::size_t e, const WallEdge& edge) {
         return way.fromLow[e] < 0 || way.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
     };

@@ -119,7 +119,7 @@ bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way
     return true;
 }
 
-/// Of the whole wave that is bent by edges without ends: its share, less the phase of PairWay::past.
+/// The share of the wave that edges without ends would bend, without the phase of PairWay::past.
 std::complex<double> endsShare(const PairWay& way, double waveNumber) {
     using Complex = std::complex<double>;
     Complex share = std::polar(1.0, waveNumber * way.past);
@@ -134,7 +134,7 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
                 // It fades towards where ways are not looked for any more.
                 one *= beyond * (1 + within / reachPast(e == 0 ? *way.first : *way.second));
             else
-                // What comes by the end is another wave, later: where that can be told it is not part of this one.
+                // Sound by the end is a later wave of its own; where both can be told apart it is not part of this one.
                 one -= beyond * std::exp(-x / 8) * (shared ? 2.0 : 1.0);
         }
         share *= one;

@@ -26,8 +26,8 @@ struct PairWay {
     glm::dvec3 byFirst{0}, bySecond{0};
     EdgeTurn atFirst, atSecond;
     TwoWedgePath path;
-    /// Of each edge: how far within it both ends are from the place, metres, negative beyond an end; and half of the
-    /// second derivative of the way's length by the place, that of the other edge being the best.
+    /// For each edge: the distances from the place to both ends, metres, negative beyond an end; and half of the second
+    /// derivative of the way's length by the place, while the place on the other edge is the best.
     std::array<double, 2> fromLow{}, fromHigh{}, bend{};
     bool sharesLow[2]{}, sharesHigh[2]{};  // the end is one of the other edge, too
     /// How much longer the way is by the ends that it leads past, metres.
@@ -35,7 +35,7 @@ struct PairWay {
     /// Along a face of both; then the ends are told by this, and nothing of the above is known of them.
     FacePair flat;
     bool onFace = false;
-    /// Of two rims of one sheet the side along which it leads, unit; else 0.
+    /// For two rims of one sheet the unit normal of the side along which the way leads; else 0.
     glm::dvec3 side{0};
 };
 
@@ -52,7 +52,7 @@ inline double leastOnFace(bool heardStraight) {
 /// it.
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
 
-/// What both edges bend, by tone: by the shortest way, re the phase of that, and by ends.
+/// The pressures that both edges bend, by tone: by the shortest way, relative to its phase, and by ends.
 struct PairField {
     std::array<std::complex<double>, kEdgeTones> wave{};
     std::vector<FacePair::End> ends;

@@ -19,10 +19,10 @@
 namespace rtsg {
 namespace {
 
-/// Of pairs, the shortest are looked at: a bound of work.
+/// The most pairs that are looked at, those with the shortest ways: a bound of work.
 constexpr std::size_t kPairs = 48;
 
-/// Nearer to a boundary than this, in radians, one is on it: what roundings of single precision turn edges of 2 cm by.
+/// Within this angle, in radians, one is on a boundary: roundings of single precision turn edges of 2 cm by as much.
 constexpr double kGrazing = 1e-5;
 
 bool isSame(const WallEdge& a, const WallEdge& b) {
@@ -30,7 +30,7 @@ bool isSame(const WallEdge& a, const WallEdge& b) {
     return (a.from == b.from && a.axis == b.axis && a.length == b.length) || joinedEdge(a, b, both);
 }
 
-/// Of edges that lie on each other in part one is left, that reaches as far as all.
+/// Joins edges that lie on each other in part into one that reaches as far as all of them.
 std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, const std::vector<EdgeCandidate>& edges,
                                            std::size_t& looked) {
     std::vector<EdgeCandidate> result;
@@ -41,7 +41,7 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
         if (!isOpen(geometry.unnoted(), edge.edge, offEnds(edge.edge, edge.by))) continue;
         ++open;
         EdgeCandidate all = edge;
-        // What it has joined may reach to another one.
+        // The joined edge may reach another one.
         for (std::size_t i = 0; i < result.size();) {
             if (!joinedEdge(all.edge, result[i].edge, all.edge)) {
                 ++i;
@@ -127,7 +127,8 @@ class EdgePairs {
         if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
         return true;
     }
-    /// Of ends those above -54 dB, a twentieth of what isFaint() lets pass: there are many, a bound of work.
+    /// Adds the waves of ends above -54 dB, twenty times the bound of isFaint(). They are many, so this bounds the
+    /// work.
     void addEnds() {
         constexpr double kFaint = 20;
         for (const EdgeWave& end : ends_.waves()) addWave(end, end.seconds * c() / kFaint);
@@ -193,7 +194,7 @@ class EdgePairs {
         }
         return result;
     }
-    /// Of a wave that is to be added the part that is of the image in the pair's face.
+    /// Notes `pressure` as the part of a wave, which is to be added, that belongs to the image in the pair's face.
     void addImage(const PairWay& way, const EdgeWave& wave, const EdgeTonePressures& pressure) {
         const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
         ImagePart part;

@@ -37,13 +37,13 @@ struct EdgeCandidate {
 /// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
 EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
 
-/// Of edges, those by which the way is shortest are tried with each other: a bound of work, which grows with the
-/// square.
+/// The most edges that are tried with each other, those by which the way is shortest. This bounds the work, which grows
+/// with the square.
 constexpr std::size_t kPairedEdges = 32;
 /// They are chosen from so many: seams between bodies are among them, and edges that are one. A bound of work, too.
 constexpr std::size_t kLookedAtEdges = 256;
 
-/// What is known of edges by themselves, and whether direct sound is heard.
+/// The edges that bend sound by themselves, and whether direct sound is heard.
 struct EdgesAlone {
     std::vector<BentByOne> bent;
     bool heardStraight = false;

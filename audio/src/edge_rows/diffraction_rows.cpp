@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// Where a face begins on the way, or ends; metres on from the first edge.
+/// A place where a face begins or ends, metres along the way from the first edge.
 struct Mark {
     double at = 0;
     bool begins = false;
@@ -66,7 +66,7 @@ std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     return faces;
 }
 
-/// Where the straight way in the plane crosses edges, those of the pair among them; none if no other one does.
+/// The places where the straight way in the plane crosses edges, with those of the pair; none if it crosses no others.
 std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, std::span<const WallEdge* const> edges) {
     std::vector<Mark> marks;
     for (const WallEdge* edge : edges)
@@ -81,7 +81,7 @@ Line lineOf(const PairWay& way) {
     return {way.byFirst, glm::normalize(way.bySecond - way.byFirst), way.atFirst.offFace(*way.first, true)};
 }
 
-/// Of the way from a place on to the edge next to it, in the plane, how much counts: all in the plane.
+/// The length that counts of the way from source or listener to the next edge: all of it in the plane, less above it.
 double nearPlane(double toEdge, double whole, double cosine, double waveNumber) {
     const double length = std::max(0.0, toEdge * (whole - toEdge) / whole);
     return toEdge / (1 + waveNumber * length * (1 - cosine));
@@ -130,7 +130,7 @@ class Row {
     }
 
   private:
-    /// Of the angle between the way to a place and the plane, from an edge on.
+    /// The cosine of the angle between the plane and the way from an edge to a place.
     double cosine(const glm::dvec3& place, double edge, double side) const {
         const glm::dvec3 off = place - line_.from - edge * line_.along;
         const double length = glm::length(off);

@@ -10,8 +10,8 @@ struct ArrivalPan {
     double delay = 0;  // s
 };
 
-/// Of an ear (0: left) of a sphere, for a direction so far to the right (its sine): how much later than the middle of
-/// the head it hears what comes from there, and how much of it.
+/// The delay and the gain of an ear (0: left) of a sphere, relative to the middle of the head, for sound from a
+/// direction so far to the right (its sine).
 ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound);
 
 /// x right, y up, z back, as a head has it; of a direction in the world frame.

@@ -1,4 +1,4 @@
-// What is beyond the ends of an edge, at the tones that stand for all.
+// Finds the pressure that lies beyond the ends of an edge, at the tones that stand for all.
 #include "diffraction_ends.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ namespace {
 
 /// Relative to its delay it changes so slowly that two tones an octave tell of those between, by a cubic.
 constexpr double kTonesAStep = 2.5;
-/// What counts of an edge beyond its end reaches to where the way is a part of a wave of 125 Hz longer; 1 / m, in air
+/// An edge counts beyond its end as far as the way is longer by no more than a part of a wave of 125 Hz; 1 / m, in air
 /// of 343 m/s.
 constexpr double kBentWaveNumber = 2.3;
 constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep) + 3;

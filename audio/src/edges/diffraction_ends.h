@@ -1,5 +1,5 @@
-// Where edges end: what they bend by the shortest way is less what would lie beyond their ends, and sound comes from
-// the ends, even where the shortest way leads past them. So levels are continuous there.
+// Corrects for edges that end. The wave by the shortest way loses what would lie beyond their ends, and the ends send
+// sound themselves, even if the shortest way leads past them. So levels are continuous there.
 //
 // Threading: pure functions.
 #pragma once
@@ -23,7 +23,7 @@ struct EdgeEnd {
     std::array<std::complex<double>, kEdgeTones> besideDirect{}, besideMirrored{};
 };
 
-/// What `path` would bring beyond a place by which the way is `end.way`.
+/// Sets the pressure that `path` would bring beyond a place by which the way is `end.way`.
 void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end);
 
 /// Both ends, the one with the shorter way first.

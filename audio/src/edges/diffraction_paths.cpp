@@ -17,7 +17,7 @@ double angleAbout(const WallEdge& edge, const glm::dvec3& across) {
 /// Metres; less than any place is off a sheet.
 constexpr double kInSheet = 1e-30;
 
-/// Of the circle about an edge on which air is looked for.
+/// The radius of the circle about an edge on which air is looked for.
 double openRadius(const glm::dvec3& by) {
     const glm::dvec3 size = glm::abs(by);
     return std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));

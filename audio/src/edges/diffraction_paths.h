@@ -39,7 +39,7 @@ struct BesideEdge {
     }
 };
 
-/// Where sound goes round an edge from source to listener, if it does; its ends are those of the path.
+/// Finds the path of sound round an edge from source to listener; false if there is none.
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round);
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, const BesideEdge& beside,
                RoundEdge& round);
@@ -60,7 +60,7 @@ struct EdgeTurn {
 /// about.
 bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result,
             const glm::dvec3& side = glm::dvec3(0));
-/// Of a sheet: both faces are one.
+/// Whether it is the rim of a sheet, whose two faces are one.
 bool isRim(const WallEdge& edge);
 /// How far a place is above the sheet of a rim, metres, on the side that is the same for all its rims; for one in its
 /// plane, as well as single precision tells, the least that is on that side.
@@ -75,8 +75,8 @@ glm::dvec3 sheetNormal(const WallEdge& rim);
 bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeTurn& turn, bool out,
                   const glm::dvec3& place);
 
-/// What to look at to see a place on an edge of less than half a turn. From where one looks along a face of it that is
-/// a place in the air beside it: rounding may have put the edge itself behind that face.
+/// The place to look at in order to see a place on an edge of less than half a turn. For those who look along one of
+/// its faces it lies in the air beside the edge, since rounding may have put the edge itself behind that face.
 glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from);
 
 /// Metres before a place on an edge from which on nothing counts that lies between.

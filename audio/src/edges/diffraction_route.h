@@ -1,5 +1,5 @@
-// Where waves by way of edges go when source and listener are elsewhere than they were when they were traced: the way
-// is the shortest by its edges, which go on beyond their ends.
+// Finds the ways of waves by edges when source and listener have moved since they were traced: the shortest ways by the
+// same edges, which go on beyond their ends.
 //
 // Threading: pure functions.
 #pragma once
@@ -20,7 +20,7 @@ struct EdgeWay {
 };
 EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener);
 
-/// What wedgeField() asks for. Angles beyond the air are as they come, below 2 pi.
+/// The path that wedgeField() takes. Angles outside the air are kept as they are, below 2 pi.
 WedgePath pathAbout(const EdgeRoute& route, const BendingEdge& edge, const glm::dvec3& source,
                     const glm::dvec3& listener);
 

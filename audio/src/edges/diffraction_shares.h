@@ -1,4 +1,5 @@
-// What one edge does to the sound between two places: waves, and the parts of them that go on into a mirror image.
+// Finds the waves that one edge makes of the sound between two places, and the parts of them that belong to a mirror
+// image.
 //
 // Threading: pure functions.
 #pragma once
@@ -20,7 +21,7 @@ namespace rtsg {
 struct EdgeShares {
     EdgeTonePressures wave{};                 // by the shortest way; nothing if it leads past the edge
     std::array<EdgeTonePressures, 2> ends{};  // by the ends
-    /// Of these what makes mirror images continuous, in the same order: the wave, and the ends.
+    /// The parts of these that make mirror images continuous, in the same order: the wave, and the ends.
     std::array<EdgeTonePressures, 3> mirrored{};
 };
 

@@ -12,9 +12,9 @@ namespace {
 
 /// A plate's width counts as so much thickness. Fitted as those below.
 constexpr double kPlate = 0.3;
-/// Of volumes and of sections: fitted to boundary elements, see the header.
+/// Factors of volumes and of sections, fitted to boundary elements; see the header.
 constexpr double kVolume = 8, kSection = 1.46;
-/// More than this is all: .01 dB.
+/// A weight above this counts as 1: .01 dB.
 constexpr double kWhole = 0.999;
 /// Metres between surfaces that are in one plane. A tolerance of drawing.
 constexpr double kContact = 1e-3;
@@ -53,7 +53,8 @@ const BodyWeights::Tones& BodyWeights::of(const WallBody* body) {
     if (!fresh || weight(sides, body->fill, waveNumber(0)) == 1 || holds(*body, source_, 0) ||
         holds(*body, listener_, 0))
         return known->second;
-    // What stands on something is as large as with its mirror image there, and what is between walls goes on for ever.
+    // A body that stands on something is as large as together with its mirror image there, and one between walls has no
+    // ends.
     constexpr double kNear = 0.05, kEndless = 1e6;  // of its size; m
     for (int i = 0; i < 3; ++i) {
         double& side = sides[static_cast<std::size_t>(i)];
@@ -119,7 +120,7 @@ bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& sh
         const glm::dvec3 place = a + direction * (done + hit.distance);
         const WallBody* const body = bodyAt(place, margin);
         if (!body || surface == kMostSurfaces) return false;
-        // Of a room nothing beside its walls is asked about, where no path goes.
+        // Places beside the walls of a room are not asked about, since no path goes there.
         const Tones& weights = of(body);
         if (!(weights.front() < 1) || isAtWall(*body, place)) return false;
         if (std::ranges::find(passed, body) != passed.end()) continue;

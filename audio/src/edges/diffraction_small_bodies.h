@@ -27,11 +27,12 @@ class BodyWeights {
     BodyWeights(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                 double speedOfSound);
 
-    /// Of the pressure; 1 of what is no body, and of one in whose box either of both is, as of a room.
+    /// The factors of the pressure that a body adds. They are 1 for null, and for a body in whose box the source or the
+    /// listener is, as in a room.
     const Tones& of(const WallBody* body);
-    /// Of two edges, of which each may be of one.
+    /// The factors for two edges, each of which may belong to a body.
     Tones of(const WallBody* first, const WallBody* second);
-    /// Of all that are told of, and nothing else, it is known that they are in a way.
+    /// Notes that a body lies in a way. Bodies that are not noted are not known to.
     void note(const WallBody* body) {
         if (body && (noted_.empty() || noted_.back() != body)) noted_.push_back(body);
     }

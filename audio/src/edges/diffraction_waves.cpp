@@ -25,7 +25,7 @@ constexpr std::size_t kBefore = 64;
 /// Samples within which the waves that one transform makes begin: so much less is left of the transform for what edges
 /// do to the lowest tones of the last of them.
 constexpr std::size_t kTogether = 2048;
-/// Of the energy of an octave: what all waves that are left out have together at most, 40 dB below all that arrives.
+/// The largest share of an octave's energy that all waves which are left out have together: 40 dB below what arrives.
 constexpr double kLeftOut = 1e-4;
 
 /// Complex numbers with their parts apart, as vector instructions want them.
@@ -94,14 +94,14 @@ class WaveResponses {
         turn(-2 * std::numbers::pi * delay / static_cast<double>(fft_->size()), spectrum);
     }
 
-    /// Of a spectrum as above; what is still to come at its end fades.
+    /// The samples of a spectrum as above; sound that is still to come at the end fades.
     void samplesOf(const Parts& parts, std::vector<float>& samples) const {
         RealFft::Spectrum spectrum(fft_->bins());
         for (std::size_t i = 0; i < spectrum.size(); ++i) spectrum[i] = {parts.real[i], parts.imaginary[i]};
         samples.resize(fft_->size());
         fft_->inverse(std::move(spectrum), samples);
         const std::size_t size = samples.size();
-        // What is to come later than its end comes round: little else than a level, which is 0 before the delay.
+        // Sound after the end wraps round to the beginning, as little else than a level, which is 0 before the delay.
         const std::size_t before = size / 32;
         const float level = std::accumulate(samples.end() - static_cast<std::ptrdiff_t>(before), samples.end(), 0.0f) /
                             static_cast<float>(before);
@@ -266,7 +266,7 @@ std::vector<const EdgeWave*> wavesThatCount(const Echogram& echogram, std::uint3
             share.of[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] +=
                 static_cast<double>(std::norm(wave.pressure[tone])) * kBandCount / kEdgeTones;
         for (std::size_t b = 0; b < kBandCount; ++b) {
-            // Of nothing any share is large.
+            // Any share of no energy is large.
             share.of[b] = share.of[b] == 0 ? 0 : share.of[b] / (4 * std::numbers::pi * total[b]);
             share.most = std::max(share.most, share.of[b]);
         }

@@ -15,7 +15,7 @@ namespace rtsg {
 /// airAttenuation().
 void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way);
 
-/// Of what comes straight from a place to the listener, without its pressure.
+/// The wave that comes straight from a place to the listener, still without its pressure.
 EdgeWave straightWave(const glm::dvec3& from, const glm::dvec3& listener, double speedOfSound);
 
 /// Whether every tone is 80 dB below sound in the open after `way` metres.

@@ -184,7 +184,7 @@ class EdgeIntegrand {
     /// At the length `way` - i `down`, where `past` is what the first is longer than the shortest way; down > 0.
     WedgeEnd at(double past, double down) const {
         const Complex longer(past, -down), less = longer * (longer + 2 * shortest_) / twice_;  // cosh - 1
-        // Of both roots the one that goes on from real lengths, where cosh is above 1.
+        // This is the root that goes on from real lengths, for which cosh is above 1.
         Complex sinh = root(less * (less + 2.0));
         if (sinh.imag() > 0) sinh = -sinh;
         const Complex exponential = 1.0 + less + sinh;
@@ -233,7 +233,7 @@ void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span
     std::ranges::fill(ends, WedgeEnd{});
     double down = kLast / waveNumber;
     for (std::size_t node = 0; node < kMostNodes; ++node, down *= 0.5) {
-        // What is left below the last place is as if it went on like 1, or at the shortest way like 1 / sqrt(u).
+        // Below the last place the integrand is taken to go on like 1, or at the shortest way like 1 / sqrt(u).
         const bool last = down < least || node + 1 == kMostNodes;
         const double rest = last ? (down > past ? 1 / (std::numbers::sqrt2 - 1) : 1.0) : 0.0;
         const WedgeEnd here = integrand.at(past, down);
@@ -250,7 +250,7 @@ void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span
 
 namespace {
 
-/// What decides how far a wedge's transition has gone: nothing at the boundary that is nearest.
+/// The measure of how far a wedge's transition has gone; 0 at the nearest boundary.
 double fromBoundary(const TwoWedgePath::Wedge& wedge) {
     const double n = wedge.opening / kPi;
     double least = 2;

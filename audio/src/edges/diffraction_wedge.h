@@ -23,18 +23,19 @@ struct WedgePath {
     double along = 0;                             // m between both in the edge's direction
     double sourceAngle = 0, receiverAngle = 0;    // radians from the face at 0
 
-    /// Where the edge ends: metres on from the place of the shortest way, as `along` counts.
+    /// The ends of the edge, metres from the place of the shortest way, as `along` counts.
     double from = -std::numeric_limits<double>::infinity(), to = std::numeric_limits<double>::infinity();
 
     /// Metres from one to the other by way of a place on the edge, `offset` metres on from where that is shortest.
     double wayBy(double offset) const;
     double shortestWay() const { return wayBy(0); }
-    /// Of what comes as if from the source's angle turned by `angle` less the receiver's: direct sound, or an image.
+    /// The length of the straight way to the receiver from the source, or from an image of it, that is seen under
+    /// `angle` about the edge.
     double distanceAt(double angle) const;
 };
 
 struct WedgeField {
-    /// What comes straight, and what comes mirrored by either face; 0 where they do not reach. exp(-i k d) / d.
+    /// Direct sound, and sound that either face mirrors, each exp(-i k d) / d; 0 where they do not reach.
     std::complex<double> direct, mirrored;
     /// By way of the edge: the parts that make each of the above continuous.
     std::complex<double> besideDirect, besideMirrored;
@@ -49,7 +50,7 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber);
 class WedgeTerm {
   public:
     WedgeTerm() = default;
-    /// Of an opening of `n` pi: cot((pi + sign beta) / 2 n) and what belongs to it; `sign` is 1 or -1.
+    /// The term of cot((pi + sign beta) / 2 n) for an opening of `n` pi; `sign` is 1 or -1.
     WedgeTerm(double n, double beta, double sign);
     /// `kl`: wave number times the distance that counts.
     std::complex<double> at(double kl) const;
@@ -75,8 +76,8 @@ class WedgeBend {
     double strength_ = 0;
 };
 
-/// What an edge brings that begins at a place where the way is `way` metres, at least the shortest, and leads away from
-/// the place of the shortest for ever: one side of it. Its phase is re that of `way`; a multiple of exp(-i k way).
+/// The pressure of one side of an edge, which begins at a place where the way is `way` metres and leads away from the
+/// place of the shortest way without end. It is a multiple of exp(-i k way).
 struct WedgeEnd {
     std::complex<double> besideDirect, besideMirrored;
 };

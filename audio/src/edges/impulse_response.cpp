@@ -93,7 +93,7 @@ struct HeadArrival {
     Hrtf::Ears ears;
 };
 
-/// What of the arrivals is pulses, with their energies where nothing bends: all but what edges alone bring.
+/// The arrivals that are pulses, with their energies as if nothing bent: all but those that edges alone bring.
 std::vector<Arrival> pulsesOf(const Echogram& echogram) {
     std::vector<Arrival> pulses;
     pulses.reserve(echogram.arrivals.size());

@@ -173,7 +173,7 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
 }
 
-/// Where the emitters are on their way to; those that jump, come or go do so when the frame ends.
+/// Notes where the emitters are on their way to. Those that jump, come or go do so when the frame ends.
 void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate, seconds = std::max(0.0, poseSeconds - posedAt);
     for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
@@ -227,7 +227,7 @@ void AcousticEngine::Impl::followListener(const ListenerPose& listener, double p
     if (!listenerJumps) listenerMotion.put(poseSeconds * options.sampleRate, now, false);
 }
 
-/// What the air of the scene changes concerns every response.
+/// A change of the scene's air concerns every response.
 void AcousticEngine::Impl::followAir(const SoundVersion& sounds) {
     const Air fresh = options.air.over(sounds.air.over(options.trace.air));
     if (fresh == air) return;
@@ -257,7 +257,8 @@ void AcousticEngine::Impl::followState(const AcousticState& state, const RayView
     posedAt = std::max(posedAt, poseSeconds);
 }
 
-/// As a log that is played again does. Sound goes on where it is, with what plays, moves and is measured begun anew.
+/// Goes back in time, as a log does that is played again. The sound goes on without a gap, while clips, motions and
+/// measurements begin anew.
 void AcousticEngine::Impl::goBack(double seconds) {
     const double rate = options.sampleRate;
     const std::int64_t back = std::llround(renderedUntil * rate) - std::llround(seconds * rate);

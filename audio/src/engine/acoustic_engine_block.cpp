@@ -21,7 +21,8 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
         const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
-        // What has a place is mixed down to two at most, as panners do ("clamped-max"; Web Audio API 1.1, 1.27).
+        // Sounds with a place are mixed down to two channels at most, as panners do ("clamped-max"; Web Audio API 1.1,
+        // 1.27).
         const std::size_t most = sound.law == SoundNode::Law::none || sound.stream ? 0 : 2;
         AudioChannels& played = exactly == 1 ? state.lead : state.dry;
         state.mix.render(sound.voices, sound.processes,
@@ -108,7 +109,7 @@ void AcousticEngine::Impl::delaysOf(const EmitterState& state, HeardLevel& to, B
     to.slope = fromSlope;
 }
 
-/// What is heard of each input straight from the emitter, into its state.
+/// Renders the direct sound of each input into the emitter's state.
 void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block) {
     block.before = state.level;
     block.after = to;
@@ -123,7 +124,7 @@ void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& t
     }
 }
 
-/// What was just written, as it comes.
+/// Reads the block that was just written, at its delays.
 void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block, std::vector<float>& out) const {
     const std::size_t size = options.blockSize, first = line.written() - size;
     const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(size); };
@@ -237,7 +238,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
         state.level.directGain = to.directGain;
         state.level.lateGain = to.lateGain;
     }
-    // Nor is what was held back followed to where it is by now.
+    // A source whose delay was held does not glide to its new delay either.
     const bool crossfade = state.started && !held && (state.jumped || (state.held && doppler));
     state.started = true;
     state.jumped = false;
@@ -253,7 +254,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
         renderLate(state, &emitter, to, crossfade, block);
     }
     noteSilence(state);
-    // What plays nothing as yet may be let out before it does.
+    // A source that plays nothing yet may be let out before it does.
     if (state.seal && state.quiet == 0) {
         noteSeal(emitter, state.tracedSource, state.tracedListener, start / options.sampleRate, std::move(*state.seal));
         state.seal.reset();
@@ -316,7 +317,7 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
     }
 }
 
-/// What went through the head and, delayed, what did not, into `ready`.
+/// Mixes sound that went through the head and, delayed, sound that did not, into `ready`.
 void AcousticEngine::Impl::mixDown(const Block& block) {
     const std::size_t size = options.blockSize;
     for (std::size_t i = 0; i < size; ++i)

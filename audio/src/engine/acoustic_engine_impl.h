@@ -41,16 +41,16 @@ struct AcousticEngine::Impl {
         if (options.background) makeHead(now);
     }
 
-    /// What one block sounds like while it is made.
+    /// The state of one block while it is made.
     struct Block {
         ListenerPose listener;       // at the end
         std::vector<double> delays;  // by sample
         AudioChannels out;           // all but what goes through the head
         AudioChannels ears;          // what went through the head
-        // Of the emitter that is being rendered: at the ends of the block before and of this one.
+        // The levels of the emitter that is being rendered, at the ends of the block before and of this one.
         HeardLevel before, after;
         bool crossfade = false;  // from one delay to the other
-        /// Where the emitter is heard from, in the listener's frame: until sample `end`.
+        /// The place from which the emitter is heard until sample `end`, in the listener's frame.
         struct Turn {
             std::size_t end = 0;
             glm::dvec3 offset{0};  // metres
@@ -61,7 +61,7 @@ struct AcousticEngine::Impl {
         std::vector<float> part;    // of the emitter, by sample
         std::vector<std::uint32_t> bodies, open;
     };
-    /// What comes or goes in a block.
+    /// The factor of sound that comes or goes in a block.
     struct Ramp {
         double from = 1, to = 1;
     };
@@ -95,7 +95,7 @@ struct AcousticEngine::Impl {
     void streamOut(const SoundEmitter& emitter, EmitterState& state, const Block& block);
     void endStreams();
     void makeInputs(EmitterState& state, std::size_t count) const;
-    /// Of the source, or of an image of it.
+    /// Finds the delay of the source, or of an image of it.
     void findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                    double& slope) const;
     void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
@@ -128,8 +128,8 @@ struct AcousticEngine::Impl {
     void mixDown(const Block& block);
     void begin(Block& block, const ListenerPose& listener) const;
 
-    /// What a response needs: nothing, to be made again for how the listener's head is turned or as something begins to
-    /// move, or to be traced again.
+    /// The work that a response needs: none; making it again, as the listener's head has turned or something begins to
+    /// move; or tracing it again.
     enum class Renewal : std::uint8_t { none, turn, setOff, trace };
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
@@ -185,16 +185,16 @@ struct AcousticEngine::Impl {
     std::vector<SealedSource> sealed;
     std::map<InstanceId, UnheardSource> unheard;  // until any sound was in its reach
     bool anyInReach = false, anyHeard = false;
-    /// Of those that are: whether the source is inside, and which of `sealed` it is.
+    /// For each source that is sealed: whether it is the one inside, and its index in `sealed`.
     std::map<InstanceId, std::pair<bool, std::size_t>> toldSealed;
     std::vector<SoundLeak> leaks;
     int leakSearches = 0;
-    // Of sound that does not wait.
+    // The members below are for live sound.
     std::shared_ptr<const AcousticState> liveState;
     std::shared_ptr<const RayView> liveRays;
     std::unique_ptr<TraceWorker> worker;
     double load = 0;  // share of the time that live sound takes, of late
-    /// Of a block: whose response the worker is to make.
+    /// The response that the worker is to make after this block.
     struct {
         const SoundEmitter* emitter = nullptr;
         EmitterState* state = nullptr;

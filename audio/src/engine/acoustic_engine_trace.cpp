@@ -64,7 +64,7 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
 /// first, or those who come first would be heard by new ones and the others never.
 void AcousticEngine::Impl::renew(const SoundEmitter& emitter, EmitterState& state) {
     const Renewal renewal = renewalOf(emitter, state, state.to, now);
-    // Where direct sound waits for it that counts as a second.
+    // A response for which direct sound waits counts as a second older.
     const auto since = [](const EmitterState& one) { return one.tracedAt - (one.movedWalls.outdated() ? 1 : 0); };
     if (renewal == Renewal::none || (worker && due.state && since(*due.state) <= since(state))) return;
     due = {&emitter, &state, renewal};
@@ -242,7 +242,8 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     if (!traced.turned) state.movedWalls.traced = state.movedWalls.asked;
     const StraightWay& straight = state.movedWalls.traced;
     const bool takesOver = isLate(state.images.straight().open, straight.open);
-    // What is followed is heard as it was, as long as it has hardly moved: the sooner it takes over the better.
+    // Images that begin to be followed sound as before as long as they have hardly moved: the sooner they take over the
+    // better.
     const double seconds = traced.setsOff ? kSetOff : takesOver ? kSoon : state.traced ? 0 : kBegins;
     const auto fade = static_cast<std::size_t>(seconds * options.sampleRate);
     for (Convolver& late : state.late) late.fadeOnceIn(fade);
@@ -251,7 +252,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     if (traced.turned) return;
     state.traced = std::move(traced.traced);
     state.kept = std::move(traced.kept);
-    // What was traced in haste goes on until it is as good as others.
+    // A response that was traced in haste is improved until it is as good as others.
     if (state.kept.parts < kTraceParts) state.stale = state.staleSoon = true;
     state.reached = traced.reached;
     state.tracing = false;
@@ -327,7 +328,7 @@ void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double dista
 
 std::vector<UnheardSource> AcousticEngine::unheard() const {
     std::vector<UnheardSource> all;
-    // Where any is in reach authors mean the others to be out of it.
+    // If any source is in reach, authors mean the others to be out of it.
     for (const auto& [id, source] : impl_->unheard)
         if (!impl_->anyHeard && (!impl_->anyInReach || source.why == UnheardSource::Why::still)) all.push_back(source);
     return all;

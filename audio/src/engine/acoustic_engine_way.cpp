@@ -42,9 +42,9 @@ double AcousticEngine::Impl::straightShare(std::vector<std::uint32_t>& open, con
     return sum;
 }
 
-/// What all walls leave. Those that go along with the source stood beside it as they do now when it sent what is heard
-/// now from where it was: they are asked about from where both are now. Else the body of a train would cover its own
-/// sound, and be gone again with the next block.
+/// The share that all walls leave. Walls that go along with the source stood beside it as they do now when it sent the
+/// sound that is heard now, so they are judged from where both are now. Otherwise the body of a train would cover its
+/// own sound, and be gone again with the next block.
 double AcousticEngine::Impl::shareOfAll(EmitterState& state, const glm::dvec3& apparent, Block& block) const {
     const glm::dvec3& listener = block.listener.position;
     if (apparent == state.to) state.alongside.clear();
@@ -62,8 +62,8 @@ double AcousticEngine::Impl::shareOfAll(EmitterState& state, const glm::dvec3& a
     return others * std::min(1.0, straightShare(block.open, state.to, beside) / most);
 }
 
-/// What walls leave of direct sound at the end of the block: those that moved since what is heard was traced leave what
-/// they left then.
+/// Measures the share of direct sound that walls leave at the end of the block. Walls that moved since the response in
+/// use was traced leave what they left then.
 void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
                                       Block& block) const {
     MovedWalls& moved = state.movedWalls;
@@ -110,7 +110,7 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
                                    const Block& block, HeardLevel& to, bool& audible) const {
     const SoundNode& sound = *emitter.sound;
     const ListenerPose& listener = block.listener;
-    // What went out before a gain became that large is still on its way.
+    // Sound that left before a gain became that large is still on its way.
     const auto bounded = [](double gain) { return std::isnan(gain) ? 0 : std::clamp(gain, -kLoudest, kLoudest); };
     if (sound.law == SoundNode::Law::none) {
         audible = true;

@@ -1,4 +1,4 @@
-// What an engine remembers of one emitter from block to block.
+// EmitterState: the data that an engine keeps of one emitter from block to block.
 //
 // Threading: the engine's thread.
 #pragma once
@@ -56,7 +56,7 @@ struct EmitterState {
 
     AudioMix mix;
     std::vector<EmitterInput> inputs;
-    // Of a block, by input: what it plays, and what comes of it straight.
+    // The samples of a block, by input: as they are played, and as they come straight.
     AudioChannels dry, direct;
     AudioChannels lead;       // what a destination of one channel plays
     AudioChannels reflected;  // what is reflected: of all channels, or left and right
@@ -75,7 +75,7 @@ struct EmitterState {
     bool spatialisedOnce = false;
     HeardBy heardBy = HeardBy::gains;      // what came straight in the last block,
     HeardBy reflectedBy = HeardBy::gains;  // and by way of walls
-    // Of the response in use.
+    // The members below belong to the response in use.
     bool hasResponse = false;
     bool tracing = false;  // in the background: where its paths go is not known yet
     double tracedAt = -std::numeric_limits<double>::infinity();

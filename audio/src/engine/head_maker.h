@@ -21,7 +21,7 @@ class HeadMaker {
     HeadMaker(const HeadMaker&) = delete;
     HeadMaker& operator=(const HeadMaker&) = delete;
 
-    /// What Hrtf::sphere() makes of.
+    /// The parameters of Hrtf::sphere().
     struct Size {
         double radius = 0, speedOfSound = 0;
     };
@@ -29,9 +29,9 @@ class HeadMaker {
         Size size;
         std::shared_ptr<const Hrtf> head;
     };
-    /// Of what was asked for before and is not begun yet nothing comes.
+    /// Asks for a head. A request that is not begun yet is replaced.
     void ask(const Size& size);
-    /// What was made last since the last call; without a head where there was no memory for one.
+    /// The newest result since the last call; it has no head if there was no memory for one.
     std::optional<Made> take();
 
   private:

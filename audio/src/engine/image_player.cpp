@@ -10,7 +10,7 @@
 namespace rtsg {
 namespace {
 
-/// What is kept of what was played, for images that come later; seconds of delay.
+/// The least delay up to which played sound is kept for images that come later, seconds.
 constexpr double kKept = 0.15;
 
 }  // namespace
@@ -61,7 +61,7 @@ void ImagePlayer::render(const Block& block) {
     while (static_cast<double>(reflected_.size() * block_) > longest + static_cast<double>(block_))
         reflected_.dropFirst();
     reflected_.push_back(block.reflects);
-    // As Convolver::process() has it.
+    // The rule is that of Convolver::process().
     if (!fading_ && waits_) {
         // The first ones, too, fade in where the lines hold sound already.
         if (!started_) current_.straight = waitingStraight_;
@@ -128,7 +128,7 @@ double ImagePlayer::reflectedBefore(double delay) const {
     return whole + 1 < reflected_.size() ? last + (reflected_[reflected_.size() - 2 - whole] - last) * rest : last;
 }
 
-/// Of what the line holds. A wave by way of an edge belongs to the direct sound that is heard beside it.
+/// The factor for samples of the line. A wave by way of an edge belongs to the direct sound that is heard beside it.
 double ImagePlayer::amplitudeOf(const FollowedImage& image, const Voice& voice, double distance,
                                 const Block& block) const {
     constexpr double kMost = 100;
@@ -140,7 +140,7 @@ double ImagePlayer::amplitudeOf(const FollowedImage& image, const Voice& voice, 
     return image.kind == FollowedImage::Kind::boundary ? pressure * voice.share : pressure;
 }
 
-/// Where it is heard from at the end of the block: by channels, or by the ears of a head.
+/// Finds the gains and delays for its direction at the end of the block: by channel, or by ear of a head.
 void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh, const Block& block) const {
     glm::dvec3 from(0);
     if (image.kind == FollowedImage::Kind::edge) {
@@ -174,8 +174,8 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
         for (ArrivalPan& pan : voice.before) pan.gain = 0;
 }
 
-/// What channel `channel` hears of what was played, into `read_`; `before`: the delay that the block begins with,
-/// `ahead`: so many samples earlier.
+/// Reads played sound as channel `channel` hears it into `read_`. `before` is the delay with which the block begins,
+/// and `ahead` says how many samples earlier all is read.
 void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps,
                            double ahead) {
     const std::size_t first = line.written() - block_;
@@ -209,7 +209,7 @@ bool ImagePlayer::isSilent(const FollowedImage& image, Voice& voice, const Block
     return silent;
 }
 
-/// What was read, into `heard_`.
+/// Filters the samples in `read_` into `heard_`.
 void ImagePlayer::filter(const FollowedImage& image, Voice& voice, std::size_t signal, const Block& block) {
     heard_.assign(block_, 0.0f);
     if (image.kind == FollowedImage::Kind::edge) {

@@ -25,8 +25,8 @@
 
 namespace rtsg {
 
-/// What was known of the straight way when a set of images was traced: the amplitude that walls which move leave of
-/// direct sound, and when that was, seconds.
+/// The state of the straight way when a set of images was traced: the share of direct sound's amplitude that moving
+/// walls left, and the time, seconds.
 struct StraightWay {
     double open = 1;
     double at = -std::numeric_limits<double>::infinity();
@@ -46,25 +46,25 @@ class ImagePlayer {
         onceIn_ = fadeOnce;
     }
     bool fades() const { return fading_ || waits_; }
-    /// Of the set that is heard.
+    /// The state of the straight way for the set that is heard.
     const StraightWay& straight() const { return current_.straight; }
     /// StraightWay::open at the end of the next block, as sets fade over.
     double openNext() const;
-    /// Of all sets.
+    /// These change StraightWay::open of all sets.
     void scaleOpen(double factor);
     void setOpen(double open);
 
     struct EdgeEnds {
         glm::dvec3 source, listener;
     };
-    /// What a block needs to be heard.
+    /// The inputs and outputs of a block.
     struct Block {
-        /// What is reflected in this block: of all channels, or of two that stay apart.
+        /// The samples that are reflected in this block: all channels mixed, or two that stay apart.
         std::span<const std::vector<float>> late;
-        /// Of a caller whose blocks shall not allocate a reference. Delay and its slope, samples, at the end of step k
-        /// of the block; `delay` comes with a guess. -1: its start.
+        /// Finds a delay and its slope, samples, at the end of step k of the block (-1: at its start); `delay` comes
+        /// with a guess. A caller whose blocks must not allocate passes a reference.
         std::function<void(const FollowedImage&, int step, double& delay, double& slope)> find;
-        /// Where the image was when that went out which arrives at the end of the block, from the listener.
+        /// The place of the image, relative to the listener, when the sound left that arrives at the end of the block.
         std::function<glm::dvec3(const FollowedImage&, double delay)> from;
         const ImpulseResponseOptions& response;  // the listener's axes and channels
         bool jumps = false;                 // it was put somewhere else: from one delay to another within the block
@@ -89,7 +89,7 @@ class ImagePlayer {
         std::vector<Convolver> filters;
         std::size_t filtersInUse = 0;
         HeadFilter head;
-        // Of an edge: the filter for each signal, and its weights at the end of the last block and of this one.
+        // For an edge: the filter of each signal, and its weights at the end of the last block and of this one.
         std::vector<PoleBank> banks;
         PoleBank::Weights weightsBefore{}, weights{};
         double share = 0;  // of a boundary's image, at the end of the last block
@@ -127,7 +127,7 @@ class ImagePlayer {
     StraightWay waitingStraight_;
     bool fading_ = false, waits_ = false, started_ = false;
     std::size_t faded_ = 0;
-    // Of what is rendered at present, by sample.
+    // Buffers, by sample, for the image that is rendered at present.
     std::vector<float> weights_, read_, heard_;
     std::vector<double> delays_, later_;
 };

@@ -16,7 +16,7 @@ class ListenerMotion {
   public:
     explicit ListenerMotion(std::size_t block) : position_(block), right_(block), back_(block) {}
 
-    /// As Trajectory::put(). A turn by more than 60 degrees at once is a jump of the turn alone.
+    /// See Trajectory::put(). A turn by more than 60 degrees at once is a jump of the turn alone.
     void put(double time, const ListenerPose& pose, bool jump) {
         constexpr double kTurn = 0.5;
         const bool turns =

@@ -1,9 +1,9 @@
 // MovedWalls: the walls in the straight way of an emitter that have moved since what is heard of it was traced.
 //
-// What moves into that way takes direct sound away, and brings sound that bends round it: both at once, or a gap is
-// heard. What bends is known when the room is traced anew. So walls that moved leave of direct sound what they left
-// when that was traced which is heard, and fade with it (StraightWay); those that rest count in every block,
-// as edges that rest are followed in every block. Threading: the engine's thread.
+// A wall that moves into that way takes direct sound away and brings sound that bends round it. Both must come at once,
+// or a gap is heard, but sound that bends is known only when the room is traced anew. So walls that moved leave the
+// share of direct sound that they left when the response in use was traced, and fade with it (StraightWay). Walls that
+// rest count in every block, as edges that rest are followed in every block. Threading: the engine's thread.
 #pragma once
 
 #include <algorithm>
@@ -64,7 +64,7 @@ class MovedWalls {
     /// Shares of the energy that are left straight, at the end of the last block: by all walls, by those that rest, and
     /// of what is heard.
     double all = 0, resting = 0, heard = 0;
-    /// Of what was traced last, and of what was asked for since.
+    /// The straight way of the last trace, and of the one that was asked for since.
     StraightWay traced, asked;
     /// Since when what is heard is not what there is, seconds.
     double lateSince = 0;

@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// Where the channels of a clip stand around the direction of what plays it: degrees to the left.
+/// The angles of a clip's channels around the direction of the node that plays it: degrees to the left.
 double channelAngle(std::size_t channel, std::size_t count) {
     static constexpr double kStereo[] = {30, -30}, kThree[] = {30, -30, 0}, kQuad[] = {45, -45, 135, -135},
                             kFive[] = {30, -30, 0, 110, -110}, kSurround[] = {30, -30, 0, 0, 110, -110};
@@ -49,7 +49,7 @@ glm::dvec3 directionOf(const glm::dvec3& offset) {
     return distance > kHere ? offset / distance : glm::dvec3(0);
 }
 
-/// Of what goes through a head: some direction, if it has none.
+/// The direction, or another one if it is 0, since a head needs some direction.
 glm::dvec3 directionOr(const glm::dvec3& direction, const glm::dvec3& otherwise) {
     return direction == glm::dvec3(0) ? otherwise : direction;
 }
@@ -92,7 +92,7 @@ void AcousticEngine::Impl::makeHead(const ListenerPose& listener) {
     head = options.hrtf ? options.hrtf : Hrtf::sphere(options.sampleRate, headSize.radius, headSize.speedOfSound);
 }
 
-/// Where sound does not wait, the one that there is hears until another is ready.
+/// Live sound goes on through the present head until another one is ready.
 void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
     if (!options.background || !head) return makeHead(listener);
     auto made = headMaker ? headMaker->take() : std::nullopt;
@@ -210,7 +210,7 @@ void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, 
     }
 }
 
-/// What has gone into the head before is heard to its end.
+/// Lets sound that has gone into the head before ring out.
 void AcousticEngine::Impl::ringOut(EmitterInput& input, Block& block) const {
     if (input.ringing == 0) return;
     block.part.assign(options.blockSize, 0.0f);
@@ -230,7 +230,7 @@ void AcousticEngine::Impl::mixInput(const EmitterInput& input, const std::vector
             direct[i] * static_cast<float>(earlier + way * static_cast<double>(i + 1) / static_cast<double>(size));
 }
 
-/// What is gone from the scene is heard from where it was last.
+/// Renders an emitter that is gone from the scene from where it was last.
 void AcousticEngine::Impl::hearGone(EmitterState& state, Block& block) {
     const auto inputs = static_cast<float>(state.inputs.size());
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {

@@ -1,4 +1,4 @@
-// What leads into StreamAudioDestinations, kept for who asked for it.
+// Keeps the sound that leads into StreamAudioDestinations for those who asked for it.
 #include <algorithm>
 
 #include "acoustic_engine_impl.h"

@@ -20,7 +20,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 /// The longest rest between two responses.
 constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
-/// Of a core, for sound and tracing; of the time, for tracing.
+/// The share of a core that sound and tracing take together, and the bounds of the share of time that tracing takes.
 constexpr double kBoth = 0.8, kMostShare = 0.5, kLeastShare = 0.2;
 
 }  // namespace
@@ -46,7 +46,7 @@ void makeChannels(const TraceJob& job, TracedResponse& result) {
     result.frames = ir.frames();
 }
 
-/// What is left out of the response, to be rendered for itself.
+/// The images that are left out of the response, to be rendered for themselves.
 std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job, const Echogram& traced) {
     if (job.followed == 0) return nullptr;
     std::vector<FollowedImage> images = followedImages(traced, job.source, job.listener, job.response.speedOfSound,
@@ -196,7 +196,7 @@ void TraceWorker::run() {
         std::optional<TraceJob> job;
         {
             std::unique_lock lock(mutex_);
-            // Where many sources move there is always something to trace: some of the time is for others.
+            // If many sources move there is always something to trace, so some of the time is left to others.
             wake_.wait_for(lock, rest, [&] { return stop_; });
             wake_.wait(lock, [&] { return stop_ || job_; });
             if (stop_) return;

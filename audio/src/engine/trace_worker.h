@@ -25,10 +25,11 @@
 
 namespace rtsg {
 
-/// Of rays: what a trace takes of them where late energy goes on as a mean. So many in a row have the rays of one anew.
+/// A trace whose late energy goes on as a mean takes one part in so many of the rays: so many in a row have all of
+/// them.
 constexpr std::uint64_t kTraceParts = 8;
 
-/// What was traced of an emitter before, as far as it goes on to count.
+/// The last trace of an emitter, as far as its energy goes on to count.
 struct KeptEnergy {
     std::shared_ptr<const Echogram> traced;  // null: nothing does
     // Which images are among its arrivals: their energy is not in what is late.
@@ -51,10 +52,10 @@ struct TraceJob {
     /// So many images at most are left out of the response, to be rendered for themselves.
     std::size_t followed = 0;
     std::size_t followedEdges = 0;  // and so many waves by way of edges
-    /// What was traced before, where only the listener's head has turned since: nothing is traced then.
+    /// The earlier trace, if only the listener's head has turned since: then nothing is traced.
     std::shared_ptr<const Echogram> traced;
     std::shared_ptr<const std::vector<FollowedImage>> images;  // that were left out then; null: to be chosen
-    // Of the worker alone.
+    // The members below are for the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
     double share = 0.5;  // of the time for which it traces; the rest is for others
@@ -94,7 +95,7 @@ class TraceWorker {
     bool idle() const;
     /// Precondition: idle().
     void submit(TraceJob job);
-    /// What is done since the last call.
+    /// The response that was finished since the last call.
     std::optional<TracedResponse> take();
 
   private:

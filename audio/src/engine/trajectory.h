@@ -27,7 +27,7 @@ class Trajectory {
     /// `block`: samples from one advance() to the next.
     explicit Trajectory(std::size_t block) : spacing_(static_cast<double>(block) / 8) {}
 
-    /// Where it is by the scene at `time`, not before the last. A jump forgets the way there.
+    /// Notes where the scene puts it at `time`, which is not before the last. A jump forgets the way there.
     void put(double time, const glm::dvec3& position, bool jump) {
         if (jump) {
             const double since = knots_.empty() ? time : knots_.back().time;
@@ -40,7 +40,7 @@ class Trajectory {
             frames_.back().position = position;
             return;
         }
-        // Of frames that are much shorter than blocks only some are kept, besides the last.
+        // If frames are much shorter than blocks, only some are kept, besides the last.
         const std::size_t count = frames_.size();
         if (count > 1 && frames_[count - 1].time - frames_[count - 2].time < spacing_) frames_.pop_back();
         frames_.push_back({time, position, velocityAt(time, position)});

@@ -16,13 +16,13 @@ namespace {
 
 constexpr std::uint32_t kNoRound = MeshEdge::kNotRound;
 constexpr double kShapePi = std::numbers::pi;
-/// Of the radius, that corners may be off the circle or the sphere.
+/// The share of the radius by which corners may be off the circle or the sphere.
 constexpr double kOff = 4e-3;
 /// A circle has so many edges at least; any three lie on one.
 constexpr std::size_t kFewest = 4;
 /// A facet beside a round part that is so many times as wide is flat.
 constexpr double kFlatBeside = 1.5;
-/// Of parallel edges in one mesh each is tried with each other.
+/// If there are no more parallel edges in one mesh, each is tried with each other.
 constexpr std::size_t kMostParallel = 4096;
 /// A sphere has so many corners at least.
 constexpr std::size_t kFewestCorners = 40;
@@ -87,7 +87,7 @@ class Parallel {
     }
 
   private:
-    /// Of an edge the place square to the axis, and along that from where to where.
+    /// An edge's place square to the axis, and where it begins and ends along the axis.
     struct Place {
         glm::dvec3 across{0};
         double low = 0, high = 0;
@@ -210,7 +210,7 @@ class Parallel {
     std::array<std::vector<std::uint32_t>, 2> next_;
 };
 
-/// Of a line the direction, in steps; the same for both ways along it.
+/// The direction of a line, in steps; it is the same for both ways along the line.
 std::array<std::int64_t, 3> roundedDirection(const glm::dvec3& axis) {
     std::array<std::int64_t, 3> steps{};
     int sign = 0;

@@ -16,7 +16,7 @@ namespace rtsg {
 constexpr double kFlatFacet = 0.0025;
 /// In meshes of more edges than this nothing round is looked for: a bound of work, as for landscapes that change.
 constexpr std::size_t kMostEdgesOfRounds = 8192;
-/// What turns more is an edge by itself: a prism of eleven sides has edges, one of twelve is round.
+/// Facets that turn by more make an edge of their own: a prism of eleven sides has edges, one of twelve is round.
 constexpr double kMostRoundTurn = 0.55;
 
 /// In the mesh's frame.

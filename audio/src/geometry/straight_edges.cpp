@@ -10,10 +10,10 @@ namespace rtsg {
 namespace {
 
 constexpr std::uint32_t kNone = 0xFFFFFFFF;
-/// Of more edges that end at one place not all are tried with each other.
+/// If more edges end at one place, not all are tried with each other.
 constexpr std::size_t kMostAtCorner = 64;
 
-/// What single precision may shift a corner by, with some to spare.
+/// The distance by which single precision may shift a corner, with some to spare.
 double roundingOf(const Vec3f& a, const Vec3f& b) {
     double size = 0;
     for (int i = 0; i < 3; ++i)
@@ -21,7 +21,7 @@ double roundingOf(const Vec3f& a, const Vec3f& b) {
     return 2.5e-7 * size;
 }
 
-/// Where both ends of the line are one, to that.
+/// The distance to the line; if both ends of the line are one place, to that.
 double distanceToLine(const Vec3f& place, const Vec3f& from, const Vec3f& to) {
     const glm::dvec3 way = glm::dvec3(place) - glm::dvec3(from);
     if (from == to) return glm::length(way);

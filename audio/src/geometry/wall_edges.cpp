@@ -88,7 +88,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     }
     const double most = -std::cos(flat);
     for (const Edge& edge : found.edges())
-        // Where more than two meet there is no wedge.
+        // There is no wedge where more than two surfaces meet.
         if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // By their ends, however the triangles are numbered.
@@ -121,7 +121,7 @@ double largestPart(const glm::dvec3& place) {
     return std::max({size.x, size.y, size.z});
 }
 
-/// What roundings of an edge's places are measured by, metres.
+/// The size by which roundings of an edge's places are measured, metres.
 double sizeOf(const WallEdge& edge) {
     return 1 + std::max(largestPart(edge.from), largestPart(endOf(edge)));
 }
@@ -262,7 +262,7 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
 }
 
 void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) {
-    // What a transform has made oval is no round body any more: its edges are edges.
+    // A body that a transform has made oval is not round any more, so its edges count.
     std::vector<bool> isRound;
     for (const MeshRound& round : found.rounds) {
         RoundBody body;
@@ -306,7 +306,7 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
             if (std::ranges::none_of(faces, [&](const glm::dvec3& one) { return glm::dot(one, face) > kOneFace; }))
                 faces.push_back(face);
     }
-    // Where more than two surfaces meet there is no wedge, and where one goes on in the other none either.
+    // There is no wedge where more than two surfaces meet, nor where one goes on in the other.
     if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlatEdge)))
         return;
     WallEdge one = *first;

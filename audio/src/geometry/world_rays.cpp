@@ -35,7 +35,7 @@ void setDirections(const AcousticRays& rays, RayPacket16& packet) {
     }
 }
 
-/// What a lane is moved by, along one axis, before it becomes a ray in single precision.
+/// Moves lanes along one axis before they become rays in single precision.
 void setOrigins(const double (&from)[kLanes], const double (&along)[kLanes], const double (&by)[kLanes], double center,
                 float (&to)[kLanes]) {
     for (int i = 0; i < kLanes; ++i) to[i] = static_cast<float>(from[i] + along[i] * by[i] - center);
@@ -158,8 +158,8 @@ std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, c
     return blocked;
 }
 
-/// What seems to be blocked may have met the surface that it starts on, where that is off its plane, or something that
-/// is not to be there.
+/// Looks again at rays that seem to be blocked. They may have met the surface on which they start, where that is off
+/// its plane, or something that is not to be there.
 void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
                                  std::uint32_t& blocked) const {
     std::uint32_t doubtful = blocked;

@@ -78,7 +78,7 @@ void MirrorWorld::visitEdges(const EdgeVisitor& visit) const {
         const double low = height(edge.from), high = height(end), off = std::max(rounding(edge.from), rounding(end));
         if (!(std::max(low, high) > off)) return;
         WallEdge above = edge;
-        // What is behind the mirror is not seen in it.
+        // A mirror does not show what is behind it.
         if (std::min(low, high) < -off) {
             const double part = low / (low - high) * edge.length;
             if (low < 0) {

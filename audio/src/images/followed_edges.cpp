@@ -22,7 +22,7 @@ constexpr double kAtBoundary = 1e-4, kBeside = 2e-6;
 constexpr std::size_t kMostTones = kEdgeTones + 12;
 using EdgeSpectrum = std::array<EdgeValue, kMostTones>;
 
-/// Of a tone; beyond the last one it is the last.
+/// The band of a tone; tones beyond the last one are in the last band.
 std::size_t bandOf(std::size_t tone) {
     return std::min(tone, kEdgeTones - 1) * static_cast<std::size_t>(kBandCount) / kEdgeTones;
 }
@@ -47,7 +47,7 @@ void addWeights(const PoleFit& fit, const EdgeSpectrum& spectrum, PoleBank::Weig
     for (std::size_t k = 0; k < weights.size(); ++k) weights[k] += static_cast<float>(more[k]);
 }
 
-/// What the edge bends, by tone, re the phase of its shortest way.
+/// The pressure that the edge bends, by tone, relative to the phase of its shortest way.
 EdgeSpectrum bentBy(const FollowedEdge& edge, const WedgePath& path) {
     const WedgeBend bend(path);
     EdgeSpectrum spectrum{};
@@ -141,7 +141,7 @@ class EdgeFollower {
         return edge;
     }
 
-    /// Of the image by a face, at a metre from it.
+    /// The image by a face, with its amplitude at a metre.
     FollowedImage boundary(const std::shared_ptr<const FollowedEdge>& edge, std::size_t face) const {
         const BendingEdge& bends = edge->bends;
         const glm::dvec3 normal =
@@ -171,7 +171,7 @@ class EdgeFollower {
         return std::abs(kHalfTurn - difference) < kAtBoundary ||
                std::abs(kHalfTurn - image) * path.receiverRadius < 0.01;
     }
-    /// What the wave has beyond what is known of it.
+    /// The part of the wave that the closed form does not give.
     static void addRest(const EdgeWave& wave, const EdgeSpectrum& known, FollowedEdge& edge) {
         EdgeSpectrum rest{};
         double most = 0, all = 0;

@@ -28,14 +28,15 @@ struct FollowedEdge {
     double speedOfSound = 343;
     Bands colour{};  // amplitudes of what comes by the edge, by what the source sent there and air took
     std::shared_ptr<const PoleFit> fit;
-    /// What is not known for other places, as it was.
+    /// The part that no closed form gives for other places: it stays as it was.
     PoleBank::Weights rest{};
     std::array<bool, 2> mirrored{};  // whether the image by either face was in the light
 
-    /// What the bank of a wave weighs; `heard`: whether direct sound is, which right at the boundary decides on which
-    /// side of it one is. False where the closed form says nothing, as within the wedge.
+    /// Finds the weights of a wave's filter bank. `heard` says whether direct sound is heard, which right at the
+    /// boundary decides on which side of it one is. False where the closed form says nothing, as within the wedge.
     bool weightsAt(const glm::dvec3& source, const glm::dvec3& listener, bool heard, PoleBank::Weights& weights) const;
-    /// Of the image by face 0 or 1 of a single edge: 1 if it is in the light and was not, -1 the other way round.
+    /// The gain of the image by face 0 or 1 of a single edge: 1 if it is in the light and was not, -1 if it was and is
+    /// not, else 0.
     double boundaryGain(std::size_t face, const glm::dvec3& source, const glm::dvec3& listener) const;
 };
 

@@ -43,7 +43,7 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
 /// Its pressure at one metre, in octave bands.
 void setAmplitudes(FollowedImage& image, const Bands& amplitudes, int sampleRate, std::size_t block);
 
-/// What is left when these are rendered for themselves.
+/// The echogram that is left when these images are rendered for themselves.
 Echogram without(const Echogram& echogram, const std::vector<FollowedImage>& images);
 
 /// A response of `length` samples whose spectrum has these amplitudes in octave bands, and no more delay than it needs.

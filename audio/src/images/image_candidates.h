@@ -1,4 +1,4 @@
-// Where mirror images of a source may be: candidates by position, each with the last wall of its way.
+// Lists where mirror images of a source may be: candidates by position, each with the last wall of its way.
 //
 // Every image that has a way is among them, and most of them have none from a given listener.
 // Threading: const once found.
@@ -46,7 +46,7 @@ class ImageCandidateSet {
     bool insert(const glm::dvec3& p, const glm::dmat3& turn, std::uint32_t lastPlane, double share, double same);
 
   private:
-    /// Of a cell: the last of its candidates; none as long as it is free.
+    /// A cell with the last of its candidates; none as long as it is free.
     struct Bucket {
         std::uint64_t cell = 0;
         std::uint32_t newest = kNoPlane;

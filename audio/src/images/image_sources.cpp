@@ -82,7 +82,7 @@ class ImageViews {
             heard.emplace_back(all_[i].share / (1e-4 + glm::dot(away, away)), i);
             hidden += ways[i].empty();
         }
-        // Where so many are seen, each from another place, nothing hides any.
+        // If so many are seen, each from another place, nothing hides any.
         if (hidden == 0 && heard.size() >= kEnough) return {};
         const std::size_t loud = std::min(kLoud, heard.size());
         std::nth_element(heard.begin(), heard.begin() + static_cast<std::ptrdiff_t>(loud), heard.end(),
@@ -110,7 +110,7 @@ class ImageViews {
     std::vector<glm::dvec3> places_;
 };
 
-/// Of the ways to one image from `count` places the mean, as one.
+/// Replaces the ways to one image from `count` places by their mean.
 void average(std::vector<Arrival>& paths, std::size_t count) {
     if (paths.empty()) return;
     Arrival& mean = paths.front();

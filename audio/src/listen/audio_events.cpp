@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// As the Web Audio API has bytes: 0 at `low` and below, 255 at `high`.
+/// A level as a byte of the Web Audio API: 0 at `low` and below, 255 at `high`.
 float byteOf(double decibels, double low, double high) {
     const double scaled = std::floor(255 / (high - low) * (decibels - low));
     return high > low && std::isfinite(scaled) ? static_cast<float>(std::clamp(scaled, 0.0, 255.0)) : 0.0f;

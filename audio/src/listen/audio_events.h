@@ -1,4 +1,4 @@
-// What was found in the sound, on its way back into the scene that it is the sound of.
+// Sends findings in the sound back into its scene.
 //
 // Threading: the scene's thread, outside frames.
 #pragma once
@@ -8,8 +8,8 @@
 
 namespace rtsg {
 
-/// As events of the scene's next frame: see SoundRenderer::sendEvents(). A scene that is followed from elsewhere
-/// refuses them, for it is sent its own.
+/// Sends them as events of the scene's next frame: see SoundRenderer::sendEvents(). A scene that is followed from
+/// elsewhere refuses them, since it is sent its own.
 void sendAudioEvents(Scene& scene, const AudioFindings& found);
 
 }  // namespace rtsg

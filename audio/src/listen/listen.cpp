@@ -1,4 +1,4 @@
-// What was heard, as JSON and as impulse responses, and a whole run of listening in one call.
+// Writes what was heard as JSON and as impulse responses, and makes a whole run of listening in one call.
 #include <algorithm>
 #include <cmath>
 

@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 
 /// Farther apart than this the clocks of scene and device are set anew; seconds.
 constexpr double kApart = 0.1;
-/// Of a core: sound that takes more waits for its turn as others do, so that these have something of a single core.
+/// The share of a core above which sound loses its priority, so that others have something of a single core.
 constexpr double kHurried = 0.8;
 constexpr double kLevelSeconds = 0.2;
 
@@ -193,7 +193,7 @@ LiveReport LiveSound::report() const {
 
 namespace {
 
-/// What came too late, too fast or not at all.
+/// Tells of inputs that came too late, too fast or not at all.
 void tellOf(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagnostics& diagnostics) {
     for (const auto& [id, given] : sounds) {
         const auto* input = std::get_if<std::shared_ptr<SoundInput>>(&given);

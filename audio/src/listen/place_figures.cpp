@@ -9,7 +9,7 @@ namespace rtsg {
 
 void setFigures(ListenReport::Source& source, const EarCorrelation& ears, const SpeechOptions& speech) {
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    /// Of what is radiated: where more was still to come, figures of all that comes are not known.
+    /// The share of the radiated energy that may still be to come; if it is more, figures of all energy are not known.
     constexpr double kMostTruncated = 1e-2;
     const TraceResult& trace = source.trace;
     source.metrics = trace.metrics();

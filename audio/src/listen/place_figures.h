@@ -1,4 +1,4 @@
-// What is worked out of a trace besides RoomMetrics of its energy. Threading: pure functions.
+// Works out the figures of a trace besides RoomMetrics. Threading: pure functions.
 #pragma once
 
 #include <rtsg/audio/interaural.h>

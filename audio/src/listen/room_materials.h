@@ -1,4 +1,4 @@
-// What the surfaces of a room are called. Threading: on the scene's thread.
+// Finds names for the materials of a room's surfaces. Threading: on the scene's thread.
 #pragma once
 
 #include <functional>

@@ -97,7 +97,7 @@ NetcdfAttributes globalAttributes(const RoomResponses& room) {
     return all;
 }
 
-/// What is listened with, in the listener's frame.
+/// The receivers, in the listener's frame.
 NetcdfVariable receivers(const RoomResponses& room, std::size_t count) {
     // In a frame that looks along x the field is described about the middle, wherever it is evaluated.
     if (room.channels == ResponseChannels::ambisonic)
@@ -125,7 +125,7 @@ NetcdfVariable receivers(const RoomResponses& room, std::size_t count) {
     return variable;
 }
 
-/// Where everything is, measurement by measurement.
+/// Adds the places of everything, measurement by measurement.
 void addPlaces(const RoomResponses& room, std::vector<NetcdfVariable>& variables) {
     const auto add = [&](const char* name, bool described, const auto& of) {
         NetcdfVariable& variable =

@@ -19,7 +19,7 @@ std::string placeOf(const glm::dvec3& p) {
     return fmt::format("{:.4g} {:.4g} {:.4g}", p.x, p.y, p.z);
 }
 
-/// Where the node was read, if it was in that document.
+/// The place at which the node was read, if it was in that document.
 std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::path& document, NodeId node) {
     if (document.empty() || document == "-") return std::nullopt;
     const NodePlace place = scene.placeOf(node);
@@ -78,7 +78,7 @@ bool isMeant(const Scene& scene, const RoomOpening& opening) {
     });
 }
 
-/// What is there, and where.
+/// Describes a leak and its place.
 std::string leakText(const Scene& scene, const std::filesystem::path& document, const RoomOpening& leak) {
     std::string shapes;
     for (const RoomOpening::Beside& beside : leak.beside) {

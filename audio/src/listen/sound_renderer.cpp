@@ -31,7 +31,7 @@
 namespace rtsg {
 namespace {
 
-/// Of the rays of a batch that escape, so many say where to.
+/// The most escaped rays of a batch that say where they went.
 constexpr int kExits = 64;
 
 using Clock = std::chrono::steady_clock;
@@ -54,7 +54,7 @@ double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& so
                          : std::numeric_limits<double>::quiet_NaN();
 }
 
-/// Where all walls lie on six planes along the axes, two for each.
+/// The box of a room whose walls all lie on six planes along the axes, two for each.
 std::optional<RoomBox> boxOf(const AcousticGeometry& geometry) {
     if (geometry.planes().size() != 6) return std::nullopt;
     RoomBox box;
@@ -139,7 +139,7 @@ struct SoundRenderer::Impl {
         return *ears;
     }
 
-    /// What was found since this was last called.
+    /// Tells what was found since the last call.
     void tell(const Scene& scene, Diagnostics& diagnostics) {
         const std::span<const SealedSource> sealed = renderer->sealed();
         const std::span<const SoundLeak> leaks = renderer->leaks();

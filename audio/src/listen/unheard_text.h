@@ -11,7 +11,7 @@ namespace rtsg {
 /// A warning for each of the first of them, as far as their nodes are still there with their lines.
 void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics);
 
-/// Of a scene in which no sound was ever shown: that it has none, or where the first of them is.
+/// Tells that a scene has no sounds, or where the first of those is that are not shown.
 void tellNoSounds(const Scene& scene, Diagnostics& diagnostics);
 
 }  // namespace rtsg

@@ -67,7 +67,7 @@ MetricsEstimate TraceResult::metrics() const {
             if (truncated[b] > 3e-5) m->t30[b] = kNan;
             if (truncated[b] > 3e-4) m->t20[b] = kNan;
             if (truncated[b] <= 1e-2) continue;
-            // What was still to come belongs to all of them: in a room that absorbs nothing there is no end of it.
+            // All of these need the energy that was still to come, and in a room that absorbs nothing it has no end.
             for (Bands* figure : {&m->edt, &m->c50, &m->c80, &m->d50, &m->ts, &m->g, &m->lf}) (*figure)[b] = kNan;
         }
     // Nothing that arrived by chance is no proof that nothing would: how far the figures are off is not known.
@@ -96,7 +96,7 @@ struct FadingRay {
     int reflections = 0;
 
     bool goesOn(double speedOfSound) const {
-        // What is slow to fade in a small room would take rays without end.
+        // Sound that fades slowly in a small room would take rays without end.
         const bool tooSlow = reflections > kMostReflections && ray.metres > kShort * speedOfSound;
         return ray.most() > kGone && ray.metres < kMost * speedOfSound && !tooSlow;
     }
@@ -197,7 +197,7 @@ double bandOf(const Energy<N>& energy, const BandClasses& classes, std::size_t b
     return energy[N == 1 ? 0 : classes.of[band]];
 }
 
-/// What is left in air after some metres.
+/// The share of energy that air leaves after some metres.
 Bands airShare(const Bands& attenuation, double metres) {
     Bands share;
     for (std::size_t b = 0; b < kBandCount; ++b) share[b] = std::exp(-attenuation[b] * metres);
@@ -242,7 +242,7 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
             for (double& energy : bin) energy *= 1 - weight;
         while (!bins.empty() && !(largest<N>(bins.back()) > 0)) bins.pop_back();
         if (mean.size() < bins.size()) mean.resize(bins.size(), Bands{});
-        // What air takes is that of the middle of each bin.
+        // Air absorbs as at the middle of each bin.
         Bands air = airShare(attenuation, (times.startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
         for (std::size_t k = 0; k < bins.size(); ++k)
             for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -260,7 +260,7 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
     mix(result.tried, tried, weight);
 }
 
-/// What became of the energy of one run.
+/// The energy of one run by its fate.
 struct Fate {
     Bands absorbed{}, escaped{}, truncated{};
 };
@@ -355,7 +355,7 @@ void refineGroup(const AcousticGeometry& geometry, const Group& group, const Tra
     const std::uint64_t each = count == 0 ? 0 : (rays + count - 1) / count;
     if (each == 0) return;
     const BandClasses classes = bandClasses(geometry.materials());
-    // As wide as vectors of numbers are.
+    // The counts of classes are the widths of vector instructions.
     const auto refine = classes.count == 1   ? refineAs<1>
                         : classes.count <= 4 ? refineAs<4>
                         : classes.count <= 8 ? refineAs<8>

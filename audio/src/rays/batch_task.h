@@ -1,7 +1,7 @@
-// What the batches of one run have in common, and what each of them gives.
+// The data that the batches of one run share, and the results of each.
 //
-// Energies are kept for bands that walls tell apart (response/band_classes.h), N at most. What air takes depends on the
-// way alone and is left to whoever reads the histogram. Threading: const once made; a Batch is one thread's.
+// Energies are kept for bands that walls tell apart (response/band_classes.h), N at most. The loss in air depends on
+// the way alone and is left to whoever reads the histogram. Threading: const once made; a Batch is one thread's.
 #pragma once
 
 #include <algorithm>
@@ -44,7 +44,7 @@ void add(Energy<N>& target, const Energy<N>& energy, double factor = 1) {
     for (std::size_t b = 0; b < N; ++b) target[b] += energy[b] * factor;
 }
 
-/// What a wall does with energy.
+/// The shares into which a wall divides energy.
 template <std::size_t N>
 struct Shares {
     Energy<N> diffuse{}, mirror{}, through{};  // nothing where there are fewer classes
@@ -60,7 +60,7 @@ struct Shares {
     }
 };
 
-/// What one listener hears, without what air takes.
+/// The sound of one listener, without the loss in air.
 template <std::size_t N>
 struct Heard {
     std::vector<Energy<N>> bins, lateral;  // the latter as EnergyHistogram has it
@@ -72,7 +72,7 @@ template <std::size_t N>
 struct Batch {
     std::vector<Heard<N>> heard;  // by listener
     Energy<N> sent{};
-    /// What left, and what is still under way: energy and metres, of each ray.
+    /// Energy and metres of each ray that left, and of each that is still under way.
     std::vector<std::pair<Energy<N>, double>> escaped, truncated;
     struct Exit {
         glm::dvec3 origin, direction;
@@ -107,7 +107,7 @@ struct Ear {
           imageShare(result.imageShare) {}
 };
 
-/// What all batches of one run have in common.
+/// The data that all batches of one run share.
 template <std::size_t N>
 struct Task {
     const AcousticGeometry& geometry;

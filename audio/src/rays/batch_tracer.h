@@ -88,9 +88,9 @@ class BatchTracer {
     static constexpr double kLaterLooks = 0.3;
     /// Metres; a little more than places on walls are moved off them.
     static constexpr double kBesideWall = 1e-3;
-    /// Of 1 / m: nearer than a centimetre has the level of one, as direct sound and images.
+    /// Bounds 1 / m: sound from nearer than a centimetre is as loud as from one, as direct sound and images are.
     static double bounded(double inverse) { return inverse < 100 ? inverse : 100; }
-    /// Of what comes evenly from half of all directions, as from a wall beside the listener.
+    /// The lateral share of sound that comes evenly from half of all directions, as from a wall beside the listener.
     static constexpr double kLateralOfWalls = 1.0 / 3;
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
@@ -138,7 +138,7 @@ class BatchTracer {
         lanes_.start(lane, parts_.back());
         parts_.pop_back();
     }
-    /// Where no more are sent: what is under way fills lanes from the first one on.
+    /// Moves rays under way into the first lanes, once no more are sent.
     void closeRanks(std::uint32_t free) {
         int count = 0;
         for (int i = 0; i < lanes_.rays.count; ++i)
@@ -183,10 +183,10 @@ class BatchTracer {
     /// next wall, or the ray between two of them.
     bool isBehindCorner(int i) {
         AcousticRays& rays = lanes_.rays;
-        // What came through a wall would meet that again.
+        // A ray that came through a wall would meet that wall again.
         const bool through = glm::dot(lanes_.before[i] - rays.origin[i], rays.facing[i]) < 0;
         if (rays.except[i] == kNoPlane || through) return false;
-        // Where it comes from next to the wall, as from a source that touches a body, tells no side.
+        // A start next to the wall, as from a source that touches a body, tells no side.
         glm::dvec3 towards = lanes_.before[i];
         if (glm::dot(towards - rays.origin[i], rays.facing[i]) < kBesideWall) towards += kBesideWall * rays.facing[i];
         const glm::dvec3 inside = offWalls(geometry_, rays.origin[i], towards);
@@ -206,7 +206,7 @@ class BatchTracer {
             escape(i);
     }
 
-    /// Of all that leave some are kept, each with the same chance (Vitter 1985, algorithm R).
+    /// Keeps some of the rays that leave, each with the same chance (Vitter 1985, algorithm R).
     void escape(int i) {
         batch_.escaped.emplace_back(lanes_.energyOf(i), lanes_.travelled[i]);
         const auto most = static_cast<std::size_t>(std::max(0, task_.options.exits));
@@ -252,7 +252,7 @@ class BatchTracer {
         }
         return mirrored & lanesWhere([&](int i) { return most[i] > 0; });
     }
-    /// Of a ray that a mirror sent here, as far as it goes.
+    /// Lets listeners hear a ray that a mirror sent here, along its way.
     void hearOnTheWay(int i, double length) {
         const glm::dvec3 origin = lanes_.rays.origin[i], direction = lanes_.rays.direction[i];
         for (std::size_t who = 0; who < ears_.size(); ++who) {
@@ -321,7 +321,7 @@ class BatchTracer {
         if (ears_[who].sided) addTo(batch_.heard[who].lateral, factor * lateral);
     }
 
-    /// What becomes of the rays that met a wall: a bit for each that goes on.
+    /// Lets walls act on the rays that met them, and returns a bit for each that goes on.
     std::uint32_t interact(std::uint32_t met) {
         lanes_.arrive(met, hits_, task_.walls, task_.underWay.known());
         std::uint32_t left = lanes_.left(met);
@@ -546,7 +546,7 @@ class BatchTracer {
     std::int64_t wallsOfParts_ = 0, wallsOfSent_ = 0;
     AcousticHits hits_;  // of the lanes
     AcousticRays::Vectors towardsListener_;
-    /// What is heard of the walls of one step if nothing is in between.
+    /// The sound that listeners hear of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;
         std::size_t ear[AcousticRays::kMost];

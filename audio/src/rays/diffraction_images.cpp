@@ -44,7 +44,7 @@ double sumOver(const std::vector<Arrival>& arrivals) {
     return sum;
 }
 
-/// Of all in the octave that has the least, from 125 Hz to 4 kHz: behind a screen high tones are what images bring.
+/// The energy in the faintest octave from 125 Hz to 4 kHz, since images bring the high tones behind a screen.
 double leastOf(const std::vector<Arrival>& arrivals) {
     Bands sum{};
     for (const Arrival& one : arrivals)
@@ -72,7 +72,7 @@ std::vector<WallImage> wallImages(const AcousticGeometry& geometry, const glm::d
     return images;
 }
 
-/// What the wall is made of at a place on the mirror; none where it has no surface that faces source and listener.
+/// The wall's material at a place on the mirror; none where no surface faces source and listener.
 std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const MirrorWorld& world,
                                        const glm::dvec3& place) {
     AcousticHit hit;
@@ -81,7 +81,7 @@ std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const M
     if (!geometry.closest(place + world.normal() * reach, -world.normal(), 2 * reach, kNoPlane, hit) ||
         (!isMirror(hit.normal) && !isMirror(-hit.normal)))
         return {};
-    // What faces away is the back of a body's face.
+    // A surface that faces away is the back of a body's face.
     bool faces = false;
     geometry.surfacesNear(place, reach, [&](const NearSurface& surface) {
         faces = faces || isMirror(surface.normal) || (surface.solid == kNoSolid && isMirror(-surface.normal));
@@ -90,13 +90,13 @@ std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const M
     return hit.material;
 }
 
-/// Of the zone of an image's way in which waves of a metre are about in phase, at a share of the way.
+/// The radius, at a share of an image's way, of the zone in which waves of a metre are about in phase.
 double zoneRadius(const WallImage& image, double share) {
     return std::sqrt(image.way * share * (1 - share));
 }
 
-/// What a wall is made of where it mirrors the image, if it is a mirror to waves of a metre: a small one, as a brick's
-/// face, is what its edges make of it.
+/// The material of a wall where it mirrors the image, if it is large enough to mirror waves of a metre. A small one, as
+/// a brick's face, sounds by its edges alone.
 std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const MirrorWorld& world,
                                         const WallImage& image, const glm::dvec3& listener) {
     // A bound of work; and more than half of the zone, as beside another wall half of it is there.
@@ -149,7 +149,7 @@ bool endsBeside(const WallImage& image, const BentParts& known) {
         sum, [&](const std::complex<float>& one) { return std::abs(one) * static_cast<float>(image.way) > kMuch; });
 }
 
-/// Where a wave goes, by places of which each is on the side of the mirror where source or listener is.
+/// Folds the route of a wave, so that each place is on the side of the mirror where source and listener are.
 void foldRoute(EdgeWave& wave, const MirrorWorld& world, const glm::dvec3& source, const glm::dvec3& listener,
                double speedOfSound) {
     const glm::dvec3 first = world.mirrored(wave.route.first), last = wave.route.last;
@@ -185,7 +185,7 @@ void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const 
     }
     EdgeField field;
     addBending(world, image.place, listener, own, std::min(result.seconds, (image.way + kDetour) / c), arrivals, field);
-    // What is 60 dB below it in the open is nothing: so a sealed room stays sealed.
+    // Sound 60 dB below that in the open counts as none, so that a sealed room stays sealed.
     constexpr double kLeastOfImage = 1e-6;
     if (!(sumOver(arrivals) * 4 * std::numbers::pi * image.way * image.way > kLeastOfImage)) return;
     Bands mirrors{};

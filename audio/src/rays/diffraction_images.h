@@ -1,5 +1,5 @@
-// What bends round bodies on its way to or from a wall that mirrors: each mirror image of first order as a source of
-// its own, in a world that is the same once more beyond its mirror.
+// Finds sound that bends round bodies on its way to or from a wall that mirrors it. Each mirror image of first order is
+// a source of its own, in a world that is repeated beyond its mirror.
 //
 // Threading: pure functions.
 #pragma once
@@ -11,8 +11,8 @@
 
 namespace rtsg {
 
-/// What bends of sound from one place to another, alone and round bodies in a row: changes `arrivals`, which are those
-/// of direct sound and of images, and adds waves to `field`.
+/// A function that bends sound from one place to another, round one body and round bodies in a row. It changes
+/// `arrivals`, those of direct sound and of images, and adds waves to `field`.
 struct BentBy {
     EdgePairCount pairs;
     BentParts parts;  // what goes on into images

@@ -12,9 +12,10 @@ namespace rtsg::trace {
 namespace {
 
 constexpr std::size_t kRays = 64, kSteps = 64;
-/// Of the energy: where fewer rays with more energy begin, and where the rest is taken to fade as it did.
+/// Shares of the energy: below the first fewer rays have more energy each, below the second the rest is taken to fade
+/// as before.
 constexpr double kFewer = 3e-3, kEnough = 1e-5;
-/// Of what walls absorb: less differs too little to matter.
+/// Absorption coefficients that differ by less are taken for one.
 constexpr double kDiffersLittle = 0.1;
 /// Walls that all rays together meet: more would cost more than is gained, and in corners of walls that take nothing
 /// rays without a length go on for ever.
@@ -61,7 +62,7 @@ bool walk(const AcousticGeometry& geometry, const BandClasses& classes, double m
     return false;
 }
 
-/// As many as before, each with the mean of all: by a comb across their energies in a row.
+/// Keeps the number of walkers and gives each the mean energy, by a comb across their energies in a row.
 void equalise(std::vector<Walker>& walkers, double mean, Random& random) {
     std::vector<Walker> chosen;
     double at = random.uniform(), sum = 0;

@@ -11,9 +11,9 @@ namespace {
 constexpr double kReach = 0.1;            // m: farther away rays find what is scattered well
 constexpr double kReachOfDistance = 0.2;  // of the source, whose sound changes over the spot
 constexpr int kDirections = 4096;
-/// Of the reach: a wall that is nearer is touched.
+/// A wall nearer than this share of the reach is touched.
 constexpr double kTouched = 0x1p-12;
-/// Of the reach: so far away flat rays may meet it.
+/// Flat rays may meet a wall as many times the reach away.
 constexpr double kFlat = 1000;
 /// Normals closer than this are those of one wall.
 constexpr double kAlike = 0.98;
@@ -48,7 +48,7 @@ void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classe
         const std::uint32_t met = geometry.closestOf(rays, hits);
         for (int i = 0; i < rays.count; ++i) {
             const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
-            // Of a wall that is touched all counts, however flat the ray.
+            // A wall that is touched counts as a whole, however flat the ray.
             if ((met >> i & 1) != 0 &&
                 (hit.distance <= reach_ ||
                  hit.distance * std::abs(glm::dot(hit.normal, rays.direction[i])) < kTouched * reach_))
@@ -61,7 +61,7 @@ void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classe
     }
 }
 
-/// What is seen in a direction, where the first wall is `hit`, and in the mirrors there.
+/// Notes the walls that are seen in a direction: `hit`, which is the first, and those in its mirrors.
 void NearWalls::follow(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& listener,
                        const glm::dvec3& direction, AcousticHit hit) {
     // A flat ray to a wall that is touched stands for the spot, which ends there.
@@ -103,7 +103,7 @@ void NearWalls::lightEachOther(const AcousticGeometry& geometry, const BandClass
     const std::size_t count = walls_.size();
     for (std::size_t c = 0; c < classes.count; ++c) {
         const std::size_t b = classes.first[c];
-        // What each sends to each, as the listener sees them; and what is heard of each.
+        // The factors by which each spot sends to each, as the listener sees them, and by which each is heard.
         std::vector<double> factor(count * count, 0.0), heard(count, 0.0), scattered(count), next(count);
         for (std::size_t from = 0; from < count; ++from) {
             const AcousticMaterial& material = geometry.materials()[walls_[from].material];

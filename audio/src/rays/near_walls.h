@@ -32,11 +32,11 @@ class NearWalls {
     NearWalls(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& source,
               const glm::dvec3& listener);
 
-    /// What a wall scatters from no farther away than this is counted here, m, by way of mirrors too; 0 where there are
+    /// The distance, m, up to which sound that walls scatter is counted here, by way of mirrors too; 0 where there are
     /// no such walls.
     double reach() const { return reach_; }
-    /// What comes of an arrival from the direction `from`, unit, towards where it comes from; `visit` gets the metres
-    /// that it comes later, and shares of its energy by class of bands.
+    /// The echoes of an arrival from the unit direction `from`, which points to where it comes from. `visit` gets for
+    /// each the metres by which it is later, and shares of its energy by class of bands.
     template <class Visit>
     void echo(const glm::dvec3& from, const Visit& visit) const {
         for (const Wall& wall : walls_) {

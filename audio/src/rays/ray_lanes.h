@@ -1,7 +1,7 @@
 // RayLanes: the rays of a batch that are under way, sixteen side by side.
 //
-// What all of them do at a wall is computed for all at once, in steps that compilers make vectors of. A lane without a
-// ray, or whose ray met nothing, computes along; nobody looks at what comes of it.
+// Each step at a wall is computed for all lanes at once, in loops that compilers turn into vector instructions. A lane
+// without a ray, or whose ray met nothing, computes along, and its result is ignored.
 // Threading: one thread an object.
 #pragma once
 
@@ -107,7 +107,7 @@ class RayLanes {
         std::int32_t wallsMet, parts;
     };
 
-    // What follows is of the walls that were met last.
+    // The members below belong to the walls that were met last.
 
     /// Moves rays to what they met. `met`: a bit for each that met something; of others `hits` means nothing. Rays can
     /// be split if `keepsWay`.
@@ -219,7 +219,7 @@ class RayLanes {
             if (plane < planes.size()) mirrorShare[i] *= planes[plane].mirrors;
         });
     }
-    /// Of these, those that have less than `of` times what the next Russian roulette is for.
+    /// Those of `lanes` whose energy is below `of` times that of the next Russian roulette.
     std::uint32_t faint(std::uint32_t lanes, double of) const {
         return lanes & lanesWhere([&](int i) {
                    double most = energy[0][i];
@@ -232,7 +232,7 @@ class RayLanes {
     static constexpr std::int64_t kScatters = 0, kReflects = 1, kPasses = 2;
     using Energies = double[N][kMost];
 
-    /// Where rays are on their way to the wall that is met next, for parts of them that go there once more.
+    /// Keeps where rays start to the wall that is met next, for parts of them that go there once more.
     void keepWay() {
         way_.before = before, way_.facing = rays.facing;
         std::copy_n(rays.except, kMost, way_.except);

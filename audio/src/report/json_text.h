@@ -1,6 +1,6 @@
 // Numbers and figures as JSON has them.
 //
-// What is no number is null. Threading: pure functions.
+// NaN and infinity are null. Threading: pure functions.
 #pragma once
 
 #include <string>

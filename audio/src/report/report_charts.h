@@ -10,7 +10,7 @@
 
 namespace rtsg {
 
-/// As text of a page has it.
+/// Escapes text for a page.
 std::string escapedText(std::string_view text);
 /// "31.5", "500", "1k"; and "500 Hz", "1 kHz".
 std::string octaveText(double hz);
@@ -18,8 +18,8 @@ std::string hertzText(double hz);
 
 /// Decay curves of all octaves side by side, each from its onset on, with the lines of EDT, T20 and T30.
 std::string decayChart(const RoomReport::Pair& pair);
-/// What comes when in the octave of 1 kHz, re the direct sound if there is any: exact arrivals by how often they were
-/// reflected, and the rest as energy of milliseconds.
+/// Draws the levels in the octave of 1 kHz over time, relative to direct sound if there is any: exact arrivals by how
+/// often they were reflected, and the rest as energy of milliseconds.
 std::string reflectogram(const RoomReport::Pair& pair);
 /// Energy over time and frequency.
 std::string energogram(const RoomReport::Pair& pair);

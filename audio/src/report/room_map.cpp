@@ -22,7 +22,7 @@ const ReportFigure* figureNamed(std::string_view name) {
     return found == kReportFigures.end() ? nullptr : &*found;
 }
 
-/// As it is typed: a name with a space has a key without one.
+/// The name as it is typed: a name with a space has a key without one.
 std::string_view typedName(const ReportFigure& figure) {
     return figure.name.find(' ') == figure.name.npos ? figure.name : figure.key;
 }
@@ -193,7 +193,7 @@ Picture RoomMap::picture(const MapFigure& figure) const {
     canvas.text(MapCanvas::kAround, MapCanvas::kAround, figure.title());
     for (const std::size_t point : grid.inside) canvas.square(point, {.86f, .86f, .86f, 1});
     if (low <= high) {
-        // What is the same everywhere is the middle of its scale.
+        // A figure that is the same everywhere gets the middle of its scale.
         const double around = std::max(1e-3 * std::max(std::abs(low), 1e-3), (high - low) / 20);
         low -= around, high += around;
         for (std::size_t point = 0; point < all.size(); ++point)

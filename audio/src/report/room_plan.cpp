@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kMostLines = 20'000, kMostPoints = 10'000;
 
-/// Where a triangle crosses a height.
+/// The line in which a triangle crosses a height.
 std::optional<RoomPlan::Line> cutOf(const std::array<glm::dvec3, 3>& corners, double height) {
     RoomPlan::Line line;
     std::size_t found = 0;

@@ -14,7 +14,7 @@
 namespace rtsg {
 namespace {
 
-/// Of the surface: less is rays that slipped through a seam.
+/// Openings below this share of the surface are rays that slipped through a seam.
 constexpr double kNoOpening = 1e-3;
 
 constexpr std::string_view kStyle = R"(
@@ -193,7 +193,7 @@ std::string materialsSection(const RoomReport& report) {
     return text + "<th></th></tr>\n</table>\n";
 }
 
-/// What was traced beside what formulas say.
+/// The section that shows traced times beside those of formulas.
 std::string timesSection(const RoomReport& report, const RoomReport::Average& all, double schroederHz) {
     std::string text = "<h3>Reverberation times</h3>\n<div class=\"side\"><div>" + timesChart(report) +
                        "</div><div><table>\n" + "<tr><th>s</th>";

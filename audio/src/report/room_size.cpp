@@ -45,7 +45,7 @@ struct WalkingRay {
     }
 };
 
-/// What walking rays find.
+/// The sums over walking rays.
 struct Walked {
     double length = 0;
     std::uint64_t ways = 0, left = 0;
@@ -122,7 +122,7 @@ double volumeBy(const AcousticGeometry& geometry, const std::vector<glm::dvec3>&
             AcousticHits hits;
             const std::uint32_t met = geometry.closestOf(rays, hits);
             for (int i = 0; i < AcousticRays::kMost; ++i) {
-                // Where it is open the room ends at the box around all of its walls.
+                // In its openings the room ends at the box around all of its walls.
                 const double distance = (met >> i & 1) != 0 ? hits[static_cast<std::size_t>(i)].distance
                                                             : wayThrough(box, place, rays.direction[i]);
                 seen += 4 * std::numbers::pi / 3 * distance * distance * distance / kLooks;

@@ -4,7 +4,7 @@
 namespace rtsg::trace {
 namespace {
 
-/// Of the window, and the share of the most that one holds.
+/// The window's length, and the share of the largest window's energy that begins the response.
 constexpr double kOnsetSeconds = 0.001, kOnsetShare = 0.01;
 
 }  // namespace

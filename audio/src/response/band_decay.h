@@ -17,7 +17,7 @@
 
 namespace rtsg::trace {
 
-/// What arrives exactly in one band, in order.
+/// The exact arrivals of one band, in order.
 struct BandArrivals {
     std::vector<std::pair<double, double>> after;  // time; energy from here on
     double energy = 0, moment = 0;
@@ -30,20 +30,20 @@ class BandDecay {
     BandDecay(const Echogram& echogram, std::size_t band)
         : BandDecay(std::make_shared<const BandArrivals>(echogram.arrivals, band), echogram.late,
                     bandOf(echogram.late, band)) {}
-    /// Of arrivals, and of bins that lie in time as those of `late` do.
+    /// The decay of arrivals, and of bins at the times of those of `late`.
     BandDecay(std::shared_ptr<const BandArrivals> arrivals, const EnergyHistogram& late, std::span<const double> bins);
 
     static std::vector<double> bandOf(const EnergyHistogram& histogram, std::size_t band);
 
-    /// Where the response begins, s: where the energy of the last millisecond first is a hundredth of the most that a
-    /// millisecond brings. The time of an arrival where that brings it over. NaN where nothing comes.
+    /// The time, s, at which the response begins: when the energy of the last millisecond is first a hundredth of the
+    /// most in any millisecond. If an arrival brings it over, it is that arrival's time. NaN if nothing comes.
     double onset() const { return onset_; }
     /// Counts from another time.
     void beginAt(double onset);
 
-    /// Of all that comes, before the onset too.
+    /// The energy of all that comes, before the onset too.
     double all() const { return all_; }
-    /// From the onset on, as what follows.
+    /// The energy from the onset on; the functions below count from there, too.
     double total() const { return total_; }
     /// Energy-weighted time, s.
     double moment() const { return moment_; }
@@ -69,8 +69,8 @@ class BandDecay {
         struct Step {
             double seconds, before, after;  // energies: as it comes near that time, and from there on
         };
-        /// Where what is left changes otherwise than evenly: at an arrival that takes more than a little of the
-        /// `energy` that was left at the time of the last call, where a bin ends, or `at` the latest.
+        /// The next time at which the energy that is left changes unevenly: an arrival that takes more than a little of
+        /// the `energy` that was left at the last call, the end of a bin, or `at` the latest.
         Step next(double seconds, double energy, double at) {
             constexpr double kLittle = 0.002;
             const auto& arrivals = decay_.arrivals_->after;
@@ -96,7 +96,7 @@ class BandDecay {
 
     double startOf(std::size_t bin) const { return start_ + static_cast<double>(bin) / binsPerSecond_; }
 
-    /// What arrives from one arrival on.
+    /// The energy of this arrival and all later ones.
     double exactFrom(std::size_t arrival) const {
         return arrival < arrivals_->after.size() ? arrivals_->after[arrival].second : 0;
     }

@@ -34,7 +34,8 @@ inline glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
     return x * tangent + y * bitangent + std::sqrt(1 - r2) * normal;
 }
 
-/// As cosineDirection(), for sixteen rays side by side. `across`, `round`: two numbers in [0, 1) for each.
+/// The same as cosineDirection() for sixteen rays side by side. `across` and `round` are two numbers in [0, 1) for
+/// each.
 inline void cosineDirections(const AcousticRays::Vectors& normal, const double (&across)[AcousticRays::kMost],
                              const double (&round)[AcousticRays::kMost], AcousticRays::Vectors& direction) {
     for (int i = 0; i < AcousticRays::kMost; ++i) {

@@ -9,7 +9,7 @@
 
 namespace rtsg {
 
-/// Of many that are told one after the other the first in order, of equals those that were told first.
+/// Keeps the first few, in order, of many items that are told one after the other; among equals those told earlier.
 template <class Item, class Before>
 class FirstOf {
   public:
@@ -26,7 +26,7 @@ class FirstOf {
         return items_;
     }
     std::size_t told() const { return told_; }
-    /// What does not come before it is not kept any more; at first there is none.
+    /// The last item that is kept: only items before it still count. At first there is none.
     const Item& last() const { return last_; }
 
   private:

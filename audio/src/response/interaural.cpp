@@ -97,11 +97,11 @@ EarCorrelation::EarCorrelation(const Hrtf& head) : rate_(head.sampleRate()) {
 
 namespace {
 
-/// What comes in one octave early and late: energies.
+/// A span of time, and the energy of an octave within it.
 struct TimeWindow {
     double begin = 0, end = 0;
 
-    /// Of bins of a histogram, which energy comes evenly within.
+    /// The energy in the span from a histogram, in whose bins energy is spread evenly.
     double of(const EnergyHistogram& times, const std::vector<Bands>& bins, std::size_t band) const {
         double sum = 0;
         for (std::size_t i = 0; i < bins.size(); ++i) {

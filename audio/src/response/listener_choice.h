@@ -66,7 +66,7 @@ class ListenerChoice {
     static constexpr std::size_t kLanes = 8;  // so that vectors of numbers need no rest
     static constexpr std::uint32_t kUnseen = 0xFFFFFFFF;
 
-    // As compilers make vectors of them on every machine.
+    // Compilers make vector instructions of these types on every machine.
     using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
     using Bits = std::int32_t __attribute__((vector_size(kLanes * sizeof(float))));
 
@@ -74,11 +74,11 @@ class ListenerChoice {
         Lanes x{}, y{}, z{};  // from the center
         Lanes worth{};        // at a distance of 1; nothing of those that fill up the last row
     };
-    /// What a row is worth from some place, and with it those before.
+    /// The worth of a row seen from some place, and the sum with the rows before it.
     struct Weighed {
         Lanes worth, upTo;
     };
-    /// What is before a side.
+    /// The targets in front of a side.
     struct Before {
         std::vector<Row> rows;
         std::vector<std::uint32_t> of;  // targets
@@ -119,7 +119,7 @@ class ListenerChoice {
         return y * (1.5f - 0.5f * x * y * y);
     }
 
-    /// What targets are worth; the sum of each column.
+    /// Weighs the targets, and returns the sum of each column.
     Lanes weigh(const Before& before, const glm::vec3& point) {
         Lanes sums{};
         Weighed* weighed = weighed_.data();

@@ -21,7 +21,7 @@ struct MirroredRay {
     std::uint32_t plane = kNoPlane;
 };
 
-/// What several ways lead to that turn and move the listener alike.
+/// An image of the listener, to which several ways may lead that turn and move the listener alike.
 struct FoundImage {
     glm::dvec3 position;
     glm::dmat3 turn;

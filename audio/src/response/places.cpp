@@ -33,7 +33,7 @@ double roundingOf(const glm::dvec3& point) {
 struct TouchedWalls {
     std::vector<NearSurface> walls;
     std::vector<double> sides;
-    /// Of solids, each with the wall that it is part of, and on which side of that its face is.
+    /// A solid with the wall that it is part of, and the side of the wall on which its face is.
     struct Face {
         std::uint32_t solid;
         std::size_t wall;
@@ -62,7 +62,7 @@ void findTouched(const AcousticGeometry& geometry, const glm::dvec3& point, cons
     }
 }
 
-/// Of a solid that the other place touches as well, both are there where its faces face. Whether there is one.
+/// Puts a place outside of a solid that the other place touches as well. Returns whether there is such a solid.
 bool turnOutOfSolids(const AcousticGeometry& geometry, const glm::dvec3& other, TouchedWalls& touched) {
     if (touched.faces.empty()) return false;
     bool any = false;

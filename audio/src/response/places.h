@@ -1,4 +1,4 @@
-// Where sources and listeners are put that touch a wall, and what surrounds a listener.
+// Moves sources and listeners off walls that they touch, and measures what surrounds a listener.
 //
 // A place on a wall is the limit of places before it, on the side from which it is looked at, unless that is inside of
 // a body; so it is moved off by some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of
@@ -29,7 +29,7 @@ glm::dvec3 offSolids(const AcousticGeometry& geometry, const glm::dvec3& point, 
 /// wall is in the way.
 glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
-/// What a listener's surroundings measure: seen from there.
+/// The size of a listener's surroundings, seen from there.
 struct Surroundings {
     double volume = 0;   // m^3 of what is seen; in the open, as if walls were at `openDistance`
     double nearest = 0;  // m to the nearest surface

@@ -37,7 +37,7 @@ class PressureSum {
         }
     }
 
-    /// Of each its own, with half of what it and all others do to each other.
+    /// Adds to each arrival its own energy, and half of its interference with all others.
     void addEnergies(std::vector<Arrival>& arrivals);
 
   private:

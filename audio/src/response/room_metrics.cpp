@@ -23,7 +23,7 @@ using trace::BandDecay;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kGridSeconds = 0.0001;
-/// Of what only tells how much figures vary.
+/// The grid for curves that only tell how much figures vary.
 constexpr double kCoarseGridSeconds = 0.001;
 constexpr std::array<Bands RoomMetrics::*, 9> kFigures{&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30,
                                                        &RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
@@ -37,8 +37,8 @@ struct SidedDecay {
     std::optional<BandDecay> side = std::nullopt;
 };
 
-/// What is left of an echogram's energy from time to time: the levels between two of these, and what a line through
-/// them needs, are exact.
+/// The energy of an echogram that is still to come, at a row of times. Levels between two of these, and the sums that a
+/// line through them needs, are exact.
 class DecayCurve {
   public:
     /// Pieces are no longer than `grid` seconds; arrivals that take little are seen as going evenly over one.
@@ -189,7 +189,7 @@ double largestError(const MetricsEstimate& m) {
             worst = std::max(worst, std::isfinite(halfWidth) ? halfWidth / noticeable : 1e9);
     };
     for (std::size_t b = kBand1k - 3; b <= kBand1k + 2; ++b) {  // 125 Hz to 4 kHz
-        // Where direct sound alone is 10 dB above what follows, some of the batches have no early decay: no number of
+        // If direct sound alone is 10 dB above all that follows, some batches have no early decay, and no number of
         // rays would tell how far off it is.
         if (std::isfinite(m.ci95.edt[b])) take(m.value.edt[b], m.ci95.edt[b], 0.05 * m.value.edt[b]);
         take(m.value.t20[b], m.ci95.t20[b], 0.05 * m.value.t20[b]);
@@ -229,9 +229,9 @@ double studentT95(double degreesOfFreedom) {
 
 namespace {
 
-/// What the onset's own scatter adds: of figures of the whole from where each batch left out would have it begin. It
-/// jumps where it hangs on few rays, and then by milliseconds that say little of how skew it is: neither bias nor
-/// skewness counts.
+/// The half width that the scatter of the onset adds: from figures of the whole, counted from the onset that it has
+/// without one of the batches. An onset that hangs on few rays jumps by milliseconds, which say little of how skew it
+/// is, so neither bias nor skewness counts.
 double halfWidthOfOnset(std::span<const double> moved) {
     const auto n = static_cast<double>(moved.size());
     double mean = 0, squares = 0;

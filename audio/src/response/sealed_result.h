@@ -1,4 +1,4 @@
-// What becomes of a result when no way leads from the source to the listener. Threading: pure functions.
+// Tells why a result is silent, if no way leads from the source to the listener. Threading: pure functions.
 #pragma once
 
 #include <optional>

@@ -58,7 +58,7 @@ struct Modulated {
     }
 };
 
-/// Of energy that comes evenly over `length` seconds about a time.
+/// The modulation of energy that comes evenly over `length` seconds about a time.
 std::complex<double> turnedAt(double hz, double seconds, double length) {
     const double half = std::numbers::pi * hz * length;
     const double spread = half > 1e-9 ? std::sin(half) / half : 1;
@@ -75,7 +75,7 @@ Modulated modulatedOf(std::span<const Arrival> arrivals) {
     return result;
 }
 
-/// Of histograms whose bins lie at the same times, as batches are.
+/// The modulations of histograms whose bins lie at the same times, as those of batches do.
 std::vector<Modulated> modulatedOf(std::span<const EnergyHistogram> batches) {
     std::vector<Modulated> result(batches.size());
     std::size_t longest = 0;

@@ -36,7 +36,7 @@ class Levels {
         return [energy = one.straight < 0 ? one.energy : field_.straight[static_cast<std::size_t>(one.straight)]](
                    std::size_t t) { return std::sqrt(kSphere * energy[t / kTonesInBand]); };
     }
-    /// Of each wave all but what images have of it for themselves.
+    /// The pressures of all waves, without the parts that images have for themselves.
     std::vector<EdgeTonePressures> withDirect() const {
         std::vector<EdgeTonePressures> left;
         for (const EdgeWave& wave : field_.waves) left.push_back(wave.pressure);
@@ -164,7 +164,7 @@ class Levels {
         sum.addEnergies(arrivals_);
     }
 
-    /// Of each wave, and of parts that have none.
+    /// Adds an arrival for each wave, and for each part that has no wave.
     void addArrivals() {
         const auto add = [&](double seconds, const glm::dvec3& direction, std::uint32_t order) {
             Arrival arrival;
@@ -186,7 +186,7 @@ class Levels {
         }
     }
     std::size_t arrivalOf(std::size_t part) const { return ownOf_[part]; }
-    /// Of those that are summed up anew; without edges they stay as they are.
+    /// Clears the energies of arrivals that are summed anew; without edges they stay as they are.
     void clearEnergies() {
         const auto clear = [&](std::size_t arrival) {
             if (arrival == kNone || std::ranges::find(summed_, arrival) != summed_.end()) return;
@@ -217,7 +217,8 @@ class Levels {
         return summed_[after < summed_.size() && apart(after) < apart(before - 1) ? after : before - 1];
     }
 
-    /// What takes more from others than it has itself is taken from those that come with it.
+    /// An arrival whose energy is below 0, since it takes more from others than it has, passes that on to the nearest
+    /// one.
     void giveBack() {
         for (std::size_t b = 0; b < kBandCount; ++b)
             for (bool any = true; any;) {

@@ -13,7 +13,7 @@ namespace rtsg {
 namespace {
 
 constexpr double kAirPi = std::numbers::pi;
-/// Of bodies, those nearest to the straight way count: a bound of work.
+/// The most bodies that count, those nearest to the straight way: a bound of work.
 constexpr std::size_t kMostBodies = 16;
 /// Of the radius, that rays keep off the surface: more than its facets are off the circle (round_shapes.cpp).
 constexpr double kOutside = 1e-2, kLifted = 1e-3;
@@ -42,7 +42,7 @@ RoundAir::RoundAir(const AcousticGeometry& geometry, const glm::dvec3& source, c
         sorted.emplace(std::ranges::upper_bound(sorted, detour, {}, [](const auto& one) { return one.first; }), detour,
                        placed);
     });
-    // What is there twice is next to itself.
+    // A body that is there twice is next to itself.
     for (const auto& [detour, placed] : sorted)
         if (bodies_.empty() || !isSameBody(placed.body(), bodies_.back().body())) bodies_.push_back(placed);
 }

@@ -24,7 +24,7 @@ using TonePressures = std::array<Complex, kEdgeTones>;
 /// So many bodies, nearest to the straight way, are looked for beside the ways round others: a bound of work.
 constexpr std::size_t kBeside = 5;
 
-/// What comes by a way round bodies.
+/// A wave that comes by a way round bodies.
 struct RoundWave {
     double way = 0;
     glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
@@ -123,7 +123,7 @@ class RoundBends {
             if (any || hidden) return any;
         }
         if (!side.touches() || (hidden && !side.lit())) return false;
-        // What hides the place where it mirrors does not hide what is near to the straight way.
+        // A body that hides the place of the mirroring does not hide sound near the straight way.
         const bool opens =
             side.lit() && beside && air_.isClear(source_, main.first) && air_.isClear(listener_, main.first);
         if (within && !free && !opens) return false;
@@ -143,7 +143,7 @@ class RoundBends {
                     main.pressure[tone] -= side.pressure(beside, k, 0);
                 main.pressure[tone] *= left[tone];
             });
-        // Where it leads past one end it comes by that alone.
+        // A way that leads past one end comes by that end alone.
         bool any = within;
         for (std::size_t e = 0; e < 2; ++e)
             if (!side.placed().body().sphere && (within || past[e])) any = addEnd(side, e, main, waves) || any;
@@ -298,7 +298,7 @@ class RoundBends {
         EdgeWave wave;
         wave.seconds = side.way / c();
         wave.direction = side.direction;
-        // Where source and listener move a little it touches the body elsewhere, at the same length but for its square.
+        // If source and listener move a little, it touches the body elsewhere, with the same length to first order.
         wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
         wave.order = side.order;
         wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -

@@ -23,10 +23,10 @@ class RoundSide {
     const RoundWay& way() const { return way_; }
     bool far() const { return far_; }
     bool lit() const { return way_.lit(); }
-    /// Where it comes to the body, and where it leaves.
+    /// The places where it comes to the body and where it leaves.
     const glm::dvec3& first() const { return first_; }
     const glm::dvec3& last() const { return last_; }
-    /// Where it comes from at a place; next to the surface it comes along that. Unit.
+    /// The unit direction from which it comes at a place; next to the surface that lies along it.
     glm::dvec3 arriving(const glm::dvec3& last, const glm::dvec3& listener) const;
 
     /// Whether the surface is there where it touches.
@@ -39,7 +39,8 @@ class RoundSide {
     /// Re the phase of its length: in the dark all there is by this side, in the light what comes beside direct sound,
     /// of which the surface `mirrors` that share. `beside`: direct sound is there, too, whatever the light.
     std::complex<double> pressure(bool beside, double waveNumber, double mirrors) const;
-    /// What an end of a cylinder takes away from that, or leaves of it past the end, re the phase of the way by it.
+    /// The pressure that an end of a cylinder takes away, or leaves past the end, relative to the phase of the way by
+    /// it.
     std::complex<double> byEnd(std::size_t end, double waveNumber) const;
     /// The length of the way by an end.
     double lengthByEnd(std::size_t end) const;

@@ -58,7 +58,7 @@ RoundWay::RoundWay(const RoundPath& path) : path_(path) {
     sine_ = flat / length_;
 }
 
-/// Where both angles at the surface are the same.
+/// Finds the place on the surface at which both angles are the same.
 void RoundWay::findMirror() {
     const double a = path_.radius, s = path_.sourceRadius, r = path_.receiverRadius;
     /// Below 0 where the angle to the source is larger than the one to the listener.

@@ -59,7 +59,7 @@ class RoundWay {
     double firstAngle_ = 0, lastAngle_ = 0;
 };
 
-/// What a rigid sphere adds to the source in the open, by the series of all orders: pressure with its phase.
+/// The complex pressure that a rigid sphere adds to that of the source in the open, by the series of all orders.
 std::complex<double> rigidSphereField(const RoundPath& path, double waveNumber);
 
 }  // namespace rtsg

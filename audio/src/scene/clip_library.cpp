@@ -175,7 +175,7 @@ std::size_t VoicePlayer::channels(const SoundVoice& voice, ClipLibrary& clips) {
     return input_ ? input_->channels() : static_cast<std::size_t>(clip_->channels);
 }
 
-/// What comes is heard when it comes: from the start on, and not while it is paused.
+/// Plays live input as it comes, from the start time on, and not while the voice is paused.
 void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t first,
                             std::span<std::vector<float>> out) const {
     const std::size_t frames = out[0].size();
@@ -195,7 +195,7 @@ void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t f
     }
 }
 
-/// Of what is used of the clip, in samples.
+/// The length of the part of the clip that is used, in samples.
 double VoicePlayer::lengthOf(const SoundVoice& voice, double rate) const {
     return std::min(static_cast<double>(clip_->frames()), std::max(1.0, std::round(voice.duration * rate)));
 }
@@ -227,7 +227,7 @@ float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel
     const auto count = static_cast<std::size_t>(clip_->channels);
     const auto clip = [&](double place) {
         const double at = inLoop(loop, place);
-        // Nor is what no number names there: a loop may be as short as that.
+        // A place that is no number has no sample, as in a loop that is too short.
         return at >= 0 && at < length ? clip_->samples[static_cast<std::size_t>(at) * count + channel] : 0.0f;
     };
     const double whole = std::floor(phase_), fraction = phase_ - whole;

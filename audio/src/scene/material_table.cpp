@@ -59,7 +59,7 @@ std::optional<std::size_t> octaveNamed(std::string_view text) {
     return std::nullopt;
 }
 
-/// What a column holds.
+/// A column of the table and the kind of its values.
 struct TableColumn {
     enum class Kind : std::uint8_t { name, absorption, scattering } kind = Kind::name;
     std::optional<std::size_t> band;  // nothing: all of them

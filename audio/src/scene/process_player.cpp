@@ -11,7 +11,7 @@
 namespace rtsg {
 namespace {
 
-/// What a response is scaled by so that what is convolved keeps about its loudness, as the Web Audio API has it.
+/// The factor for a response by which sound keeps about its loudness when it is convolved, as the Web Audio API has it.
 double loudness(std::span<const float> response, double rate) {
     double power = 0;
     for (const float sample : response) power += static_cast<double>(sample) * static_cast<double>(sample);
@@ -196,7 +196,7 @@ void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChan
 
 void ProcessPlayer::filter(const AudioProcess& process, double rate, AudioChannels& out) {
     const auto c = Biquad::coefficients(process.filter, process.frequency, rate, process.quality, process.filterGainDb);
-    // What a filter has stored suits one that differs little; another one begins anew, and fades in over a block.
+    // The stored state of a filter suits one that differs little; another one begins anew, and fades in over a block.
     const bool another = filtered_ && (type_ != process.filter || !(process.frequency < 1.5 * frequency_) ||
                                        !(frequency_ < 1.5 * process.frequency));
     for (std::size_t k = 0; k < out.size(); ++k) {
@@ -313,7 +313,7 @@ void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block,
     if (process.gain != 1)
         for (std::vector<float>& channel : out)
             for (float& sample : channel) sample *= static_cast<float>(process.gain);
-    // What has no times is active always; others as they are at the samples.
+    // Nodes without times are always active; others are as their times say at each sample.
     for (std::size_t i = 0; process.times != SoundTimes() && i < block.frames; ++i) {
         const double t = (static_cast<double>(block.first) + static_cast<double>(i) + 0.5) / rate;
         if (process.times.active(t)) continue;

@@ -28,14 +28,14 @@ using AudioChannels = std::vector<std::vector<float>>;
 /// the one of its number; what has none is not heard.
 void mixInto(std::span<std::vector<float>> out, std::span<const std::vector<float>> in, bool discrete);
 
-/// What is beyond it is no sound.
+/// Samples beyond it are no sound.
 constexpr double kLoudest = 1e9;
 
 /// Silences what is no number, or too large for a sound once it is `gain` times as loud, and says whether there was
 /// any: one such sample would be all that is heard of everything that it is mixed with.
 bool silenceNoSound(AudioChannels& out, double gain);
 
-/// What a piece of a graph is rendered from.
+/// The inputs from which a piece of a graph is rendered.
 struct GraphBlock {
     ClipLibrary& clips;
     std::int64_t first;            // sample
@@ -50,7 +50,7 @@ struct AudioLayout {
     std::size_t exactly = 0, least = 1, most = 0;  // channels; 0: as many as there are
 };
 
-/// What voices and processes give together, in as many channels as the one with the most, or as the layout says.
+/// Mixes voices and processes, into as many channels as the one with the most has, or as the layout says.
 class AudioMix {
   public:
     void render(const std::vector<SoundVoice>& voices,
@@ -113,7 +113,7 @@ class ProcessPlayer {
     bool normalized_ = false;
     using PanGains = std::array<std::array<double, 2>, 2>;  // see equalPowerGains()
     std::optional<PanGains> panned_;                        // at the end of the last block
-    // Of a panner that is a head.
+    // The members below are for a panner with a head.
     HeadFilter head_;
     std::optional<double> heard_;  // how loud, at the end of the last block
 };

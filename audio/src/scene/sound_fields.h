@@ -19,7 +19,7 @@ inline std::string nameOf(const Scene& scene, const Node& node) {
     return name.empty() ? fmt::format("{}#{}", node.type().name, node.id().value) : std::string(name);
 }
 
-/// Of a field that not every type has, or not as this.
+/// The value of a field that not every type has, or not with this type.
 template <class T>
 T fieldOr(const Node& node, std::string_view name, T otherwise) {
     const FieldIndex field = node.type().findExact(name);
@@ -62,7 +62,7 @@ class FieldNumbers {
             tell(field.index, value < nearest ? "too small" : "too large", nearest);
         return nearest;
     }
-    /// Of a field that not every type has.
+    /// The number in a field that not every type has.
     double any(std::string_view name, double otherwise, double absent) const {
         const FieldIndex field = node_.type().findExact(name);
         if (field == kNoField) return absent;

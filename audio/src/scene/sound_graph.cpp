@@ -30,7 +30,7 @@ void readTimes(const Node& node, const FieldNumbers& in, SoundTimes& times) {
     times.paused = fieldOr(node, "isPaused", false);
 }
 
-/// Of an OscillatorSource, where the tables know of one; null: a sine's.
+/// The periodic wave of an OscillatorSource, if it has one; null stands for a sine.
 std::shared_ptr<const PeriodicWave> waveOf(const Scene& scene, const Node& oscillator) {
     const Node* node = scene.effectiveNode(fieldOr(oscillator, "periodicWave", NodeId{}));
     if (!node || !node->is(x3d::PeriodicWave::type) || !fieldOr(*node, "enabled", true)) return nullptr;
@@ -55,10 +55,10 @@ Biquad::Type filterType(std::string_view name) {
     return lowpass;
 }
 
-/// Of what is at no place: so far away that it is not heard.
+/// The place of sounds without a place: so far away that they are not heard.
 constexpr glm::dvec3 kOutOfHearing{1e12};
 
-/// Where a Sound or SpatialSound is and how loud; false: it is neither.
+/// Reads the place and the level of a Sound or SpatialSound; false if the node is neither.
 bool readPlace(const Node& node, const FieldNumbers& in, SoundNode& sound) {
     if (node.is(x3d::Sound::type)) {
         using S = x3d::Sound;
@@ -95,7 +95,7 @@ bool readPlace(const Node& node, const FieldNumbers& in, SoundNode& sound) {
     return true;
 }
 
-/// What leads into a Sound or SpatialSound.
+/// The nodes that lead into a Sound or SpatialSound.
 Array<NodeId> inputsOf(const Node& node) {
     if (node.is(x3d::Sound::type)) return {node.get(x3d::Sound::source)};
     return node.get(x3d::SpatialSound::children);
@@ -178,7 +178,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.loop = true;
         voice.wave = waveOf(scene, node);
     } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
-        // What a stream is called names a file here, unless the user has said what it is.
+        // The name of a stream is that of a file here, unless the user has given the stream.
         voice.kind = SoundVoice::Kind::stream;
         for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
         voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
@@ -210,7 +210,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         process.filter = filterType(fieldOr(node, "type", String()).view());
         process.frequency = in.any(B::frequency, 350) * detuned(in.any(B::detune, 0));
         process.quality = in.any(B::qualityFactor, 1);
-        // Of shelves and peaks the gain is the filter's own, in decibels, and not of what comes out.
+        // The gain of shelves and peaks belongs to the filter, in decibels; it does not scale the output.
         using enum Biquad::Type;
         if (process.filter == lowshelf || process.filter == highshelf || process.filter == peaking) {
             process.filterGainDb = in.any(B::gain, 0);
@@ -286,7 +286,7 @@ bool SoundScene::readPanner(const Scene& scene, const Node& node, double above, 
     return true;
 }
 
-/// What becomes a channel of its own.
+/// Reads an input that becomes a channel of its own.
 void SoundScene::readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to) {
     auto input = std::make_shared<AudioProcess>();
     input->discrete = merger.discrete;

@@ -20,7 +20,7 @@
 namespace rtsg {
 namespace {
 
-/// Where things without a place are: out of hearing, but a number (metres).
+/// The coordinate of things without a place: out of hearing, but a number (metres).
 constexpr double kNowhere = 1e12;
 
 double shareOf(double value) {
@@ -66,7 +66,7 @@ bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Ban
     return true;
 }
 
-/// What a MetadataString "acousticMaterial" in a node's metadata says; empty without one.
+/// The value of a MetadataString "acousticMaterial" in a node's metadata; empty without one.
 std::string_view askedIn(const Scene& scene, NodeId metadata, int depth = 0) {
     constexpr int kDeepest = 8;
     const Node* node = scene.find(metadata);
@@ -293,7 +293,7 @@ FoundPose foundPose(const Scene& scene, const Placed& placed) {
 
 }  // namespace
 
-/// What of it is not finite is what it was when it was last, or X3D's default.
+/// Parts of the pose that are not finite keep their last finite values, or X3D's defaults.
 ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
     const auto [now, isSomewhere, isTurned] = foundPose(scene, placed);
     ListenerPose& pose = poses_[placed.id.slot];
@@ -426,7 +426,7 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
             emitters_->erase(emitters_->begin() + (emitter - emitters_->data()));
             others = true;
         }
-    // Of a scene that starts over the same number may be another node: what comes anew is read anew.
+    // In a scene that starts over the same number may be another node, so nodes that come are read anew.
     std::unordered_set<std::uint32_t> read;
     std::unordered_map<const SoundNode*, std::shared_ptr<const SoundNode>> replaced;
     for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
@@ -477,12 +477,12 @@ void SoundScene::nameEmitters() {
 }
 
 void SoundScene::warnOnce(const NodePlace& place, std::string text) {
-    // Of a scene that keeps making new names this much is remembered, and more is not told.
+    // So many texts of a scene that keeps making new names are remembered, and further ones are not told.
     constexpr std::size_t kMost = 1000;
     if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warningAt(place, std::move(text));
 }
 
-/// What leads to a stream is heard by nobody here.
+/// Names sounds that lead to a stream, since nobody hears them here.
 void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
     if (keepsStreams_) return;
     for (const Change& change : changes.changes) {

@@ -1,4 +1,4 @@
-// What an emitter sends where: its directivity, as paths and rays are weighted by it.
+// The directivity of an emitter, by which paths and rays are weighted.
 //
 // Source: ISO/IEC 19775-1 V4.0 16.4.17 (ellipsoids of Sound), 16.4.18 (cones of SpatialSound). Threading: pure
 // function.

@@ -95,7 +95,7 @@ void Biquad::process(const Coefficients& c, std::span<float> samples) {
     for (float& sample : samples) {
         const auto x = static_cast<double>(sample);
         double y = c.b0 * x + c.b1 * x1_ + c.b2 * x2_ - c.a1 * y1_ - c.a2 * y2_;
-        // What fades for ever ends; what is no number does not stay.
+        // A value that would fade for ever ends, and one that is no number does not stay.
         if (!(std::abs(y) > 1e-30) || !std::isfinite(y)) y = 0;
         x2_ = x1_, x1_ = x, y2_ = y1_, y1_ = y;
         sample = static_cast<float>(y);

@@ -1,4 +1,4 @@
-// What air takes from each octave band (ISO 9613-1).
+// Computes how much of each octave band air absorbs (ISO 9613-1).
 #include <rtsg/audio/bands.h>
 #include <cmath>
 

@@ -18,8 +18,8 @@ constexpr std::size_t kLong = 16;       // blocks of a long part
 constexpr std::size_t kShorts = 15;     // short parts before long ones: these are known a block before they are heard
 constexpr std::size_t kKept = kShorts;  // memory of as many parts is kept, to be written over
 
-/// What a transform works with, one for all convolvers of a thread: of many, each with its own, all would have to come
-/// from memory in every block. What is in it stays only as long as a call.
+/// The buffers of a transform, shared by all convolvers of a thread, since buffers of their own would have to come from
+/// memory in every block. Their contents are good during a call only.
 struct Workspace {
     explicit Workspace(std::size_t size) : fft(size), sum(fft.bins()), time(size), before(size / 2) {}
     RealFft fft;
@@ -55,7 +55,7 @@ class History {
         newest_ = (newest_ + spectra_.size() - 1) % spectra_.size();
         return spectra_[newest_];
     }
-    /// What is added is silence before all else.
+    /// The added spectra are silence before all else.
     void grow(std::size_t size, std::size_t bins) {
         if (size <= spectra_.size()) return;
         std::rotate(spectra_.begin(), spectra_.begin() + static_cast<std::ptrdiff_t>(newest_), spectra_.end());
@@ -90,7 +90,7 @@ std::span<float> convolve(Workspace& work, const History& history, const std::ve
     return std::span(work.time).last(work.time.size() / 2);
 }
 
-/// What is kept of an input: its spectra by blocks and, where a response has long parts, by long blocks.
+/// The memory of an input: its spectra by blocks and, if a response has long parts, by long blocks.
 struct Input {
     Input(std::size_t size, std::size_t inTurn)
         : block(size), turn(inTurn % kLong), filled(turn), window(2 * size), history() {}
@@ -196,14 +196,14 @@ struct Convolver::Impl {
         return heard;
     }
 
-    /// What long parts add from the last long block of the input that is whole.
+    /// Computes what long parts add from the last whole long block of the input.
     void hearAhead(Parts& response) const {
         if (response.longs.empty()) return;
         std::ranges::copy(convolve(workspace(2 * input->longBlock()), input->longHistory, response.longs),
                           response.ahead.begin());
     }
 
-    /// What is in `waiting` is next.
+    /// Makes the response in `waiting` the next one.
     void wait() {
         if (!waiting.longs.empty()) waiting.ahead.resize(input->longBlock());
         input->keep(waiting.shorts.size(), waiting.longs.size());

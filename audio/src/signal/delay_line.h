@@ -37,7 +37,8 @@ class DelayLine {
         for (std::size_t k = 0; k < kTaps; ++k) samples[k] = at(first + static_cast<std::ptrdiff_t>(k));
         return sinc().weighted(fraction, samples.data());
     }
-    /// As many samples as there are delays, from sample `index` on, each at its own delay: as read() of each.
+    /// Reads as many samples as there are delays, from sample `index` on, each at its own delay, as read() does for
+    /// one.
     void read(std::size_t index, std::span<const double> delays, std::span<float> out) const {
         std::array<double, 8> fractions;
         std::array<const float*, 8> taps;
@@ -95,7 +96,7 @@ class DelayLine {
         mask_ = size - 1;
     }
 
-    // As many samples as a power of two, and the first of them once more, so that any taps of them are in a row.
+    // A ring whose size is a power of two, with its first samples once more at the end, so that all taps are in a row.
     std::vector<float> ring_;
     std::size_t mask_ = 0, written_ = 0;
 };

@@ -1,4 +1,4 @@
-// What stands behind an Hrtf: responses by direction, measured or computed.
+// The interface behind an Hrtf: responses by direction, measured or computed.
 //
 // Threading: const members from any number of threads.
 #pragma once

@@ -37,7 +37,7 @@ void PoleBank::process(std::span<const float> ahead, const Weights& before, cons
     addTaps(before, now, heard);
     addPoles(before, now, heard);
     std::copy_n(input_.end() - (kTaps - 1), kTaps - 1, input_.begin());
-    // What is left of a sound long gone shall not become numbers that machines are slow with.
+    // The rest of a sound long gone must not become denormal numbers, with which processors are slow.
     for (float& value : values_)
         if (std::abs(value) < 1e-30f) value = 0;
 }

@@ -27,7 +27,7 @@ class PoleBank {
     /// `ahead`: what comes kAhead samples later. Weights go evenly from those of the block before to those of this one.
     void process(std::span<const float> ahead, const Weights& before, const Weights& now, std::span<float> heard);
 
-    /// What each of them multiplies its last value by.
+    /// The factors by which they multiply their last values.
     static std::array<double, kPoles> poles(int sampleRate);
 
   private:

@@ -8,7 +8,7 @@ struct AVTXContext;
 
 namespace rtsg {
 
-/// What transforms one size in one direction.
+/// A transform of one size in one direction.
 struct QuickTransform {
     AVTXContext* context = nullptr;
     void (*run)(AVTXContext* context, void* to, void* from, std::ptrdiff_t stride) = nullptr;

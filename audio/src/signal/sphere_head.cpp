@@ -85,7 +85,7 @@ class SphereHead final : public Hrtf::Impl {
         early =
             static_cast<std::size_t>(std::ceil(Hrtf::kLongestRadius * sampleRate)) + kSphereLead + SincTable::kHalf + 1;
         lineDelay = static_cast<double>(early) - lead;
-        // What goes round it has faded by then.
+        // Sound that goes round the head has faded by then.
         constexpr double kRadii = 14;
         length = kSphereLead + static_cast<std::size_t>(std::ceil(kRadii * seconds * sampleRate)) + SincTable::kHalf;
         const RealFft fft(RealFft::sizeFor(2 * length));

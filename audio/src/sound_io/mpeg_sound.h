@@ -15,7 +15,7 @@ namespace rtsg {
 
 /// Whether it begins as MPEG audio does, or with the tag (ID3v2) that is put before it.
 bool isMpegSound(const SoundBytes& file);
-/// As readSoundBytes().
+/// The same as readSoundBytes(), for MPEG.
 Result<SoundBuffer> readMpegSound(SoundBytes file, std::uint64_t maxSamples, std::string& damage);
 /// By its header (Xing, LAME), or from its size and first frames.
 Result<double> mpegSoundSeconds(SoundBytes file);

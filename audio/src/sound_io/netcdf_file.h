@@ -46,6 +46,6 @@ Result<const NetcdfWriter*> netcdfWriter();
 
 }  // namespace rtsg
 
-/// Of the module; it changes when the interface above does.
+/// The symbol of the module; it changes when the interface above does.
 #define RTSG_NETCDF_SYMBOL rtsgNetcdfWriter1
 extern "C" const rtsg::NetcdfWriter* RTSG_NETCDF_SYMBOL();

@@ -20,7 +20,7 @@ namespace {
 
 /// How long is waited at a time before it is asked whether to go on.
 constexpr int kWaitMs = 20;
-/// Of a WAV; more is no header.
+/// The longest header of a WAV.
 constexpr std::size_t kLongestHeader = 1 << 20;
 /// Announced by who does not know how much will come.
 constexpr std::uint32_t kEndless = 0x7FFF0000;
@@ -54,7 +54,7 @@ class Pipe {
     }
 
     enum class Outcome : std::uint8_t { some, none, end };
-    /// What has come, waiting for a moment if nothing has.
+    /// Reads the bytes that have come, and waits for a moment if none have.
     Outcome read(std::vector<std::byte>& bytes) {
         pollfd waiting{file_, POLLIN, 0};
         if (::poll(&waiting, 1, kWaitMs) <= 0 || waiting.revents == 0) return Outcome::none;

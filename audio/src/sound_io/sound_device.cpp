@@ -36,7 +36,8 @@ struct SoundDevice::Impl {
         if (playing && state != AL_PLAYING) {
             ++underruns;
             playing = false;
-            // What is queued in a stopped source counts as played at once, so that it would never be full again.
+            // Buffers that are queued in a stopped source count as played at once, so that it would never be full
+            // again.
             alSourceRewind(source);
         }
     }

@@ -45,7 +45,7 @@ bool isOgg(const SF_INFO& info) {
     return (info.format & SF_FORMAT_TYPEMASK) == SF_FORMAT_OGG;
 }
 
-/// What libsndfile gave up at, or left out, of a sound that it has read.
+/// The damage at which libsndfile gave up, or which it left out, in a sound that it has read.
 std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
     if (info.frames < 0 || info.frames == SF_COUNT_MAX)
         return isOgg(info)

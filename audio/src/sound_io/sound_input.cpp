@@ -14,11 +14,11 @@
 namespace rtsg {
 namespace {
 
-/// Of the ring.
+/// The length of the ring.
 constexpr double kRingSeconds = 1;
-/// What must have come before it is played: so much may the next piece be late.
+/// The sound that must have come before it is played: the next piece may be late by as much.
 constexpr double kAheadSeconds = 0.02;
-/// What waits longer than that in front of a device's listener is dropped.
+/// Sound of a device that waits longer than this is dropped.
 constexpr double kOldSeconds = 0.1;
 
 std::size_t framesOf(double seconds, int sampleRate) {

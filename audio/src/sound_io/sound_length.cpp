@@ -29,7 +29,7 @@ std::uint64_t number(std::string_view bytes, bool bigEndian) {
     return result;
 }
 
-/// Of the sound's part: bytes that its size promises, and where it begins.
+/// The part of a file that holds samples: the bytes that its size promises, and where it begins.
 struct Sound {
     std::uint64_t promised = 0;
     std::int64_t begin = 0;

@@ -12,7 +12,7 @@ constexpr int kFewLanes = AcousticRays::kMost;
 /// Walls that reach farther from the middle of rays, or off their plane, are left to the BVH; metres.
 constexpr double kFarthestFew = 1e4, kMostOffPlane = 1e-7;
 
-/// What is nearest along each of sixteen rays: how far, and which triangle.
+/// The nearest triangle along each of sixteen rays, and its distance.
 struct Nearest {
     alignas(64) double distance[kFewLanes];
     alignas(64) std::int64_t triangle[kFewLanes];
@@ -41,7 +41,7 @@ RTSG_INTO_EACH inline void findNearest(std::span<const FewWalls::Plane> planes,
         for (int i = 0; i < kFewLanes; ++i) {
             const double along = d.x[i] * nx + d.y[i] * ny + d.z[i] * nz;
             const double distance = -(nx * o.x[i] + ny * o.y[i] + nz * o.z[i] - offset) / along;
-            // What is no number is no place.
+            // A distance that is no number does not count.
             const bool counts = (distance >= 0) & (distance < nearest.distance[i]) & (except[i] != number);
             t[i] = counts ? distance : -1;
             x[i] = o.x[i] + d.x[i] * distance;

@@ -34,7 +34,7 @@ class FewWalls {
     std::uint32_t blocked(const AcousticRays& rays) const;
 
     struct Triangle {
-        /// Of each edge: unit, on the plane and towards the inside; dot(inwards, p) >= from for p inside.
+        /// A unit vector for each edge, on the plane and towards the inside; dot(inwards, p) >= from for p inside.
         glm::dvec3 inwards[3];
         double from[3];
         std::uint32_t material, plane;  // in planes_

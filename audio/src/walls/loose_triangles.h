@@ -1,4 +1,4 @@
-// What is told of a triangle that is met and lies on no plane that was found: as the ray has found it.
+// Describes a triangle that a ray meets and that lies on no plane that was found, as the ray has found it.
 //
 // Threading: functions of their arguments.
 #pragma once
@@ -13,7 +13,7 @@
 
 namespace rtsg {
 
-/// What it is left out by where rays start on it: a number that no plane has, nor kNoPlane.
+/// The number by which rays that start on it leave it out; no plane has it, nor is it kNoPlane.
 inline std::uint32_t looseNumber(std::uint32_t instance, std::uint32_t triangle) {
     const std::uint32_t own = (instance * 0x9E3779B1u + triangle) & 0x7FFFFFFFu;
     return 0x80000000u | std::min(own, 0x7FFFFFFEu);

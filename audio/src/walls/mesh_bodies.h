@@ -29,7 +29,7 @@ class MeshBodies {
     explicit MeshBodies(const Mesh& mesh);
 
     const std::vector<MeshBody>& all() const { return bodies_; }
-    /// Of what has a corner there; kNone of what is open.
+    /// The body that has a corner there; kNone if that surface is open.
     std::uint32_t at(const Vec3f& corner) const;
 
   private:

@@ -1,4 +1,4 @@
-// Where a surface ends: the edges of a mesh that belong to one triangle alone, as loops.
+// Finds where a surface ends: the edges of a mesh that belong to one triangle alone, as loops.
 //
 // Corners at one place are one corner. Threading: a pure function.
 #pragma once
@@ -10,7 +10,7 @@
 
 namespace rtsg {
 
-/// Of larger meshes no loops are looked for.
+/// In larger meshes no loops are looked for.
 constexpr std::uint32_t kMostTrianglesWithLoops = 1'000'000;
 
 /// Each closed and in the mesh's own frame, without corners at which it goes straight on.

@@ -14,7 +14,7 @@
 namespace rtsg::opening {
 namespace {
 
-/// Where at least this share of all directions leads to the sky is outside.
+/// A place is outside if at least this share of all directions leads to the sky.
 constexpr double kOutside = 0.1;
 
 }  // namespace
@@ -237,7 +237,7 @@ std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) {
     return felt;
 }
 
-/// Where the rim is an open boundary of one of the meshes beside, that is the outline.
+/// Takes the open boundary of a mesh beside as the outline, if the rim is one.
 void OpeningFinder::takeBoundary(Felt& felt) {
     const double tolerance = 0.02 * felt.outline.halfWidth + 1e-5 * (1 + glm::length(felt.outline.center));
     for (const auto& [slot, metres] : felt.beside) {

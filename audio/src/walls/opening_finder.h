@@ -18,7 +18,7 @@
 
 namespace rtsg::opening {
 
-/// What was felt of an opening.
+/// An opening as rays felt it.
 struct Felt {
     Outline outline;
     std::map<std::uint32_t, double> beside;  // slots, and metres of the rim
@@ -37,7 +37,7 @@ class OpeningFinder {
 
   private:
     static constexpr int kDirections = 96;
-    /// What the source sees is outdoors where so much of it is sky.
+    /// The source is outdoors if so much of what it sees is sky.
     static constexpr double kOutdoors = 0.3;
 
     void look(const glm::dvec3& source);

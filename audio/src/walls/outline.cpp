@@ -60,7 +60,7 @@ double Outline::length() const {
 
 double Outline::width() const {
     const glm::dvec2 size = rectangle();
-    // Of what is long and narrow the axis is hardly known as well as that.
+    // The axis of a long and narrow outline is hardly known as well as that.
     return size.x > 10 * size.y ? area / size.x : size.y;
 }
 

@@ -71,7 +71,7 @@ std::uint32_t PlaneIndex::findOneSided(const glm::dvec3& normal, std::span<const
 std::uint32_t PlaneIndex::find(const glm::dvec3& normal, std::span<const glm::dvec3> points) const {
     const glm::dvec3 n = canonical(normal);
     const std::uint32_t found = findOneSided(n, points);
-    // Where two coordinates tie, rounding decides the sign of the canonical normal.
+    // If two coordinates tie, rounding decides the sign of the canonical normal.
     return found != kNoPlane ? found : findOneSided(-n, points);
 }
 

@@ -109,7 +109,7 @@ class OpeningSearch {
             std::find_if(found.begin(), found.end(), [&](const Felt& felt) { return isSame(felt.outline, outline); });
         return at == found.end() ? nullptr : &*at;
     }
-    /// What an exit feels; null if it felt nothing, or if too many have.
+    /// The opening that an exit feels; null if it felt none, or if too many have been tried.
     const Felt* by(std::size_t exit) {
         constexpr int kVain = 96, kFelt = 48;
         Answer& answer = felt_[exit];
@@ -120,9 +120,8 @@ class OpeningSearch {
         }
         return answer.value ? &*answer.value : nullptr;
     }
-    /// What most exits feel that feel the same opening as the first: the narrowest of those that agree, as all that
-    /// goes through passes where it is narrowest. The boundary of a mesh is right whoever feels it. Null if no two
-    /// agree.
+    /// The opening that most of the exits agree on which feel the same as the first: the narrowest, as everything that
+    /// goes through passes there. The boundary of a mesh is right whoever feels it. Null if no two agree.
     const Felt* confirmed(std::size_t first, const Felt& felt) {
         constexpr std::size_t kTries = 8, kEnough = 3;
         if (felt.boundaryEdges > 0) return &felt;
@@ -168,7 +167,7 @@ RoomOpening::Beside besideOf(const RayInstance& instance) {
     return result;
 }
 
-/// What is told of one; `by`: the exits that went through; `all`: the sums over all exits, by band.
+/// Describes an opening. `by` are the exits that went through it; `all` are the sums over all exits, by band.
 RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<std::size_t>& by,
                       std::span<const EscapedRay> exits, const Bands& all, const Bands& escaped, double volume) {
     constexpr std::size_t kNamed = 3;

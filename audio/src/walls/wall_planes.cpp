@@ -8,7 +8,7 @@
 namespace rtsg {
 namespace {
 
-/// Where the surfaces of a mesh on one of its planes are, and how far they reach at most.
+/// The middle of the surfaces of a mesh on one of its planes, and how far they reach from there at most.
 struct Extent {
     glm::dvec3 center;
     double radius;
@@ -167,7 +167,7 @@ void WallPlanes::measure(std::uint32_t number, const PagedArray<Wall>& walls,
     ++work_;
     ReflectingPlane& plane = planes_[number];
     plane = index_[number];
-    // What nobody uses mirrors nothing.
+    // A plane that nobody uses mirrors nothing.
     plane.mirrors = 0;
     for (const auto& made : surfaces.made)
         plane.mirrors = std::max(plane.mirrors, materials[made.first].mostMirrored());

@@ -34,7 +34,7 @@ class WallPlanes {
     }
     /// The plane of a triangle; kNoPlane for one without area. Only while usable().
     std::uint32_t planeOf(std::uint32_t slot, std::uint32_t triangle) const {
-        // What a transform flattens is traced, but has no planes.
+        // A mesh that a transform flattens is traced, but has no planes.
         if (slot >= slots_.size() || !slots_[slot].mesh) return kNoPlane;
         const std::uint32_t local = slots_[slot].mesh->planeOf[triangle];
         return local == kNoPlane ? kNoPlane : slots_[slot].planes[local].plane;
@@ -65,7 +65,7 @@ class WallPlanes {
     struct Surface {
         std::uint32_t slot, number;  // of the plane within the slot
     };
-    /// What lies on one plane.
+    /// The surfaces that lie on one plane.
     struct Surfaces {
         std::vector<Surface> all;
         BoxTree boxes;                                            // in the order of `all`

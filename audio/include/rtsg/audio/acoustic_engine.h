@@ -44,7 +44,7 @@ struct AcousticOptions {
     /// Directions and levels are found once in a block, and are smooth in between.
     std::size_t blockSize = 256;
     Levels levels = Levels::x3d;
-    /// Of the responses that are heard; metrics want more rays (see listen()).
+    /// How the responses that are heard are traced. Metrics want more rays (see listen()).
     TraceOptions trace = heardTrace();
     /// Goes before what the scene says of its air, and that before trace.air.
     AirChoice air;
@@ -62,11 +62,11 @@ struct AcousticOptions {
     bool reflections = true;
     /// Rooms are traced on a thread of its own, and sound goes on with what was traced before; for renderLive() only.
     bool background = false;
-    /// What StreamAudioDestinations get is kept, see AcousticEngine::streams().
+    /// Keeps the sounds that StreamAudioDestinations receive, see AcousticEngine::streams().
     bool keepStreams = false;
     /// Scene time of the first sample.
     double startTime = 0;
-    /// What urls of clips may open, and where relative ones start.
+    /// These say which files urls of clips may open, and where relative urls start.
     Resources resources;
     /// The file that the scene was read from, if it was: what is said of a node in it has its line.
     std::filesystem::path document;
@@ -75,10 +75,10 @@ struct AcousticOptions {
 
     /// With so many rays for a quality of 1, and as many candidates of images.
     static constexpr std::uint64_t kHeardRays = 2000;
-    /// Of responses that are heard. What chance does to them falls as 1 / quality, while rays, and above 1 candidates
-    /// of images, grow with its square; `rtsg chart heard` measures both. Precondition: above 0.
+    /// How responses that are heard are traced for a quality above 0. Their error by chance falls as 1 / quality. Rays
+    /// grow with its square, and above 1 candidates of images do, too. `rtsg chart heard` measures error and time.
     static TraceOptions heardTrace(double quality = 1);
-    /// Of the quality that so many rays have.
+    /// The same for the quality that has so many rays.
     static TraceOptions heardTraceOf(std::uint64_t rays);
 };
 
@@ -126,7 +126,7 @@ struct SoundLeak {
     RoomOpening opening;
 };
 
-/// What leads into a StreamAudioDestination, with its gain.
+/// The sound that leads into a StreamAudioDestination, with its gain.
 struct StreamedSound {
     NodeId node;
     std::string name;                      // DEF; without one the type and a number
@@ -159,7 +159,7 @@ class AcousticEngine {
     /// Reads the clips that the state names, and computes the head, so that none of this has to be done while sound is
     /// made.
     void prepare(const AcousticState& state);
-    /// Of what render() appends.
+    /// The number of channels that render() appends.
     int channels() const;
     Air airOf(const AcousticState& state) const;
     /// The room ready to be traced, as it is for sound from `source`: its own body left out. Good until the next call;
@@ -168,9 +168,9 @@ class AcousticEngine {
     const HeardResponses& heard() const;
     /// If the options keep them: one a node, in the order of their first sound, in whole blocks up to the last sample.
     const std::vector<StreamedSound>& streams() const;
-    /// What each Analyser and DynamicsCompressor finds in the samples up to the end of the last call.
+    /// The findings of each Analyser and DynamicsCompressor in the samples up to the end of the last call.
     AudioFindings analyse();
-    /// What could not be heard so far, once each.
+    /// Diagnostics about clips that could not be heard so far, once each.
     const Diagnostics& diagnostics() const;
     /// The sources that played while they were sealed off from the listener, in the order in which that was found: each
     /// once, and again whenever it is sealed anew, or from the other side; the first thousand.

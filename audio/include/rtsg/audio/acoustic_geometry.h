@@ -84,7 +84,7 @@ struct WallEdge {
     /// Unit, in the surfaces and away from the edge; of a rim both are the same.
     glm::dvec3 faceA{0}, faceB{0};
     std::uint32_t material = 0;
-    /// Whose it is, and nobody else's; null of what is open. Good until walls change.
+    /// The only body that has this edge; null if that is not closed. The pointer is good until walls change.
     const WallBody* body = nullptr;
 };
 
@@ -96,7 +96,8 @@ struct RoundBody {
     double radius = 0;
     double facet = 0;  // radians that it turns from a facet to the next, at most
     std::uint32_t material = 0;
-    /// Of a cylinder: unit axis, half of the length along it, and the arc: all within `halfArc` radians of `middle`.
+    /// For a cylinder: its unit axis, half of its length, and its arc, which is all within `halfArc` radians of
+    /// `middle`.
     glm::dvec3 axis{0, 0, 1};
     double halfLength = 0;
     glm::dvec3 middle{1, 0, 0};
@@ -117,7 +118,7 @@ struct NearSurface {
 /// Up to sixteen rays that are asked about together.
 struct AcousticRays {
     static constexpr int kMost = 16;
-    /// Of each ray, x beside x, so that machines compute with several at a time.
+    /// One vector for each ray, x beside x, so that processors compute several at a time.
     struct Vectors {
         alignas(64) double x[kMost] = {}, y[kMost] = {}, z[kMost] = {};
 
@@ -144,7 +145,7 @@ struct AcousticRays {
 };
 using AcousticHits = std::array<AcousticHit, AcousticRays::kMost>;
 
-/// What is known of ways from one place to another.
+/// Whether a way from one place to another was found, may exist, or cannot exist.
 enum class Passage : std::uint8_t { found, unknown, none };
 
 class AcousticGeometry {

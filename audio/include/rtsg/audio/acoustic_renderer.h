@@ -24,7 +24,7 @@ class AcousticRenderer final : public InstanceSubscriber {
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
-    /// As AcousticEngine's, with the state and the rays of the latest apply().
+    /// AcousticEngine::render() with the state and the rays of the latest apply().
     Result<> render(double untilSeconds, SoundBuffer& sound);
     /// With another state, on any one thread.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound) {
@@ -35,7 +35,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     const SoundScene& scene() const { return tables_.scene(); }
     NodeId nodeOfMaterial(std::uint32_t material) const { return tables_.nodeOfMaterial(material); }
     OpenedGeometry geometryFor(const glm::dvec3& source);
-    /// As the options and the scene say.
+    /// The air that the options and the scene say.
     Air air();
     const HeardResponses& heard() const { return engine_->heard(); }
     const std::vector<StreamedSound>& streams() const { return engine_->streams(); }

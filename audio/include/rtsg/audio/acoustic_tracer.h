@@ -44,8 +44,8 @@ class AcousticTracer {
                 std::uint64_t rays) const;
     void refine(std::span<TraceResult> results, const glm::dvec3& source, std::span<const glm::dvec3> listeners,
                 const TraceOptions& options, std::uint64_t rays) const;
-    /// As many more as it takes until largestError() of the figures is at most `error`, or there are `maxRays`; returns
-    /// what it is then. `goOn` is asked in between and may end it earlier.
+    /// Traces more rays until largestError() of the figures is at most `error` or there are `maxRays`, and returns that
+    /// error. `goOn` is asked in between and may end it earlier.
     double refineTo(TraceResult& result, const glm::dvec3& source, const glm::dvec3& listener,
                     const TraceOptions& options, double error, std::uint64_t maxRays,
                     const std::function<bool()>& goOn = {}) const;

@@ -1,7 +1,7 @@
-// What the nodes of an audio graph do with samples: filter, delay, compressor, shaper, spectrum, periodic wave.
+// The arithmetic of the audio graph's nodes on samples: filter, delay, compressor, shaper, spectrum, periodic wave.
 //
-// The arithmetic is that of the Web Audio API, from which X3D takes these nodes; states are in double precision. Where
-// X3D's tables have other defaults the scene's count. Threading: one thread an object; free functions are pure. Source:
+// It is that of the Web Audio API, from which X3D takes these nodes; states are in double precision. If X3D's tables
+// have other defaults, the scene's count. Threading: one thread an object; free functions are pure. Source:
 // W3C Web Audio API 1.1, sections 1.8 (AnalyserNode), 1.13 (BiquadFilterNode), 1.18 (DelayNode), 1.19
 // (DynamicsCompressorNode), 1.28 (PeriodicWave), 1.31 (WaveShaperNode).
 #pragma once
@@ -53,7 +53,7 @@ class Compressor {
     /// The static curve: an amplitude for an amplitude. Straight up to the threshold, bent over the knee, from there on
     /// 1 / ratio in decibels.
     static double curve(const Settings& settings, double amplitude);
-    /// What all is amplified by: (1 / curve(1)) to the power of .6.
+    /// The gain after compression: (1 / curve(1)) to the power of .6.
     static double makeUp(const Settings& settings);
 
     void process(const Settings& settings, double sampleRate, std::span<std::vector<float>> channels);
@@ -108,7 +108,7 @@ class PeriodicWave {
   public:
     /// SINE, SQUARE, SAWTOOTH, TRIANGLE; anything else is SINE.
     static PeriodicWave named(std::string_view type);
-    /// Of cosines and sines; the first of each counts for nothing. Scaled so that its peak is 1.
+    /// A wave made of cosines and sines, scaled to a peak of 1. The first number of each is ignored.
     static PeriodicWave custom(std::span<const float> real, std::span<const float> imag);
 
     /// At `phase` turns, of the harmonics up to `most`.

@@ -37,7 +37,7 @@ struct Air {
 /// Speed of sound in dry air, m/s.
 double speedOfSound(double celsius);
 
-/// What somebody says of the air; the rest is as it was.
+/// The properties of the air that somebody chose; those without a value stay as they were.
 struct AirChoice {
     std::optional<bool> absorbs;
     std::optional<double> speedOfSound, celsius, relativeHumidity, pressureKpa;

@@ -27,11 +27,12 @@ class ClipLibrary {
     /// A sound that is there, or one that comes while it is heard: at the rate of the library, and of one library.
     using Given = std::variant<std::shared_ptr<const SoundBuffer>, std::shared_ptr<SoundInput>>;
     using GivenSounds = std::map<std::string, Given, std::less<>>;
-    /// What the user has said.
+    /// The sounds that the user names.
     struct UsersSounds {
-        /// What MicrophoneSources hear, by their mediaDeviceID; "" for those of other names.
+        /// The sounds of MicrophoneSources by their mediaDeviceID; "" stands for all other names.
         GivenSounds microphones;
-        /// What StreamAudioSources are, by a streamIdentifier of theirs; "" for those of other names. Others are files.
+        /// The sounds of StreamAudioSources by one of their streamIdentifiers; "" stands for all other names. Others
+        /// are files.
         GivenSounds streams;
     };
 
@@ -72,19 +73,19 @@ class ClipLibrary {
     Diagnostics diagnostics_;
 };
 
-/// Where one voice has got to. Follows the rules of time-dependent nodes: a voice that is sounding keeps its start.
+/// Plays one voice on from where it is. By the rules of time-dependent nodes a voice that sounds keeps its start.
 class VoicePlayer {
   public:
     /// Adds the samples from `first` on, as many as each channel of `out` holds, at the library's rate, scene time 0
     /// being sample 0. What has one channel goes to all.
     void play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<std::vector<float>> out);
-    /// Of what it plays.
+    /// The number of channels that the voice plays.
     std::size_t channels(const SoundVoice& voice, ClipLibrary& clips);
 
   private:
     void load(const SoundVoice& voice, ClipLibrary& clips);
     void playInput(const SoundVoice& voice, double rate, std::int64_t first, std::span<std::vector<float>> out) const;
-    /// Where it repeats, in samples; all of it unless the voice says otherwise.
+    /// The part that repeats, in samples: the whole clip unless the voice says otherwise.
     struct Loop {
         double begin, end;
     };

@@ -50,7 +50,7 @@ class Convolver {
     /// Precondition: prepared for blocks of this size.
     void setResponse(const Response& response);
     void setResponse(Response&& response);
-    /// What waits for the next block fades over in so many samples, and those that come later as usual.
+    /// The response that waits for the next block fades over in so many samples; later ones do so as usual.
     void fadeOnceIn(std::size_t samples);
     /// Forgets what it heard and which response it had, as if it were new, and keeps its memory: where responses are
     /// short, one that follows needs no other.

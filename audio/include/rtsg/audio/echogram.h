@@ -24,9 +24,9 @@ struct Arrival {
     Bands energy{};
     glm::dvec3 direction{0};  // unit, world frame, from the listener towards where it comes from
     std::uint32_t order = 0;  // reflections; 0 is direct sound
-    /// What comes from a mirror image of the source: where the source goes by `way`, it goes by turn * way. Else 0.
+    /// For a mirror image of the source: when the source moves by `way`, the image moves by turn * way. Else 0.
     glm::mat3 turn{0.0f};
-    /// Where edges change it: which of EdgeField::straight it is without them. Else -1.
+    /// If edges change it: the index in EdgeField::straight of what it is without them. Else -1.
     std::int32_t straight = -1;
 };
 
@@ -53,7 +53,7 @@ struct BendingEdge {
     Bands mirrors{};     // share of the pressure
 };
 
-/// What comes by way of an edge, or of two.
+/// A wave that comes by way of one edge or two.
 struct EdgeWave {
     double seconds = 0;
     glm::dvec3 direction{0};       // as of an arrival
@@ -75,8 +75,8 @@ struct EnergyHistogram {
     std::vector<Bands> bins;
     /// Such that bins begin with the first arrival, which mostly is the onset of the response; less than a bin.
     double start = 0;
-    /// Of each bin, energies times the squared cosine of their directions to TraceResult::across, as a figure-of-eight
-    /// microphone along it hears them; may end earlier. Empty: not asked for.
+    /// The energy of each bin as a figure-of-eight microphone along TraceResult::across hears it: times the squared
+    /// cosine of its direction to that axis. It may have fewer bins; it is empty unless asked for.
     std::vector<Bands> lateral = {};
 
     double startOf(std::size_t bin) const { return start + static_cast<double>(bin) / binsPerSecond; }

@@ -33,8 +33,8 @@ class Hrtf {
     Hrtf& operator=(const Hrtf&) = delete;
 
     int sampleRate() const;
-    /// What the left and the right ear hear of an impulse that would be at sample early() at the middle of the head,
-    /// from a unit direction in the listener's frame (x right, y up, z back). Both of the same length.
+    /// The responses of the left and the right ear, equally long, to an impulse that would reach the middle of the head
+    /// at sample early(), from a unit direction in the listener's frame (x right, y up, z back).
     using Ears = std::array<std::vector<float>, 2>;
     Ears at(const glm::dvec3& direction) const;
     /// The same, in what has the room already, and so many samples earlier by ear: at most early().

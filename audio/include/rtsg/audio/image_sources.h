@@ -34,8 +34,8 @@ struct ImageSourceOptions {
     std::size_t maxCandidates = 200'000;
     /// Paths whose walls leave less than this share of the energy are not followed.
     double minShare = 1e-7;
-    /// What is mirrored twice or more counts as the mean over this ball around the listener, as far as that is seen
-    /// from there, tried at some places; metres. 0: as at the listener.
+    /// The radius of a ball around the listener, metres. An image of second or higher order counts as the mean over
+    /// places in this ball, as far as these are seen from the listener. 0: it counts as at the listener.
     double ball = 0;
     SourcePattern pattern = {};
 };
@@ -54,7 +54,7 @@ struct ImageSources {
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
 
-/// Where images of a source may be, for any number of listeners. Threading: const once made.
+/// The places where images of a source may be, for any number of listeners. Threading: const once made.
 class ImageCandidates {
   public:
     /// `source` touches no wall; of the options all but `maxDistance` and `pattern` count.
@@ -63,7 +63,7 @@ class ImageCandidates {
     ImageCandidates& operator=(ImageCandidates&&) noexcept;
     ~ImageCandidates();
 
-    /// Of what findImageSources() says of them: without arrivals.
+    /// The result of findImageSources() as far as it is known without a listener: no arrivals.
     const ImageSources& found() const;
 
     struct Impl;
@@ -72,7 +72,7 @@ class ImageCandidates {
   private:
     std::unique_ptr<Impl> impl_;
 };
-/// As above, with candidates that were found before with the same geometry and options.
+/// The same as above, with candidates that were found before with the same geometry and options.
 ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandidates& candidates,
                               const glm::dvec3& listener, const ImageSourceOptions& options, double speedOfSound,
                               const Bands& attenuation);

@@ -37,7 +37,7 @@ class EarCorrelation {
                                 const glm::dvec3& across) const;
 
   private:
-    /// Of one octave: the cross-correlation by delay, and the energies of both ears.
+    /// The cross-correlation of one octave by delay, and the energies of both ears.
     struct Function {
         std::vector<double> cross;
         double left = 0, right = 0;

@@ -31,9 +31,9 @@ struct ListenOptions {
     AcousticRenderer::Options render;
     /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too. render.air goes before.
     TraceOptions trace;
-    /// Of ListenReport::impulseResponses().
+    /// The channels of ListenReport::impulseResponses().
     ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
-    /// Of the speech transmission index.
+    /// The talker and the noise of the speech transmission index.
     SpeechOptions speech;
     /// When positive: rays are added until the 95 % half widths from 125 Hz to 4 kHz are below `error` times the just
     /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
@@ -54,7 +54,7 @@ struct ListenReport {
         glm::dvec3 position{0};
         MetricsEstimate metrics;
         TraceResult trace;
-        /// What impulse responses are made of where the source sends more to one side than to another.
+        /// A trace of the source's directivity, from which impulse responses are made; none if it sends alike to all.
         std::optional<TraceResult> directed;
         /// Below it single modes make the sound of the room, which rays know nothing of. From T20 at 1 kHz and the
         /// volume seen from the listener; NaN where that is not closed.
@@ -73,7 +73,8 @@ struct ListenReport {
     double seconds = 0;  // of computing, metrics and sound
     double escaped = 0;  // share of the emitted energy, mean over bands and sources
     SoundBuffer sound;   // two channels or ambisonic; empty unless asked for
-    /// What StreamAudioDestinations got, as long as `sound` and as loud as it came; none unless render.keepStreams.
+    /// The sounds that StreamAudioDestinations received, as long as `sound` and without gain. Empty unless
+    /// render.keepStreams is set.
     std::vector<StreamedSound> streams;
     float gain = 1;  // that had to be applied lest the sound clip
     HeardResponses heard;

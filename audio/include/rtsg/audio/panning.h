@@ -1,7 +1,7 @@
 // Panning: which share of a sound two channels get by the direction that it comes from.
 //
-// Of what the listener hears both channels together carry the same energy whatever the direction, 1 each from ahead,
-// above and behind; the far one keeps a twentieth of all, so that nothing is hard left or right. Within an audio graph
+// Both channels together carry the same energy for every direction, 1 each for ahead, above and behind. The far channel
+// keeps a twentieth of the energy, so that nothing is hard left or right. Within an audio graph
 // panning is that of the Web Audio API. Threading: pure functions. Source: W3C Web Audio API 1.1, PannerNode.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace rtsg {
 
-/// Of the sphere that stands for a head where nothing else is known of it, metres.
+/// The radius of the sphere that stands for a head of which nothing else is known, metres.
 inline constexpr double kHeadRadius = 0.0875;
 
 /// Amplitudes of left and right for a unit direction in the listener's frame (x right, y up, z back).

@@ -35,7 +35,7 @@ struct RoomMetrics {
 
 RoomMetrics roomMetrics(const Echogram& echogram);
 
-/// Where the response of one band begins, s from emission; NaN where the band has no energy.
+/// The time at which the response of one band begins, s from emission; NaN where the band has no energy.
 double onset(const Echogram& echogram, std::size_t band);
 
 /// Reverberation times, s, of a decay that is the sum of two exponentials; NaN where there are not two.
@@ -47,9 +47,9 @@ struct MetricsEstimate {
     RoomMetrics value;
     /// Half width of the 95 % interval; 0 where there is nothing random, NaN where it cannot be had.
     RoomMetrics ci95;
-    /// Of how many bands figures were worked out; the others hold the same as one of them.
+    /// The number of bands whose figures were worked out; the others hold the same as one of them.
     int bandsApart = 0;
-    /// Of the bands that hasTwoSlopes() tells, as far as they go down to -45 dB.
+    /// The two slopes of the bands for which hasTwoSlopes() is true, as far as their decays go down to -45 dB.
     std::array<DecaySlopes, kBandCount> slopes{};
 };
 

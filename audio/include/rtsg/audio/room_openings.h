@@ -49,8 +49,8 @@ struct RoomOpening {
     /// Straight edges of the open boundary of a mesh that it is; 0: it is none, and was felt by rays alone.
     std::size_t boundaryEdges = 0;
     std::vector<Beside> beside;  // most of the rim first, three at most
-    /// Of the energy that the source emits, and the 95 % half width of its mean over bands: that of the side which is
-    /// wider where few rays tell.
+    /// The share of the emitted energy that leaves here, by band, and the 95 % half width of its mean over bands. Where
+    /// few rays tell, the interval has two unequal sides, and this is the wider one.
     Bands share{};
     double shareCi95 = 0;
     std::size_t rays = 0;  // that went through it, of those that are known
@@ -62,8 +62,8 @@ struct RoomOpenings {
     std::vector<RoomOpening> openings;  // largest share first
     /// More than three tenths of what the source sees is sky: this is no room, and nothing was looked for.
     bool outdoors = false;
-    /// Of the emitted energy, mean over bands: all that escaped, and what of it went by none of `openings`: through
-    /// shapes that let sound pass, by places too many or too small, or from where the sky is.
+    /// Shares of the emitted energy, mean over bands: all that escaped, and the part that left by none of `openings`.
+    /// That part went through shapes that let sound pass, by places too many or too small, or from where the sky is.
     double escaped = 0, elsewhere = 0;
 };
 

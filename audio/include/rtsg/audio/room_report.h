@@ -48,13 +48,13 @@ struct RoomReport {
         SpeechEstimate speech;
         double schroederHz = std::numeric_limits<double>::quiet_NaN();  // ListenReport::Source::schroederHz
     };
-    /// What surfaces are made of: by the name or the line of the node that says it.
+    /// A material of the surfaces, with the name or the line of the node that says it.
     struct Material {
         std::string name;
         double area = 0;  // m^2
         AcousticMaterial material;
     };
-    /// Where what one source emits leaves the room.
+    /// The openings through which the sound of one source leaves the room.
     struct Losses {
         std::string source;
         RoomOpenings openings;

@@ -30,7 +30,7 @@ struct SoundBuffer {
 /// Samples that are damaged in a file whose format is whole are not noticed.
 Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                               std::string* damage = nullptr);
-/// As above, of a file's content.
+/// The same as above for the content of a file.
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                                    std::string* damage = nullptr);
 /// Whether a file is of a format that these functions read, by its beginning; else why not.

@@ -75,7 +75,7 @@ class SoundFeed {
     friend class SoundInput;
     explicit SoundFeed(SoundInput& input) : input_(input) {}
     ~SoundFeed();
-    /// What conversion still holds back.
+    /// Adds the samples that conversion still holds back.
     void finish();
     void put(std::span<const float> samples);
 
@@ -139,8 +139,8 @@ class SoundInput {
     std::thread thread_;  // last: it uses all of the above
 };
 
-/// What comes through a pipe until it ends or there are `seconds` of it, at the rate it has. `goOn` is asked now and
-/// then while nothing comes. Errors: no such file, no sound, more than `maxSamples`, or goOn said no.
+/// Reads a pipe until it ends or `seconds` of sound have come, at the sound's own rate. `goOn` is asked now and then
+/// while nothing comes. Errors: no such file, no sound, more than `maxSamples`, or goOn said no.
 Result<SoundBuffer> readPipe(const std::string& path, std::optional<RawSound> raw, double seconds,
                              const std::function<bool()>& goOn = {}, std::uint64_t maxSamples = std::uint64_t{1} << 29);
 

@@ -44,8 +44,8 @@ class SoundRenderer final : public WorldRenderer {
     ~SoundRenderer() override;
 
     /// Makes the sound from the end of the last frame to the scene's time; nothing where the options ask for no sound.
-    /// What this frame changed is heard from its time on, to the block, what moves smoothly on its way there; but walls
-    /// count from the end of the last frame on. See AcousticEngine::render().
+    /// Changes of this frame are heard from its time on, to the block, and things move there smoothly; but walls count
+    /// from the end of the last frame on. See AcousticEngine::render().
     Result<> renderFrame() override;
     /// The same up to the state's time, with what the state has. Errors: node renderers are registered here, which
     /// voice on the scene's thread only.
@@ -77,7 +77,7 @@ class SoundRenderer final : public WorldRenderer {
     /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
     ListenReport finish();
 
-    /// What sound from `source` meets at present.
+    /// The geometry that sound from `source` meets at present.
     OpenedGeometry room(const glm::dvec3& source);
     /// Precondition: it could be attached.
     const AcousticRenderer& renderer() const;

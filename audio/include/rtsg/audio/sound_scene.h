@@ -34,7 +34,7 @@ class FieldNumbers;
 class MaterialTable;
 class Walls;
 
-/// What is wrong with a metadata node, and what counts.
+/// Is called with a metadata node and a text that says what is wrong with it and which value counts.
 using TellMaterial = std::function<void(NodeId metadata, std::string)>;
 /// A node's acoustic material; `defaults` while it is not enabled.
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults,
@@ -112,7 +112,7 @@ struct AudioProcess {
     std::vector<std::shared_ptr<const AudioProcess>> inputs;
 };
 
-/// What an Analyser finds in what leads into it, all channels mixed to one.
+/// The spectrum that an Analyser finds in its input, all channels mixed to one.
 struct AudioSpectrum {
     NodeId node;
     std::vector<double> decibels;  // of fftSize / 2 bins, see SpectrumAnalyser
@@ -122,7 +122,7 @@ struct AudioReduction {
     NodeId node;
     double decibels = 0;  // at most 0; what makes up for it is not counted
 };
-/// What nodes of the audio graph find in the sound that goes through them, once a node.
+/// The findings of nodes of the audio graph in the sound that goes through them, one a node.
 struct AudioFindings {
     std::vector<AudioSpectrum> spectra;
     std::vector<AudioReduction> reductions;
@@ -139,7 +139,7 @@ struct SoundNode {
     bool reflected = true;  // heard by way of walls too
     bool discrete = false;  // channelInterpretation of a destination
     int maxChannels = 2;    // that a destination has, at least 1
-    /// Of a StreamAudioDestination, which nobody in the scene hears: the names that its stream has.
+    /// The names of its stream, for a StreamAudioDestination, which nobody in the scene hears.
     std::optional<std::vector<std::string>> stream;
     double intensity = 1;  // with gain
     glm::dvec3 location{0}, direction{0, 0, 1};
@@ -169,7 +169,7 @@ struct SoundEmitter {
 
     /// In the world; out of all hearing when it is not a number.
     glm::dvec3 position() const;
-    /// Where it points in the world, of unit length; 0 if it points nowhere.
+    /// The unit direction in which it points in the world; 0 if it points nowhere.
     glm::dvec3 aim() const;
     /// The place in the node's frame that lies by this from the emitter in the world; as it is if the frame is
     /// singular.
@@ -225,16 +225,16 @@ class SoundScene {
     /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10. Where its place
     /// or its turn is no finite one the last that was counts, which is told once.
     const ListenerPose& listener() const { return listener_; }
-    /// Where one may listen: at every enabled ListenerPointSource that does not follow the view, or if there is none at
-    /// every viewpoint, or else where listener() is.
+    /// The places where one may listen: every enabled ListenerPointSource that does not follow the view, or if there is
+    /// none every viewpoint, or else the place of listener().
     const std::vector<ListeningPlace>& places() const { return places_; }
     /// Nodes that are there but cannot be heard, and why; each once.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     /// Which node says what a shape is made of.
     NodeId materialNode(const Scene& scene, const Instance& instance) const;
-    /// Of the table, in its order: what nothing so far had the name of.
+    /// The names of the table that nothing in the scene has had so far, in the table's order.
     std::vector<std::string> unusedMaterials() const;
-    /// As it is now. What changes next copies the emitters once.
+    /// The present version. The next change copies the emitters once.
     SoundVersion freeze();
 
   private:
@@ -246,7 +246,7 @@ class SoundScene {
     bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
     void nameEmitters();
     std::vector<SoundEmitter>& ownEmitters();
-    /// What a branch of an audio graph adds.
+    /// The lists to which a branch of an audio graph adds.
     struct Branch {
         std::vector<SoundVoice>& voices;
         std::vector<std::shared_ptr<const AudioProcess>>& processes;
@@ -254,7 +254,7 @@ class SoundScene {
         std::shared_ptr<const AudioProcess> fed = nullptr;  // what the node on top gets besides its children
     };
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to);
-    /// What its fields hold; numbers that are none are told.
+    /// The numbers in its fields; those that are not finite are told.
     FieldNumbers numbersIn(const Scene& scene, const Node& node);
     /// Whether it is one that a sound may have; else it is told.
     bool tellPitch(const Scene& scene, const Node& node, double pitch);

@@ -31,7 +31,7 @@ struct SpeechEstimate {
     Bands level = allBands(sti);  // dB of the speech at the listener
 };
 
-/// Of one modulation frequency, Hz: what is left of the depth of a modulation of the energy; NaN without any.
+/// The modulation transfer at one modulation frequency, Hz: the share of the depth that is left; NaN without energy.
 double modulationTransfer(const Echogram& echogram, std::size_t band, double hz);
 
 /// `batches` as estimateMetrics() has them. STI is NaN where nothing comes at all.
@@ -43,7 +43,7 @@ SpeechEstimate estimateSpeech(std::span<const Arrival> arrivals, std::span<const
 /// beyond them the nearest level stands.
 Result<Bands> noiseLevels(std::string_view text);
 
-/// What IEC 60268-16:2011, annex F, calls such an index, "A+" (best) to "U"; empty for none.
+/// The name that IEC 60268-16:2011, annex F, has for such an index, "A+" (best) to "U"; empty for NaN.
 std::string_view speechRating(double sti);
 
 }  // namespace rtsg

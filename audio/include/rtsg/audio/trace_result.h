@@ -1,4 +1,4 @@
-// What a trace of sound is asked for, and what comes of it.
+// The options of a trace of sound, and its result.
 //
 // Threading: values.
 #pragma once
@@ -22,8 +22,8 @@ struct TraceOptions {
     /// echoes above all), but of walls that scatter they have little.
     int imageOrder = 1000;
     std::size_t maxImageCandidates = 60'000;
-    /// What is scattered and then mirrored so many times at most, 0 to 3, is connected with the images of the listener
-    /// that are worth most; all else that is mirrored is left to the ball.
+    /// Sound that is scattered and then mirrored at most so many times (0 to 3) is connected with the images of the
+    /// listener that are worth most. Other mirrored sound has to meet the ball.
     int connectedOrder = 3;
     std::uint64_t rays = 20'000;
     /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
@@ -31,16 +31,16 @@ struct TraceOptions {
     /// Length of the echogram; 0: until 65 dB are gone: 1 s to a minute, or 10 s where that takes 4,000 reflections.
     double maxSeconds = 0;
     double binsPerSecond = 1000;
-    /// Of the ball, m; 0: by the room, half a metre in one of 100 m^3, three metres in one of 100,000 m^3.
+    /// The radius of the ball, m; 0 chooses it by the room: half a metre in 100 m^3, three metres in 100,000 m^3.
     double receiverRadius = 0;
     std::uint64_t seed = 1;
     Air air;
     /// Sound bends round edges (see edge_rows/diffraction_edges.h), 0 to 2 of them in a row; and, but with 0, round
     /// cylinders and spheres (see round_bodies/diffraction_round_bodies.h).
     int diffractionOrder = 2;
-    /// Of the rays that escape, so many at most are told of each batch and run: TraceResult::exits.
+    /// The most rays of each batch and run that TraceResult::exits tells of those that escape.
     int exits = 0;
-    /// Of what is radiated; paths to the images and rays alike.
+    /// The directivity of the source, which holds for rays and for paths to the images.
     SourcePattern pattern = {};
     /// Whether results tell what comes from the sides, which LF and IACC need: TraceResult::across.
     bool lateral = false;
@@ -74,7 +74,8 @@ struct TraceResult {
     Bands tried{};
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
     Bands absorbed{}, escaped{}, truncated{};
-    /// Of the rays that escaped as many as were asked for, each with the same chance; some thousand at most.
+    /// Some of the rays that escaped, as many as were asked for, each chosen with the same chance; a few thousand at
+    /// most.
     std::vector<EscapedRay> exits;
     /// The level axis through the ears of who faces the source, to the right, unit (x where the source is straight
     /// above or below): what EnergyHistogram::lateral is about. 0: not asked for.

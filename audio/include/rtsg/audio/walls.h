@@ -27,7 +27,7 @@ struct Wall {
     WorldFromLocal worldFromLocal{1.0};
     std::uint32_t material = 0;  // WallsVersion::materials
     std::uint64_t stamp = 0;     // another after each change; 0: never used
-    /// Of all points of the mesh, the largest coordinates with each turned and scaled but not moved, added up: metres.
+    /// The sum of the largest x, y and z of the mesh's points, turned and scaled but not moved: metres.
     double reach = 0;
 };
 

@@ -28,7 +28,7 @@ class EdgeTable;
 class FewWalls;
 class WallPlanes;
 
-/// What keeps a source and a listener apart, so that nothing is heard.
+/// The reason why nothing is heard: shapes that keep a source and a listener apart.
 struct Seal {
     struct Shape {
         NodeId shape, geometry;
@@ -47,10 +47,11 @@ class WorldGeometry final : public AcousticGeometry {
     struct Options {
         /// With more planes than this no sources are mirrored, rays do it all, and the search for planes ends there.
         std::size_t maxPlanes = 20'000;
-        /// Of meshes with thousands of triangles they take a while: who traces nothing needs none.
+        /// Edges are found. In meshes with thousands of triangles that takes a while, and who traces nothing needs
+        /// none.
         bool edges = true;
     };
-    /// What follow() found changed.
+    /// The changes that follow() found.
     struct Changes {
         /// Around each instance that came, went, moved or is made of something else; where it was and where it is.
         std::vector<AcousticBox> boxes;
@@ -82,7 +83,7 @@ class WorldGeometry final : public AcousticGeometry {
                  AcousticHit& hit) const override {
         return closestBut({}, origin, direction, maxDistance, except, hit);
     }
-    /// As closest(), through the instances in `open` (slots).
+    /// The same as closest(), but rays pass through the instances in `open` (slots).
     bool closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin, const glm::dvec3& direction,
                     double maxDistance, std::uint32_t except, AcousticHit& hit) const;
     bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
@@ -103,7 +104,7 @@ class WorldGeometry final : public AcousticGeometry {
     /// in the open. Shapes that let sound pass, and those in `open` (slots), are not there. Takes some thousand rays.
     std::optional<Seal> sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
                                     const glm::dvec3& listener) const;
-    /// Where what escaped went (findRoomOpenings()).
+    /// The openings through which escaped rays went (findRoomOpenings()).
     RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const;
     /// Whether the box of an instance, in its own frame, holds a point.
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
@@ -123,7 +124,7 @@ class WorldGeometry final : public AcousticGeometry {
     void visitRoundBodiesBut(std::span<const std::uint32_t> open, const RoundVisitor& visit) const;
 
   private:
-    /// What was found along a ray, in double precision, if it counts.
+    /// The judgement of a hit that was found in single precision, by arithmetic in double precision.
     enum class Judged : std::uint8_t { hit, beyond, doubtful };
     Judged judge(const Hit& found, double rough, std::span<const std::uint32_t> open, const glm::dvec3& origin,
                  const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
@@ -134,7 +135,7 @@ class WorldGeometry final : public AcousticGeometry {
     bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
                Hit& hit) const;
     Seal::Shape shapeOf(std::uint32_t slot) const;
-    /// What rounding to single precision may shift a place by, with some to spare.
+    /// The distance by which rounding to single precision may shift a place, with some to spare.
     double roundingAt(const glm::dvec3& point) const {
         const glm::dvec3 away = glm::abs(point - rays_->origin());
         return 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
@@ -200,11 +201,11 @@ class OpenedGeometry final : public AcousticGeometry {
     Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return whole_->passageBut(open_, a, b); }
     void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
     void visitRoundBodies(const RoundVisitor& visit) const override { whole_->visitRoundBodiesBut(open_, visit); }
-    /// As WorldGeometry's.
+    /// The same as WorldGeometry::sealBetween().
     std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
         return whole_->sealBetween(open_, source, listener);
     }
-    /// As WorldGeometry's, of all there is.
+    /// The same as WorldGeometry::openings(), with all shapes there.
     RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const {
         return whole_->openings(source, exits, escaped);
     }
