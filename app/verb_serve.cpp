@@ -380,6 +380,8 @@ int Session::close() {
     printServerNews(*server_);
     server_.reset();
     web_.end();
+    published_.printNews();
+    failed_ = failed_ || published_.failed();
     published_.end();
     if (log_) {
         if (auto ok = log_.stop(); !ok && !failed_) {
