@@ -62,7 +62,10 @@ Result<Published> Published::start(const std::string& address, const MirrorServe
 
 void Published::printNews() {
     if (!publisher_) return;
-    for (const Diagnostic& d : publisher_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+    for (const Diagnostic& d : publisher_->takeDiagnostics()) {
+        failed_ = failed_ || d.severity == Severity::error;
+        fmt::print(stderr, "{}\n", terminalText(d.format()));
+    }
 }
 
 Result<PassingFolder> PassingFolder::make() {

@@ -49,11 +49,14 @@ class Published {
     /// Without secrets; empty if nothing is published.
     std::string address() const { return publisher_ ? publisher_->address() : std::string(); }
     void printNews();
+    /// True if something was not published and never will be.
+    bool failed() const { return failed_; }
     /// Call it after the server's end, so that mirrors get its goodbye.
     void end() { publisher_.reset(); }
 
   private:
     std::unique_ptr<NatsPublisher> publisher_;
+    bool failed_ = false;
 };
 
 /// A folder of the system's for temporary files, which goes with this.

@@ -427,6 +427,8 @@ int Session::close() {
     printServerNews(*server_);
     server_.reset();
     web_.end();
+    published_.printNews();
+    failed_ = failed_ || published_.failed();
     published_.end();
     feeds_->end();
     if (log_) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <thread>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -98,6 +99,14 @@ std::string withoutSecrets(std::string text, const NatsAddress& address) {
         for (std::size_t at = 0; !secret.empty() && (at = text.find(secret, at)) != std::string::npos;)
             text.replace(at, secret.size(), "***"), at += 3;
     return text;
+}
+
+std::vector<std::string> NatsNews::take(NatsLink& link, const NatsAddress& address) {
+    std::vector<std::string> news = link.takeNews();
+    for (std::string& text : news) text = withoutSecrets(std::move(text), address);
+    if (const bool now = link.connected(); std::exchange(connected_, now) != now)
+        news.emplace_back(now ? "the NATS server is there again" : "the connection to the NATS server is lost");
+    return news;
 }
 
 Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const std::string& client,

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/nats/nats_address.h>
@@ -21,6 +22,16 @@ std::string withoutSecrets(std::string text, const NatsAddress& address);
 /// connection; the server takes messages of less than 16 KiB.
 Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const std::string& client,
                                                std::chrono::milliseconds patience = std::chrono::milliseconds(0));
+
+/// What happened to a connection since the last look, in sentences without secrets: that it is lost, or there again,
+/// and what the server complains of.
+class NatsNews {
+  public:
+    std::vector<std::string> take(NatsLink& link, const NatsAddress& address);
+
+  private:
+    bool connected_ = true;
+};
 
 /// Subjects of a session.
 struct NatsSubjects {

@@ -108,6 +108,7 @@ class NatsPublisher::Impl {
     const int stop_;  // eventfd
     ZmqContext context_;
     std::unique_ptr<NatsLink> link_;
+    NatsNews news_;
     MirrorHistory history_;
     nats::ServerStream server_;
     nats::AskingMirrors mirrors_;
@@ -174,7 +175,7 @@ bool NatsPublisher::Impl::turn() {
     while (server_.receive()) any = true;
     while (fetch_ && fetch_->receive()) any = true;
     any = takeAsked() || any;
-    for (std::string& text : link_->takeNews()) report(Severity::warning, withoutSecrets(std::move(text), address_));
+    for (std::string& text : news_.take(*link_, address_)) report(Severity::warning, std::move(text));
     {
         const std::scoped_lock lock(mutex_);
         shown_ = statistics_;

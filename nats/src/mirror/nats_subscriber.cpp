@@ -120,6 +120,7 @@ class NatsSubscriber::Impl {
     ZmqContext context_;
     ZmqSocket router_;
     std::unique_ptr<NatsLink> link_;
+    NatsNews news_;
 
     Mode mode_ = Mode::idle;
     std::string client_;  // identity of the client's connection
@@ -183,7 +184,7 @@ bool NatsSubscriber::Impl::turn() {
     bool any = takeFromClient();
     any = takeFromNats() || any;
     if (mode_ == Mode::joining && Clock::now() - askedAt_ > kJoinAgain) join();
-    for (std::string& text : link_->takeNews()) report(withoutSecrets(std::move(text), address_));
+    for (std::string& text : news_.take(*link_, address_)) report(std::move(text));
     statistics_.dropped = link_->dropped();
     {
         const std::scoped_lock lock(mutex_);

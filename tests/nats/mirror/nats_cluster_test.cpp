@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include <poll.h>
+#include <sys/resource.h>
 
 #include <rtsg/nats/nats_log.h>
 #include <rtsg/sync/log.h>
@@ -72,7 +73,10 @@ TEST_F(NatsCluster, MirrorsAndStoreOutliveEachServerInTurn) {
                 }));
             }
             // Two of three go on storing.
-            EXPECT_TRUE(test::eventually([&] { return (*log)->storedMessages() > stored; })) << (*log)->failure();
+            EXPECT_TRUE(test::eventually([&] {
+                from.turn();
+                return (*log)->storedMessages() > stored;
+            })) << (*log)->failure();
             server->start();
             std::this_thread::sleep_for(1500ms);  // it must be in step before the next one goes
         }
@@ -159,6 +163,11 @@ class BareSubscriber {
 class NatsCrowd : public test::WithNats {};
 
 TEST_F(NatsCrowd, EachOfManyGetsEachRecordOnceAndWhole) {
+    // Its own end of each connection, and the server's, which has these limits from here.
+    rlimit files{};
+    ::getrlimit(RLIMIT_NOFILE, &files);
+    files.rlim_cur = files.rlim_max;
+    ::setrlimit(RLIMIT_NOFILE, &files);
     NatsServer nats;
     const auto count = test::fewOrMany<std::size_t>(50, 1000);
     std::vector<std::unique_ptr<BareSubscriber>> all;

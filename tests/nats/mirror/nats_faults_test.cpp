@@ -38,6 +38,12 @@ TEST_F(NatsFaults, ANatsServerThatIsKilledAndComesBackCostsFramesThatAreSentAgai
         ASSERT_TRUE(follower.settle(from));
     }
     EXPECT_EQ(follower.client->statistics().snapshots, 1u) << "what was missed was enough";
+    for (const auto& news : {from.publisher->takeDiagnostics(), follower.nats->takeDiagnostics()}) {
+        std::string all;
+        for (const Diagnostic& d : news) all += d.format() + '\n';
+        EXPECT_NE(all.find("the connection to the NATS server is lost"), std::string::npos) << all;
+        EXPECT_NE(all.find("there again"), std::string::npos) << all;
+    }
     EXPECT_EQ(follower.client->statistics().divergences, 0u);
 }
 
