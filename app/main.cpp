@@ -18,11 +18,12 @@ namespace rtsg::app {
 namespace {
 
 std::vector<Verb> addVerbs(Command& program) {
-    std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
-                            addRender(program), addListen(program),   addServe(program),   addMirror(program),
-                            addRecord(program), addReplay(program),   addPick(program),    addBench(program),
-                            addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
-                            addView(program),   addTouch(program),    addKeys(program),    addTop(program)};
+    std::vector<Verb> verbs{addInfo(program),    addValidate(program), addConvert(program), addRun(program),
+                            addRender(program),  addListen(program),   addServe(program),   addMirror(program),
+                            addRecord(program),  addReplay(program),   addPick(program),    addBench(program),
+                            addChart(program),   addRelay(program),    addDiff(program),    addMeasure(program),
+                            addView(program),    addTouch(program),    addKeys(program),    addTop(program),
+                            addAssemble(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last, because it needs the verbs before
     return verbs;
