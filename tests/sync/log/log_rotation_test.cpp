@@ -128,18 +128,19 @@ TEST_F(Rotation, OldPiecesAreLetGo) {
 TEST_F(Rotation, OldPiecesAreLetGoByBytes) {
     LogOptions options;
     options.rotateBytes = 6000;
-    options.keepBytes = 30'000;
-    const Recorded recorded = record(file(), 400, 3, options);
+    options.keepBytes = 200'000;
+    const Recorded recorded = record(file(), 500, 3, options);
     const auto all = files();
     std::uintmax_t bytes = 0;
     for (const auto& path : all) bytes += std::filesystem::file_size(path);
-    EXPECT_LE(bytes, options.keepBytes + 2000);  // a file ends with a whole frame and its index
+    EXPECT_LE(bytes, options.keepBytes + options.keepBytes / 10);  // a file may be larger than the one before
     EXPECT_GT(bytes, options.keepBytes / 2);
     EXPECT_NE(all.front().filename(), "a.0001.rlog");
     EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
-    const auto oldest = Replayer::open(all.front());
-    ASSERT_TRUE(oldest);
-    EXPECT_GT((*oldest)->laterPiece().value_or(LaterPiece{}).letGo, 0);
+    const auto newest = Replayer::open(all.back());
+    ASSERT_TRUE(newest);
+    EXPECT_TRUE((*newest)->step());
+    EXPECT_GT((*newest)->laterPiece().value_or(LaterPiece{}).letGo, 0);
 }
 
 /// No disk is so empty: only the newest stay.
