@@ -44,6 +44,7 @@ Verb addMirror(Command& program);
 Verb addRelay(Command& program);
 Verb addKeys(Command& program);
 Verb addTop(Command& program);
+Verb addAssemble(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 

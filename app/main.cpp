@@ -27,7 +27,7 @@ std::vector<Verb> addVerbs(Command& program) {
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
                             addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
                             addView(program),   addTouch(program),    addKeys(program),    addMerge(program),
-                            addTop(program)};
+                            addTop(program),    addAssemble(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last, because it needs the verbs before
     return verbs;

@@ -24,6 +24,21 @@ PictureSize PictureSize::parse(std::string_view text) {
     return size;
 }
 
+PictureRange PictureRange::parse(const std::string& text) {
+    constexpr std::uint64_t kMost = INT32_MAX - 1;  // numbers in names
+    const std::size_t dash = std::min(text.find('-'), text.size());
+    const auto number = [](std::string_view digits, std::uint64_t& value) {
+        const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+        return problem == std::errc() && end == digits.data() + digits.size() && value <= kMost;
+    };
+    PictureRange range;
+    const std::string_view all = text;
+    if (!number(all.substr(0, dash), range.first) || !number(all.substr(std::min(dash + 1, text.size())), range.last) ||
+        range.last < range.first)
+        throw UsageError("--frames", text + ": expected two numbers of pictures, such as 100-199");
+    return range;
+}
+
 void PictureArguments::addTo(Command& command) {
     const Command::Section section(command, "Pictures");
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();

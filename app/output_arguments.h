@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -68,8 +69,20 @@ struct SoundArguments {
     std::vector<std::string> files() const;
 };
 
+/// "100-199": pictures by their numbers, both of them included.
+struct PictureRange {
+    std::uint64_t first = 0, last = 0;
+    /// Throws UsageError.
+    static PictureRange parse(const std::string& text);
+    std::uint64_t count() const { return last - first + 1; }
+};
+
 struct OutputArguments {
     std::string render, listen, record, save, device;
+    /// --frames of replay: only these of the pictures that a whole run would make, counted from `start`. Set by the
+    /// verb.
+    std::optional<PictureRange> only;
+    double start = 0;  // on the scene's clock
     ResourceArguments resources;
     double picturesPerSecond = 5;
     /// Scene time to make pictures and sound of; set by the verb.

@@ -66,12 +66,17 @@ Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
     return first;
 }
 
+bool leadsIn(const OutputArguments& arguments) {
+    return arguments.only && arguments.only->first > 0 && arguments.picture.shutter > 0;
+}
+
 Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                  const Resources& resources) {
     keepResources(world.scene(), resources, arguments.names());
     if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
-    outputs->elapsed_ = ElapsedTime(world.scene().now());
+    outputs->elapsed_ = ElapsedTime(arguments.only ? arguments.start : world.scene().now());
+    if (arguments.only) outputs->number_ = arguments.only->first - (leadsIn(arguments) ? 1 : 0);
     outputs->resources_ = resources;
     // A single picture at the end needs no earlier geometry, so that is only made then.
     if (arguments.animated()) {
@@ -121,16 +126,27 @@ Result<> Outputs::make(const Job& job) {
     while (job.picture && (!arguments_.animated() || pictureIsDue(job.until))) {
         if (auto ok = light_->renderFrame(*job.state); !ok) return ok;
         if (light_->stats().cancelled) return arguments_.animated() ? Result<>() : notWritten(arguments_.render);
-        report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
-        report_.pictureStates.push_back(light_->presented());
-        report_.kept += light_->stats().kept;
-        report_.pictureSamples.push_back(light_->stats().samples);
-        report_.unreached = std::max(report_.unreached, light_->stats().unreached);
-        report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
-        if (auto ok = files_.add(std::exchange(light_->frame(), Picture())); !ok) return ok;
+        Picture picture = std::exchange(light_->frame(), Picture());
+        if (isWanted()) {
+            report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
+            report_.pictureStates.push_back(light_->presented());
+            report_.kept += light_->stats().kept;
+            report_.pictureSamples.push_back(light_->stats().samples);
+            report_.unreached = std::max(report_.unreached, light_->stats().unreached);
+            report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
+            if (auto ok = write(std::move(picture)); !ok) return ok;
+        }
+        ++number_;
         if (!arguments_.animated()) return {};
     }
     return {};
+}
+
+Result<> Outputs::write(Picture picture) {
+    if (!arguments_.only) return files_.add(std::move(picture));
+    const std::filesystem::path pattern = arguments_.render;
+    const auto name = numberedName(pattern.filename().string(), static_cast<int>(number_));
+    return writePicture(picture, pattern.parent_path() / *name, arguments_.picture.toneMap());
 }
 
 void Outputs::work() {
@@ -250,7 +266,8 @@ OutputReport Outputs::report() const {
     report.cuts = world_.cuts();
     report.missing = missingError(arguments_.picture.error, report.unreached);
     if (!std::isfinite(arguments_.seconds)) return report;
-    const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
+    const double before = arguments_.only ? static_cast<double>(arguments_.only->first) : 0;
+    const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6) - before;
     const auto made = static_cast<double>(report.pictureStates.size());
     if (light_ && arguments_.animated() && made < pictures)
         report.addMissing(fmt::format("{} of {} pictures", pictures - made, pictures));

@@ -66,6 +66,10 @@ PictureFiles pictureFiles(const OutputArguments& arguments);
 /// Runs all steps, even if one fails. Returns the first error; further ones are printed.
 Result<> allOf(std::initializer_list<std::function<Result<>()>> steps);
 
+/// True if the picture before the first wanted one is made, too, from which things have moved while the shutter is
+/// open.
+bool leadsIn(const OutputArguments& arguments);
+
 class OutputMaker {
   public:
     virtual ~OutputMaker() = default;
@@ -123,9 +127,9 @@ class Outputs final : public OutputMaker {
     bool pictureIsDue(double t) const;
     double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.
-    double nextPicture() const {
-        return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
-    }
+    double nextPicture() const { return static_cast<double>(number_) / arguments_.picturesPerSecond; }
+    bool isWanted() const { return !arguments_.only || number_ >= arguments_.only->first; }
+    Result<> write(Picture picture);
 
     WorldOnDemand& world_;
     Scene& scene_;
@@ -139,6 +143,7 @@ class Outputs final : public OutputMaker {
 
     // Belongs to the worker while it has a job, otherwise to the scene's thread.
     PictureFiles files_;
+    std::uint64_t number_ = 0;  // of the next picture
     OutputReport report_;
     Result<> result_;  // the first failure
 

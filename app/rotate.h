@@ -1,8 +1,9 @@
-// --rotate and --keep: divide logs into pieces, for verbs that write long ones.
+// --rotate, --keep and --free: divide logs into pieces, for verbs that write long ones.
 #pragma once
 
 #include <algorithm>
 #include <charconv>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,7 +17,7 @@
 namespace rtsg::app {
 
 struct RotateArguments {
-    std::string rotate, keep;
+    std::string rotate, keep, free;
 
     void addTo(Command& command) {
         const Command::Section section(command, "Log");
@@ -24,28 +25,44 @@ struct RotateArguments {
                           "begin a new file after so much, as 1GB, 10min, 30s or 500ms: NAME.0001.rlog and so on are "
                           "the ones before");
         command.addOption("--keep", keep,
-                          "with --rotate: only what happened in the last so many seconds, as 1h, 10min, 30s or 500ms");
+                          "only the newest files, of so much in all, as 100GB (--rotate is then a twentieth, unless "
+                          "given), or, with --rotate, of the last so many seconds, as 1h, 10min or 30s");
+        command.addOption("--free", free,
+                          "only the newest files, so that such a share of the disk stays free, as 5%; with --rotate or "
+                          "--keep");
     }
     /// Throws UsageError.
     void setIn(LogOptions& options, bool writes) const {
         if (!rotate.empty() && !writes) throw UsageError("--rotate", "needs --record: there is no log");
-        if (!keep.empty() && rotate.empty()) throw UsageError("--keep", "needs --rotate: whole files are let go");
-        if (!keep.empty()) options.keepSeconds = seconds("--keep", keep, "a time, as 1h or 10min");
-        if (rotate.empty()) return;
-        for (const auto& [unit, bytes] :
-             {std::pair{"kB", 1e3}, std::pair{"MB", 1e6}, std::pair{"GB", 1e9}, std::pair{"B", 1.}}) {
-            if (!rotate.ends_with(unit)) continue;
-            const double size =
-                number("--rotate", rotate, std::string_view(unit).size(), "a size or a time, as 1GB or 10min");
-            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, size * bytes));
-            return;
+        if (!keep.empty() && !writes) throw UsageError("--keep", "needs --record: there is no log");
+        const std::optional<double> most = keep.empty() ? std::nullopt : bytesIn("--keep", keep);
+        if (!keep.empty() && !most && rotate.empty())
+            throw UsageError("--keep", "a time needs --rotate: whole files are let go");
+        if (most) {
+            constexpr double kFiles = 20;
+            options.keepBytes = static_cast<std::uint64_t>(std::max(1.0, *most));
+            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, *most / kFiles));
+        } else if (!keep.empty()) {
+            options.keepSeconds = seconds("--keep", keep, "a size or a time, as 100GB or 1h");
         }
-        options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
+        if (!free.empty()) {
+            if (rotate.empty() && !most) throw UsageError("--free", "needs --rotate: whole files are let go");
+            if (!free.ends_with('%')) throw UsageError("--free", free + ": expected a share of the disk, as 5%");
+            options.keepFree = number("--free", free, 1, "a share of the disk, as 5%") / 100;
+            if (options.keepFree >= 1) throw UsageError("--free", free + ": less than all of it");
+        }
+        if (rotate.empty()) return;
+        options.rotateBytes = 0;
+        if (const auto size = bytesIn("--rotate", rotate))
+            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, *size));
+        else
+            options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
     }
+    bool wanted() const { return !rotate.empty() || !keep.empty(); }
 
     /// Refuses to add to the pieces of another recording.
     Result<> checkPieces(const std::string& log, bool force) const {
-        if (log.empty() || rotate.empty() || force) return {};
+        if (log.empty() || !wanted() || force) return {};
         const auto pieces = recordedPieces(log);
         if (pieces.empty()) return {};
         return fail(fmt::format("a piece of an earlier recording is there already{}; --force replaces {}",
@@ -57,6 +74,14 @@ struct RotateArguments {
     }
 
   private:
+    /// "1GB" as bytes; nothing for a time.
+    static std::optional<double> bytesIn(const char* option, const std::string& text) {
+        for (const auto& [unit, bytes] : {std::pair{"kB", 1e3}, std::pair{"MB", 1e6}, std::pair{"GB", 1e9},
+                                          std::pair{"TB", 1e12}, std::pair{"B", 1.}})
+            if (text.ends_with(unit))
+                return bytes * number(option, text, std::string_view(unit).size(), "a size or a time, as 1GB or 10min");
+        return std::nullopt;
+    }
     static double number(const char* option, const std::string& text, std::size_t unit, const char* expected) {
         double value = 0;
         const char* const last = text.data() + text.size() - unit;

@@ -9,6 +9,7 @@
 #include "files.h"
 #include "keyframes.h"
 #include "nats.h"
+#include "rotate.h"
 #include "running_scene.h"
 
 namespace rtsg::app {
@@ -24,6 +25,7 @@ struct RecordArguments {
     StartTime start;
     NetworkArguments network;
     KeyframeArguments keyframes;
+    RotateArguments rotate;
     double fps = 60;
     bool realtime = false, json = false, inputs = false, force = false;
 };
@@ -67,6 +69,7 @@ LogOptions logOptions(const RecordArguments& options) {
     if (result.mode.mode == Mode::lossy) result.mode.maxError = options.error;
     result.inputs = options.inputs;
     options.keyframes.setIn(result);
+    options.rotate.setIn(result, true);
     result.existing = existing(options.force);
     return result;
 }
@@ -85,6 +88,7 @@ int recordFile(const RecordArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime};
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
+    if (auto ok = options.rotate.checkPieces(options.out, options.force); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources, options.start);
     running.allowNetwork(options.network);
     if (!running.load()) return kBad;
@@ -162,6 +166,7 @@ Verb addRecord(Command& program) {
             ->preset();
         command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
         options->keyframes.addTo(*command);
+        options->rotate.addTo(*command);
         addForce(*command, options->force);
     }
     command->footer(

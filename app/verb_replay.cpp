@@ -33,7 +33,8 @@ namespace rtsg::app {
 namespace {
 
 struct ReplayArguments {
-    std::string log, seek, duration, diff, compact, exported, blamed, tabled, only, without, out, interval = "0s";
+    std::string log, seek, duration, diff, compact, exported, blamed, tabled, only, without, out, frames,
+        interval = "0s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -135,6 +136,7 @@ class Replaying {
           check_(replayer),
           start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
           length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
+          wanted_(outputsOf(options, start_)),
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
     int run() {
@@ -163,7 +165,31 @@ class Replaying {
     void noteTime() { time_ = replayer_.frames() == 0 ? 0 : replayer_.time() - start_; }
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
 
+    /// The outputs that are asked for, with the pictures' numbers.
+    static OutputArguments outputsOf(const ReplayArguments& options, double start) {
+        OutputArguments wanted = options.outputs;
+        if (!options.duration.empty()) wanted.seconds = parseSeconds(options.duration);
+        if (options.frames.empty()) return wanted;
+        wanted.only = PictureRange::parse(options.frames);
+        wanted.start = start;
+        wanted.seconds = static_cast<double>(wanted.only->last + 1) / wanted.picturesPerSecond;
+        return wanted;
+    }
+    double timeOfPicture(std::uint64_t number) const { return static_cast<double>(number) / wanted_.picturesPerSecond; }
+
+    /// Goes to the state before the first picture, which a whole run makes of the first state at its time or later.
+    Result<> seekPicture() {
+        const std::uint64_t first = wanted_.only->first - (leadsIn(wanted_) ? 1 : 0);
+        if (auto ok = replayer_.seek(start_ + timeOfPicture(first) - 3 * kRounding); !ok) return ok;
+        noteTime();
+        more_ = true;
+        if (replayer_.atEnd())
+            return fail(fmt::format("--frames {}: the log ends at {} s", options_.frames, time()), {}, options_.log);
+        return {};
+    }
+
     Result<> begin() {
+        if (wanted_.only && wanted_.only->first > 0) return seekPicture();
         if (!seeks()) {
             more_ = true;
             while (more_ && replayer_.frames() == 0) more_ = check_.step().value_or(true);
@@ -181,10 +207,8 @@ class Replaying {
 
     Result<> play() {
         begun_ = time();
-        OutputArguments wanted = options_.outputs;
-        if (!options_.duration.empty()) wanted.seconds = length_;
         WorldOnDemand world(replayer_.scene(), resources_);
-        auto attached = makeOutputs(world, wanted, resources_);
+        auto attached = makeOutputs(world, wanted_, resources_);
         if (!attached) return std::unexpected(attached.error());
         OutputMaker& outputs = **attached;
         auto exported = startExport(world);
@@ -203,7 +227,7 @@ class Replaying {
             printError(ok.error());
             cut_ = true;
         }
-        tell(outputs.report(), wanted);
+        tell(outputs.report(), wanted_);
         return {};
     }
 
@@ -235,7 +259,7 @@ class Replaying {
     }
 
     void step(OutputMaker& outputs) {
-        const double until = time() + length_;
+        const double until = wanted_.only ? timeOfPicture(wanted_.only->last) : time() + length_;
         const Progress progress = progressBar("replaying " + options_.log);
         const auto begun = std::chrono::steady_clock::now() - std::chrono::duration<double>(time());
         const bool looks = !options_.outputs.render.empty() || !options_.outputs.listen.empty();
@@ -327,6 +351,7 @@ class Replaying {
     const double start_;
     double time_ = 0, begun_ = 0;  // the present time, and when playing began
     const double length_;
+    const OutputArguments wanted_;
     const Resources resources_;
     bool more_ = false, cut_ = false;
     std::string made_;
@@ -356,7 +381,9 @@ const std::vector<ReplayMode>& replayModes() {
           "--page"},
          {"--verify", "--picture-tolerance", "--sound-tolerance", "--name"},
          true},
-        {{}, {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise"}, true}};
+        {{},
+         {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise", "--frames"},
+         true}};
     return modes;
 }
 
@@ -419,8 +446,20 @@ int makeTable(const ReplayArguments& options) {
     return writeTable(arguments);
 }
 
+/// Throws UsageError for --frames that cannot be made, or together with what has a beginning or length of its own.
+void checkFrames(const OptionNames& given, const ReplayArguments& options) {
+    if (options.frames.empty()) return;
+    (void)PictureRange::parse(options.frames);
+    if (PictureFiles(options.outputs.render, 1).together() || !options.outputs.animated())
+        throw UsageError("--frames", "needs --render with a place for numbers in the name, such as %04d");
+    for (const std::string_view other : {"--seek", "--for", "--export", "--live", "--listen", "--save"})
+        if (holds(given, other)) throw UsageError("--frames", fmt::format("goes not together with {}", other));
+}
+
 int replay(const Command& command, ReplayArguments options) {
-    checkTogether(command.given());
+    const std::vector<std::string> typed = command.given();
+    checkTogether(typed);
+    checkFrames(OptionNames(typed.begin(), typed.end()), options);
     if (!options.only.empty() || !options.without.empty()) {
         if (!options.compact.empty() && !options.out.empty())
             throw UsageError("-o", "goes not together with --compact, which names the log that is written");
@@ -496,6 +535,9 @@ Verb addReplay(Command& program) {
     options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
     {
         const Command::Section section(*command, "What is made");
+        command->addOption(
+            "--frames", options->frames,
+            "A-B: only the pictures of these numbers, as a run of all makes them, into --render NAME%04d");
         command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
         command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
     }
@@ -503,6 +545,7 @@ Verb addReplay(Command& program) {
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
+        "Example: rtsg replay hall.rlog --render out/%04d.png --fps 25 --frames 10-19 --size 320x180\n"
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
         "Example: rtsg replay hall.rlog --table TRAIN.rotation -o train.csv\n"

@@ -159,8 +159,8 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option :
-         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis", "--clip",
-          "--feed", "--publish", "--fields", "--publish-rate", "--metrics-port"})
+         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--free", "--dis",
+          "--clip", "--feed", "--publish", "--fields", "--publish-rate", "--metrics-port"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
@@ -223,6 +223,7 @@ class Session {
     Web web_;
     Published published_;
     std::optional<Feeds> feeds_;
+    std::string counted_;  // by the feeds, as JSON
     Health health_;
     SessionLog log_;
     std::uint64_t frames_ = 0;
@@ -412,7 +413,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
             frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_.bytes(), log_.encoded(),
-            scene.hash().hex(), feeds_->json());
+            scene.hash().hex(), counted_);
     else
         fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
                    seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
@@ -425,12 +426,14 @@ int Session::close() {
     if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);
     const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);
+    feeds_->end();
+    counted_ = feeds_->json();
+    feeds_.reset();  // it calls the server
     server_.reset();
     web_.end();
     published_.printNews();
     failed_ = failed_ || published_.failed();
     published_.end();
-    feeds_->end();
     if (log_) {
         if (auto ok = log_.stop(); !ok && !failed_) {
             printError(ok.error());

@@ -23,6 +23,8 @@ NOT_RUN = {
     "chart": "measures for minutes",
     "nats://": "needs a NATS server; app.NatsOption has one",
     "build/workshop.so": "a plug-in that is built first; test_plugins has it",
+    "top": "looks at a program that runs; app.Operating has one",
+    "assemble": "joins what jobs have made; app.Jobs has some",
     "udp:5571": "waits for a driver; app.Touch has one",
 }
 # Durations and sizes that show the same in less time.
@@ -54,7 +56,8 @@ def shortened(arguments):
     late = any(re.search(r"@([1-9]|\d\d|0?\.[5-9])", a) for a in arguments)
     out, previous = [], ""
     for argument in arguments:
-        out.append(argument if late and previous in TIMES else SHORTER.get(previous) or argument)
+        given = (late and previous in TIMES) or (previous == "--frames" and arguments[0] == "replay")  # numbers of pictures
+        out.append(argument if given else SHORTER.get(previous) or argument)
         previous = argument
     # A window closes by itself.
     if arguments[0] == "view" and "--for" not in out:

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <random>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -166,7 +167,8 @@ Result<> LogWriter::openAppended() {
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));
     dropSecondName();
-    if (options_.keepSeconds > 0 && options_.epoch != 0) adoptPieces();
+    if ((options_.keepSeconds > 0 || options_.keepBytes > 0 || options_.keepFree > 0) && options_.epoch != 0)
+        adoptPieces();
     return {};
 }
 
@@ -421,13 +423,13 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     if (!piece) return std::unexpected(piece.error());
     const std::filesystem::path fresh = freshNameBeside(*piece);
     const int old = std::exchange(descriptor_, -1);
+    const std::size_t going = oldPieces(state.time);
     size_ = 0;
     keyframes_.clear();
     pieceStart_.reset();
     isLater_ = true;
-    for (const Piece& before : pieces_)
-        if (before.epoch == epoch_ && isOld(before, state.time))
-            keptFrom_ = std::max(keptFrom_.value_or(before.end), before.end);
+    for (const Piece& before : std::span(pieces_).first(going))
+        if (before.epoch == epoch_) keptFrom_ = std::max(keptFrom_.value_or(before.end), before.end);
     Result<> done = beginPiece(fresh, state);
     if (done) done = putInPlace(fresh, *piece);
     ::close(old);  // until the file has its piece name, nobody else may write it
@@ -437,7 +439,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
         return done;
     }
     pieces_.push_back({*piece, state.time, epoch_});
-    dropOldPieces(state.time);
+    dropPieces(going);
     return {};
 }
 
@@ -466,14 +468,40 @@ Result<> LogWriter::putInPlace(const std::filesystem::path& fresh, const std::fi
     return std::unexpected(failure("cannot rotate", error));
 }
 
-bool LogWriter::isOld(const Piece& piece, double now) const {
-    return options_.keepSeconds > 0 && piece.end < now - options_.keepSeconds;
+/// How many of the oldest pieces are to go, now that the present file is full.
+std::size_t LogWriter::oldPieces(double now) const {
+    std::error_code error;
+    const auto sizeOf = [&](const Piece& piece) {
+        const std::uintmax_t size = std::filesystem::file_size(piece.file, error);
+        return error ? 0 : static_cast<std::uint64_t>(size);
+    };
+    std::uint64_t held = 2 * size_;  // the next file counts as large as this one
+    if (options_.keepBytes > 0)
+        for (const Piece& piece : pieces_) held += sizeOf(piece);
+    const std::filesystem::path folder = file_.has_parent_path() ? file_.parent_path() : ".";
+    const std::filesystem::space_info space = std::filesystem::space(folder, error);
+    const double wanted =
+        error ? 0 : options_.keepFree * static_cast<double>(space.capacity) + static_cast<double>(size_);
+    std::uint64_t free = error ? 0 : space.available;
+    std::size_t count = 0;
+    for (; count < pieces_.size(); ++count) {
+        const bool old = options_.keepSeconds > 0 && pieces_[count].end < now - options_.keepSeconds;
+        const bool large = options_.keepBytes > 0 && held > options_.keepBytes;
+        const bool narrow = options_.keepFree > 0 && static_cast<double>(free) < wanted;
+        if (!old && !large && !narrow) break;
+        const std::uint64_t size = sizeOf(pieces_[count]);
+        held -= std::min(size, held);
+        free += size;
+    }
+    return count;
 }
 
-void LogWriter::dropOldPieces(double now) {
+/// Deletes the oldest pieces. One that cannot be deleted is tried again with the next file.
+void LogWriter::dropPieces(std::size_t count) {
+    std::size_t index = 0;
     std::erase_if(pieces_, [&](const Piece& piece) {
         std::error_code error;
-        return isOld(piece, now) && (std::filesystem::remove(piece.file, error), !error);
+        return index++ < count && (std::filesystem::remove(piece.file, error), !error);
     });
 }
 

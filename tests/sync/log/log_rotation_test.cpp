@@ -125,6 +125,36 @@ TEST_F(Rotation, OldPiecesAreLetGo) {
     EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
 }
 
+TEST_F(Rotation, OldPiecesAreLetGoByBytes) {
+    LogOptions options;
+    options.rotateBytes = 6000;
+    options.keepBytes = 200'000;
+    const Recorded recorded = record(file(), 500, 3, options);
+    const auto all = files();
+    std::uintmax_t bytes = 0;
+    for (const auto& path : all) bytes += std::filesystem::file_size(path);
+    EXPECT_LE(bytes, options.keepBytes + options.keepBytes / 10);  // a file may be larger than the one before
+    EXPECT_GT(bytes, options.keepBytes / 2);
+    EXPECT_NE(all.front().filename(), "a.0001.rlog");
+    EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
+    const auto newest = Replayer::open(all.back());
+    ASSERT_TRUE(newest);
+    EXPECT_TRUE((*newest)->step());
+    EXPECT_GT((*newest)->laterPiece().value_or(LaterPiece{}).letGo, 0);
+}
+
+/// No disk is so empty: only the newest stay.
+TEST_F(Rotation, OldPiecesAreLetGoForWhatMustStayFree) {
+    LogOptions options;
+    options.rotateBytes = 6000;
+    options.keepFree = .999999;
+    const Recorded recorded = record(file(), 200, 3, options);
+    const auto all = files();
+    ASSERT_EQ(all.size(), 2u);
+    EXPECT_EQ(check(all.front(), recorded).last, check(all.back(), recorded).first);
+    EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
+}
+
 /// Recording goes on, younger pieces go in their turn, and that one once it can.
 TEST_F(Rotation, AnOldPieceThatCannotBeRemovedIsTriedAgain) {
     LogOptions options;

@@ -72,6 +72,11 @@ struct LogOptions {
     double rotateSeconds = 0;
     /// Renamed files that have nothing of the last so many seconds are deleted; 0 keeps all.
     double keepSeconds = 0;
+    /// When a new file is begun, the oldest renamed ones are deleted until all of the log, with the new file as large
+    /// as the one before, takes at most so many bytes; 0: any number. The newest is never deleted.
+    std::uint64_t keepBytes = 0;
+    /// The same until this share of the file system, and as much as the one before takes, is free; 0: whatever is.
+    double keepFree = 0;
     /// When the data must be on the medium and not only with the operating system. Each time costs milliseconds.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
     /// What happens to an existing file of this name, and to its pieces if the new log rotates. A file that is replaced
@@ -160,8 +165,8 @@ class LogWriter : public Subscriber {
     void discard();
     Result<std::filesystem::path> freePieceName();
     void adoptPieces();
-    bool isOld(const Piece& piece, double now) const;
-    void dropOldPieces(double now);
+    std::size_t oldPieces(double now) const;
+    void dropPieces(std::size_t count);
     Diagnostic failure(std::string_view what, int error) const;
 
     std::filesystem::path file_;

@@ -1,0 +1,97 @@
+// Pictures of a log by several jobs: numbers and bits as those of one run; what is missing is named.
+#include "mirror_session.h"
+
+namespace rtsg::test {
+
+class Jobs : public CommandLine {
+  protected:
+    Jobs() { beginsAtZero = true; }
+    void SetUp() override {
+        CommandLine::SetUp();
+        ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "24"}).status, 0);
+    }
+    /// Makes pictures of the log below `name`, and returns the program's status.
+    Outcome pictures(const std::string& name, std::vector<std::string> more) {
+        std::vector<std::string> arguments{"replay", log,     "--render", folder / (name + "%03d.png"),
+                                           "--size", "48x27", "--fps",    "10"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return rtsg(arguments);
+    }
+    std::string picture(const std::string& name, int number) { return readFile(folder / fmtNumber(name, number)); }
+    static std::string fmtNumber(const std::string& name, int number) {
+        const std::string digits = std::to_string(number);
+        return name + std::string(3 - digits.size(), '0') + digits + ".png";
+    }
+    void expectAsOneRun(const std::vector<std::string>& how) {
+        ASSERT_EQ(pictures("one", how).status, 0);
+        for (const char* range : {"7-10", "0-2", "3-6", "5-5"}) {
+            std::vector<std::string> more = how;
+            more.insert(more.end(), {"--frames", range});
+            const Outcome job = pictures("job", more);
+            ASSERT_EQ(job.status, 0) << range << job.err;
+        }
+        for (int number = 0; number <= 10; ++number) {
+            EXPECT_NE(picture("one", number), "") << number;
+            EXPECT_TRUE(picture("one", number) == picture("job", number)) << number;
+        }
+        EXPECT_EQ(picture("job", 11), "");
+    }
+
+    const std::string log = folder / "a.rlog";
+};
+
+TEST_F(Jobs, PicturesHaveTheNumbersAndBitsOfOneRun) {
+    expectAsOneRun({"--spp", "2"});
+}
+
+TEST_F(Jobs, SoHaveThoseWithAnOpenShutter) {
+    expectAsOneRun({"--spp", "4", "--shutter", "0.5"});
+}
+
+TEST_F(Jobs, OnlyThePicturesThatAreAskedForAreMade) {
+    ASSERT_EQ(pictures("job", {"--frames", "4-5", "--shutter", "0.5", "--spp", "2", "--json"}).status, 0);
+    for (int number = 0; number <= 10; ++number)
+        EXPECT_EQ(picture("job", number).empty(), number != 4 && number != 5) << number;
+}
+
+TEST_F(Jobs, WhatLiesBehindTheEndIsNamed) {
+    const Outcome job = pictures("job", {"--frames", "9-13"});
+    EXPECT_EQ(job.status, 1);
+    EXPECT_NE(job.err.find("missing: 3 of 5 pictures"), std::string::npos) << job.err;
+    EXPECT_NE(picture("job", 10), "");
+    const Outcome behind = pictures("job", {"--frames", "20-30"});
+    EXPECT_EQ(behind.status, 1);
+    EXPECT_NE(behind.err.find("--frames 20-30: the log ends at 1 s"), std::string::npos) << behind.err;
+}
+
+TEST_F(Jobs, OptionsThatMakeNoSenseAreRefused) {
+    for (const char* range : {"", "3", "5-4", "a-b", "1-2-3", "-1-2", "0-99999999999"})
+        EXPECT_EQ(pictures("job", {"--frames", range}).status, 2) << range;
+    EXPECT_EQ(pictures("job", {"--frames", "0-1", "--seek", "0.5s"}).status, 2);
+    EXPECT_EQ(pictures("job", {"--frames", "0-1", "--for", "0.5s"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1", "--render", folder / "a.png"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1", "--render", folder / "a.gif"}).status, 2);
+}
+
+TEST_F(Jobs, TheyAreJoinedAndWhatIsMissingIsNamed) {
+    ASSERT_EQ(pictures("job", {}).status, 0);
+    ASSERT_EQ(rtsg({"replay", log, "--render", folder / "whole.gif", "--size", "48x27", "--fps", "10"}).status, 0);
+    const std::string names = folder / "job%03d.png";
+    EXPECT_EQ(rtsg({"assemble", names, "--frames", "0-10"}).status, 0);
+    const Outcome joined = rtsg({"assemble", names, "--frames", "0-10", "--fps", "10", "-o", folder / "joined.gif"});
+    EXPECT_EQ(joined.status, 0) << joined.err;
+    EXPECT_TRUE(readFile(folder / "joined.gif") == readFile(folder / "whole.gif"));
+    for (const int number : {3, 7, 8, 9}) std::filesystem::remove(folder / fmtNumber("job", number));
+    const Outcome lacks = rtsg({"assemble", names, "--frames", "0-10", "-o", folder / "lacks.gif", "--json"});
+    EXPECT_EQ(lacks.status, 1);
+    EXPECT_NE(lacks.err.find("missing: 4 of 11 pictures: 3,7-9"), std::string::npos) << lacks.err;
+    EXPECT_EQ(nlohmann::json::parse(lacks.out).at("missing_numbers"), "3,7-9");
+    EXPECT_FALSE(std::filesystem::exists(folder / "lacks.gif"));
+    writeFile(folder / fmtNumber("job", 1), "no picture");
+    EXPECT_EQ(rtsg({"assemble", names, "--frames", "0-2"}).status, 1);
+    EXPECT_EQ(rtsg({"assemble", names, "--frames", "0-2", "-o", folder / "a.png"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "job.png", "--frames", "0-2"}).status, 2);
+}
+
+}  // namespace rtsg::test
