@@ -311,6 +311,6 @@ std::unique_ptr<NatsLink> openNats(const NatsSettings& settings, std::string& pr
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_open_nats_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_start_nats_1() {
     return &rtsg::openNats;
 }

@@ -126,8 +126,8 @@ def main():
                 arguments.pop()
             if ">" in arguments:  # into a file, as a shell does
                 arguments = arguments[:arguments.index(">")]
-            key = next((name for name in NOT_RUN if text.startswith(f"rtsg {name}") or name in arguments
-                        or name.endswith("://") and any(a.startswith(name) for a in arguments)), None)
+            key = next((name for name in NOT_RUN if text.startswith(f"rtsg {name}") or name in arguments or
+                        (name.endswith("://") and any(a.startswith(name) for a in arguments))), None)
             if key:
                 unused.discard(key)
                 continue

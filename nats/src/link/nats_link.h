@@ -75,6 +75,6 @@ class NatsLink {
 /// Returns null and the reason if there is no connection.
 using OpenNats = std::unique_ptr<NatsLink> (*)(const NatsSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenNats.
-#define RTSG_NATS_SYMBOL "rtsg_open_nats_1"
+#define RTSG_NATS_SYMBOL "rtsg_start_nats_1"
 
 }  // namespace rtsg
