@@ -1,5 +1,6 @@
 // rtsg measure: computes how much light falls on places of a scene, with intervals.
 #include "verb_measure.h"
+#include "extensions.h"
 
 #include <algorithm>
 #include <array>
@@ -123,6 +124,7 @@ int measure(const MeasureArguments& options) {
     const Cut cut(options.error);
     flattened.flattening.error.ofRadius = static_cast<float>(cut.wanted);
     SharedWorld world(running.scene(), flattened);
+    extensions().registerWith(world);
     LightTracer tracer(world, running.resources());
     world.add(tracer);
     running.runTo(time);

@@ -202,9 +202,7 @@ class Mirroring {
           patience_(parseSeconds(options.patience)),
           latency_(parseSeconds(options.latency)),
           resources_(options.outputs.resources.ofReplica()),
-          requests_(options.requests) {
-        extensions().registerBehaviours(replica_);
-    }
+          requests_(options.requests) {}
 
     int run();
 
@@ -540,6 +538,7 @@ int Mirroring::run() {
     tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
     runScripts(replica_);
+    extensions().registerWith(replica_);
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));
     auto wanted = clientOptions(options_);
     if (!wanted) return printError(wanted.error()), kBad;

@@ -22,6 +22,7 @@
 #include "blame.h"
 #include "cli.h"
 #include "export/mcap_export.h"
+#include "extensions.h"
 #include "live_outputs.h"
 #include "nats.h"
 #include "replay_test.h"
@@ -143,6 +144,7 @@ class Replaying {
         tellOfFailuresInTheEnd(replayer_.scene());
         registerDocuments(replayer_.scene());
         runScripts(replayer_.scene());
+        extensions().registerWith(replayer_.scene());
         replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
         if (auto ok = begin(); !ok) return printError(ok.error()), kBad;
         if (replayer_.frames() == 0)

@@ -10,6 +10,7 @@
 #include <rtsg/sync/log_player.h>
 #include <rtsg/window/own_eye.h>
 
+#include "extensions.h"
 #include "log_notes.h"
 #include "view_source.h"
 
@@ -26,6 +27,7 @@ class LogSource final : public ViewSource {
         if (!player) return std::unexpected(player.error());
         player_ = std::move(*player);
         runScripts(scene());
+        extensions().registerWith(scene());
         scene().setScriptResources(std::make_shared<const Resources>(resources_));
         world_.emplace(scene(), resources_);
         eye_.emplace(world_->get());

@@ -18,6 +18,7 @@
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/window/own_eye.h>
 
+#include "extensions.h"
 #include "view_source.h"
 
 namespace rtsg::app {
@@ -94,6 +95,7 @@ class ServedSource final : public ViewSource {
     Result<> open(const ViewSourceArguments& arguments) {
         registerDocuments(replica_);
         runScripts(replica_);
+        extensions().registerWith(replica_);
         replica_.setScriptResources(std::make_shared<const Resources>(resources_));
         MirrorClientOptions options;
         options.name = arguments.author;

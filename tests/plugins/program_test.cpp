@@ -73,6 +73,39 @@ TEST_F(WithPlugins, LogsHaveTheTypesAndReplayWithoutThePlugin) {
     EXPECT_NE(replay.out.find("\"first_divergence\":null"), std::string::npos) << replay.out;
 }
 
+/// What follows from the inputs alone is done again, by whoever knows how; who does not says so.
+TEST_F(WithPlugins, LogsOfInputsNeedThePluginOfADeterministicBehaviour) {
+    const std::string log = folder / "own.rlog";
+    const Outcome record =
+        rtsg({"record", folder / "own.x3dv", "-o", log, "--for", "1s", "--mode", "input", "--plugin", workshop});
+    EXPECT_EQ(record.status, 0) << record.err;
+    const Outcome with = rtsg({"replay", log, "--verify", "--plugin", workshop});
+    EXPECT_EQ(with.status, 0) << with.err;
+    const Outcome without = rtsg({"replay", log, "--verify"});
+    EXPECT_EQ(without.status, 1);
+    EXPECT_NE(without.err.find("the behaviour of Spinner is not registered here"), std::string::npos) << without.err;
+}
+
+/// A mirror needs no plug-in for the types and what they do; for their triangles it has to be given one.
+TEST_F(WithPlugins, MirrorsHaveTheTypesWithEqualHashes) {
+    const std::string spinner = std::string(RTSG_SOURCE_DIR) + "/examples/plugin/spinner.x3dv";
+    Program server({"serve", spinner, "--bind", "tcp://127.0.0.1:*", "--fps", "30", "--plugin", workshop, "--json"},
+                   streams());
+    const std::string line = server.firstLine();
+    const std::size_t from = line.find("tcp://");
+    ASSERT_NE(from, std::string::npos) << line;
+    const std::string endpoint = line.substr(from, line.find('"', from) - from);
+    for (const bool with : {false, true}) {
+        std::vector<std::string> arguments{
+            "mirror", endpoint, "--for", "0.5s", "--json", "--save", folder / (with ? "with.x3dv" : "without.x3dv")};
+        if (with) arguments.insert(arguments.end(), {"--mode", "input", "--plugin", workshop});
+        const Outcome mirror = rtsg(arguments);
+        EXPECT_EQ(mirror.status, 0) << mirror.err;
+        EXPECT_NE(mirror.out.find("\"equal\":true"), std::string::npos) << mirror.out;
+        EXPECT_NE(readFile(arguments[6]).find("DEF SPINNER Spinner {"), std::string::npos) << readFile(arguments[6]);
+    }
+}
+
 TEST_F(WithPlugins, FormatsAreThereForEveryVerbAndForInlines) {
     const std::string cloud = folder / "cloud.points";
     const Outcome info = rtsg({"info", cloud, "--plugin", workshop, "--json"});

@@ -57,10 +57,6 @@ void Extensions::addMeshSource(std::string type, MeshSource source) {
 
 void Extensions::registerWith(Scene& scene) const {
     if (dialect_) registerDocuments(scene, dialect_);
-    registerBehaviours(scene);
-}
-
-void Extensions::registerBehaviours(Scene& scene) const {
     for (const auto& [type, behaviour] : behaviours_) scene.registerBehaviour(type, behaviour);
 }
 

@@ -64,10 +64,8 @@ class Extensions {
     // ----------------------------------------------------------------------------------
     /// Formats and node types; null if there are none. A later add() does not change it.
     std::shared_ptr<const Dialect> dialect() const { return dialect_; }
-    /// The scene reads and writes the formats, knows the node types, and its nodes act.
+    /// The scene reads and writes the formats, files in it may name the node types, and its nodes act.
     void registerWith(Scene& scene) const;
-    /// Only what nodes do: for a replica, whose types come from its origin.
-    void registerBehaviours(Scene& scene) const;
     void registerWith(SharedWorld& world) const;
     void registerWith(Renderer& renderer) const;
 
