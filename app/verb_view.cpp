@@ -282,7 +282,7 @@ class Viewing {
         say();
         const std::uint64_t state = source_->scene().sequence();
         const std::string hash = source_->scene().hash().hex();
-        const Result<> written = recorder_.finish();
+        Result<> written = recorder_.finish();
         const HapticReport felt = touch_ ? touch_->stop() : HapticReport();
         touch_.reset();
         sound_.reset();

@@ -43,7 +43,7 @@ class ViewSource {
     virtual double restsUntil() const = 0;
     /// From now on, from any thread: something has come. None: an empty function, from when on the old one is not
     /// called.
-    virtual void wakeBy(std::function<void()> wake) { (void)wake; }
+    virtual void wakeBy(std::function<void()> /*wake*/) {}
     /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
     /// As SceneWindowOptions::look and change.
