@@ -45,8 +45,8 @@ TEST_F(Listen, TheReportSaysWhatWasUsedForWhatIsHeard) {
     EXPECT_EQ(report->heard.responses, 1u);
     EXPECT_EQ(report->heard.rays, 3200u);
     EXPECT_GT(report->heard.images, 100u);
-    EXPECT_NE(report->toJson().find(fmt::format(
-                  "\"heard\":{{\"responses\":1,\"rays\":3200,\"images\":{}}}}}", report->heard.images)),
+    EXPECT_NE(report->toJson().find(
+                  fmt::format("\"heard\":{{\"responses\":1,\"rays\":3200,\"images\":{}}}}}", report->heard.images)),
               std::string::npos)
         << report->toJson();
 }
