@@ -93,6 +93,7 @@ Result<Feeds> Feeds::start(const FeedArguments& arguments, Scene& scene, const S
 
 void Feeds::before(double t) {
     for (const auto& feed : feeds_) feed->deliver(t);
+    for (const auto& publisher : publishers_) publisher->expect(t);
 }
 
 void Feeds::after(double t) {

@@ -8,23 +8,21 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdlib>
-#include <cstring>
-#include <string>
 
 namespace rtsg::app {
 
 void tellServiceManager(std::string_view lines) {
-    const char* const path = std::getenv("NOTIFY_SOCKET");
+    const char* const given = std::getenv("NOTIFY_SOCKET");
+    const std::string_view path = given ? given : "";
     sockaddr_un address{};
-    if (!path || (path[0] != '/' && path[0] != '@') || std::strlen(path) >= sizeof(address.sun_path)) return;
-    const std::size_t length = std::strlen(path);
+    if ((!path.starts_with('/') && !path.starts_with('@')) || path.size() >= sizeof(address.sun_path)) return;
     address.sun_family = AF_UNIX;
-    std::memcpy(address.sun_path, path, length);
-    if (path[0] == '@') address.sun_path[0] = '\0';  // a name that is no file
+    path.copy(address.sun_path, path.size());
+    if (path.starts_with('@')) address.sun_path[0] = '\0';  // a name that is no file
     const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (socket < 0) return;
     (void)::sendto(socket, lines.data(), lines.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address),
-                   static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length));
+                   static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + path.size()));
     ::close(socket);
 }
 

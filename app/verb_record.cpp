@@ -76,12 +76,16 @@ LogOptions logOptions(const RecordArguments& options) {
 
 void printSummary(const RecordArguments& options, RunningScene& running, std::uint64_t frames, std::uint64_t bytes) {
     const double perFrame = static_cast<double>(bytes) / static_cast<double>(std::max<std::uint64_t>(1, frames));
+    const std::string hash = running.scene().hash().hex();
     if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
-                   running.time(), bytes, perFrame, running.scene().hash().hex());
+                   running.time(), bytes, perFrame, hash);
+    else if (options.rotate.wanted())
+        fmt::print("the first state and {} to t = {} s, {} bytes in the last file, state {}\n", framesText(frames),
+                   running.time(), bytes, hash);
     else
         fmt::print("the first state and {} to t = {} s, {} bytes ({:.1f} a frame), state {}\n", framesText(frames),
-                   running.time(), bytes, perFrame, running.scene().hash().hex());
+                   running.time(), bytes, perFrame, hash);
 }
 
 int recordFile(const RecordArguments& options) {

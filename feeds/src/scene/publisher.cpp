@@ -2,6 +2,7 @@
 #include <rtsg/feeds/publisher.h>
 
 #include <algorithm>
+#include <cmath>
 #include <deque>
 #include <limits>
 #include <optional>
@@ -61,6 +62,7 @@ struct Publisher::State {
 
     Result<> listen();
     void listenAgain();
+    double timeOf(double sceneTime) const;
     void take(Topic& topic, const Value& value, double t);
     void write(Topic& topic, const Value& value, double t);
 
@@ -68,7 +70,8 @@ struct Publisher::State {
     const PublishOptions options;
     const feeds::Place at;
     const std::unique_ptr<feeds::LineSink> sink;
-    std::deque<Topic> topics;  // their addresses stay
+    std::optional<double> expected;  // the time of the frame under way
+    std::deque<Topic> topics;        // their addresses stay
     std::uint64_t events = 0;
     std::vector<Diagnostic> diagnostics;
     std::string told;  // the sink's failure
@@ -107,7 +110,7 @@ Result<> Publisher::State::listen() {
             Topic& topic = topics.emplace_back();
             topic.words = fmt::format("\"node\":{},\"field\":{}", jsonString(one.node), jsonString(field));
             const auto ear = listeners.onField(one.id, one.field, [this, &topic](const FieldEvent& event, double time) {
-                take(topic, event.value, time - options.start);
+                take(topic, event.value, timeOf(time));
             });
             if (ear)
                 ears.push_back(*ear);
@@ -116,6 +119,17 @@ Result<> Publisher::State::listen() {
         }
     }
     return result;
+}
+
+double Publisher::State::timeOf(double sceneTime) const {
+    constexpr double kMicroseconds = 1e6;  // of a second
+    const double t = sceneTime - options.start;
+    if (expected && std::abs(t - *expected) * kMicroseconds < 1) return *expected;
+    return std::round(t * kMicroseconds) / kMicroseconds;
+}
+
+void Publisher::expect(double t) {
+    state_->expected = t;
 }
 
 /// Another world is there, in which the names may belong to other nodes.

@@ -327,7 +327,11 @@ TEST_F(FedScene, EveryEventIsPublishedAndAFeedTakesIt) {
     EXPECT_EQ(visitor.line(), R"({"t":0.5,"node":"A","field":"translation","value":[1,2.5,3]})");
     EXPECT_EQ(visitor.line(), R"({"t":0.5,"node":"FLAG","field":"toggle","value":true})");
     EXPECT_EQ(visitor.line(), R"({"t":1,"node":"A","field":"translation","value":[4,0,0]})");
-    EXPECT_EQ((*publisher)->counts().lines, 3u);
+    (*publisher)->expect(4.0 / 3);
+    ASSERT_TRUE(scene.sendEvent(a, x3d::Transform::translation.index, Vec3f(5, 0, 0)));
+    scene.newFrame(100 + 4.0 / 3);
+    EXPECT_EQ(visitor.line(), R"({"t":1.3333333333333333,"node":"A","field":"translation","value":[5,0,0]})");
+    EXPECT_EQ((*publisher)->counts().lines, 4u);
 }
 
 TEST_F(FedScene, ARateGivesTheNewestValue) {

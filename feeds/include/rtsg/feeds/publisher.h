@@ -62,6 +62,10 @@ class Publisher {
     Publisher(const Publisher&) = delete;
     Publisher& operator=(const Publisher&) = delete;
 
+    /// The coming frame's time since the start, in seconds, which its lines have. Without this call they have the
+    /// scene's time less the start, rounded to a microsecond, since doubles of times since 1970 are exact to a quarter
+    /// of that.
+    void expect(double t);
     /// Call it after the frame at `t`, in seconds since the start: sends what waited for its turn.
     void frame(double t);
     /// When the next value that waits is due; infinity if there is none.
