@@ -233,8 +233,7 @@ TEST(ImportedPoints, AreNotBlack) {
 TEST(FileKinds, AreKnownBehindALongComment) {
     std::string comment;
     while (comment.size() < 10'000) comment += "# a remark of the program that wrote this\n";
-    EXPECT_THAT(Imported(comment + "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").commands,
-                HasSubstr("begin Shape"));
+    EXPECT_THAT(Imported(comment + "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").commands, HasSubstr("begin Shape"));
 }
 
 TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
