@@ -273,6 +273,17 @@ TEST(NodeTables, AreCheckedWithPositions) {
               std::string::npos);
 }
 
+TEST(NodeTables, ThatAreNoFilesAreErrors) {
+    const TempFolder folder;
+    for (const std::string& file : {folder / "none.x3dspec", folder / ""}) {
+        Extensions extensions;
+        Diagnostics diagnostics;
+        EXPECT_FALSE(loadNodeTable(file, extensions, diagnostics));
+        EXPECT_NE(complaints(diagnostics).find(file + ": error: cannot read it: "), std::string::npos)
+            << complaints(diagnostics);
+    }
+}
+
 TEST(NodeTables, OfOneTypeMayBeGivenTwiceIfTheyAgree) {
     Extensions extensions;
     Diagnostics diagnostics("t.x3dspec");
