@@ -20,7 +20,7 @@ import sys
 import time
 
 SOURCE = pathlib.Path(__file__).resolve().parent.parent
-LIBRARIES = ["libglm-dev", "libfmt-dev", "libxxhash-dev", "libexpat1-dev", "zlib1g-dev", "libzmq3-dev", "libzstd-dev"]
+LIBRARIES = ["libglm-dev", "libfmt-dev", "nlohmann-json3-dev", "libxxhash-dev", "libexpat1-dev", "zlib1g-dev", "libzmq3-dev", "libzstd-dev"]
 TOOLS = ["ca-certificates", "g++", "clang-19", "cmake", "ninja-build", "pkgconf", "python3-minimal"]
 SUITES = {"debian12": ("bookworm", "libmozjs-102-dev"), "debian13": ("trixie", "libmozjs-128-dev")}
 MIRROR = "http://deb.debian.org/debian"

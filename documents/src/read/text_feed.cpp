@@ -88,7 +88,8 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
             ssize_t{sizeof(unpacked)})
         source->textSize = unpacked;
     source->limit = plain ? UINT64_MAX : limit;
-    return of(std::move(source), kWorst * (plain ? source->total : limit));
+    const std::uint64_t longest = kWorst * (plain ? source->total : limit);  // before the source is given away
+    return of(std::move(source), longest);
 }
 
 Result<std::unique_ptr<TextFeed>> TextFeed::ofPacked(std::string_view packed, std::uint64_t limit) {
