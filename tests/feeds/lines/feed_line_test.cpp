@@ -80,7 +80,7 @@ TEST(FeedLine, WhatIsWrongIsSaid) {
     EXPECT_EQ(faultIn(R"({"node":"A","field":"f","value":{"x":1}})"), "an object is no value of a field");
     EXPECT_EQ(faultIn(R"({"node":"A","field":"f","value":01})"), "'01' is no value of JSON");
     EXPECT_EQ(faultIn(R"({"node":"A","field":"f","value":1} x)"), "more follows after the object");
-    EXPECT_EQ(faultIn(std::string_view("{\"node\":\"A\",\"field\":\"f\",\"value\":1}\0x", 38)),
+    EXPECT_EQ(faultIn(std::string_view("{\"node\":\"A\",\"field\":\"f\",\"value\":1}\0x", 36)),
               "more follows after the object");
     EXPECT_EQ(faultIn(R"({"node":"A","field":"\ud800","value":1})"), "half of a surrogate pair");
     EXPECT_EQ(faultIn(R"({"node":"A","field":"f","value":1,"t":"now"})"), "t: expected a number of seconds");
