@@ -41,6 +41,8 @@ class LoadSession {
     /// policy refuses, that is missing, or that has no usable content.
     Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url,
                        std::uint64_t nodesLeft, const std::shared_ptr<const Dialect>& dialect);
+    /// The library that our urns of materials name.
+    File& portableMaterials();
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
         return &environments_.emplace_back(outer, visible);
     }

@@ -17,6 +17,7 @@
 #include "media/load_reports.h"
 #include "media/media_reports.h"
 #include "media/size_reports.h"
+#include "portable_materials.h"
 #include "read/reader_bytes.h"
 
 namespace rtsg {
@@ -73,6 +74,17 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
                     problems.empty() ? "there is nothing in it"
                     : within ? fmt::format("reading fails at {}:{}", problems[0].where.line, problems[0].where.column)
                              : problems[0].text));
+}
+
+LoadSession::File& LoadSession::portableMaterials() {
+    auto& file = files_[{std::string(detail::kPortableUrn), {}}];
+    if (!file) {
+        file = std::make_unique<File>(CommandList::Limits{});
+        file->source.file = detail::kPortableUrn;
+        file->diagnostics.setFile(file->source.file);
+        readDocument(detail::kPortableMaterials, file->commands, file->diagnostics);
+    }
+    return *file;
 }
 
 void SceneBuilder::State::reportFile(LoadSession::File& file) {

@@ -8,6 +8,7 @@
 #include <rtsg/documents/loader.h>
 
 #include "builder_state.h"
+#include "portable_materials.h"
 
 namespace rtsg {
 
@@ -183,13 +184,16 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
     std::string why;
     const auto failed = [&](const std::string& reason) { why += (why.empty() ? "" : "; ") + reason; };
     for (const std::string& url : declaration.url) {
-        const auto file = session.open(*options.resources, declaration.source->base, url, nodesLeft(), dialect);
+        const auto portable = detail::portableMaterial(url);
+        const Result<LoadSession::File*> file =
+            portable ? &session.portableMaterials()
+                     : session.open(*options.resources, declaration.source->base, url, nodesLeft(), dialect);
         if (!file) {
             failed(file.error().text);
             continue;
         }
         Environment* library = libraryOf(**file);
-        const std::string fragment = urlFragment(url);
+        const std::string fragment = portable ? std::string(*portable) : urlFragment(url);
         ProtoDeclaration* target =
             fragment.empty() ? (library->size() ? library->at(0) : nullptr) : library->findHere(fragment);
         // A PROTO with the name of a later version's node has been renamed by the reader.

@@ -28,6 +28,8 @@ FilterPtr makeShortNames(DocumentHandler& next);
 FilterPtr makeQuantise(double error, DocumentHandler& next);
 /// Renames as "OLD:NEW,OLD:NEW" says, in the document and not within prototypes.
 Result<FilterPtr> makeRename(std::string_view pairs, DocumentHandler& next, Diagnostics& diagnostics);
+/// Materials with metadata of reflection and refraction become instances of portable materials.
+FilterPtr makePortable(DocumentHandler& next, Diagnostics& diagnostics);
 /// Keeps the nodes whose DEF or type is among "NAME,NAME", with all that is in them.
 Result<FilterPtr> makeSelect(std::string_view names, DocumentHandler& next, Diagnostics& diagnostics);
 /// Puts the document into other units, "length:0.001,angle:0.0174"; into those of the standard if there are none.

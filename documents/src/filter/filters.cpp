@@ -23,6 +23,7 @@ constexpr FilterInfo kFilters[] = {
     {"flatten-protos", "", "instances of prototypes become the nodes that they are"},
     {"flatten-transforms", "", "Transforms that nothing moves go into the coordinates below them"},
     {"index", "", "equal points, colours, normals and texture coordinates become one; triangles get indices"},
+    {"portable", "", "materials with metadata of mirrors and glass become portable ones; flatten-protos undoes it"},
     {"quantise", "E", "numbers become the shortest decimals that are at most E away; rotations and times stay"},
     {"rename", "OLD:NEW,...", "renames DEFs"},
     {"select", "NAME,...", "keeps the nodes with such a DEF or of such a type, with all that is in them"},
@@ -71,6 +72,7 @@ Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, Docum
     if (name == "flatten-protos") return makeFlattenProtos(next, context);
     if (name == "flatten-transforms") return makeFlattenTransforms(next);
     if (name == "index") return makeIndex(next);
+    if (name == "portable") return makePortable(next, context.diagnostics);
     if (name == "rename") return makeRename(argument, next, context.diagnostics);
     if (name == "select") return makeSelect(argument, next, context.diagnostics);
     if (name == "share") return makeShare(next);
