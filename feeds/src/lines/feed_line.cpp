@@ -201,14 +201,29 @@ Result<std::optional<FeedLine>> FeedReader::readCsv(std::string_view text) {
     FeedLine line;
     for (std::size_t i = 0; i < columns.size(); ++i) {
         std::string& cell = (*cells)[i];
-        if (columns[i] == node) line.node = std::move(cell);
-        if (columns[i] == field) line.field = std::move(cell);
-        if (columns[i] == value) line.value = std::move(cell);
-        if (columns[i] == author) line.author = std::move(cell);
-        if (columns[i] != time || cell.empty()) continue;
-        const Result<double> seconds = secondsFrom(cell);
-        if (!seconds) return std::unexpected(seconds.error());
-        line.time = *seconds;
+        switch (columns[i]) {
+            case node:
+                line.node = std::move(cell);
+                break;
+            case field:
+                line.field = std::move(cell);
+                break;
+            case value:
+                line.value = std::move(cell);
+                break;
+            case author:
+                line.author = std::move(cell);
+                break;
+            case time:
+                if (cell.empty()) break;
+                if (const Result<double> seconds = secondsFrom(cell))
+                    line.time = *seconds;
+                else
+                    return std::unexpected(seconds.error());
+                break;
+            case other:
+                break;
+        }
     }
     if (line.node.empty() || line.field.empty())
         return fail(fmt::format("the {} is empty", line.node.empty() ? "node" : "field"));
