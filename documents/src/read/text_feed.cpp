@@ -14,6 +14,7 @@
 
 #include "gzip.h"
 #include "text/text_position.h"
+#include "text/utf8.h"
 
 namespace rtsg::detail {
 
