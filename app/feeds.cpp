@@ -84,6 +84,7 @@ Result<Feeds> Feeds::start(const FeedArguments& arguments, Scene& scene, const S
         options.rate = arguments.rate;
         options.start = settings.start;
         options.insecure = settings.insecure;
+        options.waits = settings.timed;
         auto publisher = Publisher::start(scene, std::move(options));
         if (!publisher) return fail(publisher.error().code, "--publish " + publisher.error().text);
         all.publishers_.push_back(std::move(*publisher));
@@ -130,6 +131,7 @@ std::string Feeds::sayPlaces() const {
 }
 
 void Feeds::end() {
+    for (const auto& publisher : publishers_) publisher->close();
     printNews();
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
@@ -140,9 +142,12 @@ void Feeds::end() {
             Severity::warning);
         if (isOfUser(feed->source())) noteLeftOut();
     }
-    for (const auto& publisher : publishers_)
-        if (const std::uint64_t missed = publisher->counts().missed)
-            say(fmt::format("{}: {} lines were missed", publisher->target(), missed), Severity::warning);
+    for (const auto& publisher : publishers_) {
+        const std::uint64_t missed = publisher->counts().missed;
+        if (missed == 0) continue;
+        say(fmt::format("{}: {} lines were missed", publisher->target(), missed), Severity::warning);
+        if (isOfUser(publisher->target())) noteLeftOut();
+    }
 }
 
 std::vector<Feeds::NamedCounts> Feeds::counts() const {

@@ -51,6 +51,13 @@ TEST_F(FeedsOfProgram, WhatWasWatchedComesBack) {
     EXPECT_EQ(readFile(folder / "published"), watched.out);
 }
 
+TEST_F(FeedsOfProgram, LinesThatNoFileTookMakeTheStatusOne) {
+    const Outcome run =
+        rtsg({"run", file, "--for", "0.1s", "--publish", "/dev/full", "--fields", "BOX.translation", "--json"});
+    EXPECT_EQ(run.status, 1);
+    EXPECT_NE(run.err.find("lines were missed"), std::string::npos) << run.err;
+}
+
 TEST_F(FeedsOfProgram, FaultyLinesOfAPipeAreNamedAndMakeTheStatusOne) {
     const Outcome run =
         rtsg({"run", file, "--for", "0.1s", "--feed", "-", "--json"},

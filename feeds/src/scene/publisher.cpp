@@ -88,7 +88,7 @@ Result<std::unique_ptr<Publisher>> Publisher::start(Scene& scene, PublishOptions
     if (!place) return std::unexpected(place.error());
     for (const std::string& text : options.fields)
         if (const auto wanted = wantedBy(scene, text); !wanted) return std::unexpected(wanted.error());
-    auto sink = feeds::LineSink::open(*place, options.insecure);
+    auto sink = feeds::LineSink::open(*place, options.insecure, options.waits);
     if (!sink) return std::unexpected(sink.error());
     auto state = std::make_unique<State>(scene, std::move(options), std::move(*place), std::move(*sink));
     if (auto ok = state->listen(); !ok) return std::unexpected(ok.error());
@@ -170,6 +170,10 @@ double Publisher::nextAt() const {
     for (const State::Topic& topic : state_->topics)
         if (topic.waiting) next = std::min(next, topic.next);
     return next;
+}
+
+void Publisher::close() {
+    state_->sink->close();
 }
 
 const std::string& Publisher::target() const {

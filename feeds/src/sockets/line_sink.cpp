@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <chrono>
 #include <climits>
+#include <condition_variable>
 #include <cstring>
 #include <deque>
 #include <mutex>
@@ -165,23 +166,21 @@ class TcpOutlet final : public Outlet {
 
 class ThreadedSink final : public LineSink {
   public:
-    explicit ThreadedSink(std::unique_ptr<Outlet> outlet)
-        : outlet_(std::move(outlet)), wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)), thread_([this] { run(); }) {}
-    ~ThreadedSink() override {
-        {
-            const std::scoped_lock lock(mutex_);
-            stop_ = true;
-        }
-        ::eventfd_write(wake_.get(), 1);
-        thread_.join();
-    }
+    ThreadedSink(std::unique_ptr<Outlet> outlet, bool waits)
+        : outlet_(std::move(outlet)),
+          waits_(waits),
+          wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
+          thread_([this] { run(); }) {}
+    ~ThreadedSink() override { end(); }
     ThreadedSink(const ThreadedSink&) = delete;
     ThreadedSink& operator=(const ThreadedSink&) = delete;
 
+    void close() override { end(); }
     void write(std::string line) override {
         {
-            const std::scoped_lock lock(mutex_);
-            if (!problem_.empty() || waiting_ + line.size() > kMostWaiting) return void(++counts_.missed);
+            std::unique_lock lock(mutex_);
+            if (waits_) room_.wait(lock, [this] { return stop_ || !problem_.empty() || waiting_ < kMostWaiting / 2; });
+            if (stop_ || !problem_.empty() || waiting_ + line.size() > kMostWaiting) return void(++counts_.missed);
             waiting_ += line.size();
             ++counts_.lines;
             counts_.bytes += line.size() + 1;
@@ -199,6 +198,15 @@ class ThreadedSink final : public LineSink {
     }
 
   private:
+    void end() {
+        if (!thread_.joinable()) return;
+        {
+            const std::scoped_lock lock(mutex_);
+            stop_ = true;
+        }
+        ::eventfd_write(wake_.get(), 1);
+        thread_.join();
+    }
     void run() {
         std::vector<pollfd> items;
         std::chrono::steady_clock::time_point end{};
@@ -208,12 +216,17 @@ class ThreadedSink final : public LineSink {
             if (::poll(items.data(), items.size(), stopping ? 20 : -1) < 0) continue;
             eventfd_t ignored = 0;
             (void)::eventfd_read(wake_.get(), &ignored);
+            // Before the lines are taken: none comes after the end is asked for.
+            if (isToStop() && !std::exchange(stopping, true)) end = std::chrono::steady_clock::now() + kFarewell;
             sendAll();
             outlet_->turn();
             const std::scoped_lock lock(mutex_);
             counts_.subscribers = outlet_->subscribers();
-            if (stop_ && !std::exchange(stopping, true)) end = std::chrono::steady_clock::now() + kFarewell;
         }
+    }
+    bool isToStop() const {
+        const std::scoped_lock lock(mutex_);
+        return stop_;
     }
     void sendAll() {
         std::deque<std::string> lines;
@@ -224,6 +237,7 @@ class ThreadedSink final : public LineSink {
             waiting_ = 0;
             problem = problem_;
         }
+        room_.notify_one();
         std::uint64_t missed = 0;
         for (const std::string& line : lines) missed += problem.empty() ? outlet_->send(line, problem) : 1;
         const std::scoped_lock lock(mutex_);
@@ -232,8 +246,10 @@ class ThreadedSink final : public LineSink {
     }
 
     std::unique_ptr<Outlet> outlet_;
+    const bool waits_;
     Descriptor wake_;
     mutable std::mutex mutex_;
+    std::condition_variable room_;
     std::deque<std::string> lines_;
     std::size_t waiting_ = 0;  // bytes of lines_
     SinkCounts counts_;
@@ -265,10 +281,10 @@ Result<std::unique_ptr<Outlet>> outletAt(Place& place, bool insecure) {
 
 }  // namespace
 
-Result<std::unique_ptr<LineSink>> LineSink::open(Place& place, bool insecure) {
+Result<std::unique_ptr<LineSink>> LineSink::open(Place& place, bool insecure, bool waits) {
     auto outlet = outletAt(place, insecure);
     if (!outlet) return std::unexpected(outlet.error());
-    return std::make_unique<ThreadedSink>(std::move(*outlet));
+    return std::make_unique<ThreadedSink>(std::move(*outlet), waits);
 }
 
 }  // namespace rtsg::feeds

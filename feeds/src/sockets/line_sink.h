@@ -1,7 +1,8 @@
 // LineSink: where lines of text go: a file, a pipe, datagrams, those who connect, a broker.
 //
-// Invariant: write() never waits. Lines that wait hold at most kMostWaiting bytes, and the same again for each who is
-// connected; who reads too slowly misses whole lines, and is told how many by a line {"missed":N}.
+// Invariant: write() never waits, unless that was asked for. Lines that wait hold at most kMostWaiting bytes, and the
+// same again for each who is connected; who reads too slowly misses whole lines, and is told how many by a line
+// {"missed":N}.
 // Threading: write() and counts() on one thread; a thread of its own sends.
 #pragma once
 
@@ -25,9 +26,13 @@ class LineSink {
   public:
     virtual ~LineSink() = default;
     /// `place` gets the real port. Errors: as LineSource::open().
-    static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure);
+    /// `waits`: write() waits for room. As a file or pipe takes nothing for half a second at most, that ends.
+    static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure, bool waits = false);
     /// `line` without its end.
     virtual void write(std::string line) = 0;
+    /// Sends what waits, for half a second at most. From then on counts() and failure() are final, and every line is
+    /// missed.
+    virtual void close() = 0;
     virtual SinkCounts counts() const = 0;
     /// Why nothing more can be written; empty while it can.
     virtual std::string failure() const = 0;

@@ -43,6 +43,8 @@ struct PublishOptions {
     double start = 0;
     /// Allows an address that other machines can reach.
     bool insecure = false;
+    /// Frames wait while 2 MiB of lines wait, for scenes in simulated time, which may be faster than a disk.
+    bool waits = false;
 };
 
 struct PublishCounts {
@@ -57,7 +59,7 @@ class Publisher {
     /// Opens the target and begins to listen. `scene` must outlive it. Errors: no such node or field, or one that sends
     /// nothing; what the target or the system says; an address that others reach, without `insecure`.
     static Result<std::unique_ptr<Publisher>> start(Scene& scene, PublishOptions options);
-    /// Waits half a second at most for what is to be sent.
+    /// Ends as close() does.
     ~Publisher();
     Publisher(const Publisher&) = delete;
     Publisher& operator=(const Publisher&) = delete;
@@ -68,6 +70,8 @@ class Publisher {
     void expect(double t);
     /// Call it after the frame at `t`, in seconds since the start: sends what waited for its turn.
     void frame(double t);
+    /// Sends what waits, for half a second at most; the counts are final then. Nothing is sent after it.
+    void close();
     /// When the next value that waits is due; infinity if there is none.
     double nextAt() const;
     /// The target, with the port filled in.
