@@ -41,6 +41,18 @@ endforeach()
 install(DIRECTORY "${PROJECT_BINARY_DIR}/core/generated/rtsg" TYPE INCLUDE FILES_MATCHING PATTERN "*.h")
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")
 
+# Components whose libraries are there, and say at run time that the build has left out what they are for. find_package() does not find them.
+set(RTSG_LEFT_OUT "")
+foreach(part "scripts=rtsg_mozjs_stubs=SpiderMonkey" "physics=rtsg_ode_stubs=ODE" "window=rtsg_sdl=SDL 2" "ogre=rtsg_ogre_module=OGRE" "nats=rtsg_nats_module=libnats")
+  string(REPLACE "=" ";" part "${part}")
+  list(GET part 0 component)
+  list(GET part 1 target)
+  list(GET part 2 library)
+  if(NOT TARGET ${target})
+    list(APPEND RTSG_LEFT_OUT "${component}=${library}")
+  endif()
+endforeach()
+
 set(destination "${CMAKE_INSTALL_LIBDIR}/cmake/rtsg")
 install(EXPORT rtsgTargets NAMESPACE rtsg:: DESTINATION "${destination}")
 configure_package_config_file(cmake/rtsgConfig.cmake.in "${PROJECT_BINARY_DIR}/rtsgConfig.cmake"

@@ -11,6 +11,26 @@ step("${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S 
 step("${CMAKE_COMMAND}" --build "${WORK}/build")
 step("${WORK}/build/consumer")
 
+# A build that has left out what a component is for.
+file(GLOB_RECURSE config "${WORK}/prefix/*/rtsgConfig.cmake")
+file(READ "${config}" whole)
+string(REGEX REPLACE "set\\(rtsg_left_out \"[^\"]*\"\\)" "set(rtsg_left_out \"physics=ODE;window=SDL 2\")" poorer "${whole}")
+file(WRITE "${config}" "${poorer}")
+file(WRITE "${WORK}/poorer/CMakeLists.txt" "cmake_minimum_required(VERSION 3.25)
+project(poorer LANGUAGES CXX)
+find_package(rtsg REQUIRED COMPONENTS core OPTIONAL_COMPONENTS physics)
+if(rtsg_physics_FOUND)
+  message(FATAL_ERROR \"what was left out was found\")
+endif()
+find_package(rtsg REQUIRED COMPONENTS core window)
+")
+execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S "${WORK}/poorer" -B "${WORK}/poorer/build"
+                        "-DCMAKE_PREFIX_PATH=${WORK}/prefix" ${FLAGS} RESULT_VARIABLE result ERROR_VARIABLE output)
+file(WRITE "${config}" "${whole}")
+if(result EQUAL 0 OR NOT output MATCHES "built without SDL 2, which its component window[ \n]+needs")
+  message(FATAL_ERROR "a build without SDL 2: status ${result}\n${output}")
+endif()
+
 # The project that the docs show, with the example that they show below it.
 file(READ "${SOURCE}/docs/getting-started.md" page)
 string(FIND "${page}" "cmake_minimum_required" begin)
