@@ -32,6 +32,62 @@ AcousticOptions fewLive() {
     return options;
 }
 
+/// A scene whose sound plays on the device.
+struct Playing {
+    Scene scene;
+    Diagnostics diagnostics;
+    SharedWorld world{scene};
+    LiveOptions options;
+    std::unique_ptr<LiveSound> live;
+
+    explicit Playing(const std::string& text) {
+        EXPECT_TRUE(loadText(scene, text, diagnostics));
+        options.render = fewLive();
+        auto started = LiveSound::start(world, options);
+        if (started)
+            live = std::move(*started);
+        else
+            ADD_FAILURE() << started.error().text;
+    }
+};
+
+/// Rays that can be frozen.
+struct LiveRays final : InstanceSubscriber {
+    RayWorld world;
+    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
+        world.apply(delta);
+        return {};
+    }
+};
+
+/// A scene whose sound an engine makes block by block, at one state of the scene.
+struct Rendered {
+    Scene scene;
+    Diagnostics diagnostics;
+    SharedWorld world{scene};
+    LiveRays own;
+    AcousticTables tables{own.world};
+    std::shared_ptr<const WorldVersion> rays;
+
+    explicit Rendered(const std::string& text, double start = 0) {
+        EXPECT_TRUE(loadText(scene, text, diagnostics));
+        world.add(own);
+        world.add(tables);
+        scene.newFrame(start);
+        freeze();
+    }
+    ~Rendered() {
+        world.remove(tables);
+        world.remove(own);
+    }
+    Rendered(const Rendered&) = delete;
+    Rendered& operator=(const Rendered&) = delete;
+    void freeze() { rays = own.world.freeze(); }
+    bool block(AcousticEngine& engine, double t, SoundBuffer& out) {
+        return engine.renderLive(tables.latest(), rays, t, out).has_value();
+    }
+};
+
 TEST(SoundDevice, TakesBlocksInTimeAndCountsWhatComesTooLate) {
     ASSERT_EQ(kSilent, 0);
     auto device = SoundDevice::open({.blockSize = 12000, .blocks = 4});
@@ -55,18 +111,13 @@ TEST(SoundDevice, TakesBlocksInTimeAndCountsWhatComesTooLate) {
 }
 
 TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
-    SharedWorld world(scene);
-    LiveOptions options;
-    options.render = fewLive();
-    auto live = LiveSound::start(world, options);
-    ASSERT_TRUE(live) << live.error().text;
+    Playing play(kRoom);
+    ASSERT_TRUE(play.live);
+    Scene& scene = play.scene;
     // Until something was traced; a machine that is busy takes its time.
     const auto start = std::chrono::steady_clock::now();
     double t = 0;
-    while ((*live)->report().heard.responses < 3 && t < 60) {
+    while (play.live->report().heard.responses < 3 && t < 60) {
         t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         ASSERT_TRUE(
             scene.set(scene.findName("Voice"), x3d::Transform::translation, Vec3f(static_cast<float>(t), 0, 0)));
@@ -74,7 +125,7 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
         std::this_thread::sleep_for(std::chrono::milliseconds(16));
         if (t > 2.5) break;
     }
-    const LiveReport report = (*live)->stop();
+    const LiveReport report = play.live->stop();
     EXPECT_EQ(report.failure, "");
     EXPECT_GE(report.heard.responses, 1u);
     EXPECT_GT(report.blocks, 10u);
@@ -84,50 +135,38 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     for (const Diagnostic& d : report.diagnostics.all()) ADD_FAILURE() << d.text;
     // The world goes on without it.
     scene.newFrame(t + 1);
-    EXPECT_EQ(world.failure(), "");
+    EXPECT_EQ(play.world.failure(), "");
     LiveOptions missing;
     missing.device = "no such device";
-    EXPECT_FALSE(LiveSound::start(world, missing));
+    EXPECT_FALSE(LiveSound::start(play.world, missing));
 }
 
 /// The device's first block is of the scene as it is, whenever that goes on: walls of thousands of triangles that came
 /// while it plays would be looked at in haste.
 TEST(LiveSound, BeginsWithTheSceneAsItIs) {
-    Scene scene;
-    Diagnostics diagnostics;
-    SharedWorld world(scene);
-    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
-    LiveOptions options;
-    options.render = fewLive();
-    auto live = LiveSound::start(world, options);
-    ASSERT_TRUE(live) << live.error().text;
-    for (int i = 0; i < 2000 && (*live)->report().heard.responses == 0; ++i)
+    Playing play(kRoom);
+    ASSERT_TRUE(play.live);
+    for (int i = 0; i < 2000 && play.live->report().heard.responses == 0; ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    const LiveReport report = (*live)->stop();
+    const LiveReport report = play.live->stop();
     EXPECT_GE(report.heard.responses, 1u);
     EXPECT_GT(report.heard.images, 5u) << "of the room";
 }
 
 TEST(LiveSound, WhatNodesFindComesBackWhileItPlays) {
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene,
-                         "#X3D V4.0 utf8\nPROFILE Full\nDEF Out AudioDestination { children DEF C DynamicsCompressor { "
-                         "threshold -24 knee 0 ratio 4 attack .01 release .01 children DEF A Analyser { fftSize 64 "
-                         "children BufferAudioSource { loop TRUE buffer [ .5 -.5 ] } } } }\nViewpoint { }\n",
-                         diagnostics));
-    SharedWorld world(scene);
-    LiveOptions options;
-    options.render = fewLive();
-    auto live = LiveSound::start(world, options);
-    ASSERT_TRUE(live) << live.error().text;
+    Playing play(
+        "#X3D V4.0 utf8\nPROFILE Full\nDEF Out AudioDestination { children DEF C DynamicsCompressor { "
+        "threshold -24 knee 0 ratio 4 attack .01 release .01 children DEF A Analyser { fftSize 64 "
+        "children BufferAudioSource { loop TRUE buffer [ .5 -.5 ] } } } }\nViewpoint { }\n");
+    ASSERT_TRUE(play.live);
+    Scene& scene = play.scene;
     const auto start = std::chrono::steady_clock::now();
     const auto until = [&](const auto& done) {
         double t = scene.now();
         const double end = t + 60;
         while (!done() && t < end) {
             t = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-            (*live)->sendEvents();
+            play.live->sendEvents();
             scene.newFrame(t);
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
         }
@@ -140,31 +179,24 @@ TEST(LiveSound, WhatNodesFindComesBackWhileItPlays) {
     EXPECT_TRUE(until([&] { return std::abs(reduction() - all) < 1e-5; })) << reduction();
     EXPECT_TRUE(until([&] { return scene.node(scene.findName("A")).get(x3d::Analyser::frequencyBinCount) == 32; }));
     // A device that is fed no more tells nothing any more; the scene goes on.
-    EXPECT_EQ((*live)->stop().failure, "");
-    (*live)->sendEvents();
-    (*live)->sendEvents();
+    EXPECT_EQ(play.live->stop().failure, "");
+    play.live->sendEvents();
+    play.live->sendEvents();
     scene.newFrame(scene.now() + 1);
     EXPECT_NEAR(reduction(), all, 1e-5);
 }
 
 TEST(LiveSound, WhatIsBeyondFullScaleIsCountedAndToldOnce) {
     for (const char* gain : {"2", ".9"}) {
-        Scene scene;
-        Diagnostics diagnostics;
-        ASSERT_TRUE(loadText(scene,
-                             std::string("#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { gain ") + gain +
-                                 " children BufferAudioSource { loop TRUE buffer [ 1 .1 -1 ] } }\nViewpoint { }\n",
-                             diagnostics));
-        SharedWorld world(scene);
-        LiveOptions options;
-        options.render = fewLive();
-        auto live = LiveSound::start(world, options);
-        ASSERT_TRUE(live) << live.error().text;
-        for (int i = 1; i <= 12'000 && (i < 10 || (*live)->report().blocks < 20); ++i) {
+        Playing play(std::string("#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { gain ") + gain +
+                     " children BufferAudioSource { loop TRUE buffer [ 1 .1 -1 ] } }\nViewpoint { }\n");
+        ASSERT_TRUE(play.live);
+        Scene& scene = play.scene;
+        for (int i = 1; i <= 12'000 && (i < 10 || play.live->report().blocks < 20); ++i) {
             scene.newFrame(.005 * i);
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
         }
-        const LiveReport report = (*live)->stop();
+        const LiveReport report = play.live->stop();
         if (gain[0] == '.') {
             EXPECT_EQ(report.clipped, 0u);
             EXPECT_TRUE(report.diagnostics.all().empty());
@@ -172,7 +204,7 @@ TEST(LiveSound, WhatIsBeyondFullScaleIsCountedAndToldOnce) {
         }
         // Two samples of three, in both channels.
         EXPECT_GT(report.clipped, 0u);
-        EXPECT_LE(report.clipped, report.blocks * options.render.blockSize * 4 / 3 + 4);
+        EXPECT_LE(report.clipped, report.blocks * play.options.render.blockSize * 4 / 3 + 4);
         ASSERT_EQ(report.diagnostics.all().size(), 1u);
         EXPECT_NE(report.diagnostics.all()[0].text.find(" samples were beyond full scale, by up to 6.0 dB"),
                   std::string::npos)
@@ -180,29 +212,11 @@ TEST(LiveSound, WhatIsBeyondFullScaleIsCountedAndToldOnce) {
     }
 }
 
-/// Rays that can be frozen.
-struct LiveRays final : InstanceSubscriber {
-    RayWorld world;
-    Result<> apply(const Scene&, const ChangeSet&, const InstanceDelta& delta) override {
-        world.apply(delta);
-        return {};
-    }
-};
-
 /// Times of today are doubles 2.4e-7 s apart, .01 samples: added up block by block they would lose a sample now and
 /// then.
 TEST(LiveSound, NoSampleIsLostAtAnyClock) {
     for (const double start : {0.0, 946684800.0, 1795000000.123}) {
-        Scene scene;
-        Diagnostics diagnostics;
-        ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
-        SharedWorld world(scene);
-        LiveRays own;
-        AcousticTables tables(own.world);
-        world.add(own);
-        world.add(tables);
-        scene.newFrame(start);
-        const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+        Rendered room(kRoom, start);
         AcousticOptions options = fewLive();
         options.startTime = start;
         options.reflections = false;
@@ -211,29 +225,20 @@ TEST(LiveSound, NoSampleIsLostAtAnyClock) {
         for (std::int64_t block = 1; block <= 4000; ++block) {
             EXPECT_EQ(std::llround(engine->liveEnd() * 48000), first + block * 256) << start;
             SoundBuffer out;
-            ASSERT_TRUE(engine->renderLive(tables.latest(), rays, start, out));
+            ASSERT_TRUE(room.block(*engine, start, out));
             ASSERT_EQ(out.samples.size(), 2u * 256) << start << " in block " << block;
         }
-        world.remove(tables);
-        world.remove(own);
     }
 }
 
 /// A source that is to be traced anew all of the time leaves the worker time for one that comes after it.
 TEST(LiveSound, EachSourceIsTracedInItsTurn) {
-    const std::string room = kRoom, busy =
-                                        "DEF Busy Transform { translation 2 2 1 children SpatialSound { children "
-                                        "BufferAudioSource { loop TRUE buffer [ "
-                                        "0 ] } } }\n";
-    Scene scene;
-    Diagnostics diagnostics;
-    const std::size_t head = room.find("Transform");
-    ASSERT_TRUE(loadText(scene, room.substr(0, head) + busy + room.substr(head), diagnostics));
-    SharedWorld world(scene);
-    LiveRays own;
-    AcousticTables tables(own.world);
-    world.add(own);
-    world.add(tables);
+    const std::string walls = kRoom, busy =
+                                         "DEF Busy Transform { translation 2 2 1 children SpatialSound { children "
+                                         "BufferAudioSource { loop TRUE buffer [ "
+                                         "0 ] } } }\n";
+    const std::size_t head = walls.find("Transform");
+    Rendered room(walls.substr(0, head) + busy + walls.substr(head));
     AcousticOptions options = fewLive(), straight = fewLive();
     options.background = true;
     options.retraceSeconds = 0;
@@ -247,43 +252,32 @@ TEST(LiveSound, EachSourceIsTracedInItsTurn) {
         const double t = engine->liveEnd(), way = .15 * block;
         if (engine->heard().responses < 4) {
             const auto x = static_cast<float>(1 + std::abs(way - 6 * std::floor(way / 6) - 3));
-            ASSERT_TRUE(scene.set(scene.findName("Busy"), x3d::Transform::translation, Vec3f(x, 2, 1)));
-            scene.newFrame(t);
+            ASSERT_TRUE(room.scene.set(room.scene.findName("Busy"), x3d::Transform::translation, Vec3f(x, 2, 1)));
+            room.scene.newFrame(t);
         } else {
             ++after;
         }
-        const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+        room.freeze();
         SoundBuffer all, part;
-        ASSERT_TRUE(engine->renderLive(tables.latest(), rays, t, all));
-        ASSERT_TRUE(direct->renderLive(tables.latest(), rays, t, part));
+        ASSERT_TRUE(room.block(*engine, t, all));
+        ASSERT_TRUE(room.block(*direct, t, part));
         for (std::size_t i = 0; i < all.samples.size(); ++i)
             reflected = std::max(reflected, std::abs(static_cast<double>(all.samples[i] - part.samples[i])));
     }
     EXPECT_GE(engine->heard().responses, 4u);
     EXPECT_GE(reflected, 1e-3);
-    world.remove(tables);
-    world.remove(own);
 }
 
 /// Reflections that come while a tone sounds begin softly; they would be heard block by block, as gaps and steps.
 TEST(LiveSound, TheFirstReflectionsComeWithoutAStep) {
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
-    SharedWorld world(scene);
-    LiveRays own;
-    AcousticTables tables(own.world);
-    world.add(own);
-    world.add(tables);
-    scene.newFrame(0);
-    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    Rendered room(kRoom);
     AcousticOptions options = fewLive();
     options.background = true;
     auto engine = *AcousticEngine::create(options);
     SoundBuffer out;
     int blocks = 0;
     for (int after = 0; after < 60 && blocks < 60'000; ++blocks, after += engine->heard().responses > 0) {
-        ASSERT_TRUE(engine->renderLive(tables.latest(), rays, 0, out));
+        ASSERT_TRUE(room.block(*engine, 0, out));
         if (blocks < 20 || after == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     ASSERT_GE(engine->heard().responses, 1u);
@@ -294,35 +288,23 @@ TEST(LiveSound, TheFirstReflectionsComeWithoutAStep) {
         step = std::max(step, std::abs(at(i) - 3 * at(i - 1) + 3 * at(i - 2) - at(i - 3)));
     }
     EXPECT_LT(step, .01 * peak) << "after " << blocks << " blocks";
-    world.remove(tables);
-    world.remove(own);
 }
 
 /// Who is heard without reflections is counted, and soon is not: where several wait each has an eighth of its rays at
 /// first, and goes on until it has all.
 TEST(LiveSound, SourcesWithoutReflectionsAreCountedAndHurriedFor) {
-    const std::string room = kRoom;
-    std::string text = room;
+    std::string text = kRoom;
     for (const char* x : {"2", "3"})
         text += std::string("Transform { translation ") + x +
                 " 2 1 children SpatialSound { children OscillatorSource { frequency 300 } } }\n";
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, text, diagnostics));
-    SharedWorld world(scene);
-    LiveRays own;
-    AcousticTables tables(own.world);
-    world.add(own);
-    world.add(tables);
-    scene.newFrame(0);
-    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    Rendered room(text);
     AcousticOptions options = fewLive();
     options.background = true;
     auto engine = *AcousticEngine::create(options);
     SoundBuffer out;
     const auto renderUntil = [&](const auto& done) {
         for (int block = 0; !done() && block < 60'000; ++block) {
-            EXPECT_TRUE(engine->renderLive(tables.latest(), rays, 0, out));
+            EXPECT_TRUE(room.block(*engine, 0, out));
             out.samples.clear();
             std::this_thread::sleep_for(std::chrono::milliseconds(1));
         }
@@ -340,21 +322,10 @@ TEST(LiveSound, SourcesWithoutReflectionsAreCountedAndHurriedFor) {
     const double rests = engine->liveEnd() + 1;
     EXPECT_TRUE(renderUntil([&] { return engine->liveEnd() > rests; }));
     EXPECT_EQ(heard.responses, 5u);
-    world.remove(tables);
-    world.remove(own);
 }
 
 TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
-    Scene scene;
-    Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
-    SharedWorld world(scene);
-    LiveRays own;
-    AcousticTables tables(own.world);
-    world.add(own);
-    world.add(tables);
-    scene.newFrame(0);
-    const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+    Rendered room(kRoom);
     const auto sound = [&](bool background) {
         AcousticOptions options = fewLive();
         options.background = background;
@@ -363,8 +334,7 @@ TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
         SoundBuffer out;
         int block = 0;
         const auto render = [&](int blocks) {
-            for (const int end = block + blocks; block < end; ++block)
-                EXPECT_TRUE(engine->renderLive(tables.latest(), rays, 0, out));
+            for (const int end = block + blocks; block < end; ++block) EXPECT_TRUE(room.block(*engine, 0, out));
         };
         render(1);
         while (engine->heard().responses == 0) {
@@ -383,8 +353,6 @@ TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
     const double inPlace = sound(false), beside = sound(true);
     EXPECT_GT(inPlace, .01);
     EXPECT_NEAR(beside / inPlace, 1, 1e-3);
-    world.remove(tables);
-    world.remove(own);
 }
 
 }  // namespace
