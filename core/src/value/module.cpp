@@ -11,6 +11,9 @@
 
 #include <fmt/format.h>
 
+/// Which shared library this is, for what happens at its end.
+extern "C" void* __dso_handle;  // NOLINT(bugprone-reserved-identifier,readability-identifier-naming)
+
 namespace rtsg {
 
 Result<void*> loadModule(const char* name, const char* symbol, std::string_view need) {
@@ -42,7 +45,7 @@ Result<> DelayedLibrary::fill() {
         std::atomic_ref(stubs_.functions[i]).store(addresses[i], std::memory_order_release);
     // exit() goes through what was registered from the last to the first. So this comes before the library's static
     // data are destroyed, which it registered while it was loaded.
-    abi::__cxa_atexit([](void* self) { static_cast<DelayedLibrary*>(self)->ended_ = true; }, this, nullptr);
+    abi::__cxa_atexit([](void* self) { static_cast<DelayedLibrary*>(self)->ended_ = true; }, this, &__dso_handle);
     return {};
 }
 
