@@ -1074,6 +1074,9 @@ def _for_json(kind, data):
         lists = [np.frombuffer(part, "<i4").tolist() for part in (_parts_of(data) if kind % 2 else (data,))]
         return lists if kind % 2 else lists[0]
     plain = _plain(kind, data)
+    if kind // 2 == _CUSTOM:
+        texts = ["0x" + one.hex() if isinstance(one, bytes) else np.asarray(one).tolist() for one in (plain if kind % 2 else (plain,))]
+        return texts if kind % 2 else texts[0]
     if isinstance(plain, np.ndarray):
         return (plain.reshape(len(plain), -1) if kind % 2 and plain.ndim > 1 and len(plain) else plain.ravel()).tolist()
     return list(plain) if isinstance(plain, tuple) else plain

@@ -1,7 +1,8 @@
 // Field types and their values (PROTOCOL.md, "Values"). A value type is 2k for the k-th SF type, 2k + 1 for its MF type.
 //
 // SFBool is a boolean; SFInt32, SFFloat, SFDouble, SFTime and SFNode are numbers; SFString a string; other SF types are
-// arrays of numbers. Values of types from outside are objects of their `type` ("SFQuantity") and `numbers`, or `bytes`. MF values are arrays of these, but those of numbers are one typed array, element after element.
+// arrays of numbers. A value of a type from outside is a number, an array of numbers, or its bytes as "0x0aff". MF values are
+// arrays of these, but those of numbers are one array, element after element; it is typed where the type is X3D's.
 
 import {FormatError} from './reader.js';
 
@@ -89,7 +90,7 @@ function customOf(bytes) {
   const of = bytes[0], count = bytes[1] | bytes[2] << 8, name = utf8.decode(bytes.subarray(4, 4 + bytes[3]));
   const {head, size} = customHead(of, count, name), rest = bytes.subarray(head);
   if (bytes.length < head || (size !== 0 && rest.length !== size)) throw wrong();
-  return of === 0 ? {type: `SF${name}`, bytes: rest.slice()} : {type: `SF${name}`, numbers: Array.from(aligned(rest, CUSTOM[of]))};
+  return of === 0 ? `0x${Array.from(rest, (byte) => byte.toString(16).padStart(2, '0')).join('')}` : sf(aligned(rest, CUSTOM[of]));
 }
 /** Reads which type a field is of, and returns the bytes of its default where none was given. */
 export function customZero(reader) {
@@ -118,7 +119,7 @@ export function valueOf(type, bytes) {
     result.push(one(bytes.subarray(at + 8, at + 8 + size)));
     at += 8 + size;
   }
-  return result;
+  return k === kCustom ? result.flat() : result;
 }
 
 /** Makes the bytes of a value, for defaults that are not given. */
