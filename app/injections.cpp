@@ -132,7 +132,7 @@ Result<Injections::Injection> Injections::toField(const std::string& text, const
     if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
     if (def.type == FieldType::SFTime && given == "now")
         return Injection{time, text, name, given, *target, Value(Time{0}), true};
-    auto value = parseFieldText(def.type, given);
+    auto value = parseFieldText(def.type, given, TextSyntax::classicVrml, def.custom.get());
     if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
     return Injection{time, text, name, given, *target, std::move(*value), false};
 }

@@ -100,7 +100,7 @@ std::string row(const Field& field) {
         << ", FieldType::" << field.type << ", Access::" << field.access << ", Aspect::" << field.aspect << ", "
         << (field.exclusiveMin ? "true" : "false") << ", " << (field.exclusiveMax ? "true" : "false") << ", "
         << (field.hidden ? "true" : "false") << ", Unit::" << (field.unit.empty() ? "none" : field.unit) << ", "
-        << field.since << "},\n";
+        << field.since << ", " << literal(field.custom) << "},\n";
     return out.str();
 }
 

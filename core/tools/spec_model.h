@@ -21,7 +21,8 @@ struct Position {
 
 struct Field {
     Position where;
-    std::string type;    // "SFVec3f"
+    std::string type;    // "SFVec3f"; "SFCustom" for those that the tables declare
+    std::string custom;  // which that is: "Quantity float64 2", as the line `fieldType` says; else empty
     std::string access;  // "inputOutput", ...
     std::string name;
     /// Numbers and TRUE/FALSE separated by one space; strings each followed by a newline; empty for nodes.
@@ -46,6 +47,11 @@ struct Retag {
     Position where;
     std::vector<std::string> fields;
     FieldTags tags;
+};
+
+struct FieldTypeLine {
+    std::string text;  // as Field::custom
+    int line = 0;
 };
 
 /// What a type is, beside its fields. Each is inherited by those that have none of their own.
@@ -88,6 +94,8 @@ class Model {
     void error(const Position& where, const std::string& text);
 
     int errors() const { return errors_; }
+    /// Those that `fieldType` lines have declared, by name.
+    const std::map<std::string, FieldTypeLine, std::less<>>& fieldTypes() const { return fieldTypes_; }
     /// In order of reading.
     const std::vector<Type>& types() const { return types_; }
     const Type* find(std::string_view name) const;
@@ -97,6 +105,8 @@ class Model {
     std::vector<Token> tokens(const Position& where, std::string_view line);
     void parseHead(const Position& where, const std::vector<Token>& tokens, bool imported);
     void parseTag(Type& type, const std::vector<Token>& tokens, std::size_t& next);
+    void parseFieldType(const Position& where, const std::vector<Token>& tokens);
+    bool isFieldType(const std::string& name) const;
     void parseField(const Position& where, const std::vector<Token>& tokens);
     bool parseFieldTags(const Position& where, std::vector<Token>& tokens, FieldTags& tags);
     bool parseSince(const Position& where, const std::string& version, int& since);
@@ -113,6 +123,7 @@ class Model {
     Report report_;
     std::vector<Type> types_;
     std::map<std::string, std::size_t, std::less<>> byName_;
+    std::map<std::string, FieldTypeLine, std::less<>> fieldTypes_;  // by name: "Quantity"
     struct Extension {
         Position where;
         std::string name;
@@ -128,7 +139,7 @@ class Model {
     int errorLine_ = 0;  // of the file being parsed, where the last error was
 };
 
-/// Numbers in one element of an SF or MF type; 0 for String, Node and Image; -1 for no field type at all.
+/// Numbers in one element of an SF or MF type; 0 for String, Node, Image and Custom; -1 for no field type at all.
 int componentsOf(std::string_view type);
 /// "std::int32_t", "::rtsg::Array<::rtsg::Vec3f>", ...
 std::string cppType(std::string_view type);

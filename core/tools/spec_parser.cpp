@@ -40,6 +40,7 @@ constexpr TypeInfo kTypes[] = {
     {"Matrix3d", "::rtsg::Matrix3d", 9},
     {"Matrix4f", "::rtsg::Matrix4f", 16},
     {"Matrix4d", "::rtsg::Matrix4d", 16},
+    {"Custom", "::rtsg::CustomValue", 0},
 };
 constexpr std::string_view kAspects[] = {"none",  "structure", "transform", "geometry", "appearance",
                                          "light", "view",      "sound",     "time"};
@@ -75,8 +76,20 @@ bool isNode(const Field& field) {
 bool isString(const Field& field) {
     return field.type.substr(2) == "String";
 }
+bool isCustom(const Field& field) {
+    return !field.custom.empty();
+}
 bool isInteger(const Field& field) {
-    return field.type.substr(2) == "Int32" || field.type.substr(2) == "Image";
+    return field.type.substr(2) == "Int32" || field.type.substr(2) == "Image" || field.custom.contains(" int32 ") ||
+           field.custom.contains(" bytes ");
+}
+std::string shown(const Field& field) {
+    return isCustom(field) ? field.type.substr(0, 2) + field.custom.substr(0, field.custom.find(' ')) : field.type;
+}
+/// How many numbers an element has; 0: bytes, of which each value has as many as it wants.
+std::size_t numbersIn(const Field& field) {
+    if (!isCustom(field)) return static_cast<std::size_t>(std::max(componentsOf(field.type), 1));
+    return static_cast<std::size_t>(std::stoi(field.custom.substr(field.custom.rfind(' ') + 1)));
 }
 
 bool isIdentifier(std::string_view text) {
@@ -225,8 +238,10 @@ void Model::parse(const std::string& file, const std::string& text, bool importe
         }
         const std::vector<Token> found = tokens(where, line);
         if (found.empty()) continue;
-        if (componentsOf(found[0].text) >= 0 || found[0].text == "retag")
+        if (isFieldType(found[0].text) || found[0].text == "retag")
             parseField(where, found);
+        else if (found[0].text == "fieldType")
+            parseFieldType(where, found);
         else
             parseHead(where, found, imported);
     }
@@ -263,8 +278,9 @@ void Model::parseHead(const Position& where, const std::vector<Token>& found, bo
     else if (keyword == "internal")
         type.hidden = true;
     else if (keyword != "node")
-        return error(where, "expected component, abstract, node, internal, extend, retag or a field type, not '" +
-                                keyword + "'");
+        return error(where,
+                     "expected component, abstract, node, internal, extend, retag, fieldType or a field type, not '" +
+                         keyword + "'");
     if (!isIdentifier(name)) return error(where, "'" + name + "' cannot name a type");
     if (component_.empty()) error(where, "no `component` line before '" + name + "'");
     bool hasLevel = false;
@@ -376,7 +392,37 @@ bool Model::parseSince(const Position& where, const std::string& version, int& s
 void Model::checkUnit(const Position& where, const Field& field) {
     constexpr std::string_view measured[] = {"Float", "Double", "Vec2f", "Vec2d", "Vec3f", "Vec3d", "Vec4f", "Vec4d"};
     if (!field.unit.empty() && std::ranges::find(measured, field.type.substr(2)) == std::end(measured))
-        error(where, "values of " + field.type + " have no unit");
+        error(where, "values of " + shown(field) + " have no unit");
+}
+
+bool Model::isFieldType(const std::string& name) const {
+    if (componentsOf(name) >= 0) return name.substr(2) != "Custom";
+    return (name.starts_with("SF") || name.starts_with("MF")) && fieldTypes_.contains(name.substr(2));
+}
+
+/// `fieldType SFQuantity float64 2`
+void Model::parseFieldType(const Position& where, const std::vector<Token>& found) {
+    constexpr std::size_t kLongestName = 64;
+    constexpr int kMost = 1024;
+    constexpr std::string_view kinds[] = {"float64", "float32", "int32", "bytes"};
+    const auto word = [&](std::size_t i) { return i < found.size() ? found[i].text : std::string(); };
+    const std::string name = word(1).starts_with("SF") ? word(1).substr(2) : std::string();
+    if (!isIdentifier(name) || name[0] < 'A' || name[0] > 'Z' || name.size() > kLongestName ||
+        componentsOf("SF" + name) >= 0)
+        return error(where, "'" + word(1) + "' cannot name a field type of one's own: it is SF and a word of its own");
+    int count = -1;
+    const std::string number = word(3);
+    const auto [end, code] = std::from_chars(number.data(), number.data() + number.size(), count);
+    const bool isCount = code == std::errc() && end == number.data() + number.size() && count <= kMost &&
+                         count >= (word(2) == "bytes" ? 0 : 1);
+    if (found.size() != 4 || std::ranges::find(kinds, word(2)) == std::end(kinds) || !isCount)
+        return error(where,
+                     "expected `fieldType SFName KIND COUNT`: float64, float32 or int32 and 1 to 1024, or "
+                     "bytes and 0 to 1024, where 0 is any number");
+    const std::string text = name + ' ' + word(2) + ' ' + std::to_string(count);
+    if (const auto [known, isNew] = fieldTypes_.emplace(name, FieldTypeLine{text, where.line});
+        !isNew && known->second.text != text)
+        return error(where, "there is a field type SF" + name + " already, which is " + known->second.text);
 }
 
 void Model::parseField(const Position& where, const std::vector<Token>& line) {
@@ -402,6 +448,10 @@ void Model::parseField(const Position& where, const std::vector<Token>& line) {
     Field field;
     field.where = where;
     field.type = found[0].text;
+    if (const auto own = fieldTypes_.find(std::string_view(field.type).substr(2)); own != fieldTypes_.end()) {
+        field.custom = own->second.text;
+        field.type = field.type.substr(0, 2) + "Custom";
+    }
     field.name = found[2].text;
     field.aspect = tags.aspect;
     field.unit = tags.unit;
@@ -462,7 +512,7 @@ void Model::parseDefault(Field& field, const std::vector<Token>& found, std::siz
         } else {
             if (value.kind != Token::word || !parseNumber(value.text, number) || std::isinf(number) ||
                 (isInteger(field) && (number != std::trunc(number) || std::abs(number) > 2147483647.0)))
-                return error(field.where, "'" + value.text + "' is no value of " + field.type);
+                return error(field.where, "'" + value.text + "' is no value of " + shown(field));
             // As written where possible: the reader of the table rounds once, to the type of the field.
             if (isInteger(field)) {
                 field.defaultText += std::to_string(static_cast<long long>(number)) + ' ';
@@ -476,13 +526,14 @@ void Model::parseDefault(Field& field, const std::vector<Token>& found, std::siz
         }
     }
     if (!field.defaultText.empty() && field.defaultText.back() == ' ') field.defaultText.pop_back();
-    const int components = std::max(componentsOf(field.type), 1);
-    if (field.type == "SFImage") {
+    const std::size_t components = numbersIn(field);
+    if (components == 0) {
+        if (isMF(field) && count > 0) error(field.where, "lists of bytes default to []");
+    } else if (field.type == "SFImage") {
         if (count != 3) error(field.where, "an image defaults to three numbers, 0 0 0");
-    } else if (isMF(field) ? count % static_cast<std::size_t>(components) != 0
-                           : count != static_cast<std::size_t>(components)) {
+    } else if (isMF(field) ? count % components != 0 : count != components) {
         error(field.where, "the default of '" + field.name + "' has " + std::to_string(count) + " values, " +
-                               field.type + " takes " + (isMF(field) ? "a multiple of " : "") +
+                               shown(field) + " takes " + (isMF(field) ? "a multiple of " : "") +
                                std::to_string(components));
     }
 }
@@ -502,6 +553,8 @@ void Model::parseGroup(Field& field, const std::string& group) {
                 return error(field.where, "expected strings between | in " + group);
             field.allowed += std::string(choice.substr(1, choice.size() - 2)) + '\n';
         }
+    } else if (isCustom(field)) {
+        error(field.where, "values of " + shown(field) + " have no range");
     } else {
         const std::vector<std::string_view> bounds = split(inside, ',');
         if (bounds.size() != 2 || !parseNumber(bounds[0], field.min) || !parseNumber(bounds[1], field.max) ||

@@ -18,9 +18,9 @@ void Model::inherit(Type& type, const Type& base) {
         if (known == type.fields.end()) {
             type.fields.push_back(field);
         } else if (redefined == type.own.end()) {
-            const bool same = known->type == field.type && known->access == field.access &&
-                              known->defaultText == field.defaultText && known->accepts == field.accepts &&
-                              known->min == field.min && known->max == field.max;
+            const bool same = known->type == field.type && known->custom == field.custom &&
+                              known->access == field.access && known->defaultText == field.defaultText &&
+                              known->accepts == field.accepts && known->min == field.min && known->max == field.max;
             const bool retagged = std::ranges::any_of(type.retags, [&](const Retag& retag) {
                 return std::ranges::find(retag.fields, field.name) != retag.fields.end();
             });
@@ -114,7 +114,7 @@ void Model::resolve(Type& type) {
             type.fields.push_back(field);
             continue;
         }
-        if (known->type != field.type || known->access != field.access)
+        if (known->type != field.type || known->custom != field.custom || known->access != field.access)
             error(field.where, "'" + field.name + "' is inherited with another type or access");
         // A unit that nobody repeats would be gone without a word.
         if (!known->unit.empty() && field.unit.empty())

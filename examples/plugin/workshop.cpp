@@ -1,4 +1,6 @@
-// A plug-in to start from: a node that acts, a geometry, a format to read, a format to write, and a subscriber.
+// A plug-in to start from: a node that acts, a geometry, a field type, a format to read, a format to write, and a
+// subscriber.
+#include <algorithm>
 #include <charconv>
 #include <iostream>
 #include <map>
@@ -33,6 +35,27 @@ std::shared_ptr<const Mesh> paneMesh(const Scene& scene, NodeId id) {
     mesh->texCoords.emplace_back();
     for (const Vec3f& point : mesh->positions) mesh->bounds.extend(point);
     return mesh;
+}
+
+/// An SFQuantity is a number and which of these units it counts in, written as "3.5 kg".
+constexpr std::string_view kUnits[] = {"1", "m", "kg", "s"};
+
+std::string printQuantity(const CustomValue& value) {
+    const std::vector<double> numbers = customNumbers(value);
+    char digits[40];
+    const auto end = std::to_chars(digits, digits + sizeof(digits), numbers[0]).ptr;
+    const bool isKnown = numbers[1] >= 0 && numbers[1] < std::size(kUnits);
+    return std::string(digits, end) + ' ' + (isKnown ? std::string(kUnits[static_cast<std::size_t>(numbers[1])]) : "?");
+}
+
+Result<CustomValue> parseQuantity(const CustomType& type, std::string_view text) {
+    double numbers[2] = {};
+    const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), numbers[0]);
+    const std::string_view unit = text.substr(std::min(text.size(), text.find_last_of(' ') + 1));
+    const auto found = std::find(std::begin(kUnits), std::end(kUnits), unit);
+    if (error != std::errc() || found == std::end(kUnits)) return fail("expected a number and 1, m, kg or s");
+    numbers[1] = static_cast<double>(found - std::begin(kUnits));
+    return type.value(numbers);
 }
 
 /// Files called .points: three numbers a line.
@@ -109,6 +132,10 @@ struct Counter final : Subscriber {
 }  // namespace
 
 RTSG_PLUGIN(extensions) {
+    const CustomLayout layout{CustomLayout::Of::float64, 2};
+    const auto quantity =
+        extensions.addFieldType("SFQuantity", layout, {.print = printQuantity, .parse = parseQuantity});
+    if (!quantity) return std::unexpected(quantity.error());
     if (auto ok = extensions.add(workshop::nodeTypes()); !ok) return ok;
     extensions.addBehaviour("Spinner", {.onTime = spin, .deterministic = true});
     extensions.addMeshSource("Pane", paneMesh);

@@ -17,7 +17,7 @@ from ._types import Damage, Divergence, FieldDifference, FieldStep, Irradiance, 
 
 native = _util.find_spec(__name__ + "._rtsg") is not None  # one that is there and cannot be loaded is an ImportError
 
-_EXTENDED = ["Cascade", "Recorder", "Server", "Sound", "Subscription", "diff", "load", "loads", "replay_test", "serve"]
+_EXTENDED = ["Cascade", "Recorder", "Server", "Sound", "Subscription", "diff", "load", "loads", "register_field_type", "replay_test", "serve"]
 
 __all__ = ["Change", "ChangeSet", "Closed", "Damage", "Diagnostic", "DiagnosticWarning", "Divergence", "Error",
            "FieldDifference", "FieldStep", "Follower", "Irradiance", "Log", "NoExtension", "Node", "NoSuchField", "NoSuchName",
@@ -25,7 +25,7 @@ __all__ = ["Change", "ChangeSet", "Closed", "Damage", "Diagnostic", "DiagnosticW
 
 if native:
     from ._rtsg import (Cascade, Change, ChangeSet, Node, Recorder, Scene, Server, Sound, Subscription, __version__, diff, load, loads,
-                        replay_test)
+                        register_field_type, replay_test)
     from ._follow import Follower, follow
     from ._logs import Log
     from ._serve import serve

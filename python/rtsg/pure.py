@@ -283,13 +283,14 @@ def _sum_of_nodes(previous, difference):
 
 
 _NAMES = ("Bool Int32 Float Double Time String Node Color ColorRGBA Image Vec2f Vec2d Vec3f Vec3d Vec4f Vec4d Rotation "
-          "Matrix3f Matrix3d Matrix4f Matrix4d").split()
+          "Matrix3f Matrix3d Matrix4f Matrix4d Custom").split()
 # What NumPy calls an element, and its shape; strings and images are otherwise.
 _LAYOUT = [("?", ()), ("<i4", ()), ("<f4", ()), ("<f8", ()), ("<f8", ()), None, ("<u4", ()), ("<f4", (3,)), ("<f4", (4,)), None, ("<f4", (2,)),
            ("<f8", (2,)), ("<f4", (3,)), ("<f8", (3,)), ("<f4", (4,)), ("<f8", (4,)), ("<f4", (4,)), ("<f4", (3, 3)), ("<f8", (3, 3)),
-           ("<f4", (4, 4)), ("<f8", (4, 4))]
+           ("<f4", (4, 4)), ("<f8", (4, 4)), None]
 _SIZES = [layout and np.dtype(layout[0]).itemsize * math.prod(layout[1]) for layout in _LAYOUT]
-_BOOL, _STRING, _NODE, _IMAGE, _ROTATION = 0, 5, 6, 9, 16
+_BOOL, _STRING, _NODE, _IMAGE, _ROTATION, _CUSTOM = 0, 5, 6, 9, 16, 21
+_CUSTOM_CODES = ("u1", "<i4", "<f4", "<f8")  # of a type from outside: bytes or numbers
 _SFNODE, _MFNODE, _SFROTATION = 12, 13, 32
 _LANES = {2 * k: _SIZES[k] // 4 for k, layout in enumerate(_LAYOUT) if layout and layout[0] == "<f4" and _SIZES[k] <= 16}  # of predicted types
 _PACKED = {3: 1, **{kind + 1: lanes for kind, lanes in _LANES.items()}}  # of types in packed arrays
@@ -316,8 +317,14 @@ def _read_bytes(r, kind):
         return data
     unit = 4 if k == _IMAGE else 1
     if kind % 2 == 0:
-        return r.take(unit * r.count(unit))
+        data = r.take(unit * r.count(unit))
+        if k == _CUSTOM:
+            _custom(data)
+        return data
     parts = [r.take(unit * r.count(unit)) for _ in range(r.count(1))]
+    if k == _CUSTOM:
+        for part in parts:
+            _custom(part)
     return b"".join(len(part).to_bytes(8, "little") + part for part in parts)
 
 
@@ -327,6 +334,29 @@ def _parts_of(data):
         size = _U64(data, at)[0]
         yield data[at + 8:at + 8 + size]
         at += 8 + size
+
+
+def _custom_head(of, count, name):
+    """What each value of a field type from outside begins with, and the bytes that follow (0: as many as it wants)."""
+    plain = name.isascii() and name.replace("_", "a").isalnum() and "A" <= name[0] <= "Z" and len(name) <= 64
+    if of >= len(_CUSTOM_CODES) or count > 1024 or (count == 0 and of != 0) or not plain or name in _NAMES:
+        raise FormatError("a field type from outside without a name or a layout")
+    return struct.pack("<BHB", of, count, len(name)) + name.encode(), count * np.dtype(_CUSTOM_CODES[of]).itemsize
+
+
+def _custom(data):
+    """A value of a field type from outside: a number, an array of them, or bytes."""
+    if len(data) < 4:
+        raise FormatError("a value of a field type from outside that does not say what it is")
+    of, count, length = struct.unpack_from("<BHB", data)
+    head, size = _custom_head(of, count, bytes(data[4:4 + length]).decode("ascii", "replace") or "-")
+    rest = bytes(data[len(head):])
+    if len(data) < len(head) or size not in (0, len(rest)):
+        raise FormatError("a value of a field type from outside that does not say what it is")
+    if of == 0:
+        return rest
+    array = np.frombuffer(rest, _CUSTOM_CODES[of])
+    return array[0].item() if count == 1 else array
 
 
 def _picture(words):
@@ -344,6 +374,8 @@ def _plain(kind, data):
     k = kind // 2
     if k == _STRING:
         return tuple(part.decode("utf-8", "replace") for part in _parts_of(data)) if kind % 2 else data.decode("utf-8", "replace")
+    if k == _CUSTOM:
+        return tuple(_custom(part) for part in _parts_of(data)) if kind % 2 else _custom(data)
     if k == _IMAGE:
         return tuple(_picture(part) for part in _parts_of(data)) if kind % 2 else _picture(data)
     code, shape = _LAYOUT[k]
@@ -388,6 +420,8 @@ def _wire_of(kind, value, path):
             raise TypeError(f"{path} is {_type_name(kind)}: expected " + ("a list of str" if many else "str"))
         parts = [_text(one) for one in (value if many else (value,))]
         return (_varint(len(parts)) if many else b"") + b"".join(parts)
+    if k == _CUSTOM:
+        raise NoExtension(f"{path}: values of field types from outside are sent by the extension module alone")
     if k == _IMAGE:
         raise NoExtension(f"{path}: pictures are sent by the extension module alone")
     numbers = _numbers_for(kind, value, path)
@@ -426,6 +460,11 @@ class _Field:
             if flags & bit:
                 r.texts()
         self.default = _read_bytes(r, self.kind) if flags & 64 else _zero(self.kind)
+        if self.kind // 2 == _CUSTOM:
+            of, count = r.numbers("BH")
+            head, size = _custom_head(of, count, r.text() or "-")
+            if self.kind % 2 == 0 and not flags & 64:
+                self.default = head + bytes(size)
         self.key = xxh3_64(self.name.encode() + (b"\0" if self.hidden else b""))
 
 
@@ -1035,6 +1074,9 @@ def _for_json(kind, data):
         lists = [np.frombuffer(part, "<i4").tolist() for part in (_parts_of(data) if kind % 2 else (data,))]
         return lists if kind % 2 else lists[0]
     plain = _plain(kind, data)
+    if kind // 2 == _CUSTOM:
+        texts = ["0x" + one.hex() if isinstance(one, bytes) else np.asarray(one).tolist() for one in (plain if kind % 2 else (plain,))]
+        return texts if kind % 2 else texts[0]
     if isinstance(plain, np.ndarray):
         return (plain.reshape(len(plain), -1) if kind % 2 and plain.ndim > 1 and len(plain) else plain.ravel()).tolist()
     return list(plain) if isinstance(plain, tuple) else plain

@@ -216,7 +216,7 @@ py::tuple table(const Log& log, const std::vector<std::string>& paths, double fr
     result["time"] = py::array_t<double>(static_cast<py::ssize_t>(times.size()), times.data());
     for (const LogTable::Column* const column : made.columns()) {
         result[py::str(column->name)] = arrayOf(*column, log.scene());
-        types[py::str(column->name)] = std::string(info(column->type).name);
+        types[py::str(column->name)] = column->now ? typeNameOf(*column->now) : fieldTypeName(column->type, nullptr);
         parts[py::str(column->name)] = py::cast(componentNames(column->type));
     }
     return py::make_tuple(result, types, parts);

@@ -209,8 +209,8 @@ class Follower final : public Dependent {
         const Scene& replica = handle_->scene();
         const auto at = findField(replica, path);
         if (!at) raise(at.error(), "NoSuchName");
-        const FieldType type = replica.node(at->node).type().fields[at->field].type;
-        Value made = fromPython(type, value, *handle_, path);
+        const FieldDef& def = replica.node(at->node).type().fields[at->field];
+        Value made = fromPython(def, value, *handle_, path);
         return take(asEvent ? inside.submitEvent(at->node, at->field, std::move(made))
                             : inside.submitEdit(at->node, at->field, std::move(made)));
     }

@@ -52,7 +52,7 @@ void setValue(const NodeObject& object, const std::string& name, const py::handl
     const FieldDef& def = node.type().fields[field];
     if (!def.readable())
         raise(DiagnosticCode("access"), pathOf(object, name) + " is an input: send_event() sends to it");
-    Value made = fromPython(def.type, value, *object.handle, pathOf(object, name));
+    Value made = fromPython(def, value, *object.handle, pathOf(object, name));
     take(scene.setField(object.id, field, std::move(made)));
 }
 
@@ -62,8 +62,7 @@ void sendEvent(const NodeObject& object, const std::string& name, const py::hand
     const FieldIndex field = fieldOf(node, name);
     if (field == kNoField) noField(object, node, name);
     take(scene.sendEvent(object.id, field,
-                         fromPython(node.type().fields[field].type, value, *object.handle, pathOf(object, name)),
-                         author));
+                         fromPython(node.type().fields[field], value, *object.handle, pathOf(object, name)), author));
 }
 
 void addChild(const NodeObject& object, const NodeObject& child, const std::string& name,
@@ -103,7 +102,7 @@ py::tuple fieldNames(const NodeObject& object) {
 py::dict fieldTypes(const NodeObject& object) {
     py::dict types;
     for (const FieldDef& def : object.node().type().fields)
-        if (!def.hidden) types[py::str(def.name)] = std::string(info(def.type).name);
+        if (!def.hidden) types[py::str(def.name)] = def.typeName();
     return types;
 }
 

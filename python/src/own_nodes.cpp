@@ -42,7 +42,7 @@ void emit(const CascadeObject& object, const NodeObject& node, const std::string
         raise(DiagnosticCode("no-such-field"), fmt::format("{} has no field {}", own.type().name, name), "NoSuchField");
     const FieldDef& def = own.type().fields[field];
     if (!def.readable()) raise(DiagnosticCode("access"), name + " is an input and sends nothing");
-    take(cascade.output(own, field, fromPython(def.type, value, *object.handle, own.type().name + "." + name)));
+    take(cascade.output(own, field, fromPython(def, value, *object.handle, own.type().name + "." + name)));
 }
 
 /// Calls a function for a node. What it raises is raised by frame() once the frame is complete, and all of its type
@@ -103,10 +103,11 @@ FieldDef fieldFrom(const std::string& name, const py::handle& given, const Scene
     FieldDef field;
     field.name = name;
     const auto type = py::cast<std::string>(parts[0]);
-    if (!fieldTypeFromName(type, field.type))
+    if (!fieldTypeFromName(type, field.type, field.custom))
         throw py::value_error(fmt::format("{}: there is no field type {}", name, type));
     if (parts.size() > 1) field.access = accessFrom(py::cast<std::string>(parts[1]), name);
-    field.defaultValue = parts.size() > 2 ? fromPython(field.type, parts[2], handle, name) : Value::zero(field.type);
+    field.defaultValue =
+        parts.size() > 2 ? fromPython(field, parts[2], handle, name) : zeroOf(field.type, field.custom.get());
     return field;
 }
 
@@ -138,6 +139,24 @@ void define(SceneHandle& handle, const std::string& name, const py::dict& fields
 }  // namespace
 
 void addOwnNodes(py::module_& module) {
+    module.def(
+        "register_field_type",
+        [](const std::string& name, const std::string& kind, std::uint16_t count) {
+            constexpr std::pair<std::string_view, CustomLayout::Of> kKinds[] = {{"float64", CustomLayout::Of::float64},
+                                                                                {"float32", CustomLayout::Of::float32},
+                                                                                {"int32", CustomLayout::Of::int32},
+                                                                                {"bytes", CustomLayout::Of::bytes}};
+            const auto found = std::ranges::find(kKinds, kind, &std::pair<std::string_view, CustomLayout::Of>::first);
+            if (found == std::end(kKinds))
+                throw py::value_error(kind + " is no kind of numbers: float64, float32, int32 or bytes");
+            const auto made = registerFieldType(name, {found->second, count});
+            if (!made) throw py::value_error(made.error().text);
+        },
+        py::arg("name"), py::arg("kind"), py::arg("count") = 1,
+        "Makes a field type known to the process, as \"SFQuantity\", which has \"MFQuantity\" beside it: each value "
+        "consists of `count` numbers, or of bytes (0: of any number of them). Raises ValueError for what cannot be, "
+        "and "
+        "where there is one of that name with another layout.");
     py::class_<CascadeObject>(
         module, "Cascade", "What the functions of a node type of one's own are called with; good for the call alone.")
         .def_property_readonly(

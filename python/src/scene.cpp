@@ -145,8 +145,8 @@ py::object valueAt(const py::object& self, const std::string& path) {
 void send(SceneHandle& handle, const std::string& path, const py::object& value, const std::string& author) {
     Scene& scene = handle.edited();
     const FieldRef at = fieldAt(scene, path);
-    const FieldType type = scene.node(at.node).type().fields[at.field].type;
-    take(scene.sendEvent(at.node, at.field, fromPython(type, value, handle, path), author));
+    const FieldDef& def = scene.node(at.node).type().fields[at.field];
+    take(scene.sendEvent(at.node, at.field, fromPython(def, value, handle, path), author));
 }
 
 py::object create(const py::object& self, const std::string& type, const py::kwargs& fields) {
@@ -250,7 +250,8 @@ void setEach(SceneHandle& handle, const py::iterable& nodes, const std::string& 
               "NoSuchField");
     const FieldType type = first->type().fields[field].type;
     if (isMF(type) || !numberType(type))
-        throw py::type_error(fmt::format("{} is {}: set_each() is of single values of numbers", name, info(type).name));
+        throw py::type_error(fmt::format("{} is {}: set_each() is of single values of numbers", name,
+                                         first->type().fields[field].typeName()));
     const Numbers numbers = numbersFrom(mf(type), values, name);
     if (numbers.count != ids.size())
         throw py::value_error(fmt::format("{} values for {} nodes", numbers.count, ids.size()));

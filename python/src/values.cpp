@@ -3,9 +3,13 @@
 
 #include <cstring>
 #include <limits>
+#include <span>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <rtsg/core/custom_field.h>
+#include <rtsg/core/field_text.h>
 
 #include "errors.h"
 
@@ -76,6 +80,23 @@ py::tuple tupleOf(const Value& value, Make make) {
     return result;
 }
 
+/// A number, an array of them, or bytes.
+py::object customOf(const CustomValue& value) {
+    const auto type = CustomType::of(value);
+    const std::span<const std::byte> bits = customBits(value);
+    const auto* const first = reinterpret_cast<const char*>(bits.data());
+    if (!type || type->layout().of == CustomLayout::Of::bytes) return py::bytes(first, bits.size());
+    const auto made = [&]<class S>(S) -> py::object {
+        py::array_t<S> array(static_cast<py::ssize_t>(bits.size() / sizeof(S)));
+        std::memcpy(array.mutable_data(), first, bits.size());
+        if (type->layout().count == 1) return py::cast(array.data()[0]);
+        makeReadOnly(array);
+        return std::move(array);
+    };
+    if (type->layout().of == CustomLayout::Of::int32) return made(std::int32_t());
+    return type->layout().of == CustomLayout::Of::float32 ? made(float()) : made(double());
+}
+
 }  // namespace
 
 // ---- to Python -----------------------------------------------------------------------------------------------------
@@ -89,6 +110,7 @@ std::optional<py::dtype> numberType(FieldType type) {
         case FieldType::SFString:
         case FieldType::SFNode:
         case FieldType::SFImage:
+        case FieldType::SFCustom:
             return std::nullopt;
         default: {
             const FieldTypeInfo& i = info(sf(type));
@@ -140,6 +162,10 @@ py::object toPython(const Value& value, const py::object& scene) {
             return nodeOrNone(scene, value.as<NodeId>());
         case FieldType::SFImage:
             return pictureOf(value.as<Image>());
+        case FieldType::SFCustom:
+            return customOf(value.as<CustomValue>());
+        case FieldType::MFCustom:
+            return tupleOf<CustomValue>(value, customOf);
         case FieldType::MFString:
             return tupleOf<String>(value, textOf);
         case FieldType::MFNode:
@@ -246,7 +272,42 @@ Value listFrom(FieldType type, const py::handle& object, std::string_view what, 
     return Value(std::move(elements));
 }
 
+/// From a text, bytes, a number or several.
+CustomValue customFrom(const CustomType& type, const py::handle& object, std::string_view what) {
+    Result<CustomValue> made;
+    if (PyUnicode_Check(object.ptr())) {
+        auto parsed = parseFieldText(FieldType::SFCustom, py::cast<std::string>(object), TextSyntax::xml, &type);
+        if (!parsed) throw py::value_error(fmt::format("{} is SF{}: {}", what, type.name(), parsed.error().text));
+        return parsed->as<CustomValue>();
+    }
+    if (PyBytes_Check(object.ptr())) {
+        if (type.layout().of != CustomLayout::Of::bytes)
+            throw py::type_error(fmt::format("{} is SF{}: expected numbers, not bytes", what, type.name()));
+        const auto bytes = py::cast<std::string>(object);
+        made = type.value(std::as_bytes(std::span(bytes)));
+    } else {
+        const auto numbers = py::array_t < double, py::array::c_style | py::array::forcecast > ::ensure(object);
+        if (!numbers) {
+            PyErr_Clear();
+            throw py::type_error(fmt::format("{} is SF{}: expected numbers, a text or bytes", what, type.name()));
+        }
+        made = type.value(std::span(numbers.data(), static_cast<std::size_t>(numbers.size())));
+    }
+    if (made) made = normalisedCustom(type, std::move(*made));
+    if (!made) throw py::value_error(fmt::format("{}: {}", what, made.error().text));
+    return std::move(*made);
+}
+
+Value builtinFrom(FieldType type, const py::handle& object, const SceneHandle& handle, std::string_view what);
+
 }  // namespace
+
+Value fromPython(const FieldDef& field, const py::handle& object, const SceneHandle& handle, std::string_view what) {
+    if (!field.custom) return builtinFrom(field.type, object, handle, what);
+    if (!isMF(field.type)) return Value(customFrom(*field.custom, object, what));
+    return listFrom<CustomValue>(field.type, object, what,
+                                 [&](py::handle one) { return customFrom(*field.custom, one, what); });
+}
 
 Numbers numbersFrom(FieldType type, const py::handle& object, std::string_view what) {
     py::array array = py::array::ensure(object);
@@ -282,7 +343,9 @@ Numbers numbersFrom(FieldType type, const py::handle& object, std::string_view w
     }
 }
 
-Value fromPython(FieldType type, const py::handle& object, const SceneHandle& handle, std::string_view what) {
+namespace {
+
+Value builtinFrom(FieldType type, const py::handle& object, const SceneHandle& handle, std::string_view what) {
     switch (type) {
         case FieldType::SFString:
             return Value(textFrom(type, object, what));
@@ -309,5 +372,7 @@ Value fromPython(FieldType type, const py::handle& object, const SceneHandle& ha
     const Numbers numbers = numbersFrom(type, object, what);
     return isMF(type) ? manyFrom(type, numbers) : Value::fromStorage(type, numbers.array.data());
 }
+
+}  // namespace
 
 }  // namespace rtsg::python

@@ -9,6 +9,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <rtsg/core/node_type.h>
 #include <rtsg/core/value.h>
 
 #include "scene_handle.h"
@@ -34,7 +35,8 @@ pybind11::object nodeOrNone(const pybind11::object& scene, NodeId id);
 /// `scene`: the Scene object that nodes in the value are of.
 pybind11::object toPython(const Value& value, const pybind11::object& scene);
 /// Raises TypeError and ValueError for what is no such value; `what` names the field in their texts.
-Value fromPython(FieldType type, const pybind11::handle& object, const SceneHandle& handle, std::string_view what);
+Value fromPython(const FieldDef& field, const pybind11::handle& object, const SceneHandle& handle,
+                 std::string_view what);
 /// The numbers of an SF or MF type that is made of them: `count` values, one after the other, of `components` each.
 struct Numbers {
     pybind11::array array;  // C-contiguous, of the type's own numbers

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/field_path.h>
 #include <rtsg/core/field_text.h>
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
@@ -126,6 +127,159 @@ TEST(Plugins, TypesOfTablesReachReplicasThatLackThem) {
     Diagnostics more;
     ASSERT_TRUE(loadText(replica, "#X3D V4.0 utf8\nSpinner { turnsPerSecond 4 }", more));
     EXPECT_EQ(complaints(more), "") << "a file may use the types that a scene has";
+}
+
+// ---- field types ---------------------------------------------------------------------------------------------------
+
+/// The registry is the process's own: other tests, and programs without the type, begin with an empty one.
+class FieldTypes : public testing::Test {
+  protected:
+    FieldTypes() : before_(fieldTypeRegistry()) { restoreFieldTypes(none_); }
+    ~FieldTypes() override { restoreFieldTypes(before_); }
+    static void forget() { restoreFieldTypes(none_); }
+
+    static std::string text(const Scene& scene, Encoding encoding) {
+        std::string result;
+        Diagnostics problems;
+        const auto writer = makeWriter(encoding, [&](std::string_view piece) { result += piece; }, problems);
+        SceneExporter(scene, problems).write(*writer);
+        return result + complaints(problems);
+    }
+    static std::string valueAt(const Scene& scene, std::string_view path) {
+        const auto value = fieldText(scene, path);
+        return value ? *value : value.error().text;
+    }
+
+  private:
+    inline static const std::shared_ptr<const FieldTypeRegistry> none_ = fieldTypeRegistry();
+    std::shared_ptr<const FieldTypeRegistry> before_;
+};
+
+constexpr std::string_view kCrates =
+    "#X3D V4.0 utf8\n"
+    "PROTO Pallet [ inputOutput SFQuantity load \"2 kg\" initializeOnly MFQuantity all [ \"1 m\" 2.5 2 ] ] {\n"
+    "  Crate { weight IS load contents IS all } }\n"
+    "DEF A Crate { weight \"3.5 kg\" contents [ \"1 kg\", 2 3 ] }\n"
+    "DEF B Crate { }\n"
+    "DEF P Pallet { load 7 2 }\n"
+    "DEF D Pallet { }\n"
+    "DEF S Script { inputOnly SFQuantity given field SFQuantity kept \"5 s\" outputOnly MFQuantity out\n"
+    "  url \"ecmascript: function given(v) { kept = [v[0] * 2, v[1]]; out = new Array(v, kept); }\" }\n"
+    "ROUTE A.weight TO B.weight\nROUTE A.weight TO S.given\nROUTE S.out TO B.contents\n";
+
+TEST_F(FieldTypes, GoThroughDocumentsOfEveryEncoding) {
+    Extensions extensions;
+    ASSERT_TRUE(loadPlugin(plugin("workshop"), extensions));
+    Scene scene;
+    extensions.registerWith(scene);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, kCrates, diagnostics));
+    EXPECT_EQ(complaints(diagnostics), "");
+    EXPECT_EQ(valueAt(scene, "A.weight"), "\"3.5 kg\"");
+    EXPECT_EQ(valueAt(scene, "A.contents"), "[\"1 kg\", \"2 s\"]");
+    EXPECT_EQ(valueAt(scene, "B.weight"), "\"1 kg\"") << "the table's";
+    EXPECT_EQ(valueAt(scene, "P.load"), "\"7 kg\"");
+    EXPECT_EQ(valueAt(scene, "D.all"), "[\"1 m\", \"2.5 kg\"]");
+    EXPECT_EQ(valueAt(scene, "S.kept"), "\"5 s\"");
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+        const std::string written = text(scene, encoding);
+        Scene again;
+        extensions.registerWith(again);
+        Diagnostics problems;
+        ASSERT_TRUE(loadText(again, written, problems)) << written;
+        EXPECT_EQ(complaints(problems), "") << written;
+        EXPECT_EQ(text(again, Encoding::classicVrml), text(scene, Encoding::classicVrml)) << written;
+    }
+    EXPECT_NE(text(scene, Encoding::xml).find("weight='3.5 kg'"), std::string::npos) << text(scene, Encoding::xml);
+}
+
+TEST_F(FieldTypes, AreRoutedAndPassedToReplicasThatLackThem) {
+    Extensions extensions;
+    ASSERT_TRUE(loadPlugin(plugin("workshop"), extensions));
+    Scene origin, replica;
+    extensions.registerWith(origin);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(origin, kCrates, diagnostics));
+    ASSERT_TRUE(sendFieldText(origin, "A.weight", "\"9 m\""));
+    origin.newFrame(0.5);
+    EXPECT_EQ(valueAt(origin, "B.weight"), "\"9 m\"");
+    const std::string named = text(origin, Encoding::classicVrml);
+    forget();
+    const std::string plain = text(origin, Encoding::classicVrml);
+    EXPECT_NE(plain, named);
+    EXPECT_NE(plain.find("weight 9 1"), std::string::npos) << plain;
+    ASSERT_TRUE(replica.apply(std::make_shared<const ChangeSet>(origin.snapshot())));
+    EXPECT_EQ(replica.hash(), origin.hash());
+    EXPECT_EQ(text(replica, Encoding::classicVrml), plain) << "its prototypes name a type that only the stream has";
+    EXPECT_EQ(valueAt(replica, "A.weight"), "9 1");
+    registerDocuments(replica);
+    const auto another = replica.createNode("Pallet");
+    ASSERT_TRUE(another) << another.error().text;
+    ASSERT_TRUE(loadPlugin(plugin("workshop"), extensions));
+    EXPECT_EQ(valueAt(replica, "A.weight"), "\"9 m\"") << "once it has the type, it has the text";
+}
+
+TEST_F(FieldTypes, OfTablesHaveNumbersAndBytesAndNoFunctions) {
+    Extensions extensions;
+    Diagnostics diagnostics("t.x3dspec");
+    ASSERT_TRUE(
+        readNodeTable("component Own\nfieldType SFTag bytes 0\nfieldType SFBasis float32 3\n"
+                      "node Thing : X3DChildNode level 1 container children @acts(never)\n"
+                      "    SFTag [in,out] tag 1 255 @none\n    MFBasis [in,out] axes [1 0 0, 0 1 0] @none\n"
+                      "    SFBasis [in] turned @none\n",
+                      extensions, diagnostics))
+        << complaints(diagnostics);
+    Scene scene;
+    extensions.registerWith(scene);
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(scene, "#X3D V4.0 utf8\nDEF A Thing { }\nDEF B Thing { tag 0xAb axes [ 1 2 3 ] }", problems));
+    EXPECT_EQ(complaints(problems), "");
+    EXPECT_EQ(valueAt(scene, "A.tag"), "0x01ff");
+    EXPECT_EQ(valueAt(scene, "A.axes"), "[1 0 0, 0 1 0]");
+    EXPECT_EQ(valueAt(scene, "B.tag"), "0xab");
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+        Scene again;
+        extensions.registerWith(again);
+        ASSERT_TRUE(loadText(again, text(scene, encoding), problems)) << text(scene, encoding);
+        EXPECT_EQ(complaints(problems), "") << text(scene, encoding);
+        EXPECT_EQ(text(again, Encoding::classicVrml), text(scene, Encoding::classicVrml));
+    }
+}
+
+TEST_F(FieldTypes, FaultsAreNamedAndNothingOfThemStays) {
+    const auto told = [](std::string_view lines) {
+        Extensions extensions;
+        Diagnostics diagnostics("t.x3dspec");
+        EXPECT_FALSE(readNodeTable("component Own\n" + std::string(lines), extensions, diagnostics));
+        return complaints(diagnostics);
+    };
+    for (const char* line : {"fieldType SFVec3f float32 3", "fieldType Quantity float64 1", "fieldType MFA float64 1",
+                             "fieldType SFA", "fieldType SFA double 1", "fieldType SFA float64 0",
+                             "fieldType SFA float64 1025", "fieldType SFA int32 x", "fieldType SFCustom int32 1"})
+        EXPECT_NE(told(line).find("t.x3dspec:2: error: "), std::string::npos) << line;
+    const std::string head = "fieldType SFA int32 2\nnode N : X3DChildNode level 1 container children\n";
+    EXPECT_NE(told(head + "    SFA [in,out] a 1 @none").find("SFA takes 2"), std::string::npos);
+    EXPECT_NE(told(head + "    SFA [in,out] a 1 .5 @none").find("'.5' is no value of SFA"), std::string::npos);
+    EXPECT_NE(told(head + "    SFA [in,out] a 1 2 [0,1] @none").find("no range"), std::string::npos);
+    EXPECT_NE(told(head + "    SFA [in,out] a 1 2 @none @unit(length)").find("have no unit"), std::string::npos);
+    EXPECT_NE(told("fieldType SFA int32 2\nfieldType SFA int32 3").find("t.x3dspec:3: error: there is a field type"),
+              std::string::npos);
+    EXPECT_EQ(findFieldType("SFA"), nullptr);
+    ASSERT_TRUE(registerFieldType("SFA", {CustomLayout::Of::float64, 2}));
+    EXPECT_NE(told("fieldType SFB int32 1\nfieldType SFA int32 2").find("another layout"), std::string::npos);
+    EXPECT_EQ(findFieldType("SFB"), nullptr) << "a table that fails leaves none";
+    Extensions extensions;
+    EXPECT_FALSE(loadPlugin(plugin("odd_throws"), extensions));
+    EXPECT_EQ(findFieldType("SFUnpaid"), nullptr) << "so does a plug-in";
+    Scene scene;
+    Diagnostics problems("f");
+    (void)loadText(
+        scene,
+        "#X3D V4.0 utf8\nPROTO P [ initializeOnly SFA a 1 2 initializeOnly SFNone n 3 initializeOnly SFA b x "
+        "] { Group { } }",
+        problems);
+    EXPECT_NE(complaints(problems).find("'SFNone' is no field type"), std::string::npos) << complaints(problems);
+    EXPECT_NE(complaints(problems).find("expected 2 numbers (SFA), found 'x'"), std::string::npos);
 }
 
 TEST(Plugins, ThatCannotBeLoadedAreNamedWithTheReason) {

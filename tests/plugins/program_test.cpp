@@ -73,6 +73,49 @@ TEST_F(WithPlugins, LogsHaveTheTypesAndReplayWithoutThePlugin) {
     EXPECT_NE(replay.out.find("\"first_divergence\":null"), std::string::npos) << replay.out;
 }
 
+/// Whoever lacks a field type keeps its bits, its hash and its numbers.
+TEST_F(WithPlugins, FieldTypesAreRecordedReplayedAndMirroredWithEqualHashes) {
+    const std::string crates = folder / "crates.x3dv", log = folder / "crates.rlog";
+    writeFile(crates,
+              "#X3D V4.0 utf8\nPROTO Pallet [ inputOutput SFQuantity load \"2 kg\" ] { Crate { weight IS load } }\n"
+              "DEF A Crate { weight \"3.5 kg\" }\nDEF B Crate { }\nDEF P Pallet { load \"7 m\" }\n"
+              "ROUTE A.weight TO B.weight\n");
+    const Outcome run = rtsg({"run", crates, "--plugin", workshop, "--for", "1s", "--fps", "2", "--set",
+                              "A.weight=\"9 s\"@0.5s", "--watch", "B.weight"});
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_NE(run.out.find("\"value\":\"9 s\""), std::string::npos) << run.out;
+    const Outcome record = rtsg(
+        {"record", crates, "-o", log, "--for", "1s", "--fps", "2", "--plugin", workshop, "--set", "A.weight=9 3@0.5s"});
+    EXPECT_EQ(record.status, 0) << record.err;
+    const Outcome replay = rtsg({"replay", log, "--verify", "--json"});
+    EXPECT_EQ(replay.status, 0) << replay.err;
+    EXPECT_NE(replay.out.find("\"first_divergence\":null"), std::string::npos) << replay.out;
+    const Outcome saved = rtsg({"replay", log, "--save", folder / "end.x3dv"});
+    EXPECT_EQ(saved.status, 0) << saved.err;
+    const std::string end = readFile(folder / "end.x3dv");
+    EXPECT_NE(end.find("weight 9 3"), std::string::npos) << end;
+    EXPECT_NE(end.find("SFQuantity load 2 2"), std::string::npos) << end;
+    const Outcome again = rtsg({"info", folder / "end.x3dv", "--plugin", workshop});
+    EXPECT_EQ(again.status, 0) << again.err;
+    const Outcome binary = rtsg({"convert", crates, folder / "crates.rtsgb", "--plugin", workshop});
+    EXPECT_EQ(binary.status, 0) << binary.err;
+    const Outcome plain = rtsg({"convert", folder / "crates.rtsgb", folder / "plain.x3dv"});
+    EXPECT_EQ(plain.status, 0) << plain.err;
+    EXPECT_NE(readFile(folder / "plain.x3dv").find("weight 3.5 2"), std::string::npos)
+        << readFile(folder / "plain.x3dv");
+    Program server({"serve", crates, "--bind", "tcp://127.0.0.1:*", "--fps", "30", "--plugin", workshop, "--json"},
+                   streams());
+    const std::string line = server.firstLine();
+    const std::size_t from = line.find("tcp://");
+    ASSERT_NE(from, std::string::npos) << line;
+    const std::string endpoint = line.substr(from, line.find('"', from) - from);
+    const Outcome mirror = rtsg({"mirror", endpoint, "--for", "0.5s", "--json", "--save", folder / "mirrored.x3dv"});
+    EXPECT_EQ(mirror.status, 0) << mirror.err;
+    EXPECT_NE(mirror.out.find("\"equal\":true"), std::string::npos) << mirror.out;
+    EXPECT_NE(readFile(folder / "mirrored.x3dv").find("load 7 1"), std::string::npos)
+        << readFile(folder / "mirrored.x3dv");
+}
+
 /// What follows from the inputs alone is done again, by whoever knows how; who does not says so.
 TEST_F(WithPlugins, LogsOfInputsNeedThePluginOfADeterministicBehaviour) {
     const std::string log = folder / "own.rlog";

@@ -98,6 +98,32 @@ def test_every_type_comes_back_as_it_was_set(kind):
     assert np.array_equal(node.many, [value] * 3) and node.many.shape == (3,) + np.shape(value)
 
 
+def test_field_types_from_outside():
+    for kind, name, count in (("float64", "SFPyPair", 2), ("float32", "SFPyMass", 1), ("int32", "SFPyCount", 1), ("bytes", "SFPyTag", 0)):
+        rtsg.register_field_type(name, kind, count)
+    with pytest.raises(ValueError, match="another layout"):
+        rtsg.register_field_type("SFPyPair", "float64", 3)
+    for name, kind in (("SFVec3f", "float32"), ("Pair", "int32"), ("SFPyOther", "double")):
+        with pytest.raises(ValueError):
+            rtsg.register_field_type(name, kind)
+    scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { inputOutput SFPyPair pair 1 2 inputOutput MFPyPair pairs [ ] "
+                       "inputOutput SFPyMass mass 1.5 inputOutput SFPyCount count 3 inputOutput SFPyTag tag 0x01 }", scripts=False)
+    node = scene["S"]
+    assert node.field_types["pair"] == "SFPyPair" and node.field_types["pairs"] == "MFPyPair"
+    assert node.pair.tolist() == [1, 2] and node.mass == 1.5 and node.count == 3 and node.tag == b"\x01" and node.pairs == ()
+    node.pair, node.pairs = [3, 4.5], [[1, 2], "3 4"]
+    node.mass, node.count, node.tag = 2, 7, b"\x00\xff"
+    assert node.pair.tolist() == [3, 4.5] and [one.tolist() for one in node.pairs] == [[1, 2], [3, 4]]
+    assert node.mass == 2 and node.count == 7 and node.tag == b"\x00\xff"
+    for given in ([1], [1, 2, 3], "1", "x", None, b"12", {}):
+        with pytest.raises((ValueError, TypeError), match="SFPyPair|S.pair"):
+            node.pair = given
+    with pytest.raises(ValueError):
+        node.count = 1.5
+    scene.define("Weighed", {"load": ("SFPyPair", "inputOutput", [5, 6])})
+    assert scene.create("Weighed").load.tolist() == [5, 6]
+
+
 def test_numbers_that_do_not_fit():
     scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Immersive\nDEF S Switch { } DEF I IndexedFaceSet { }")
     for node, name, good in ((scene["S"], "whichChoice", 2), (scene["I"], "coordIndex", [0, 1, -1])):

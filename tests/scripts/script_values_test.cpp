@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/custom_field.h>
+#include <rtsg/core/field_text.h>
+
 #include "script_scene.h"
 
 namespace rtsg {
@@ -249,6 +252,67 @@ TEST(ScriptValues, WhatHasNoPlaceInATypeIsAnErrorAtItsLine) {
         EXPECT_EQ(s.problems(), std::string("Script S: line 2: TypeError: ") + c.why + "\n") << c.assigned;
         EXPECT_EQ(s.printed, "");
     }
+}
+
+/// Field types from outside: a number, a frozen array of numbers, or a text.
+TEST(ScriptValues, OfTypesFromOutsideAreReplacedAsAWhole) {
+    using Of = CustomLayout::Of;
+    const auto before = fieldTypeRegistry();
+    const auto pair = registerFieldType("SFPair", {Of::float64, 2}).value();
+    ASSERT_TRUE(registerFieldType("SFMass", {Of::float32, 1}));
+    ASSERT_TRUE(registerFieldType("SFTag", {Of::bytes, 0}));
+    CustomFunctions named;
+    named.print = [](const CustomValue& value) { return customNumbers(value)[0] > 0 ? "on" : "off"; };
+    named.parse = [](const CustomType& type, std::string_view text) -> Result<CustomValue> {
+        const double number[] = {text == "on" ? 1.0 : 0.0};
+        if (text != "on" && text != "off") return fail("neither on nor off");
+        return type.value(number);
+    };
+    named.scriptsSeeText = true;
+    ASSERT_TRUE(registerFieldType("SFState", {Of::int32, 1}, named));
+    ScriptScene s(
+        "inputOnly SFPair pair_in outputOnly SFPair pair field MFPair pairs [ 1 2, 3 4 ] outputOnly SFMass mass "
+        "outputOnly MFMass masses field SFTag tag 0x0aff field SFState state \"on\" outputOnly SFString said",
+        R"(
+        function pair_in(value) {
+            pair = [value[0] * 2, value[1]];
+            pairs = new Array(value, pair, [7, 8]);
+            pairs[1] = [5, 6];
+            mass = 2.5;
+            masses = [mass, 3];
+            said = [state, tag, value.length, Object.isFrozen(value), pairs.length].join(' ');
+            state = 'off';
+            tag = '0x01';
+        })");
+    const double numbers[] = {1.5, -2};
+    s.send("pair_in", Value(pair->value(numbers).value()));
+    s.frame();
+    EXPECT_EQ(s.problems(), "");
+    const auto text = [&](std::string_view name) {
+        return printFieldText(s.scene.node(s.script()).value(s.field("S", name)));
+    };
+    EXPECT_EQ(text("pair"), "3 -2");
+    EXPECT_EQ(text("pairs"), "[1.5 -2, 5 6, 7 8]");
+    EXPECT_EQ(text("mass"), "2.5");
+    EXPECT_EQ(text("masses"), "[2.5, 3]");
+    EXPECT_EQ(text("said"), "\"on 0x0aff 2 true 3\"");
+    EXPECT_EQ(text("state"), "\"off\"");
+    EXPECT_EQ(text("tag"), "0x01");
+    ScriptScene wrong("inputOnly SFBool go field SFPair pair 1 2 field SFState state \"on\"", R"(
+        function go(value) {
+            for (const given of [null, 1, [1], [1, 2, 3], {}, 'x']) {
+                try { pair = given; } catch (error) { print(error.message); }
+            }
+            try { state = 'maybe'; } catch (error) { print(error.message); }
+        })");
+    wrong.send("go", true);
+    wrong.frame();
+    const Node& node = wrong.scene.node(wrong.script());
+    EXPECT_EQ(printFieldText(node.value(wrong.field("S", "pair"))), "1 2") << wrong.printed << wrong.problems();
+    EXPECT_EQ(printFieldText(node.value(wrong.field("S", "state"))), "\"on\"");
+    EXPECT_NE((wrong.printed + wrong.problems()).find("SFPair was expected"), std::string::npos)
+        << wrong.printed << wrong.problems();
+    restoreFieldTypes(before);
 }
 
 }  // namespace

@@ -10,6 +10,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/custom_field.h>
+
 #include <rtsg/core/change_composer.h>
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
@@ -268,6 +270,58 @@ void writeRegion(const fs::path& file) {
     ASSERT_TRUE((*log)->close());
 }
 
+/// Fields of types from outside: numbers of each kind, bytes, lists of them, defaults, and events along a route.
+void writeCustom(const fs::path& file) {
+    using Of = CustomLayout::Of;
+    const auto quantity = CustomType::make("SFQuantity", {Of::float64, 2}).value(),
+               count = CustomType::make("SFCount", {Of::int32, 1}).value(),
+               basis = CustomType::make("SFBasis", {Of::float32, 3}).value(),
+               tag = CustomType::make("SFTag", {Of::bytes, 0}).value();
+    auto type = std::make_shared<NodeType>();
+    type->name = "Crate";
+    type->component = "Workshop";
+    type->kind = NodeType::Kind::user;
+    type->implements = {"X3DNode", "X3DChildNode"};
+    for (const auto& [name, of, custom] :
+         {std::tuple("weight", FieldType::SFCustom, quantity), std::tuple("most", FieldType::SFCustom, quantity),
+          std::tuple("contents", FieldType::MFCustom, quantity), std::tuple("count", FieldType::SFCustom, count),
+          std::tuple("axis", FieldType::SFCustom, basis), std::tuple("axes", FieldType::MFCustom, basis),
+          std::tuple("tag", FieldType::SFCustom, tag), std::tuple("tags", FieldType::MFCustom, tag)}) {
+        FieldDef& field = type->fields.emplace_back();
+        field.name = name;
+        field.type = of;
+        field.custom = custom;
+    }
+    const auto numbers = [](const CustomType& of, std::vector<double> all) { return of.value(all).value(); };
+    type->fields[1].defaultValue = Value(numbers(*quantity, {100, 2}));
+    ASSERT_TRUE(type->finish());
+    Scene scene;
+    auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x5001));
+    ASSERT_TRUE(log);
+    const Attachment attachment = scene.bus().attach(**log);
+    const TypeIndex index = scene.defineType(type).value();
+    const NodeId a = scene.createNode(index), b = scene.createNode(index);
+    for (const NodeId id : {a, b}) ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, id));
+    ASSERT_TRUE(scene.addRoute(a, 0, b, 0));
+    ASSERT_TRUE(
+        scene.setField(b, 5, Value(Array<CustomValue>{numbers(*basis, {1, 0, 0}), numbers(*basis, {.1, 2, 3})})));
+    ASSERT_TRUE(scene.setField(b, 6, Value(numbers(*tag, {0, 127, 255}))));
+    ASSERT_TRUE(scene.setField(b, 7, Value(Array<CustomValue>{numbers(*tag, {1}), tag->zero()})));
+    for (int k = 0; k < 6; ++k) {
+        ASSERT_TRUE(scene.sendEvent(a, 0, Value(numbers(*quantity, {k * .1, 3}))));
+        ASSERT_TRUE(scene.setField(a, 3, Value(numbers(*count, {-k * 1000.0}))));
+        ASSERT_TRUE(scene.setField(a, 2, Value(Array<CustomValue>{numbers(*quantity, {k + .5, 1}), quantity->zero()})));
+        if (k == 2) {
+            ASSERT_TRUE(scene.setField(a, 1, Value(numbers(*quantity, {0, 2}))));
+        }
+        if (k == 4) {
+            ASSERT_TRUE(scene.setField(a, 1, Value(numbers(*quantity, {100, 2}))));
+        }
+        scene.newFrame(10 + k / 8.0);
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
 /// A scene file: what a document has.
 void writeScene(const fs::path& file) {
     Scene scene;
@@ -365,6 +419,7 @@ void writeSet(const fs::path& folder) {
     writeRegion(folder / "region.rlog");
     writeArrays(folder / "arrays.rlog");
     writeScene(folder / "scene.rlog");
+    writeCustom(folder / "custom.rlog");
     writeDamaged(folder / "damaged.rlog", folder / "edits.rlog");
     for (const auto& entry : fs::directory_iterator(folder))
         if (entry.path().extension() == ".rlog")
@@ -380,7 +435,7 @@ TEST(Conformance, TheSetCanBeWritten) {
     writeSet(folder);
     std::size_t logs = 0;
     for (const auto& entry : fs::directory_iterator(folder)) logs += entry.path().extension() == ".rlog";
-    EXPECT_EQ(logs, 17u);
+    EXPECT_EQ(logs, 18u);
     fs::remove_all(folder);
 }
 
@@ -395,7 +450,7 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
         const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
         EXPECT_EQ(expectedOf(entry.path()), expected);
     }
-    EXPECT_EQ(logs, 17u);
+    EXPECT_EQ(logs, 18u);
 }
 
 /// As they were in November 2026: whoever changes these changes what logs of users are verified with.

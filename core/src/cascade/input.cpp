@@ -212,7 +212,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
         Node* node = find(effect.node);
         const bool fits =
             node && effect.field < node->type_->fields.size() &&
-            node->type_->fields[effect.field].type == effect.value.type() &&
+            node->type_->fields[effect.field].holds(effect.value) &&
             (effect.kind == BehaviourEffect::Kind::deliver || node->type_->fields[effect.field].readable());
         const void* value = effect.value.storage();
         if (!fits || (sf(effect.value.type()) == FieldType::SFNode && !checkNodes(*node, effect.field, value))) {

@@ -56,6 +56,13 @@ void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
+bool Cascade::takes(const Node& node, FieldIndex field, const Value& value) {
+    const FieldDef& def = node.type().fields[field];
+    if (def.holds(value)) return true;
+    warn(node, fmt::format("{} is {}, and is given {}", def.name, def.typeName(), typeNameOf(value)));
+    return false;
+}
+
 void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
     if (!hasSent(node, field)) emitAgain(node, field, value);
 }
@@ -112,7 +119,7 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     if (!node) return fail(kNoSuchNode, fmt::format("no node {}", id.value));
     if (field >= node->type_->fields.size()) return fail(kNoSuchField, "no such field");
     const FieldDef& def = node->type_->fields[field];
-    if (!def.writable() || def.type != value.type())
+    if (!def.writable() || !def.holds(value))
         return fail(kWrongAccess, fmt::format("{}.{} takes no such event", node->type_->name, def.name));
     if (auto ok = mayHold(*node, field, value); !ok) return ok;
     if (def.access == Access::inputOutput && s.hasGone(*node, field)) return {};

@@ -60,8 +60,10 @@ struct FieldValue {
 Result<FieldValue> parsed(const Scene& scene, std::string_view path, std::string_view text) {
     const auto at = findField(scene, path);
     if (!at) return std::unexpected(at.error());
-    const FieldType type = scene.node(at->node).type().fields[at->field].type;
-    auto value = sf(type) == FieldType::SFNode ? nodesFromText(scene, type, text) : parseFieldText(type, text);
+    const FieldDef& def = scene.node(at->node).type().fields[at->field];
+    auto value = sf(def.type) == FieldType::SFNode
+                     ? nodesFromText(scene, def.type, text)
+                     : parseFieldText(def.type, text, TextSyntax::classicVrml, def.custom.get());
     if (!value) {
         Diagnostic& error = value.error();
         error.text = fmt::format("{}: {}", path, error.text);

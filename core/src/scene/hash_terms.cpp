@@ -35,7 +35,7 @@ Hash128 hashOfValue(FieldType type, const void* storage, std::uint64_t seedValue
     if (!i.shared) return hashOfBytes(storage, i.size, seedValue);
     const detail::ArrayHeader* header = headerAt(storage);
     const std::uint64_t size = header ? header->size : 0;
-    if (type != FieldType::MFString && type != FieldType::MFImage)
+    if (type != FieldType::MFString && type != FieldType::MFImage && type != FieldType::MFCustom)
         return hashOfBytes(header + 1, header ? size * header->elementSize : 0, seedValue);
     // Elements are pointers: hash each element's length and bytes in turn.
     XXH3_state_t state;

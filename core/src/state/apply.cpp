@@ -145,7 +145,7 @@ Result<> Scene::State::applyField(Node& node, const Change& c, bool pending) {
     const NodeType& type = *node.type_;
     if (c.field >= type.fields.size() || !type.fields[c.field].readable())
         return fail(kNoSuchField, fmt::format("{} has no field {}", type.name, c.field));
-    if (type.fields[c.field].type != c.value.type())
+    if (!type.fields[c.field].holds(c.value))
         return fail(kWrongType, fmt::format("{}.{}: wrong type", type.name, type.fields[c.field].name));
     if (sf(c.value.type()) == FieldType::SFNode)
         if (auto ok = checkNodes(node, c.field, c.value.storage()); !ok) return ok;
@@ -182,7 +182,7 @@ Result<> Scene::State::applyRouteOp(const Node& node, const Change& c, bool pend
     const Node* to = find(c.other);
     if (!to) return noNode(c.other);
     if (c.field >= node.type_->fields.size() || c.field2() >= to->type_->fields.size() || c.index > 0xFFFF ||
-        node.type_->fields[c.field].type != to->type_->fields[c.field2()].type)
+        !haveOneType(node.type_->fields[c.field], to->type_->fields[c.field2()]))
         return fail(kWrongType, "a route between fields that do not fit");
     const Route route{c.node, c.field, c.other, c.field2(), c.isConnection};
     if (c.kind == ChangeKind::removeRoute) {

@@ -103,9 +103,9 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
     if (field >= node->type_->fields.size())
         return fail(kNoSuchField, fmt::format("{} has no field {}", node->type_->name, field));
     const FieldDef& def = node->type_->fields[field];
-    if (def.type != value.type())
-        return fail(kWrongType, fmt::format("{}.{} is {}, not {}", node->type_->name, def.name, info(def.type).name,
-                                            info(value.type()).name));
+    if (!def.holds(value))
+        return fail(kWrongType,
+                    fmt::format("{}.{} is {}, not {}", node->type_->name, def.name, def.typeName(), typeNameOf(value)));
     if (!def.hidden && (def.access == Access::inputOnly || def.access == Access::outputOnly))
         return fail(kWrongAccess, fmt::format("{}.{} cannot be given a value", node->type_->name, def.name));
     if (sf(def.type) == FieldType::SFNode) {
@@ -222,9 +222,8 @@ Result<> Scene::addRoute(NodeId fromNode, FieldIndex fromField, NodeId toNode, F
     const FieldDef &a = from->type().fields[fromField], &b = to->type().fields[toField];
     if (!a.sends()) return fail(kWrongAccess, fmt::format("{}.{} sends no events", from->type().name, a.name));
     if (!b.writable()) return fail(kWrongAccess, fmt::format("{}.{} takes no events", to->type().name, b.name));
-    if (a.type != b.type)
-        return fail(kWrongType,
-                    fmt::format("route from {} {} to {} {}", info(a.type).name, a.name, info(b.type).name, b.name));
+    if (!haveOneType(a, b))
+        return fail(kWrongType, fmt::format("route from {} {} to {} {}", a.typeName(), a.name, b.typeName(), b.name));
     if (from->links_)
         for (const RouteGroup& group : from->links_->out)
             if (group.field == fromField && group.targets.contains({{toNode, toField, false}})) return {};
@@ -245,9 +244,8 @@ Result<> Scene::addIsConnection(NodeId instance, FieldIndex instanceField, NodeI
     const Node *from = find(instance), *to = find(bodyNode);
     if (auto ok = checkRoute(from, instanceField, to, bodyField); !ok) return ok;
     const FieldDef &a = from->type().fields[instanceField], &b = to->type().fields[bodyField];
-    if (a.type != b.type)
-        return fail(kWrongType,
-                    fmt::format("IS between {} {} and {} {}", info(b.type).name, b.name, info(a.type).name, a.name));
+    if (!haveOneType(a, b))
+        return fail(kWrongType, fmt::format("IS between {} {} and {} {}", b.typeName(), b.name, a.typeName(), a.name));
     const Route inwards{instance, instanceField, bodyNode, bodyField, true};
     const Route outwards{bodyNode, bodyField, instance, instanceField, true};
     if (auto ok = s.checkIs(a.access == Access::outputOnly ? outwards : inwards); !ok) return ok;
@@ -265,9 +263,9 @@ Result<> Scene::sendEvent(NodeId id, FieldIndex field, Value value, std::string_
         return fail(kNoSuchField, fmt::format("{} has no field {}", node->type().name, field));
     const FieldDef& def = node->type().fields[field];
     if (!def.writable()) return fail(kWrongAccess, fmt::format("{}.{} takes no events", node->type().name, def.name));
-    if (def.type != value.type())
-        return fail(kWrongType, fmt::format("{}.{} is {}, not {}", node->type().name, def.name, info(def.type).name,
-                                            info(value.type()).name));
+    if (!def.holds(value))
+        return fail(kWrongType,
+                    fmt::format("{}.{} is {}, not {}", node->type().name, def.name, def.typeName(), typeNameOf(value)));
     s.inputQueue.push_back({id, field, std::move(value), String(author)});
     return {};
 }

@@ -47,7 +47,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
         if (def.access != Access::inputOnly || !def.name.starts_with("set_")) continue;
         const FieldIndex stored = type.findExact(std::string_view(def.name).substr(4));
         if (stored != kNoField && type.fields[stored].access == Access::initializeOnly &&
-            type.fields[stored].type == def.type)
+            haveOneType(type.fields[stored], def))
             entry.inputs.emplace_back(static_cast<FieldIndex>(i), stored);
     }
     if (type.kind == NodeType::Kind::builtin && types.size() < builtinTypes().size() &&

@@ -12,6 +12,7 @@
 #include "field_text_parser.h"
 #include "field_text_printer.h"
 #include "text_position.h"
+#include "utf8.h"
 
 namespace rtsg {
 
@@ -75,6 +76,26 @@ class Printer {
                 print(value.words[i]);
             else
                 hexadecimal(static_cast<std::uint32_t>(value.words[i]));
+        }
+    }
+    void print(const CustomValue& value) {
+        const std::optional<std::string> text = customText(value);
+        if (text && detail::findInvalidUtf8(*text) == text->npos) return print(String(*text));
+        const std::string numbers = customDefaultText(value);
+        if (syntax_ != TextSyntax::json) {
+            out_ += numbers;
+        } else if (numbers.starts_with("0x")) {
+            json(numbers);
+        } else {
+            const bool many = numbers.find(' ') != numbers.npos;
+            if (many) out_ += '[';
+            for (std::size_t at = 0; at <= numbers.size();) {
+                const std::string number = numbers.substr(at, numbers.find(' ', at) - at);
+                out_ += number.find_first_of("ni") == number.npos ? number : "null";
+                at += number.size() + 1;
+                if (at <= numbers.size()) out_ += ',';
+            }
+            if (many) out_ += ']';
         }
     }
     void print(const String& value) {
@@ -165,16 +186,16 @@ class Printer {
 
 }  // namespace
 
-Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax) {
+Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax, const CustomType* custom) {
     if (syntax == TextSyntax::json) return fail("JSON values are not parsed");
     FirstError errors;
     detail::FieldTextParser parser(text.data(), text.data() + text.size(), syntax, errors);
     Value value;
-    const bool usable = parser.parse(type, value);
+    const bool usable = parser.parse(type, value, custom);
     if (usable && !errors.position) {
         parser.skipSpace();
         if (parser.p != text.data() + text.size())
-            errors.report(Severity::error, parser.p, "there is more than one " + std::string(info(type).name));
+            errors.report(Severity::error, parser.p, "there is more than one " + fieldTypeName(type, custom));
     }
     if (!usable || errors.position) {
         const char* at = errors.position ? errors.position : parser.p;
@@ -188,6 +209,16 @@ void appendFieldText(std::string& out, const Value& value, TextSyntax syntax) {
     if (syntax == TextSyntax::xml && value.type() == FieldType::SFString) {
         printer.escaped(value.as<String>());
         return;
+    }
+    if (syntax == TextSyntax::xml && value.type() == FieldType::SFCustom) {
+        // A text without quotes, if it stays as it is so; it never reads as numbers.
+        const std::optional<std::string> text = customText(value.as<CustomValue>());
+        const auto isPlain = [](char c) { return static_cast<unsigned char>(c) >= 0x20 && c != '"' && c != '\\'; };
+        if (text && !text->empty() && text->front() != ' ' && text->back() != ' ' &&
+            std::ranges::all_of(*text, isPlain) && detail::findInvalidUtf8(*text) == text->npos) {
+            out += *text;
+            return;
+        }
     }
     switch (value.type()) {
 #define RTSG_X(suffix, T)                    \
@@ -216,6 +247,14 @@ std::optional<double> firstNotFinite(const void* numbers, std::size_t count) {
 template <class T>
 std::optional<double> firstNotFiniteOf(const T* elements, std::size_t size) {
     if constexpr (std::is_integral_v<T>) return std::nullopt;
+    if constexpr (std::is_same_v<T, CustomValue>) {
+        for (std::size_t i = 0; i < size; ++i) {
+            const std::vector<double> all = customNumbers(elements[i]);
+            if (const auto found = firstNotFinite<double>(all.data(), all.size()); found && !customText(elements[i]))
+                return found;
+        }
+        return std::nullopt;
+    }
     const FieldTypeInfo& type = info(FieldTypeOf<T>::value);
     const std::size_t count = size * type.components;  // none of a String, Image or NodeId
     if (count == 0) return std::nullopt;

@@ -17,8 +17,8 @@ namespace {
 constexpr std::size_t kBlock = 512;  // numbers read between two looks at what else there is to do
 
 template <class T>
-constexpr bool kNumeric =
-    !std::is_same_v<T, bool> && !std::is_same_v<T, String> && !std::is_same_v<T, NodeId> && !std::is_same_v<T, Image>;
+constexpr bool kNumeric = !std::is_same_v<T, bool> && !std::is_same_v<T, String> && !std::is_same_v<T, NodeId> &&
+                          !std::is_same_v<T, Image> && !std::is_same_v<T, CustomValue>;
 template <class T>
 struct ScalarOf {
     using type = float;
@@ -328,6 +328,8 @@ bool FieldTextParser::parseOne(T& out) {
         return parseQuoted(out);
     } else if constexpr (std::is_same_v<T, Image>) {
         return parseImage(out, false);
+    } else if constexpr (std::is_same_v<T, CustomValue>) {
+        return expected("a value of a type that is known");
     } else {
         const char* stop = wordEnd();
         if (std::string_view(p, static_cast<std::size_t>(stop - p)) != "NULL") return expected("a node or NULL");
@@ -386,7 +388,8 @@ String unescaped(std::string_view raw) {
 
 }  // namespace
 
-bool FieldTextParser::parse(FieldType type, Value& out) {
+bool FieldTextParser::parse(FieldType type, Value& out, const CustomType* custom) {
+    if (custom && sf(type) == FieldType::SFCustom) return parseCustom(type, *custom, out);
     const bool xml = syntax_ == TextSyntax::xml;
     if (xml && (type == FieldType::SFString || type == FieldType::MFString)) {
         const std::string_view raw(p, static_cast<std::size_t>(end_ - p));

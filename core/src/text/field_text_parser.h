@@ -7,7 +7,9 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
+#include <rtsg/core/custom_field.h>
 #include <rtsg/core/field_text.h>
 
 #include "number_text.h"
@@ -39,8 +41,9 @@ class FieldTextParser {
         : p(begin), end_(end), report_(report), syntax_(syntax) {}
 
     /// Parses one value and moves behind it. False if there was nothing usable, which has been reported. In
-    /// ClassicVRML, `p` is then at the first character that did not fit; XML always takes everything.
-    bool parse(FieldType type, Value& out);
+    /// ClassicVRML, `p` is then at the first character that did not fit; XML always takes everything. `custom`: which
+    /// type SFCustom and MFCustom are.
+    bool parse(FieldType type, Value& out, const CustomType* custom = nullptr);
 
     /// White space, commas and, in ClassicVRML, comments.
     void skipSpace() {
@@ -87,6 +90,12 @@ class FieldTextParser {
     void readAhead(NumberPieces<S>& pieces);
     bool parseImage(Image& out, bool last);
     bool parseBool(bool& out);
+    bool parseCustom(FieldType type, const CustomType& custom, Value& out);
+    bool parseCustomElement(const CustomType& custom, CustomValue& out);
+    bool parseCustomBare(const CustomType& custom, CustomValue& out);
+    template <class S>
+    bool parseCustomNumbers(const CustomType& custom, std::vector<double>& numbers);
+    bool parseHexadecimal(const CustomType& custom, std::string& bits);
     bool expected(const char* what);
     void closeBracket();
     void abandonArray();

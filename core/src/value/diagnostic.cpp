@@ -16,6 +16,9 @@ struct FileCode {
 };
 constexpr FileCode kFileCodes[] = {
     {"/core/src/text/field_text", DiagnosticCode("value-text")},
+    {"/core/src/text/custom_text", DiagnosticCode("value-text")},
+    {"/core/src/value/custom_field", DiagnosticCode("field-type")},
+    {"/core/src/value/spec_table", DiagnosticCode("field-type")},
     {"/core/src/value/output_file", DiagnosticCode("output")},
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/value/memory", DiagnosticCode("memory")},

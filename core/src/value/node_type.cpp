@@ -77,6 +77,8 @@ void NodeType::takeTags() {
 
 bool NodeType::finish() {
     if (fields.size() >= kNoField) return false;
+    for (const FieldDef& field : fields)
+        if (sf(field.type) == FieldType::SFCustom && !field.custom) return false;
     byName_.clear();
     for (std::size_t i = 0; i < fields.size(); ++i) byName_.emplace_back(fields[i].name, static_cast<FieldIndex>(i));
     const auto key = [&](const auto& entry) { return std::pair(entry.first, fields[entry.second].hidden); };
@@ -98,7 +100,7 @@ bool NodeType::finish() {
     std::size_t size = 0;
     for (const FieldIndex i : order) {
         FieldDef& field = fields[i];
-        if (field.defaultValue.type() != field.type) field.defaultValue = Value::zero(field.type);
+        if (!field.holds(field.defaultValue)) field.defaultValue = zeroOf(field.type, field.custom.get());
         field.offset = FieldDef::kNoOffset;
         if (field.access == Access::inputOnly) continue;
         const std::size_t alignment = info(field.type).alignment;

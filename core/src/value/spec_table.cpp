@@ -44,7 +44,7 @@ T element(std::string_view& text) {
         return {number<double>(text)};
     } else if constexpr (std::is_same_v<T, String>) {
         return take(text, '\n');
-    } else if constexpr (std::is_same_v<T, NodeId>) {
+    } else if constexpr (std::is_same_v<T, NodeId> || std::is_same_v<T, CustomValue>) {
         return {};
     } else if constexpr (std::is_same_v<T, Image>) {
         Image image;
@@ -80,13 +80,33 @@ Value defaultOf(FieldType type, std::string_view text) {
     return {};
 }
 
+/// spec_compiler has counted the numbers, and seen to it that they are of their kind.
+Value defaultOf(FieldType type, std::string_view text, const CustomType& custom) {
+    if (text.empty()) return zeroOf(type, &custom);
+    std::vector<double> numbers;
+    while (!text.empty()) numbers.push_back(number<double>(text));
+    if (!isMF(type)) return Value(custom.value(numbers).value_or(custom.zero()));
+    Array<CustomValue> values;
+    const std::size_t count = custom.layout().count;
+    for (std::size_t i = 0; i + count <= numbers.size() && count > 0; i += count)
+        values.push_back(custom.value(std::span(numbers).subspan(i, count)).value_or(custom.zero()));
+    return Value(std::move(values));
+}
+
 FieldDef makeField(const SpecField& row) {
     FieldDef field;
     field.name = row.name;
     field.type = row.type;
     field.access = row.access;
     field.aspect = row.aspect;
-    field.defaultValue = defaultOf(row.type, row.defaultText);
+    if (row.custom.empty()) {
+        field.defaultValue = defaultOf(row.type, row.defaultText);
+    } else {
+        const auto custom = fieldTypeOf(row.custom);
+        if (!custom) throw std::logic_error("node table: " + custom.error().text);
+        field.custom = *custom;
+        field.defaultValue = defaultOf(row.type, row.defaultText, **custom);
+    }
     field.min = row.min;
     field.max = row.max;
     field.exclusiveMin = row.exclusiveMin;
@@ -100,6 +120,19 @@ FieldDef makeField(const SpecField& row) {
 }
 
 }  // namespace
+
+Result<std::shared_ptr<const CustomType>> fieldTypeOf(std::string_view custom) {
+    using Of = CustomLayout::Of;
+    constexpr std::pair<std::string_view, Of> kKinds[] = {
+        {"float64", Of::float64}, {"float32", Of::float32}, {"int32", Of::int32}, {"bytes", Of::bytes}};
+    const std::string name = "SF" + std::string(take(custom, ' '));
+    const std::string_view kind = take(custom, ' ');
+    CustomLayout layout;
+    for (const auto& [word, of] : kKinds)
+        if (word == kind) layout.of = of;
+    layout.count = number<std::uint16_t>(custom);
+    return registerFieldType(name, layout);
+}
 
 std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind) {
     std::vector<std::unique_ptr<NodeType>> result;

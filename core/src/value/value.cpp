@@ -14,6 +14,8 @@ constexpr std::uint8_t kComponents<String> = 0;
 template <>
 constexpr std::uint8_t kComponents<Image> = 0;
 template <>
+constexpr std::uint8_t kComponents<CustomValue> = 0;
+template <>
 constexpr std::uint8_t kComponents<NodeId> = 0;
 template <>
 constexpr std::uint8_t kComponents<Color> = 3;
@@ -43,7 +45,7 @@ template <>
 constexpr std::uint8_t kComponents<Matrix4d> = 16;
 
 template <class T>
-constexpr bool kShared = std::is_same_v<T, String> || std::is_same_v<T, Image>;
+constexpr bool kShared = std::is_same_v<T, String> || std::is_same_v<T, Image> || std::is_same_v<T, CustomValue>;
 
 #define RTSG_X(suffix, type)                                                                                  \
     FieldTypeInfo{"SF" #suffix, sizeof(type), alignof(type), kShared<type>, sizeof(type), kComponents<type>}, \
@@ -75,9 +77,10 @@ bool equalArrays(FieldType element, const Header* a, const Header* b) {
     return true;
 }
 
-/// The type of the elements of a shared type's array. Strings count as bytes: SFBool has that size and no sharing.
+/// The type of the elements of a shared type's array. Strings, and values of types
+/// from outside, count as bytes: SFBool has that size and no sharing.
 FieldType elementOf(FieldType type) {
-    if (type == FieldType::SFString) return FieldType::SFBool;
+    if (type == FieldType::SFString || type == FieldType::SFCustom) return FieldType::SFBool;
     if (type == FieldType::SFImage) return FieldType::SFInt32;
     return sf(type);
 }
@@ -90,7 +93,7 @@ const FieldTypeInfo& info(FieldType type) {
 
 bool fieldTypeFromName(std::string_view name, FieldType& out) {
     const auto found = std::ranges::find(kInfos, name, &FieldTypeInfo::name);
-    if (found == std::end(kInfos)) return false;
+    if (found == std::end(kInfos) || found->name.ends_with("Custom")) return false;
     out = static_cast<FieldType>(found - std::begin(kInfos));
     return true;
 }

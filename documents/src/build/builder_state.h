@@ -245,6 +245,8 @@ std::string whyFull(const CommandList& commands, const ResourcePolicy& policy);
 std::string declarationText(const ProtoDeclaration& proto);
 /// A document of all PROTOs and EXTERNPROTOs that the scene's own document declares; empty if there are none.
 std::string declarationsOf(const Scene& scene);
+/// The field types from outside that types of the scene have, for FieldTypesInScope: declarations name them.
+std::vector<std::shared_ptr<const CustomType>> fieldTypesOf(const Scene& scene);
 /// Adds the ROUTEs to imported names, as far as their Inlines are loaded now. Returns how many ends are missing.
 std::size_t connectImports(Scene& scene, NodeId scope, Diagnostics* diagnostics);
 

@@ -74,7 +74,7 @@ bool isSameType(const NodeType& a, const NodeType& b) {
     return a.kind == b.kind && nameInDocument(a) == nameInDocument(b) && a.declaration == b.declaration &&
            a.implements == b.implements &&
            std::ranges::equal(a.fields, b.fields, [](const FieldDef& x, const FieldDef& y) {
-               return x.name == y.name && x.type == y.type && x.access == y.access && x.hidden == y.hidden &&
+               return x.name == y.name && haveOneType(x, y) && x.access == y.access && x.hidden == y.hidden &&
                       x.defaultValue == y.defaultValue;
            });
 }

@@ -114,6 +114,7 @@ Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, No
                                          wanted.declaration, declaredName(wanted));
     Diagnostics diagnostics{wanted.name};
     SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
+    const FieldTypesInScope known(fieldTypesOf(scene));
     readDocument(text, builder, diagnostics, {.dialect = dialectOf(scene)});
     builder.finish();
     if (builder.roots().size() == 1 && scene.node(builder.roots()[0]).typeIndex() == type) {
@@ -141,6 +142,7 @@ Result<> Documents::declareAs(Scene& scene, TypeIndex type, std::string_view nam
         fmt::format("#X3D V4.0 utf8\n{}{}\n", declarationsFor(scene, wanted), renamed(wanted, name));
     Diagnostics diagnostics{std::string(name)};
     SceneBuilder builder(scene, diagnostics, detachedOptions({}, resources));
+    const FieldTypesInScope known(fieldTypesOf(scene));
     readDocument(text, builder, diagnostics, {.dialect = dialectOf(scene)});
     builder.finish();
     if (scene.findType(name)) return {};
@@ -185,6 +187,7 @@ Result<DocumentServices::Piece> Documents::makePiece(Scene& scene, std::string_v
                                                      const Resources* resources) const {
     Diagnostics diagnostics{"text"};
     SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
+    const FieldTypesInScope known(fieldTypesOf(scene));
     const bool complete = readDocument(text, builder, diagnostics, {.headerless = true, .dialect = dialectOf(scene)});
     builder.finish();
     return pieceOf(scene, builder, complete, diagnostics);

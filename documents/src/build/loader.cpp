@@ -5,6 +5,8 @@
 
 #include <rtsg/documents/scene_builder.h>
 
+#include "builder_state.h"
+
 namespace rtsg {
 
 namespace {
@@ -25,6 +27,7 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
     BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
     if (file != "-") build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
+    const FieldTypesInScope known(fieldTypesOf(scene));
     const bool complete = readDocumentFile(
         file, builder, diagnostics,
         {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
@@ -35,6 +38,7 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
 bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base,
               const LoadOptions& options) {
     SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
+    const FieldTypesInScope known(fieldTypesOf(scene));
     const bool complete = readDocument(
         text, builder, diagnostics,
         {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});

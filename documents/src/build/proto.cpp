@@ -62,9 +62,10 @@ std::shared_ptr<NodeType> makeProtoType(const ProtoDeclaration& proto, std::stri
         FieldDef& def = type->fields.emplace_back();
         def.name = field.declaration.name;
         def.type = field.declaration.type;
+        def.custom = field.declaration.custom;
         def.access = field.declaration.access;
         if (sf(def.type) == FieldType::SFNode) def.aspect = Aspect::structure;
-        if (field.value && field.value->type() == def.type && sf(def.type) != FieldType::SFNode)
+        if (field.value && def.holds(*field.value) && sf(def.type) != FieldType::SFNode)
             def.defaultValue = *field.value;
     }
     const auto taken = [&](std::string_view wanted) {

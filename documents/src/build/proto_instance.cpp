@@ -141,7 +141,7 @@ bool SceneBuilder::State::defineProtoType(ProtoDeclaration& declaration, const s
     const auto same = [&](const NodeType& known) {
         return known.kind == type->kind && known.declaration == type->declaration &&
                std::ranges::equal(known.fields, type->fields, [](const FieldDef& a, const FieldDef& b) {
-                   return a.name == b.name && a.type == b.type && a.access == b.access && a.hidden == b.hidden &&
+                   return a.name == b.name && haveOneType(a, b) && a.access == b.access && a.hidden == b.hidden &&
                           a.defaultValue == b.defaultValue;
                });
     };
@@ -229,11 +229,12 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
         if (!other)
             error(declaration.where,
                   fmt::format("EXTERNPROTO {}: the PROTO has no field '{}'", declaration.name, field.declaration.name));
-        else if (other->declaration.type != field.declaration.type ||
+        else if (!haveOneType(other->declaration, field.declaration) ||
                  other->declaration.access != field.declaration.access)
-            error(declaration.where, fmt::format("EXTERNPROTO {}: field '{}' is {} {} in the PROTO", declaration.name,
-                                                 field.declaration.name, accessName(other->declaration.access),
-                                                 info(other->declaration.type).name));
+            error(declaration.where,
+                  fmt::format("EXTERNPROTO {}: field '{}' is {} {} in the PROTO", declaration.name,
+                              field.declaration.name, accessName(other->declaration.access),
+                              fieldTypeName(other->declaration.type, other->declaration.custom.get())));
     }
 }
 
@@ -260,16 +261,16 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     if (!declared && request.protoField == "metadata") declared = &metadata;
     const FieldIndex source = instance.type().find(request.protoField);
     if (!declared) return refuse(fmt::format("PROTO {} has no such field", in.proto->name));
-    if (declared->declaration.type != def.type)
-        return refuse(
-            fmt::format("the types differ, {} and {}", info(def.type).name, info(declared->declaration.type).name));
+    if (!haveOneType(declared->declaration, def))
+        return refuse(fmt::format("the types differ, {} and {}", def.typeName(),
+                                  fieldTypeName(declared->declaration.type, declared->declaration.custom.get())));
     const Access access = declared->declaration.access;
     if (!isConnectionLegal(access, def.access))
         return refuse(
             fmt::format("{} cannot be connected with {} (table 4.4)", accessName(def.access), accessName(access)));
     const bool hasValue = access == Access::initializeOnly || access == Access::inputOutput;
     // An EXTERNPROTO may leave fields of its PROTO out, or declare them wrongly: they keep the PROTO's default.
-    const bool fromInstance = source != kNoField && instance.type().fields[source].type == def.type &&
+    const bool fromInstance = source != kNoField && haveOneType(instance.type().fields[source], def) &&
                               instance.type().fields[source].access == access;
     if (hasValue && sf(def.type) == FieldType::SFNode) {
         std::vector<NodeId> nodes;
@@ -336,7 +337,7 @@ void SceneBuilder::State::expand(OpenNode& instance) {
         if (!field.nodes.empty())
             field.nodes.replay(handler);
         else if (external && field.value && sf(field.declaration.type) != FieldType::SFNode &&
-                 field.value->type() == inside.instanceType->fields[index].type)
+                 inside.instanceType->fields[index].holds(*field.value))
             store(open[position], index, *field.value, where);
     }
     storeChildren(open[position]);

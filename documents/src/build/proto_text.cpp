@@ -13,6 +13,7 @@ namespace rtsg {
 
 std::string declarationText(const ProtoDeclaration& proto) {
     std::string text;
+    const CustomNumbersOnly numbers;  // it travels to whoever lacks the types
     Diagnostics ignored;  // what could not be read is not in the commands; a name that cannot be spelled is no name
     const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { text += piece; }, ignored);
     writer->beginDocument({});
@@ -54,6 +55,16 @@ std::vector<const NodeType*> declaredTypes(const Scene& scene) {
     return result;
 }
 
+std::vector<std::shared_ptr<const CustomType>> fieldTypesOf(const Scene& scene) {
+    std::vector<std::shared_ptr<const CustomType>> result;
+    for (std::size_t i = builtinTypes().size(); i < scene.typeCount(); ++i)
+        for (const FieldDef& field : scene.type(TypeIndex{static_cast<std::uint16_t>(i)}).fields) {
+            const auto isIt = [&](const auto& known) { return *known == *field.custom; };
+            if (field.custom && std::ranges::none_of(result, isIt)) result.push_back(field.custom);
+        }
+    return result;
+}
+
 std::string declarationsOf(const Scene& scene) {
     std::string text;
     for (const NodeType* type : declaredTypes(scene)) {
@@ -77,6 +88,7 @@ Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnosti
 Result<NodeId> SceneBuilder::instantiate(std::string_view proto, std::string_view declarations, NodeId scope) {
     State& s = *state_;
     s.scope().declarationsOnly = true;
+    const FieldTypesInScope known(fieldTypesOf(s.scene));
     readDocument(declarations, *this, s.diagnostics, {.dialect = s.dialect});
     finish();
     if (!s.scope().environment->findHere(proto)) return fail(fmt::format("the declaration of {} is not known", proto));

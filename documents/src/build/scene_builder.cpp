@@ -288,9 +288,9 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
                                    accessName(def.access)));
         return;
     }
-    if (def.type != value.type() && !isOfChildren) {
-        s.error(where, fmt::format("{}.{} is {}, not {}", node->describe(), def.name, info(def.type).name,
-                                   info(value.type()).name));
+    if (!def.holds(value) && !isOfChildren) {
+        s.error(where,
+                fmt::format("{}.{} is {}, not {}", node->describe(), def.name, def.typeName(), typeNameOf(value)));
         return;
     }
     if (node->isGiven(field))
@@ -318,9 +318,9 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
             s.error(where, fmt::format("PROTO {} declares field '{}' twice", s.recording->name, field.name));
             return;
         }
-        if (value && value->type() != field.type) {
-            s.error(where, fmt::format("field '{}' is {}, its default {}", field.name, info(field.type).name,
-                                       info(value->type()).name));
+        if (value && !isOfType(*value, field.type, field.custom.get())) {
+            s.error(where, fmt::format("field '{}' is {}, its default {}", field.name,
+                                       fieldTypeName(field.type, field.custom.get()), typeNameOf(*value)));
             value.reset();
         }
         s.recording->fields.push_back({field, std::move(value), {}, where});
@@ -340,12 +340,12 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
     FieldDef& def = node->own.emplace_back();
     def.name = field.name;
     def.type = field.type;
+    def.custom = field.custom;
     def.access = field.access;
     if (!value || sf(field.type) == FieldType::SFNode) return;
     const auto index = static_cast<FieldIndex>(node->type->fields.size() + node->own.size() - 1);
-    if (value->type() != field.type) {
-        s.error(where, fmt::format("field '{}' is {}, its value {}", field.name, info(field.type).name,
-                                   info(value->type()).name));
+    if (!def.holds(*value)) {
+        s.error(where, fmt::format("field '{}' is {}, its value {}", field.name, def.typeName(), typeNameOf(*value)));
         return;
     }
     s.normalise(*value);

@@ -326,7 +326,7 @@ void SceneBuilder::State::endScript(OpenNode& node) {
     if (!node.own.empty()) {
         std::string key = node.type->name;
         for (const FieldDef& field : node.own)
-            key += fmt::format("\n{} {} {}", accessName(field.access), info(field.type).name, field.name);
+            key += fmt::format("\n{} {} {}", accessName(field.access), field.typeName(), field.name);
         if (scriptTypes.empty())
             for (std::size_t i = 0; i < scene.typeCount(); ++i) {
                 const TypeIndex index{static_cast<std::uint16_t>(i)};

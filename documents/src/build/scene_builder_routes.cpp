@@ -36,9 +36,9 @@ std::string addCheckedRoute(Scene& scene, NodeId from, std::string_view fromName
     FieldIndex a = kNoField, b = kNoField;
     if (std::string wrong = checkEnd(scene.node(from), fromName, fromField, true, a); !wrong.empty()) return wrong;
     if (std::string wrong = checkEnd(scene.node(to), toName, toField, false, b); !wrong.empty()) return wrong;
-    const FieldType fromType = scene.node(from).type().fields[a].type, toType = scene.node(to).type().fields[b].type;
-    if (fromType != toType)
-        return fmt::format("the fields differ in type: {} and {}", info(fromType).name, info(toType).name);
+    const FieldDef &out = scene.node(from).type().fields[a], &in = scene.node(to).type().fields[b];
+    if (!haveOneType(out, in))
+        return fmt::format("the fields differ in type: {} and {}", out.typeName(), in.typeName());
     if (auto added = scene.addRoute(from, a, to, b); !added) return added.error().text;
     return {};
 }

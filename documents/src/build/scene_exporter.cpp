@@ -94,7 +94,7 @@ struct SceneExporter::State {
     static bool groupHas(const FieldDef& def) {
         static const NodeType& group = *findBuiltinType("Group");
         const FieldIndex same = group.findExact(def.name);
-        return same != kNoField && !def.hidden && !group.fields[same].hidden && group.fields[same].type == def.type;
+        return same != kNoField && !def.hidden && !group.fields[same].hidden && haveOneType(group.fields[same], def);
     }
     static const Array<NodeId>& content(const Node& node) {
         static const Array<NodeId> none;
@@ -187,7 +187,7 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
         std::optional<Value> value;
         if (isOwnField(def) && (!holdsNodes || node.isDefault(field))) value = node.value(field);
         if (value && !canBeSaid(node, field, *value)) value.reset();
-        handler.declareField({def.access, def.type, def.name}, std::move(value), {});
+        handler.declareField({def.access, def.type, def.name, {}, def.custom}, std::move(value), {});
         return;
     }
     if (!isOwnField(def)) return;
@@ -428,6 +428,7 @@ void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
     if (text.empty()) return;
     CommandList read;
     Diagnostics again(diagnostics.file());  // what there is to say of values was said when they were loaded
+    const FieldTypesInScope known(fieldTypesOf(scene));
     readDocument(text, read, again, {.dialect = dialectOf(scene)});
     if (again.errors() > 0) diagnostics.append(again);
     read.replay(declarations);

@@ -108,6 +108,7 @@ std::optional<Fragment> createX3DFromString(Scene& scene, std::string_view text,
     BuildOptions build = buildOptions(options, Resources());
     build.detached = true;
     SceneBuilder builder(scene, diagnostics, build);
+    const FieldTypesInScope known(fieldTypesOf(scene));
     const bool complete = readDocument(
         text, builder, diagnostics,
         {.progress = options.progress, .threads = options.threads, .headerless = true, .dialect = dialectOf(scene)});

@@ -167,10 +167,10 @@ bool CheckedStream::fits(std::string_view name, const Value& value, SourceLocati
         if (declaresFields(*type)) return true;
         return fault(where, "sets '" + std::string(name) + "', which is no field of " + type->name), false;
     }
-    const FieldType expected = type->fields[index].type;
-    if (value.type() == expected) return true;
-    fault(where, "gives field '" + std::string(name) + "' of " + type->name + " a value of type " +
-                     std::string(info(value.type()).name) + "; it is of type " + std::string(info(expected).name));
+    const FieldDef& expected = type->fields[index];
+    if (expected.holds(value)) return true;
+    fault(where, "gives field '" + std::string(name) + "' of " + type->name + " a value of type " + typeNameOf(value) +
+                     "; it is of type " + expected.typeName());
     return false;
 }
 

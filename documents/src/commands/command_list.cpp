@@ -30,6 +30,12 @@ std::size_t bytesOf(const Value& value) {
             bytes += bytesOfArray(one.words.size() * sizeof(std::int32_t)) + sizeof(Image);
         return bytes;
     }
+    if (value.holds<Array<CustomValue>>()) {
+        std::size_t bytes = 0;
+        for (const CustomValue& one : value.as<Array<CustomValue>>())
+            bytes += bytesOfArray(one.box.size()) + sizeof(CustomValue);
+        return bytes;
+    }
     if (!info(value.type()).shared) return 0;
     const detail::ArrayHeader* header = nullptr;
     std::memcpy(static_cast<void*>(&header), value.storage(), sizeof(header));
@@ -131,6 +137,8 @@ void CommandList::declareField(const FieldDeclaration& field, std::optional<Valu
     command.names[0] = shared(field.name);
     command.access = field.access;
     command.type = field.type;
+    if (field.custom)
+        command.names[1] = String(std::string_view(field.custom->zero().box.data(), field.custom->zero().box.size()));
     command.hasValue = value.has_value();
     if (value) command.value = *std::move(value);
     if (!field.about || !take(bytesOf(field.about->appinfo) + bytesOf(field.about->documentation), where)) return;
@@ -234,9 +242,9 @@ void CommandList::replay(DocumentHandler& handler) const {
                 handler.setField(name[0], c.value, c.where);
                 break;
             case Kind::declareField:
-                handler.declareField(
-                    {c.access, c.type, name[0].str(), c.index ? documentations_[c.index - 1] : nullptr},
-                    c.hasValue ? std::optional(c.value) : std::nullopt, c.where);
+                handler.declareField({c.access, c.type, name[0].str(), c.index ? documentations_[c.index - 1] : nullptr,
+                                      CustomType::ofBox(name[1])},
+                                     c.hasValue ? std::optional(c.value) : std::nullopt, c.where);
                 break;
             case Kind::isConnection:
                 handler.isConnection(name[0], name[1], c.where);

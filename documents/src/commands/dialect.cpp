@@ -13,7 +13,7 @@ namespace {
 /// Two tables may describe one type: that of a plug-in, and the one that the user names beside it.
 bool isSameType(const NodeType& a, const NodeType& b) {
     const auto same = [](const FieldDef& x, const FieldDef& y) {
-        return x.name == y.name && x.type == y.type && x.access == y.access && x.aspect == y.aspect &&
+        return x.name == y.name && haveOneType(x, y) && x.access == y.access && x.aspect == y.aspect &&
                x.hidden == y.hidden && x.defaultValue == y.defaultValue && x.min == y.min && x.max == y.max &&
                x.unit == y.unit && x.accepts == y.accepts && x.allowed == y.allowed;
     };

@@ -84,7 +84,7 @@ FieldRef findField(const DeclaredFields& fields, std::string_view name) {
         if (!bare.empty()) field = fields.find(bare);
         if (!field || field->access != Access::inputOutput) return {};
     }
-    return {field->name, field->type, field->access, nullptr};
+    return {field->name, field->type, field->access, nullptr, field->custom.get()};
 }
 
 FieldRef findField(const NodeShape& shape, std::string_view name) {
@@ -95,7 +95,7 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
         const FieldIndex index = shape.type->find(name);
         if (index != kNoField && !shape.type->fields[index].hidden) {
             const FieldDef& field = shape.type->fields[index];
-            return {field.name, field.type, field.access, &field};
+            return {field.name, field.type, field.access, &field, field.custom.get()};
         }
         const std::string_view now = presentName(*shape.type, name);
         return now.empty() ? FieldRef{} : findField(shape, now);
@@ -207,7 +207,7 @@ ReaderTypes::Extern ReaderTypes::declareExtern(const std::shared_ptr<ProtoType>&
         builtin.type = fromTables(proto->calledInFile);
         const auto isItsField = [&](const FieldDeclaration& field) {
             const FieldRef found = findField(builtin, field.name);
-            return found && found.type == field.type;
+            return found && haveOneType(found, field);
         };
         const bool isItself = std::ranges::all_of(proto->fields.all(), isItsField);
         if (isOurs && isItself) {

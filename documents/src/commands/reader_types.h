@@ -66,6 +66,7 @@ struct FieldRef {
     FieldType type = FieldType::SFBool;
     Access access = Access::inputOutput;
     const FieldDef* definition = nullptr;  // built-in types only
+    const CustomType* custom = nullptr;    // which type, of SFCustom and MFCustom
 
     explicit operator bool() const { return !name.empty(); }
     bool takesValue() const { return access == Access::initializeOnly || access == Access::inputOutput; }

@@ -66,7 +66,7 @@ std::string_view accessText(Access access) {
 
 /// "SFVec3f [in,out] translation 0 0 0", in the notation of the standard.
 std::string fieldLine(const FieldDef& field) {
-    std::string line = fmt::format("{} {} {}", info(field.type).name, accessText(field.access), field.name);
+    std::string line = fmt::format("{} {} {}", field.typeName(), accessText(field.access), field.name);
     const bool hasValue = field.access == Access::initializeOnly || field.access == Access::inputOutput;
     if (!hasValue) return line;
     if (field.type == FieldType::SFNode) return line + " NULL";

@@ -11,7 +11,7 @@ class DropComments final : public Filter {
     void comment(std::string_view, SourceLocation) override {}
     void documentation(const Documentation&, SourceLocation) override {}
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
-        Filter::declareField({field.access, field.type, field.name}, std::move(value), where);
+        Filter::declareField({field.access, field.type, field.name, {}, field.custom}, std::move(value), where);
     }
     void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
                      const std::vector<std::string>& url, SourceLocation where) override {

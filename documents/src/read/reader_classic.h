@@ -91,7 +91,7 @@ class ClassicReader final : private FieldTextReport {
     void skipValue();
     bool startsItem(std::string_view next) const;
     void skipBalanced();
-    bool parseValue(FieldType type, Value& out);
+    bool parseValue(FieldType type, Value& out, const CustomType* custom = nullptr);
     void stray();
     SourceLocation at(const char* p) { return position_.of(p); }
     void error(const char* where, std::string text) { report(Severity::error, where, std::move(text)); }

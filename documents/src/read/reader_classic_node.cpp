@@ -56,9 +56,9 @@ std::string_view ClassicReader::peekWord() {
     return {p_, static_cast<std::size_t>(stop - p_)};
 }
 
-bool ClassicReader::parseValue(FieldType type, Value& out) {
+bool ClassicReader::parseValue(FieldType type, Value& out, const CustomType* custom) {
     FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
-    const bool usable = parser.parse(type, out);
+    const bool usable = parser.parse(type, out, custom);
     p_ = parser.p;
     if (comment_) tellComment();
     return usable;
@@ -340,7 +340,7 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     Value value;
     // The text may be gone once a long value has been read.
     const SourceLocation here = at(where), start = at(p_);
-    if (!parseValue(field.type, value)) return skipValue();
+    if (!parseValue(field.type, value, field.custom)) return skipValue();
     units_.toStandard(field.definition, value);
     if (field.definition) {
         if (std::string complaint = valueComplaint(*field.definition, value); !complaint.empty())
@@ -504,7 +504,7 @@ bool ClassicReader::declaration(FieldDeclaration& out, const char*& where, bool&
     skipSpace();
     const char* typeAt = p_;
     const std::string_view type = word();
-    const bool typeKnown = fieldTypeFromName(type, out.type);
+    const bool typeKnown = fieldTypeFromName(type, out.type, out.custom);
     out.name = name();
     if (!typeKnown) error(typeAt, "'" + std::string(type.substr(0, 40)) + "' is no field type");
     if (out.name.empty()) error(p_, "expected the name of a field");
@@ -525,7 +525,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
         const FieldRef builtin = findField(*node, field.name);
         report(Severity::warning, where, "Script has a field '" + field.name + "' of its own");
         if (field.access == Access::inputOnly || field.access == Access::outputOnly) return;
-        if (builtin.type != field.type) return skipValue();
+        if (!haveOneType(builtin, field)) return skipValue();
         return fieldItem(builtin.name, where);
     }
     if (!fields.add(field)) {
@@ -557,9 +557,9 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     if (sf(field.type) != FieldType::SFNode) {
         Value value;
         const SourceLocation here = at(where);
-        if (!parseValue(field.type, value)) {
+        if (!parseValue(field.type, value, field.custom.get())) {
             skipValue();
-            value = Value::zero(field.type);
+            value = zeroOf(field.type, field.custom.get());
         }
         units_.toStandard(nullptr, value);
         handler_->declareField(field, std::move(value), here);

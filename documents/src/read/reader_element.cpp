@@ -147,11 +147,13 @@ FieldType ElementReader::longAttribute(std::string_view element, std::string_vie
     }
     const bool many = field && (isMF(field.type) || field.type == FieldType::SFImage);
     const FieldType of = field ? sf(field.type) : FieldType::SFNode;
-    return many && of != FieldType::SFString && of != FieldType::SFNode && of != FieldType::SFBool ? field.type
-                                                                                                   : FieldType::SFNode;
+    const bool hasNumbers =
+        of != FieldType::SFString && of != FieldType::SFNode && of != FieldType::SFBool && of != FieldType::SFCustom;
+    return many && hasNumbers ? field.type : FieldType::SFNode;
 }
 
-bool ElementReader::parseAttribute(const char* name, const char* value, FieldType type, Value& out) {
+bool ElementReader::parseAttribute(const char* name, const char* value, FieldType type, Value& out,
+                                   const CustomType* custom) {
     if (Value* before = parsedBefore(value)) {
         if (before->type() != type) return false;
         out = std::move(*before);
@@ -164,7 +166,7 @@ bool ElementReader::parseAttribute(const char* name, const char* value, FieldTyp
     attributeName_ = name;
     attributeValue_ = value;
     FieldTextParser parser(value, value + std::string_view(value).size(), TextSyntax::xml, *this);
-    const bool usable = parser.parse(type, out);
+    const bool usable = parser.parse(type, out, custom);
     attributeName_ = nullptr;
     return usable;
 }

@@ -134,7 +134,8 @@ class ElementReader : private FieldTextReport {
 
     // helpers
     const char* attribute(Attributes attributes, std::string_view name) const;
-    bool parseAttribute(const char* name, const char* value, FieldType type, Value& out);
+    bool parseAttribute(const char* name, const char* value, FieldType type, Value& out,
+                        const CustomType* custom = nullptr);
     void push(Inside inside);
     void pop();
     void mute();

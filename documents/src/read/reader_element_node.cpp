@@ -105,7 +105,8 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
         for (std::size_t i = 0; guess && !place && type && parent.type && i < parent.type->fields.size(); ++i) {
             const FieldDef& definition = parent.type->fields[i];
             if (definition.hidden || definition.accepts.empty()) continue;
-            const FieldRef field{definition.name, definition.type, definition.access, &definition};
+            const FieldRef field{definition.name, definition.type, definition.access, &definition,
+                                 definition.custom.get()};
             if (usable(field)) place = field;
         }
     }
@@ -220,7 +221,7 @@ void ElementReader::setAttribute(const char* name, const char* text) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " is given already");
     } else {
         Value value;
-        if (parseAttribute(name, text, field.type, value)) {
+        if (parseAttribute(name, text, field.type, value, field.custom)) {
             attributeName_ = name;
             units_.toStandard(field.definition, value);
             if (field.definition)
@@ -253,13 +254,13 @@ void ElementReader::startField(Attributes attributes) {
     const char* value = attribute(attributes, "value");
     if (!name || !*name || !type || !access) return skip("field needs name, type and accessType");
     if (!accessFromKeyword(access, field.access)) return skip("'" + std::string(access) + "' is no accessType");
-    if (!fieldTypeFromName(type, field.type)) return skip("'" + std::string(type) + "' is no field type");
+    if (!fieldTypeFromName(type, field.type, field.custom)) return skip("'" + std::string(type) + "' is no field type");
     field.name = name;
     field.about = documentation(attributes);
     if (script && parent.shape.type->findExact(name) != kNoField) {
         // X3D 4.0 gave Script a description; scripts of before may declare one, meaning the same.
         diagnostics_.warning(where(), "Script has a field '" + field.name + "' of its own");
-        if (value && findField(parent.shape, name).type == field.type) setAttribute(name, value);
+        if (value && haveOneType(findField(parent.shape, name), field)) setAttribute(name, value);
         return skip({});
     }
     if (!fields.add(field)) return skip("there is a field '" + field.name + "' already");
@@ -276,8 +277,9 @@ void ElementReader::startField(Attributes attributes) {
         frames_.back().declared = std::make_unique<FieldDeclaration>(std::move(field));
         return;
     }
-    Value parsed = Value::zero(field.type);
-    if (value && !parseAttribute("value", value, field.type, parsed)) parsed = Value::zero(field.type);
+    Value parsed = zeroOf(field.type, field.custom.get());
+    if (value && !parseAttribute("value", value, field.type, parsed, field.custom.get()))
+        parsed = zeroOf(field.type, field.custom.get());
     units_.toStandard(nullptr, parsed);
     handler_->declareField(field, std::move(parsed), where());
     push(Inside::leaf);
@@ -352,7 +354,7 @@ void ElementReader::startFieldValue(Attributes attributes) {
         Value parsed;
         if (!value) {
             error("fieldValue of " + std::string(name) + " has no value");
-        } else if (parseAttribute("value", value, field.type, parsed)) {
+        } else if (parseAttribute("value", value, field.type, parsed, field.custom)) {
             units_.toStandard(nullptr, parsed);
             handler_->setField(field.name, std::move(parsed), where());
         }

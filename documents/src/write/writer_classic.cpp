@@ -309,9 +309,10 @@ class ClassicWriter final : public DocumentHandler {
             const Access access = declared->field.access;
             if (access == Access::initializeOnly || access == Access::inputOutput) {
                 *declared->place.text += ' ';
-                appendWrapped(*declared->place.text,
-                              declared->value ? *declared->value : Value::zero(declared->field.type),
-                              TextSyntax::classicVrml, spaces(declared->place.indent + 1));
+                appendWrapped(
+                    *declared->place.text,
+                    declared->value ? *declared->value : zeroOf(declared->field.type, declared->field.custom.get()),
+                    TextSyntax::classicVrml, spaces(declared->place.indent + 1));
             }
         }
         if (!frame.declaredList) return;
@@ -357,8 +358,8 @@ class ClassicWriter final : public DocumentHandler {
 
     // ---- words
     std::string declaration(const FieldDeclaration& field, SourceLocation where) {
-        return std::string(accessWord(field.access, vrml97_)) + " " + std::string(info(field.type).name) + " " +
-               name(field.name, where);
+        return std::string(accessWord(field.access, vrml97_)) + " " + fieldTypeName(field.type, field.custom.get()) +
+               " " + name(field.name, where);
     }
     std::string fieldName(const NodeShape& shape, std::string_view field, SourceLocation where) {
         if (!shape.type) return name(field, where);

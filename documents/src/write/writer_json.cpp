@@ -257,8 +257,8 @@ class JsonWriter final : public DocumentHandler {
     }
     static std::string declaration(const FieldDeclaration& field) {
         return "{\"@accessType\":" + inQuotes(accessWord(field.access, false)) +
-               ",\"@type\":" + inQuotes(info(field.type).name) + ",\"@name\":" + inQuotes(field.name) +
-               (field.about ? described(*field.about) : std::string());
+               ",\"@type\":" + inQuotes(fieldTypeName(field.type, field.custom.get())) +
+               ",\"@name\":" + inQuotes(field.name) + (field.about ? described(*field.about) : std::string());
     }
     static std::string described(const Documentation& about) {
         std::string result;

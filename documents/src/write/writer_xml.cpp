@@ -137,7 +137,7 @@ class XmlWriter final : public DocumentHandler {
                 writeAttribute(frame, attribute(name, value.as<String>().view(), where), where);
             return;
         }
-        if (frame.gap && sf(value.type()) != FieldType::SFString) {
+        if (frame.gap && !isText(value)) {
             *frame.gap += " " + std::string(spelled(frame.shape, field)) + "='";
             if (isLongList(value)) {
                 WaitingText& piece = *pieces_.emplace(frame.gapAt, std::exchange(*frame.gap, {}));
@@ -150,7 +150,7 @@ class XmlWriter final : public DocumentHandler {
             *frame.gap += "'";
             return;
         }
-        if (!frame.tagOpen || sf(value.type()) == FieldType::SFString)
+        if (!frame.tagOpen || isText(value))
             return writeAttribute(frame, valueAttribute(spelled(frame.shape, field), value, where), where);
         // Long lists of numbers go out as they are printed.
         std::string& text = pieces_.back().text;
@@ -480,8 +480,8 @@ class XmlWriter final : public DocumentHandler {
     // ---- attributes
     std::string declaration(const FieldDeclaration& field, SourceLocation where) {
         return "<field" + attribute("accessType", accessWord(field.access, false), where) +
-               attribute("type", info(field.type).name, where) + attribute("name", field.name, where) +
-               (field.about ? describe(*field.about, where) : std::string());
+               attribute("type", fieldTypeName(field.type, field.custom.get()), where) +
+               attribute("name", field.name, where) + (field.about ? describe(*field.about, where) : std::string());
     }
     std::string describe(const Documentation& about, SourceLocation where) {
         std::string result;
@@ -500,12 +500,15 @@ class XmlWriter final : public DocumentHandler {
         escape(result, text, where, true);
         return result + "'";
     }
+    /// Whether its text may have characters that have a meaning in XML.
+    static bool isText(const Value& value) {
+        return sf(value.type()) == FieldType::SFString || sf(value.type()) == FieldType::SFCustom;
+    }
     std::string valueAttribute(std::string_view name, const Value& value, SourceLocation where) {
         std::string text;
         appendWrapped(text, value, TextSyntax::xml, spaces(indent() + 1));
         std::string result = " " + std::string(name) + "='";
-        const FieldType element = sf(value.type());
-        if (element == FieldType::SFString)
+        if (isText(value))
             escape(result, text, where, true);
         else
             result += text;

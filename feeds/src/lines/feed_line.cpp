@@ -242,13 +242,19 @@ Result<std::optional<FeedLine>> FeedReader::read(std::string_view line) {
     return std::optional(std::move(*read));
 }
 
-Result<Value> valueOf(const FeedLine& line, FieldType type) {
+Result<Value> valueOf(const FeedLine& line, FieldType type, const CustomType* custom) {
     const FieldTypeInfo& element = info(sf(type));
+    if (custom && line.shape.json) {
+        if (line.shape.depth > (isMF(type) ? 2 : 1)) return fail("expected " + fieldTypeName(type, custom));
+        return parseFieldText(type, isMF(type) ? "[" + line.value + "]" : line.value, TextSyntax::classicVrml, custom);
+    }
     if (sf(type) == FieldType::SFNode) return fail("nodes cannot be sent by a feed");
     if (!line.shape.json) {
         if (type == FieldType::SFString && !line.value.starts_with('"')) return Value(String(line.value));
         const bool bare = isMF(type) && line.value.find('[') == std::string::npos;
-        return parseFieldText(type, bare ? "[" + line.value + "]" : line.value);
+        // A cell is the text of one value, in quotes or not, as an attribute in XML is.
+        const TextSyntax syntax = custom && !isMF(type) ? TextSyntax::xml : TextSyntax::classicVrml;
+        return parseFieldText(type, bare ? "[" + line.value + "]" : line.value, syntax, custom);
     }
     const FeedLine::Shape& shape = line.shape;
     const std::size_t count = std::max<std::size_t>(element.components, 1);  // a string counts as one

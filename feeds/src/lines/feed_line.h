@@ -50,7 +50,8 @@ class FeedReader {
     std::vector<Column> columns_;  // empty: those that so many cells have
 };
 
-/// The value for a field of this type. Errors: a value of another form; nodes, which no line can name.
-Result<Value> valueOf(const FeedLine& line, FieldType type);
+/// The value for a field of this type. Errors: a value of another form; nodes, which no line can name. `custom`: which
+/// type SFCustom and MFCustom are.
+Result<Value> valueOf(const FeedLine& line, FieldType type, const CustomType* custom = nullptr);
 
 }  // namespace rtsg::feeds

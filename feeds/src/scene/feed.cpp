@@ -119,7 +119,7 @@ std::optional<Event> Feed::State::eventOf(const feeds::NumberedLine& line) {
         fault("access", line.number, DiagnosticCode("access"), named("it takes no events"));
         return std::nullopt;
     }
-    auto value = feeds::valueOf(line.line, def.type);
+    auto value = feeds::valueOf(line.line, def.type, def.custom.get());
     if (!value) {
         fault("value", line.number, DiagnosticCode("wrong-type"), named(value.error().text));
         return std::nullopt;

@@ -47,6 +47,11 @@ Result<> Extensions::add(std::vector<std::unique_ptr<NodeType>> types) {
     return {};
 }
 
+Result<std::shared_ptr<const CustomType>> Extensions::addFieldType(std::string_view name, CustomLayout layout,
+                                                                   CustomFunctions functions) {
+    return registerFieldType(name, layout, std::move(functions));
+}
+
 void Extensions::addBehaviour(std::string type, const Behaviour& behaviour) {
     behaviours_.emplace_back(std::move(type), behaviour);
 }
@@ -100,15 +105,21 @@ std::string loadFailure(const std::string& file) {
 
 Result<> addFrom(const PluginEntry& entry, Extensions& extensions) {
     Extensions more = extensions;  // so that nothing is added by halves
-    try {
-        if (auto ok = entry.add(more); !ok) return ok;
-    } catch (const std::exception& e) {
-        return fail(fmt::format("it failed: {}", e.what()));
-    } catch (...) {
-        return fail("it failed, and says not why");
-    }
-    extensions = std::move(more);
-    return {};
+    const auto fieldTypes = fieldTypeRegistry();
+    const auto added = [&]() -> Result<> {
+        try {
+            return entry.add(more);
+        } catch (const std::exception& e) {
+            return fail(fmt::format("it failed: {}", e.what()));
+        } catch (...) {
+            return fail("it failed, and says not why");
+        }
+    }();
+    if (added)
+        extensions = std::move(more);
+    else
+        restoreFieldTypes(fieldTypes);
+    return added;
 }
 
 /// Precondition: `path` has a slash, or the system would look for it elsewhere.

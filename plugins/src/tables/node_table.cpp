@@ -46,7 +46,11 @@ SpecField rowOf(const spec::Field& field) {
     row.accepts = field.accepts;
     row.min = field.min;
     row.max = field.max;
-    fieldTypeFromName(field.type, row.type);
+    row.custom = field.custom;
+    if (field.custom.empty())
+        fieldTypeFromName(field.type, row.type);
+    else
+        row.type = field.type.starts_with('M') ? FieldType::MFCustom : FieldType::SFCustom;
     row.access = fromName<Access>(kAccess, field.access);
     row.aspect = fromName<Aspect>(kAspects, field.aspect);
     row.exclusiveMin = field.exclusiveMin;
@@ -109,12 +113,18 @@ bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& d
         if (!type.imported) checkSize(type, model);
     if (model.errors() > 0) return false;
     Extensions more = extensions;
+    const auto fieldTypes = fieldTypeRegistry();
+    const auto refuse = [&](int line, const Diagnostic& why) {
+        diagnostics.error({static_cast<std::uint32_t>(line), 0}, why.text);
+        restoreFieldTypes(fieldTypes);
+        return false;
+    };
+    for (const auto& [name, declared] : model.fieldTypes())
+        if (const auto made = fieldTypeOf(declared.text); !made) return refuse(declared.line, made.error());
     for (const spec::Type& type : model.types()) {
         if (type.imported || type.isAbstract) continue;
-        if (auto ok = more.add(std::shared_ptr<const NodeType>(makeType(type))); !ok) {
-            diagnostics.error({static_cast<std::uint32_t>(type.where.line), 0}, ok.error().text);
-            return false;
-        }
+        if (auto ok = more.add(std::shared_ptr<const NodeType>(makeType(type))); !ok)
+            return refuse(type.where.line, ok.error());
     }
     extensions = std::move(more);
     return true;

@@ -198,7 +198,7 @@ FieldIndex inputFor(const Node* script, const Node* node, FieldIndex index) {
     const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
     if (!fromTable || def.access != Access::initializeOnly) return index;
     const FieldIndex input = type.findExact("set_" + def.name);
-    if (input == kNoField || type.fields[input].access != Access::inputOnly || type.fields[input].type != def.type)
+    if (input == kNoField || type.fields[input].access != Access::inputOnly || !haveOneType(type.fields[input], def))
         return index;
     return input;
 }
@@ -232,9 +232,10 @@ bool mayHold(JSContext* cx, unsigned count, JS::Value* vp) {
     const auto index = static_cast<FieldIndex>(args.get(1).isNumber() ? args.get(1).toNumber() : kNoField);
     Value value;
     if (!call.cascade || !node || index >= node->type().fields.size()) return answer(cx, args, "the node is gone");
-    if (!fromScript(cx, node->type().fields[index].type, args.get(2), value)) {
+    const FieldDef& def = node->type().fields[index];
+    if (!fromScript(cx, def.type, args.get(2), value, def.custom.get())) {
         if (JS_IsExceptionPending(cx)) return false;
-        return answer(cx, args, fmt::format("{} was expected", info(node->type().fields[index].type).name));
+        return answer(cx, args, fmt::format("{} was expected", def.typeName()));
     }
     return answer(cx, args, call.cascade->mayHold(*node, index, value));
 }
@@ -261,9 +262,9 @@ bool write(JSContext* cx, unsigned count, JS::Value* vp) {
     Value value;
     if (node && index < node->type().fields.size()) {
         const FieldDef& def = node->type().fields[index];
-        if (!fromScript(cx, def.type, args.get(3), value)) {
+        if (!fromScript(cx, def.type, args.get(3), value, def.custom.get())) {
             if (JS_IsExceptionPending(cx)) return false;
-            return answer(cx, args, fmt::format("{} was expected", info(def.type).name));
+            return answer(cx, args, fmt::format("{} was expected", def.typeName()));
         }
         const bool assigned = args.get(4).isBoolean() && args.get(4).toBoolean();
         if (!assigned && (!def.readable() || equalStorage(def.type, node->storage(index), value.storage()))) {

@@ -16,7 +16,7 @@
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);
     const isNumber = code => code <= SFTime && !(code & 1);
-    const SFInt32 = 2, MFInt32 = 3, SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34;
+    const SFInt32 = 2, MFInt32 = 3, SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34, SFCustom = 42;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
     const spares = new Map();  // SF type code -> an array for its components, between two statements
@@ -346,7 +346,7 @@
     defineRows("VrmlMatrix", Matrix4, 4);  // ISO/IEC 14772-1 C.6.19
 
     const mfNames = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
-                     "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
+                     "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d", "Custom"];
     function indexOf(key) {
         if (typeof key !== "string" || key > ":") return -1;  // names of methods come after all digits
         const index = key >>> 0;
@@ -454,7 +454,7 @@
         if (element === SFString)  // as a file has it
             made.prototype.toString = function () { return "[" + Array.from(this, text => `"${String(text).replace(/["\\]/g, "\\$&")}"`).join(", ") + "]"; };
         arrays.set(element + 1, made);
-        publishClass("MF" + name, made);
+        if (element !== SFCustom) publishClass("MF" + name, made);  // what a program calls it, its type says
     });
 
     // ---- to and from the plain form that crosses the bridge: numbers, strings, Float64Array, arrays of strings ----
@@ -497,10 +497,17 @@
             return tuple.load(spare, 0);
         }
         if (code === SFString) return value === undefined ? "" : String(value);
+        if (code === SFCustom) return revive(code, flatten(code, value));
         if (code === SFImage) return value instanceof SFImage_ ? value : refuse(code, value);
         if (code === SFNode) return scalar(code, value) === 0 ? null : value;
         const number = value === undefined ? 0 : scalar(code, value);
         return code === 0 ? number !== 0 : number;
+    }
+    /// Types from outside: a number, an array of numbers or a text, which is replaced as a whole.
+    function customForm(value) {
+        if (typeof value === "number" || typeof value === "string") return value;
+        if (!Array.isArray(value)) refuse(SFCustom, value);
+        return Float64Array.from(Array.from(value, one => numberOf(SFCustom, one)));
     }
     function imageWords(value) {
         if (!(value instanceof SFImage_)) refuse(SFImage, value);
@@ -510,6 +517,7 @@
     function flatten(code, value, spare) {
         if (!(code & 1)) {
             if (code === SFString) return String(value);
+            if (code === SFCustom) return customForm(value);
             if (code === SFImage) return Float64Array.from(imageWords(value));
             const tuple = tuples.get(code);
             if (!tuple) return scalar(code, value);
@@ -521,6 +529,7 @@
         value = wholeOf(value);
         if (value === null || typeof value !== "object" || typeof value.length !== "number") value = [value];
         if (element === SFString) return Array.from(value, text => text === undefined ? "" : String(text));
+        if (element === SFCustom) return Array.from(value, customForm);
         if (element === SFImage) return Float64Array.from(Array.from(value).flatMap(imageWords));
         const tuple = tuples.get(element), width = tuple ? tuple.keys.length : 1, out = new Float64Array(value.length * width);
         for (let i = 0; i < value.length; ++i) {
@@ -535,6 +544,7 @@
         if (!(code & 1)) {
             if (code === 0) return flat !== 0;
             if (code === SFNode) return nodeOf(flat);
+            if (code === SFCustom) return isObject(flat) ? Object.freeze(ownArray(flat)) : flat;
             if (code === SFImage) return flat.length < 3 ? new SFImage_() : new SFImage_(flat[0], flat[1], flat[2], flat.subarray(3));
             const tuple = tuples.get(code);
             return tuple ? tuple.load(flat, 0) : flat;

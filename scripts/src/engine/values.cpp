@@ -1,8 +1,12 @@
 // Converts field values between the scene's representation and plain JavaScript.
 #include "values.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
+
+#include <rtsg/core/field_text.h>
 
 #include "text/utf8.h"
 
@@ -127,9 +131,49 @@ Image imageFrom(std::span<const double> words) {
     return image;
 }
 
+/// A number, an array of them, or a text.
+bool customTo(JSContext* cx, const CustomValue& value, JS::MutableHandleValue out) {
+    const auto type = CustomType::of(value);
+    if (!type || scriptsSeeText(*type)) return stringTo(cx, customText(value).value_or(customDefaultText(value)), out);
+    const std::vector<double> numbers = customNumbers(value);
+    if (numbers.size() == 1) {
+        out.setNumber(numbers[0]);
+        return true;
+    }
+    double* data = nullptr;
+    JSObject* array = newNumbers(cx, numbers.size(), data);
+    if (!array) return false;
+    std::ranges::copy(numbers, data);
+    out.setObject(*array);
+    return true;
+}
+
+bool customFrom(JSContext* cx, JS::HandleValue value, const CustomType& type, CustomValue& out) {
+    std::vector<double> numbers;
+    Result<CustomValue> made;
+    if (value.isString()) {
+        std::string text;
+        if (!stringFrom(cx, value, text)) return false;
+        auto parsed = parseFieldText(FieldType::SFCustom, text, TextSyntax::xml, &type);
+        if (!parsed) return false;
+        out = parsed->as<CustomValue>();
+        return true;
+    }
+    if (value.isNumber())
+        numbers.push_back(value.toNumber());
+    else if (!numbersOf(value, numbers))
+        return false;
+    made = type.value(numbers);
+    if (made) made = normalisedCustom(type, std::move(*made));
+    if (made) out = std::move(*made);
+    return made.has_value();
+}
+
 template <class T>
 bool elementTo(JSContext* cx, const T& element, JS::MutableHandleValue out) {
-    if constexpr (std::is_same_v<T, String>) {
+    if constexpr (std::is_same_v<T, CustomValue>) {
+        return customTo(cx, element, out);
+    } else if constexpr (std::is_same_v<T, String>) {
         return stringTo(cx, element.view(), out);
     } else if constexpr (std::is_same_v<T, Image>) {
         double* data = nullptr;
@@ -155,13 +199,12 @@ bool elementTo(JSContext* cx, const T& element, JS::MutableHandleValue out) {
 
 template <class T>
 bool arrayTo(JSContext* cx, const Array<T>& elements, JS::MutableHandleValue out) {
-    if constexpr (std::is_same_v<T, String>) {
+    if constexpr (std::is_same_v<T, String> || std::is_same_v<T, CustomValue>) {
         JS::RootedObject array(cx, JS::NewArrayObject(cx, elements.size()));
         if (!array) return false;
         JS::RootedValue one(cx);
         for (std::size_t i = 0; i < elements.size(); ++i)
-            if (!stringTo(cx, elements[i].view(), &one) ||
-                !JS_SetElement(cx, array, static_cast<std::uint32_t>(i), one))
+            if (!elementTo(cx, elements[i], &one) || !JS_SetElement(cx, array, static_cast<std::uint32_t>(i), one))
                 return false;
         out.setObject(*array);
     } else if constexpr (std::is_same_v<T, Image>) {
@@ -254,6 +297,28 @@ bool arrayFrom(JSContext* cx, JS::HandleValue value, Value& out) {
     return true;
 }
 
+bool customFrom(JSContext* cx, FieldType type, JS::HandleValue value, const CustomType* custom, Value& out) {
+    if (!custom) return false;
+    CustomValue element;
+    if (!isMF(type)) {
+        if (!customFrom(cx, value, *custom, element)) return false;
+        out = Value(std::move(element));
+        return true;
+    }
+    if (!value.isObject()) return false;
+    JS::RootedObject array(cx, &value.toObject());
+    std::uint32_t length = 0;
+    if (!JS::GetArrayLength(cx, array, &length)) return false;
+    Array<CustomValue> elements;
+    JS::RootedValue one(cx);
+    for (std::uint32_t i = 0; i < length; ++i) {
+        if (!JS_GetElement(cx, array, i, &one) || !customFrom(cx, one, *custom, element)) return false;
+        elements.push_back(element);
+    }
+    out = Value(std::move(elements));
+    return true;
+}
+
 }  // namespace
 
 bool stringFrom(JSContext* cx, JS::HandleValue value, std::string& out) {
@@ -281,13 +346,16 @@ bool toScript(JSContext* cx, FieldType type, const void* storage, JS::MutableHan
     return false;
 }
 
-bool fromScript(JSContext* cx, FieldType type, JS::HandleValue value, Value& out) {
+bool fromScript(JSContext* cx, FieldType type, JS::HandleValue value, Value& out, const CustomType* custom) {
+    if (sf(type) == FieldType::SFCustom) return customFrom(cx, type, value, custom, out);
     switch (type) {
-#define RTSG_X(suffix, T)                      \
-    case FieldType::SF##suffix:                \
-        return elementFrom<T>(cx, value, out); \
-    case FieldType::MF##suffix:                \
-        return arrayFrom<T>(cx, value, out);
+#define RTSG_X(suffix, T)                                                                     \
+    case FieldType::SF##suffix:                                                               \
+        if constexpr (!std::is_same_v<T, CustomValue>) return elementFrom<T>(cx, value, out); \
+        break;                                                                                \
+    case FieldType::MF##suffix:                                                               \
+        if constexpr (!std::is_same_v<T, CustomValue>) return arrayFrom<T>(cx, value, out);   \
+        break;
         RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
     }

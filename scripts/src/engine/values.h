@@ -39,7 +39,8 @@ namespace rtsg::script {
 /// `storage` is in block representation. False with a pending exception when memory runs out.
 bool toScript(JSContext* cx, FieldType type, const void* storage, JS::MutableHandleValue out);
 /// False if `value` is not the plain form of `type` (the prelude sees to it that it is) or memory runs out.
-bool fromScript(JSContext* cx, FieldType type, JS::HandleValue value, Value& out);
+/// `custom`: which type SFCustom and MFCustom are.
+bool fromScript(JSContext* cx, FieldType type, JS::HandleValue value, Value& out, const CustomType* custom = nullptr);
 /// UTF-8.
 bool stringFrom(JSContext* cx, JS::HandleValue value, std::string& out);
 

@@ -2,7 +2,7 @@
 
 import {Reader, FormatError} from './reader.js';
 import {xxh64} from './xxh3.js';
-import {isKnown, readHashBytes, valueOf, zeroBytes} from './values.js';
+import {customZero, isCustom, isKnown, readHashBytes, valueOf, zeroBytes} from './values.js';
 
 const utf8 = new TextEncoder();
 
@@ -24,6 +24,10 @@ function readField(f) {
   if (bits & 16) field.allowed = f.texts();
   if (bits & 32) field.accepts = f.texts();
   field.defaultBytes = bits & 64 ? readHashBytes(f, type) : zeroBytes(type);
+  if (isCustom(type)) {
+    const bytes = customZero(f);
+    if (type % 2 === 0 && !(bits & 64)) field.defaultBytes = bytes;
+  }
   field.default = valueOf(type, field.defaultBytes);
   return field;
 }

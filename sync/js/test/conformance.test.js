@@ -27,7 +27,7 @@ function sameValue(given, expected, path) {
   }
 }
 
-assert.equal(logsIn('./').length, 17);
+assert.equal(logsIn('./').length, 18);
 assert.equal(logsIn('./format2/').length, 10);
 for (const name of [...logsIn('./'), ...logsIn('./format2/')]) {
   test(`${name} is read as expected`, () => {

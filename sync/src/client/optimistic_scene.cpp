@@ -31,8 +31,7 @@ Result<> OptimisticScene::startOver(const ChangeSet& snapshot) {
     std::erase_if(ours_, [&](const auto& entry) {
         const Node* node = shown_.find(NodeId{entry.first.first});
         const FieldIndex field = entry.first.second;
-        return !node || field >= node->type().fields.size() ||
-               node->type().fields[field].type != entry.second.value.type();
+        return !node || field >= node->type().fields.size() || !node->type().fields[field].holds(entry.second.value);
     });
     for (const auto& [place, mine] : ours_) {
         Change& change = ours.changes.emplace_back();
@@ -61,7 +60,7 @@ Result<std::uint64_t> OptimisticScene::edit(NodeId id, FieldIndex field, Value v
     if (!node) return fail(fmt::format("no node {}", id.value));
     if (field >= node->type().fields.size()) return fail(fmt::format("{} has no field {}", node->type().name, field));
     const FieldDef& def = node->type().fields[field];
-    if (def.type != value.type() || !def.readable() || def.hidden)
+    if (!def.holds(value) || !def.readable() || def.hidden)
         return fail(fmt::format("{}.{} cannot be set to that", node->type().name, def.name));
     if (sf(def.type) == FieldType::SFNode)
         return fail(fmt::format("{}.{} refers to nodes: ask the origin", node->type().name, def.name));

@@ -77,6 +77,8 @@ Value interpolate(const Value& a, const Value& b, double t) {
             const Color &x = a.as<Color>(), &y = b.as<Color>();
             return Color{mixed(x.r, y.r, t), mixed(x.g, y.g, t), mixed(x.b, y.b, t)};
         }
+        case FieldType::SFCustom:
+            return customBetween(a.as<CustomValue>(), b.as<CustomValue>(), t);
         case FieldType::SFRotation:
             return slerp(a.as<Rotation>(), b.as<Rotation>(), t);
         default:

@@ -85,7 +85,7 @@ void OriginHash::create(const Change& change) {
 
 void OriginHash::setField(Node& node, const Change& change) {
     const FieldDef* def = fieldOf(node, change.field);
-    if (!def || def->type != change.value.type()) return;
+    if (!def || !def->holds(change.value)) return;
     const Type& type = types_[node.type];
     if (equalStorage(def->type, change.value.storage(), def->defaultValue.storage())) {
         if (const auto found = node.fields.find(change.field); found != node.fields.end()) {

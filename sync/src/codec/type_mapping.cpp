@@ -43,7 +43,7 @@ bool TypeMapping::describe(std::uint16_t number, const NodeType& origin) {
     type.local = static_cast<std::uint16_t>(here - local_.begin());
     for (const FieldDef& field : origin.fields) {
         FieldIndex index = local.findExact(field.name);
-        if (index != kNoField && local.fields[index].type != field.type) index = kNoField;
+        if (index != kNoField && !haveOneType(local.fields[index], field)) index = kNoField;
         type.fields.push_back(index);
         if (index != kNoField && field.offset != FieldDef::kNoOffset &&
             local.fields[index].offset != FieldDef::kNoOffset && sf(field.type) != FieldType::SFNode &&

@@ -54,6 +54,25 @@ Array<String> readFlat<String>(Reader& in) {
     for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = readString(in);
     return result;
 }
+/// A value of a type from outside says what it is: whatever is no such value would be kept and passed on.
+CustomValue readCustom(Reader& in) {
+    const std::string_view box = in.text();
+    if (in.problem || !in.charge(kArrayCost + box.size())) return {};
+    if (!CustomType::ofBox(box)) {
+        in.refuse("a value of a field type from outside that does not say what it is");
+        return {};
+    }
+    CustomValue value;
+    value.box.append({box.data(), box.size()});
+    return value;
+}
+template <>
+Array<CustomValue> readFlat<CustomValue>(Reader& in) {
+    Array<CustomValue> result = Array<CustomValue>::ofSize(countOfShared(in));
+    CustomValue* target = result.mutableData();
+    for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = readCustom(in);
+    return result;
+}
 template <>
 Array<Image> readFlat<Image>(Reader& in) {
     Array<Image> result = Array<Image>::ofSize(countOfShared(in));
@@ -72,6 +91,8 @@ Value readOne(Reader& in) {
         return readString(in);
     } else if constexpr (std::is_same_v<T, Image>) {
         return Image{readFlat<std::int32_t>(in)};
+    } else if constexpr (std::is_same_v<T, CustomValue>) {
+        return readCustom(in);
     } else {
         return in.number<T>();
     }
@@ -97,7 +118,8 @@ constexpr unsigned kExclusiveMin = 1, kHidden = 2, kMin = 4, kMax = 8, kAllowed 
 
 void putField(ByteBuffer& out, const FieldDef& field) {
     // As in finish(), a default of another type counts as none.
-    const bool hasDefault = field.defaultValue.type() == field.type && !(field.defaultValue == Value::zero(field.type));
+    const bool hasDefault =
+        field.holds(field.defaultValue) && !(field.defaultValue == zeroOf(field.type, field.custom.get()));
     const bool hasMin = field.min != -std::numeric_limits<double>::infinity();
     const bool hasMax = field.max != std::numeric_limits<double>::infinity();
     putText(out, field.name);
@@ -112,6 +134,20 @@ void putField(ByteBuffer& out, const FieldDef& field) {
     if (!field.allowed.empty()) putTexts(out, field.allowed);
     if (!field.accepts.empty()) putTexts(out, field.accepts);
     if (hasDefault) putValue(out, field.defaultValue);
+    if (!field.custom || sf(field.type) != FieldType::SFCustom) return;
+    out.put(static_cast<std::uint8_t>(field.custom->layout().of));
+    out.put(field.custom->layout().count);
+    putText(out, field.custom->name());
+}
+
+std::shared_ptr<const CustomType> readCustomType(Reader& in) {
+    CustomLayout layout;
+    layout.of = static_cast<CustomLayout::Of>(in.number<std::uint8_t>());
+    layout.count = in.number<std::uint16_t>();
+    const auto type = CustomType::make("SF" + readText(in), layout);
+    if (type) return *type;
+    in.refuse("a field type from outside without a name or a layout");
+    return nullptr;
 }
 
 FieldDef readField(Reader& in) {
@@ -131,7 +167,13 @@ FieldDef readField(Reader& in) {
     if (flags & kMax) field.max = in.number<double>();
     if (flags & kAllowed) field.allowed = readTexts(in);
     if (flags & kAccepts) field.accepts = readTexts(in);
-    field.defaultValue = flags & kDefault ? readValue(in, field.type) : Value::zero(field.type);
+    if (flags & kDefault) field.defaultValue = readValue(in, field.type);
+    if (sf(field.type) == FieldType::SFCustom) field.custom = readCustomType(in);
+    if (field.custom && !isMF(field.type) && !(flags & kDefault))
+        in.charge(kArrayCost + field.custom->head().size() + field.custom->layout().size());
+    if (in.problem) return field;
+    if (!(flags & kDefault)) field.defaultValue = zeroOf(field.type, field.custom.get());
+    if (!field.holds(field.defaultValue)) in.refuse("a default of another type than the field's");
     return field;
 }
 
@@ -155,7 +197,7 @@ void putValue(ByteBuffer& out, const Value& value) {
         return;
     }
     const detail::ArrayHeader* header = headerOf(value.storage());
-    if (type == FieldType::SFString) {
+    if (type == FieldType::SFString || type == FieldType::SFCustom) {
         putFlat(out, header, 1);
     } else if (type == FieldType::SFImage) {
         putFlat(out, header, sizeof(std::int32_t));
@@ -164,8 +206,7 @@ void putValue(ByteBuffer& out, const Value& value) {
         out.putVarint(size);
         const auto* elements = size ? reinterpret_cast<const std::byte*>(header + 1) : nullptr;
         for (std::uint64_t k = 0; k < size; ++k)
-            putFlat(out, headerOf(elements + k * sizeof(void*)),
-                    type == FieldType::MFString ? 1 : sizeof(std::int32_t));
+            putFlat(out, headerOf(elements + k * sizeof(void*)), type == FieldType::MFImage ? sizeof(std::int32_t) : 1);
     } else {
         putFlat(out, header, i.elementSize);
     }

@@ -41,7 +41,7 @@ class Request {
     Result<> checkCode(const Change& c);
     /// What the origin loads when this field changes, as "Inline.url". Empty if nothing.
     std::string loadedBy(NodeId id, FieldIndex field);
-    Result<> checkField(NodeId id, FieldIndex field, FieldType type, bool event) const;
+    Result<> checkField(NodeId id, FieldIndex field, const Value& value, bool event) const;
     NodeId real(NodeId id) const {
         const auto found = real_.find(id.value);
         return found == real_.end() ? id : found->second;
@@ -62,16 +62,15 @@ Result<const NodeType*> Request::typeOf(NodeId id) const {
     return fail(fmt::format("no node {}", id.value));
 }
 
-Result<> Request::checkField(NodeId id, FieldIndex field, FieldType type, bool event) const {
+Result<> Request::checkField(NodeId id, FieldIndex field, const Value& value, bool event) const {
     const auto owner = typeOf(id);
     if (!owner) return std::unexpected(owner.error());
     const NodeType& node = **owner;
     if (field >= node.fields.size() || node.fields[field].hidden)
         return fail(fmt::format("{} has no field {}", node.name, field));
     const FieldDef& def = node.fields[field];
-    if (def.type != type)
-        return fail(
-            fmt::format("{}.{} is of type {}, not {}", node.name, def.name, info(def.type).name, info(type).name));
+    if (!def.holds(value))
+        return fail(fmt::format("{}.{} is of type {}, not {}", node.name, def.name, def.typeName(), typeNameOf(value)));
     if (event ? !def.writable() : def.access == Access::outputOnly || def.access == Access::inputOnly)
         return fail(fmt::format("{}.{} cannot be {}", node.name, def.name, event ? "sent an event" : "set"));
     return {};
@@ -122,12 +121,12 @@ Result<> Request::checkKind(const Change& c) {
                 for (const NodeId id : ids)
                     if (auto ok = id ? known(id) : Result<>{}; !ok) return ok;
             }
-            return checkField(c.node, c.field, c.value.type(), event);
+            return checkField(c.node, c.field, c.value, event);
         case ChangeKind::insertChild:
             if (auto ok = known(c.other); !ok) return ok;
-            return checkField(c.node, c.field, FieldType::MFNode, false);
+            return checkField(c.node, c.field, Value(Array<NodeId>()), false);
         case ChangeKind::removeChild:
-            return checkField(c.node, c.field, FieldType::MFNode, false);
+            return checkField(c.node, c.field, Value(Array<NodeId>()), false);
         case ChangeKind::createNode:
             if (c.node.value < kFirstProvisional) return fail("the origin gives nodes their numbers");
             if (c.index >= scene_.typeCount() || scene_.type(TypeIndex{static_cast<std::uint16_t>(c.index)}).internal)

@@ -135,7 +135,7 @@ void appendCell(std::string& line, FieldType type, const std::optional<Value>& v
         line.append(isMF(type) || count == 0 ? 1 : count, ',');
         return;
     }
-    if (isMF(type) || type == FieldType::SFImage) {
+    if (isMF(type) || type == FieldType::SFImage || type == FieldType::SFCustom) {
         line += "," + csvQuoted(printFieldText(*value));
     } else if (type == FieldType::SFString) {
         line += "," + csvQuoted(value->as<String>());

@@ -252,9 +252,8 @@ struct FieldComparison::State {
         if (!x && (!y || !ofEither)) return 0;
         if (!x || !y) return text = fmt::format("only in {}", x ? words.a : words.b), kApart;
         const Value p = x->value(w.a.field), q = y->value(w.b.field);
-        if (p.type() != q.type())
-            return text = fmt::format("{} {}, {} {}", words.a, info(p.type()).name, words.b, info(q.type()).name),
-                   kApart;
+        if (p.type() != q.type() || typeNameOf(p) != typeNameOf(q))
+            return text = fmt::format("{} {}, {} {}", words.a, typeNameOf(p), words.b, typeNameOf(q)), kApart;
         const bool nodes = sf(p.type()) == FieldType::SFNode;
         if (!nodes && p == q) return 0;
         const std::string s = nodes ? nodesText(a.scene, p) : printFieldText(p);

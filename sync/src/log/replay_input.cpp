@@ -39,7 +39,7 @@ Result<InputPlayer::Place> InputPlayer::here(NodeId node, FieldIndex field) cons
     if (!then || !now || field >= then->type().fields.size()) return Place{*found, field};
     const FieldDef& def = then->type().fields[field];
     const FieldIndex index = now->type().findExact(def.name);
-    if (index != kNoField && now->type().fields[index].type == def.type) return Place{*found, index};
+    if (index != kNoField && haveOneType(now->type().fields[index], def)) return Place{*found, index};
     return fail(fmt::format("it has no {} any more", def.name));
 }
 

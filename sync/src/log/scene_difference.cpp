@@ -49,7 +49,7 @@ class Comparison {
             return Found{"scope", differ(nodeLabel(a_, x->scope()), nodeLabel(b_, y->scope()))};
         for (FieldIndex i = 0; i < x->type().fields.size(); ++i) {
             const FieldDef &f = x->type().fields[i], &g = y->type().fields[i];
-            if (f.type != g.type || f.name != g.name) return Found{"type", "other fields"};
+            if (!haveOneType(f, g) || f.name != g.name) return Found{"type", "other fields"};
             if (!f.readable() || equalStorage(f.type, x->storage(i), y->storage(i))) continue;
             const std::string p = printFieldText(x->value(i)), q = printFieldText(y->value(i));
             return Found{f.name, differ(excerpt(p, q), excerpt(q, p))};

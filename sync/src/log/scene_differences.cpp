@@ -70,7 +70,7 @@ class TreeDifference {
             const FieldDef& f = x.type().fields[i];
             if (!f.readable() || f.hidden) continue;
             const FieldIndex k = y.type().findExact(f.name);
-            if (k == kNoField || y.type().fields[k].type != f.type) {
+            if (k == kNoField || !haveOneType(y.type().fields[k], f)) {
                 note(where, f.name, fmt::format("a field only in {}", words_.a));
                 continue;
             }

@@ -45,6 +45,14 @@ double apart(const T& a, const T& b) {
         return apart(static_cast<double>(a), static_cast<double>(b));
     } else if constexpr (std::is_same_v<T, String> || std::is_same_v<T, Image> || std::is_same_v<T, NodeId>) {
         return a == b ? 0 : kApart;
+    } else if constexpr (std::is_same_v<T, CustomValue>) {
+        const std::vector<double> p = customNumbers(a), q = customNumbers(b);
+        const auto type = CustomType::of(a);
+        if (a == b) return 0;
+        if (!type || !type->holds(b) || p.size() != q.size()) return kApart;
+        double largest = 0;
+        for (std::size_t i = 0; i < p.size(); ++i) largest = std::max(largest, apart(p[i], q[i]));
+        return largest;
     } else if constexpr (std::is_same_v<T, Time>) {
         return apart(a.seconds, b.seconds);
     } else if constexpr (requires { a.elements; }) {

@@ -23,6 +23,10 @@ class RandomValues {
             return static_cast<std::int32_t>(random_());
         } else if constexpr (std::is_same_v<T, NodeId>) {
             return {};
+        } else if constexpr (std::is_same_v<T, CustomValue>) {
+            double numbers[2];
+            fill<double>(numbers, sizeof(numbers));
+            return CustomType::make("SFPair", {CustomLayout::Of::float64, 2}).value()->value(numbers).value();
         } else if constexpr (std::is_same_v<T, String>) {
             constexpr std::string_view letters[] = {"a", "\"",       "\\", " ", "\n", "'",  "&",
                                                     "<", "\xC3\xA4", "#",  "]", "\t", "]]>"};
@@ -72,7 +76,8 @@ class RandomValues {
 void expectRoundTrip(const Value& value) {
     for (const TextSyntax syntax : {TextSyntax::classicVrml, TextSyntax::xml}) {
         const std::string text = printFieldText(value, syntax);
-        const Result<Value> back = parseFieldText(value.type(), text, syntax);
+        const auto pair = CustomType::make("SFPair", {CustomLayout::Of::float64, 2}).value();
+        const Result<Value> back = parseFieldText(value.type(), text, syntax, pair.get());
         ASSERT_TRUE(back) << info(value.type()).name << " " << text << ": " << back.error().format();
         EXPECT_TRUE(*back == value) << info(value.type()).name << " " << text << " became " << printFieldText(*back);
     }
@@ -89,7 +94,8 @@ TEST(FieldText, EveryTypeReadsBackAsTheSameBits) {
         RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
     }
-    for (int t = 0; t < kFieldTypeCount; ++t) expectRoundTrip(Value::zero(static_cast<FieldType>(t)));
+    for (int t = 0; t < kFieldTypeCount; ++t)
+        if (static_cast<FieldType>(t) != FieldType::SFCustom) expectRoundTrip(Value::zero(static_cast<FieldType>(t)));
 }
 
 TEST(FieldText, ClassicPrintsAndParses) {

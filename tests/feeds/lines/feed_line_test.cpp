@@ -36,6 +36,32 @@ std::string asLine(const Value& value) {
 
 }  // namespace
 
+TEST(FeedLine, ValuesOfTypesFromOutsideAreNumbersOrTexts) {
+    const auto before = fieldTypeRegistry();
+    CustomFunctions named;
+    named.print = [](const CustomValue& value) { return customNumbers(value)[0] > 0 ? "on" : "off"; };
+    named.parse = [](const CustomType& type, std::string_view text) -> Result<CustomValue> {
+        const double numbers[] = {text == "on" ? 1.0 : 0.0, 0};
+        if (text != "on" && text != "off") return fail("neither on nor off");
+        return type.value(numbers);
+    };
+    const auto type = registerFieldType("SFState", {CustomLayout::Of::float64, 2}, named).value();
+    const auto read = [&](std::string_view line, FieldType many) {
+        const auto value = valueOf(lineOf(line), many, type.get());
+        return value ? printFieldText(*value) : "wrong: " + value.error().text;
+    };
+    EXPECT_EQ(read(R"({"node":"A","field":"f","value":"on"})", FieldType::SFCustom), "\"on\"");
+    EXPECT_EQ(read(R"({"node":"A","field":"f","value":[1,0]})", FieldType::SFCustom), "\"on\"");
+    EXPECT_EQ(read(R"({"node":"A","field":"f","value":["on","off"]})", FieldType::MFCustom), "[\"on\", \"off\"]");
+    EXPECT_EQ(read(R"({"node":"A","field":"f","value":[[1,0],[0,0]]})", FieldType::MFCustom), "[\"on\", \"off\"]");
+    EXPECT_EQ(read("A,f,on", FieldType::SFCustom), "\"on\"");
+    EXPECT_EQ(read("A,f,1 0", FieldType::SFCustom), "\"on\"");
+    EXPECT_EQ(read("A,f,1 0 0 0", FieldType::MFCustom), "[\"on\", \"off\"]");
+    EXPECT_EQ(read("A,f,maybe", FieldType::SFCustom), "wrong: neither on nor off");
+    EXPECT_EQ(read(R"({"node":"A","field":"f","value":[[1,0]]})", FieldType::SFCustom), "wrong: expected SFState");
+    restoreFieldTypes(before);
+}
+
 TEST(FeedLine, JsonHasNodeFieldValueAndPerhapsTimeAndAuthor) {
     const FeedLine line = lineOf(
         R"( {"t":1.5, "more":{"a":[1,{"b":"}"}],"c":null}, "node":"HALL\/DOOR","field":"set_x","author":"\u00c9mile \ud83d\ude00","value":[1,2.50,-3e-2]} )");

@@ -69,6 +69,7 @@ RTSG_PLUGIN(extensions) {
 }
 #elif defined ODD_THROWS
 RTSG_PLUGIN(extensions) {
+    if (const auto type = extensions.addFieldType("SFUnpaid", {}); !type) return std::unexpected(type.error());
     extensions.add(rtsg::FormatReader{
         .name = "half", .recognises = [](const rtsg::FormatClue&) { return true; }, .read = readNonsense});
     throw std::runtime_error("no licence");

@@ -56,6 +56,8 @@ class RandomSets {
             Image image;
             for (std::uint32_t n = below(20); n > 0; --n) image.words.push_back(anyBits<std::int32_t>());
             return image;
+        } else if constexpr (std::is_same_v<T, CustomValue>) {
+            return ofType(*customType());
         } else {
             T result;
             auto* bytes = reinterpret_cast<unsigned char*>(&result);
@@ -82,6 +84,23 @@ class RandomSets {
         }
         return {};
     }
+    /// One of a few types from outside, of each kind of numbers.
+    std::shared_ptr<const CustomType> customType() {
+        using Of = CustomLayout::Of;
+        constexpr std::pair<const char*, CustomLayout> kTypes[] = {{"SFQuantity", {Of::float64, 2}},
+                                                                   {"SFMoney", {Of::int32, 1}},
+                                                                   {"SFTag", {Of::bytes, 0}},
+                                                                   {"SFKey", {Of::bytes, 16}},
+                                                                   {"SFBasis", {Of::float32, 3}}};
+        const auto& [name, layout] = kTypes[below(std::size(kTypes))];
+        return CustomType::make(name, layout).value();
+    }
+    CustomValue ofType(const CustomType& type) {
+        std::string bits;
+        for (std::size_t n = type.layout().size() ? type.layout().size() : below(40); n > 0; --n)
+            bits += static_cast<char>(below(256));
+        return type.value(std::as_bytes(std::span(bits))).value();
+    }
     FieldType fieldType() { return static_cast<FieldType>(below(kFieldTypeCount)); }
 
     std::unique_ptr<NodeType> type(const std::string& name) {
@@ -100,7 +119,14 @@ class RandomSets {
             field.type = fieldType();
             field.access = static_cast<Access>(below(4));
             field.aspect = static_cast<Aspect>(below(9));
-            field.defaultValue = value(field.type);
+            if (sf(field.type) == FieldType::SFCustom) {
+                field.custom = customType();
+                field.defaultValue = coin()             ? Value()
+                                     : isMF(field.type) ? Value(Array<CustomValue>{ofType(*field.custom)})
+                                                        : Value(ofType(*field.custom));
+            } else {
+                field.defaultValue = value(field.type);
+            }
             if (coin()) field.min = real();
             field.exclusiveMin = coin();
             field.hidden = coin();

@@ -57,6 +57,8 @@ class Cascade {
     /// stored or sent until the next (4.4.8.4): what a field says is what it sent.
     template <class T>
     void emit(const Node& node, Field<T> field, const T& value) {
+        if constexpr (isCustom<T>)
+            if (!takes(node, field.index, Value(value))) return;
         if constexpr (std::is_trivially_copyable_v<T> && sizeof(T) <= 16 && !std::is_same_v<T, NodeId>)
             emitPlain<sizeof(T)>(node, field.index, &value);
         else
@@ -65,6 +67,8 @@ class Cascade {
     /// Stores a hidden or own field without sending anything.
     template <class T>
     void store(const Node& node, Field<T> field, const T& value) {
+        if constexpr (isCustom<T>)
+            if (!takes(node, field.index, Value(value))) return;
         storeStorage(node, field.index, &value);
     }
     /// `value` is in block representation.
@@ -106,6 +110,10 @@ class Cascade {
     friend class ScriptPrograms;
     Cascade(Scene& scene, double now, double previous, Scene::Lane& lane)
         : scene_(scene), now_(now), previous_(previous), lane_(lane) {}
+    template <class T>
+    static constexpr bool isCustom = std::is_same_v<T, CustomValue> || std::is_same_v<T, Array<CustomValue>>;
+    /// Whether it is of the field's type, which the C++ type does not tell; else a warning says so.
+    bool takes(const Node& node, FieldIndex field, const Value& value);
     /// Does what emitStorage does, for a value of `size` plain bytes.
     template <std::size_t size>
     void emitPlain(const Node& node, FieldIndex field, const void* value);

@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 
+#include <rtsg/core/custom_field.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
 
@@ -18,7 +19,10 @@ enum class TextSyntax : std::uint8_t { classicVrml, xml, json };
 
 /// The whole of `text` must be one value; XML is taken as the attribute's value, entities already resolved. JSON is
 /// not parsed. Nodes: only NULL and [ ] are values. The diagnostic's position counts from the start of `text`.
-Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax = TextSyntax::classicVrml);
+/// `custom`: which type SFCustom and MFCustom are. Their own text stands in quotes, and their numbers without; in XML
+/// the text of a single value may stand without, too.
+Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax = TextSyntax::classicVrml,
+                             const CustomType* custom = nullptr);
 
 /// ClassicVRML with brackets and quotes as needed; XML as an attribute's value before escaping `&`, `<` and quotes;
 /// JSON with vectors as arrays and MF values as arrays of those, NaN and infinity as null. A node prints as NULL, or

@@ -15,6 +15,7 @@
 #include <string_view>
 #include <vector>
 
+#include <rtsg/core/custom_field.h>
 #include <rtsg/core/value.h>
 
 namespace rtsg {
@@ -64,6 +65,8 @@ struct FieldDef {
     Unit unit = Unit::none;
     /// The version of X3D that brought the field, as NodeType::since has it; never less than its node's.
     std::uint8_t since = 0;
+    /// Which type it is, where `type` is SFCustom or MFCustom; else null.
+    std::shared_ptr<const CustomType> custom;
     /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
     static constexpr std::uint32_t kNoOffset = 0xFFFFFFFF;
     std::uint32_t offset = kNoOffset;
@@ -74,6 +77,9 @@ struct FieldDef {
     bool bounded() const {
         return min > -std::numeric_limits<double>::infinity() || max < std::numeric_limits<double>::infinity();
     }
+    /// Whether values of this kind are this field's.
+    bool holds(const Value& value) const { return isOfType(value, type, custom.get()); }
+    std::string typeName() const { return fieldTypeName(type, custom.get()); }
     /// Whether every number of a value of this field's type is in range. Bounds that are multiples of pi are met
     /// by their decimal renderings in files too (1.571 in [0, pi/2]). NaN is out of any range.
     bool inRange(const Value& value) const;
@@ -113,7 +119,7 @@ class NodeType {
 
     /// Computes offsets, the default block and, for a type of a user without @acts, what its abstract types say; call
     /// once after the fields are complete. False, and the type is unusable, when two public or two hidden fields share
-    /// a name, or there are more than a FieldIndex can count.
+    /// a name, there are more than a FieldIndex can count, or one of a type from outside does not say which.
     [[nodiscard]] bool finish();
 
     /// Finds `name`, or an inputOutput field by `set_name` or `name_changed` (4.4.2.2); kNoField if absent or hidden.

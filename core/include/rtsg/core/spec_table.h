@@ -26,7 +26,8 @@ struct SpecField {
     Aspect aspect;
     bool exclusiveMin, exclusiveMax, hidden;
     Unit unit;
-    std::uint8_t since;  // as NodeType::since; 0: that of the node
+    std::uint8_t since;       // as NodeType::since; 0: that of the node
+    std::string_view custom;  // of SFCustom and MFCustom: "Quantity float64 2"; else empty
 };
 
 /// The tags of a node type, which NodeType has under the same names.
@@ -66,7 +67,11 @@ const SpecTable& builtinSpecTable();
 /// Null if there is none of that name.
 const SpecAbstract* findAbstract(std::string_view name);
 
-/// One finished NodeType a node of the table, in its order.
+/// Registers the type that SpecField::custom describes. Errors: another one has its name.
+Result<std::shared_ptr<const CustomType>> fieldTypeOf(std::string_view custom);
+
+/// One finished NodeType a node of the table, in its order. Field types of the table are registered. Throws
+/// std::logic_error where one has the name of another.
 std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind);
 
 }  // namespace rtsg

@@ -1,4 +1,5 @@
-// The closed set of X3D field types, their C++ representations, and Value: one value of any of them.
+// X3D's field types, one for all types that come from outside, their C++ representations, and Value: one value of any
+// of them.
 //
 // Invariant: `mf(sf(t)) == t` for every MF type; a Value is 24 bytes and copying it never copies elements.
 // Source: ISO/IEC 19775-1 V4.0 clause 5. Matrices are stored in the order the file gives them (row by row).
@@ -76,6 +77,13 @@ struct Image {
     friend bool operator==(const Image&, const Image&) = default;
 };
 
+/// A value of a type that is not X3D's: custom_field.h makes and reads it. The type's name and layout travel in it, so
+/// that whoever lacks the type keeps what it says. Empty: of no type, as no field of a node is.
+struct CustomValue {
+    Array<char> box;
+    friend bool operator==(const CustomValue&, const CustomValue&) = default;
+};
+
 /// Names a node; 0 is no node (NULL). Never reused within a session.
 struct NodeId {
     std::uint32_t value = 0;
@@ -92,9 +100,10 @@ enum class FieldType : std::uint8_t {
     SFVec2f, MFVec2f, SFVec2d, MFVec2d, SFVec3f, MFVec3f, SFVec3d, MFVec3d, SFVec4f, MFVec4f,
     SFVec4d, MFVec4d, SFRotation, MFRotation, SFMatrix3f, MFMatrix3f, SFMatrix3d, MFMatrix3d,
     SFMatrix4f, MFMatrix4f, SFMatrix4d, MFMatrix4d,
+    SFCustom, MFCustom,  // which type it is, FieldDef::custom says
 };
 // clang-format on
-constexpr int kFieldTypeCount = 42;
+constexpr int kFieldTypeCount = 44;
 
 constexpr bool isMF(FieldType type) {
     return (static_cast<unsigned>(type) & 1u) != 0;
@@ -113,7 +122,7 @@ constexpr FieldType mf(FieldType type) {
     X(Image, ::rtsg::Image) X(Vec2f, ::rtsg::Vec2f) X(Vec2d, ::rtsg::Vec2d) X(Vec3f, ::rtsg::Vec3f) \
     X(Vec3d, ::rtsg::Vec3d) X(Vec4f, ::rtsg::Vec4f) X(Vec4d, ::rtsg::Vec4d) X(Rotation, ::rtsg::Rotation) \
     X(Matrix3f, ::rtsg::Matrix3f) X(Matrix3d, ::rtsg::Matrix3d) X(Matrix4f, ::rtsg::Matrix4f) \
-    X(Matrix4d, ::rtsg::Matrix4d)
+    X(Matrix4d, ::rtsg::Matrix4d) X(Custom, ::rtsg::CustomValue)
 // clang-format on
 
 /// FieldTypeOf<Vec3f>::value == SFVec3f; FieldTypeOf<Array<Vec3f>>::value == MFVec3f.
@@ -136,12 +145,12 @@ struct FieldTypeInfo {
     std::string_view name;  // "SFVec3f"
     std::uint8_t size;      // bytes in the node's block (8 for shared types)
     std::uint8_t alignment;
-    bool shared;               // String, Image and every MF type
+    bool shared;               // String, Image, CustomValue and every MF type
     std::uint8_t elementSize;  // bytes of one element (the SF size)
-    std::uint8_t components;   // numbers in one element; 0 for String, Image, Node
+    std::uint8_t components;   // numbers in one element; 0 for String, Image, Node, Custom
 };
 const FieldTypeInfo& info(FieldType type);
-/// Null optional semantics: returns false when `name` is no field type.
+/// One of X3D's. Null optional semantics: returns false when `name` is no field type.
 bool fieldTypeFromName(std::string_view name, FieldType& out);
 
 namespace detail {
@@ -151,7 +160,8 @@ constexpr std::uint64_t bit(FieldType t) {
 // SF types above 16 bytes live in a one-element array.
 constexpr std::uint64_t kBoxed = bit(FieldType::SFVec3d) | bit(FieldType::SFVec4d) | bit(FieldType::SFMatrix3f) |
                                  bit(FieldType::SFMatrix3d) | bit(FieldType::SFMatrix4f) | bit(FieldType::SFMatrix4d);
-constexpr std::uint64_t kOwns = kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | 0xAAAAAAAAAAAAAAAAull;
+constexpr std::uint64_t kOwns =
+    kBoxed | bit(FieldType::SFString) | bit(FieldType::SFImage) | bit(FieldType::SFCustom) | 0xAAAAAAAAAAAAAAAAull;
 }  // namespace detail
 
 /// Copies 1, 4, 8, 12 or 16 bytes, the sizes of plain field types; faster than memcpy when the size is not constant.

@@ -61,6 +61,7 @@ struct FieldDeclaration {
     FieldType type = FieldType::SFBool;
     std::string name;
     std::shared_ptr<const Documentation> about{};  // null where nothing is said
+    std::shared_ptr<const CustomType> custom{};    // which type, of SFCustom and MFCustom
 };
 
 class DocumentHandler {

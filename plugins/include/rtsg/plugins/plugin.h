@@ -45,6 +45,9 @@ class Extensions {
     Result<> add(std::shared_ptr<const NodeType> type);
     /// All of a table that rtsg_node_table has compiled: `extensions.add(workshop::nodeTypes())`.
     Result<> add(std::vector<std::unique_ptr<NodeType>> types);
+    /// A field type for tables, files and nodes, which stays known to the process. Errors: those of registerFieldType.
+    Result<std::shared_ptr<const CustomType>> addFieldType(std::string_view name, CustomLayout layout,
+                                                           CustomFunctions functions = {});
     /// What nodes of the type do. It must not throw.
     void addBehaviour(std::string type, const Behaviour& behaviour);
     /// The triangles of a geometry node, also in the place of a built-in type's.
