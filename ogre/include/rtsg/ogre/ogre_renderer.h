@@ -1,16 +1,17 @@
 // OgreRenderer: pictures of a scene by OGRE's rasteriser, as one of the renderers of a SharedWorld.
 //
 // Invariant: a picture shows the scene's present state, however it got there, as LightRenderer's by `whitted` without
-// shadows and mirrors does; the work of a change follows what it changes. No rays are asked for. What a rasteriser
-// cannot show, such as mirrors, is named in diagnostics(). OGRE is a module that is loaded with the first picture; it
-// needs a display, and draws on a thread of its own. Threading: as WorldRenderer; pictures of states come in the order
-// of the states. Source: paper section 5.1; ISO/IEC 19775-1 V4.0 17.2.2.
+// shadows and mirrors does; the work of a change follows what it changes. No rays are asked for, but by hybrid
+// pictures. What a rasteriser cannot show, such as mirrors, is named in diagnostics(). OGRE is a module that is loaded
+// with the first picture; it needs a display, and draws on a thread of its own. Threading: as WorldRenderer; pictures
+// of states come in the order of the states. Source: paper section 5.1; ISO/IEC 19775-1 V4.0 17.2.2.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/world_renderer.h>
@@ -46,6 +47,13 @@ class OgreRenderer final : public WorldRenderer {
     Result<Picture> nextPicture(const WorldState& state, const ImageOptions& options, const OwnLook& look,
                                 RenderStats& stats);
 
+    /// A hybrid picture of the present state, with all that `whitted` shows: the rasteriser finds the surfaces that the
+    /// eye sees (PrimarySight), rays go on from there where shadows fall or a material asks for mirrors or glass, and
+    /// where nothing is to be added the rasteriser's colour stays. Several samples are averaged as display values.
+    /// RenderStats::primaryRays counts what did not stay. diagnostics() names nothing of it that rays have shown.
+    /// Errors: as nextPicture() and LightTracer::render(), without those of shadows and colour spaces.
+    Result<Picture> hybridPicture(const ImageOptions& options, RenderStats* stats = nullptr);
+
     /// What draws, as the graphics system calls it; empty before the first picture.
     std::string driver() const;
     /// What has been handed to the graphics system since the start; for tests of the invariant.
@@ -66,6 +74,7 @@ class OgreRenderer final : public WorldRenderer {
     std::optional<PictureSight> looksFrom() override;
 
   private:
+    Result<std::vector<LayerView>> look(const ImageOptions& options);
     struct Impl;
     std::unique_ptr<Impl> impl_;
 };
