@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <mutex>
 #include <set>
 #include <tuple>
@@ -173,6 +174,7 @@ struct OgreRenderer::Impl {
     Diagnostics lackNews;
     std::optional<PictureSight> looked;  // by whoever looks on, last
     bool traces = false;                 // rays show what the rasteriser lacks
+    double tracing = 0;                  // Counts::tracing
     double named = 0;                    // share of missing light that has been reported
 
     void lack(const char* what) {
@@ -415,6 +417,16 @@ void OgreRenderer::Impl::nameMissing(const RenderStats& stats, int depth) {
                                  depth, 100 * stats.missingMost, 100 * stats.missing));
 }
 
+namespace {
+
+double processCpuSeconds() {
+    timespec now{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
 Result<Picture> OgreRenderer::hybridPicture(const ImageOptions& options, RenderStats* stats) {
     Impl& s = *impl_;
     if (auto ok = checkOptions(options, true); !ok) return std::unexpected(ok.error());
@@ -437,7 +449,9 @@ Result<Picture> OgreRenderer::hybridPicture(const ImageOptions& options, RenderS
         if (own.progress)
             own.progress = [&](double done) { return options.settings.progress((sample + done) / samples); };
         RenderStats drawn;
+        const double begun = processCpuSeconds();
         const auto traced = SurfaceState(state->light).trace(rays, s.camera, own, *seen, &drawn);
+        s.tracing += processCpuSeconds() - begun;
         if (!traced) return std::unexpected(traced.error());
         if (sample == 0) picture = Picture(traced->width, traced->height), picture.space = traced->space;
         for (std::size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] += share * traced->pixels[i];
@@ -515,8 +529,10 @@ const Camera& OgreRenderer::camera() const {
 std::string OgreRenderer::driver() const {
     return impl_->module ? impl_->module->driver() : std::string();
 }
-const OgreRenderer::Counts& OgreRenderer::counts() const {
-    return impl_->scene->counts();
+OgreRenderer::Counts OgreRenderer::counts() const {
+    Counts counts = impl_->scene->counts();
+    counts.tracing = impl_->tracing;
+    return counts;
 }
 RasterContent OgreRenderer::content() const {
     return impl_->scene->content();

@@ -61,9 +61,10 @@ class OgreRenderer final : public WorldRenderer {
         std::uint64_t bent = 0;  // meshes of which only what moved was handed over; `meshes`: whole ones
         std::uint64_t meshes = 0, textures = 0, materials = 0, things = 0, moved = 0, tables = 0;
         double handing = 0;  // CPU seconds of the calling thread for all of that
+        double tracing = 0;  // CPU seconds of the process while rays of hybrid pictures run
     };
     /// Precondition of both: no picture is being made.
-    const Counts& counts() const;
+    Counts counts() const;
     RasterContent content() const;
     const Diagnostics& diagnostics() const;
     std::string subscriberName() const override { return "OGRE renderer"; }
