@@ -46,9 +46,10 @@ void PictureArguments::addTo(Command& command) {
     command
         .addOption("--integrator", integrator,
                    "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, of rtsg render "
-                   "and view, without shadows and mirrors")
+                   "and view, without shadows and mirrors; hybrid: as whitted, but OGRE finds what the eye sees, of "
+                   "rtsg render")
         ->preset()
-        ->oneOf({"whitted", "path", "raster"});
+        ->oneOf({"whitted", "path", "raster", "hybrid"});
     command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
         ->preset()
         ->range(1, 1 << 20);
@@ -88,7 +89,7 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
     ImageOptions options;
     const PictureSize pixels = PictureSize::parse(size);
     options.settings.width = pixels.width, options.settings.height = pixels.height;
-    if (integrator == "raster") checkRaster(mayRaster);
+    if (integrator == "raster" || integrator == "hybrid") checkRaster(mayRaster);
     options.settings.integrator = integrator == "path"     ? Integrator::path
                                   : integrator == "raster" ? Integrator::raster
                                                            : Integrator::whitted;
@@ -116,15 +117,17 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
 }
 
 void PictureArguments::checkRaster(bool mayRaster) const {
+    const bool traces = integrator == "hybrid";
     if (!mayRaster)
-        throw UsageError("--integrator", "raster is of rtsg render and view; here there are: whitted, path");
+        throw UsageError("--integrator", fmt::format("{} is of rtsg render{}; here there are: whitted, path",
+                                                     integrator, traces ? "" : " and view"));
     const PictureArguments usual;
-    const auto refuse = [](bool asked, const char* option) {
-        if (asked) throw UsageError(option, "is nothing that --integrator raster can do");
+    const auto refuse = [this](bool asked, const char* option) {
+        if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
     };
-    refuse(shadows != usual.shadows && shadows != "none", "--shadows");
-    refuse(depth != usual.depth && depth != 0, "--depth");
-    refuse(colorSpace != usual.colorSpace, "--color-space");
+    refuse(!traces && shadows != usual.shadows && shadows != "none", "--shadows");
+    refuse(!traces && depth != usual.depth && depth != 0, "--depth");
+    refuse(!traces && colorSpace != usual.colorSpace, "--color-space");
     refuse(error > 0, "--error");
     refuse(shutter > 0, "--shutter");
     refuse(caps, "--caps");

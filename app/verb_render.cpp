@@ -58,11 +58,13 @@ std::uint32_t parseLayers(std::string_view list) {
 
 /// Adds the options of the eye: lens, panorama, stereo. Throws UsageError.
 void addEye(const RenderArguments& options, ImageOptions& image) {
-    if (image.settings.integrator == Integrator::raster) {
-        if (options.panorama) throw UsageError("--panorama", "is nothing that --integrator raster can do");
-        if (options.aperture > 0) throw UsageError("--aperture", "is nothing that --integrator raster can do");
-        if (options.stereo != "none") throw UsageError("--stereo", "is nothing that --integrator raster can do");
-        if (image.settings.layers != 0) throw UsageError("--layers", "is nothing that --integrator raster can do");
+    const std::string& integrator = options.picture.integrator;
+    if (integrator == "raster" || integrator == "hybrid") {
+        const auto refuse = [&](bool asked, const char* option) {
+            if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
+        };
+        refuse(options.panorama, "--panorama"), refuse(options.aperture > 0, "--aperture");
+        refuse(options.stereo != "none", "--stereo"), refuse(image.settings.layers != 0, "--layers");
     }
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
         throw UsageError("--panorama", "is of one eye without a lens");
@@ -87,9 +89,10 @@ struct Content {
 /// The renderer that --integrator names, on a world.
 class PictureMaker {
   public:
-    PictureMaker(SharedWorld& world, const Resources& resources, Integrator integrator) : world_(world) {
+    PictureMaker(SharedWorld& world, const Resources& resources, const std::string& integrator)
+        : world_(world), traces_(integrator != "raster") {
         LightRenderer::Options options(resources);
-        if (integrator == Integrator::raster)
+        if (integrator == "raster" || integrator == "hybrid")
             raster_ = std::make_unique<OgreRenderer>(world, std::move(options));
         else
             light_ = std::make_unique<LightRenderer>(world, std::move(options));
@@ -99,7 +102,9 @@ class PictureMaker {
     Result<int> write(const std::string& file, const ImageOptions& image, const AnimationOptions& animation,
                       const ToneMap& toneMap) {
         if (light_) return renderToFile(*light_, file, image, animation, toneMap);
-        const auto next = [&](RenderStats& stats) { return raster_->nextPicture(image, &stats); };
+        const auto next = [&](RenderStats& stats) {
+            return traces_ ? raster_->hybridPicture(image, &stats) : raster_->nextPicture(image, &stats);
+        };
         return renderToFile(world_.scene(), next, file, image, animation, toneMap);
     }
     const Diagnostics& diagnostics() const { return light_ ? light_->diagnostics() : raster_->diagnostics(); }
@@ -111,6 +116,7 @@ class PictureMaker {
 
   private:
     SharedWorld& world_;
+    const bool traces_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<OgreRenderer> raster_;
 };
@@ -132,9 +138,13 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
             content.instances, content.triangles, all.missing, more);
         return;
     }
-    const bool drawn = settings.integrator == Integrator::raster;
+    const std::string& integrator = options.picture.integrator;
+    const bool drawn = integrator == "raster" || integrator == "hybrid";
     fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of {}{}\n", options.out, settings.width, settings.height,
-               options.frames, options.frames == 1 ? "" : "s", all.seconds, drawn ? "drawing" : "tracing",
+               options.frames, options.frames == 1 ? "" : "s", all.seconds,
+               integrator == "raster" ? "drawing"
+               : drawn                ? "drawing and tracing"
+                                      : "tracing",
                options.frames == 1 || drawn ? "" : keptText(all.kept));
     if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
@@ -174,7 +184,7 @@ int render(const RenderArguments& options) {
     // Geometry is made from the first state that is seen, as earlier ones are not drawn.
     running.runTo(remembers ? before : time);
     SharedWorld& world = running.world().get();
-    PictureMaker maker(world, running.resources(), image.settings.integrator);
+    PictureMaker maker(world, running.resources(), options.picture.integrator);
     if (remembers) {
         if (auto ok = maker.remember(image); !ok) return printError(ok.error()), kBad;
         running.runTo(time);

@@ -43,6 +43,8 @@ struct ViewArguments {
 /// Throws UsageError.
 RenderSettings pictureSettings(const ViewArguments& options) {
     PictureArguments pictures = options.picture;
+    if (pictures.integrator == "hybrid")
+        throw UsageError("--integrator", "hybrid is of rtsg render; here there are: whitted, path, raster");
     if (options.renderer == "ogre") {
         if (pictures.integrator == "path") throw UsageError("--integrator", "path is of --renderer light");
         pictures.integrator = "raster";

@@ -1,5 +1,5 @@
 // The rasteriser on the scenes of the paper's table 3: frames a second by deltas, by full traversal and by rays, and
-// what follows a frame by deltas against the scene handed over anew.
+// what follows a frame by deltas against the scene handed over anew; and hybrid pictures beside rays.
 #include <algorithm>
 #include <filesystem>
 #include <optional>
@@ -26,7 +26,11 @@ struct RasterFigures {
     std::vector<double> flattening, deltas, anew, drawing, rays;  // CPU seconds a frame
     /// Seconds by the clock, on all cores, from the clock's tick to the picture.
     std::vector<double> byDeltas, byTraversal, byRays;
-    std::uint64_t meshes = 0, bent = 0;  // handed over while frames went by: whole, and only what moved
+    std::vector<double> hybrid, whitted;  // CPU seconds of a whole picture, with shadows and mirrors
+    std::vector<double> ofRays;           // of the first of these, its rays
+    double difference = 0, overlap = 1;   // of these two: the mean of 255; the part of what is no sky that both show
+    double traced = 0;                    // share of a hybrid picture's pixels
+    std::uint64_t meshes = 0, bent = 0;   // handed over while frames went by: whole, and only what moved
 };
 
 /// A scene with who shows it: OGRE and rays, and the traversal that finds changes without listeners.
@@ -78,7 +82,46 @@ class RasterRace {
         return comparesAnew ? anew(out) : Result<>();
     }
 
+    /// Pictures with all that rays show, by both ways to find what the eye sees.
+    Result<> whole(RasterFigures& out) {
+        ImageOptions image = image_;
+        image.settings.shadows = Shadows::automatic, image.settings.maxDepth = RenderSettings().maxDepth;
+        constexpr int kTimes = 4;  // the first one builds
+        for (int i = 0; i < kTimes; ++i) {
+            walk();
+            RenderStats stats;
+            const double start = cpuSeconds(), before = raster_->counts().tracing;
+            const auto hybrid = raster_->hybridPicture(image, &stats);
+            if (!hybrid) return std::unexpected(hybrid.error());
+            const double middle = cpuSeconds();
+            const auto traced = light_->picture(image);
+            if (!traced) return std::unexpected(traced.error());
+            if (i == 0) continue;
+            out.ofRays.push_back(raster_->counts().tracing - before);
+            out.hybrid.push_back(middle - start), out.whitted.push_back(cpuSeconds() - middle);
+            compare(*traced, *hybrid, out);
+            out.traced = static_cast<double>(stats.primaryRays) /
+                         static_cast<double>(std::max<std::size_t>(hybrid->pixels.size(), 1));
+        }
+        return {};
+    }
+
   private:
+    static void compare(const Picture& a, const Picture& b, RasterFigures& out) {
+        const auto shown = [](const Vec4f& pixel) { return glm::clamp(Vec3f(pixel), Vec3f(0), Vec3f(1)) * 255.0f; };
+        const auto isThing = [&](const Vec3f& color) {
+            const Vec3f d = glm::abs(color - shown(a.pixels[0]));
+            return std::max({d.x, d.y, d.z}) > 4;
+        };
+        double sum = 0, both = 0, any = 0;
+        for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+            const Vec3f x = shown(a.pixels[i]), y = shown(b.pixels[i]), d = glm::abs(x - y);
+            sum += static_cast<double>(d.x) + d.y + d.z;
+            both += isThing(x) && isThing(y), any += isThing(x) || isThing(y);
+        }
+        out.difference = std::max(out.difference, sum / (3 * static_cast<double>(a.pixels.size())));
+        if (any > 0) out.overlap = std::min(out.overlap, both / any);
+    }
     /// A step aside, so that no pixel of the picture before will do.
     void walk() {
         if (!eye_) return;
@@ -110,7 +153,7 @@ Result<> rasterFrames(const std::filesystem::path& file, int frames, RasterFigur
     if (auto ok = race.open(file); !ok) return ok;
     for (int i = 1; i <= frames; ++i)
         if (auto ok = race.frame(i, i <= 2, out); !ok) return ok;
-    return {};
+    return race.whole(out);
 }
 
 void tellRaster(const Report& report, const std::string& what, const RasterFigures& figures) {
@@ -121,6 +164,10 @@ void tellRaster(const Report& report, const std::string& what, const RasterFigur
             median(figures.anew) * 1e3, "deltas alone", median(figures.flattening) * 1e3});
     report({"raster", what, "a picture, 640 x 480", "ms", median(figures.drawing) * 1e3, "by rays",
             median(figures.rays) * 1e3, "", 0});
+    report({"raster", what, "a hybrid picture, with shadows", "ms", median(figures.hybrid) * 1e3, "by rays",
+            median(figures.whitted) * 1e3, "its rays alone", median(figures.ofRays) * 1e3});
+    report({"raster", what, "a hybrid picture differs from rays by, of 255", "", figures.difference, "overlap",
+            figures.overlap, "pixels traced, of 100", 100 * figures.traced});
     report({"raster", what, "meshes handed over whole while frames went by", "", static_cast<double>(figures.meshes),
             "only what moved", static_cast<double>(figures.bent), "", 0});
 }

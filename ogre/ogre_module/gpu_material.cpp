@@ -39,9 +39,9 @@ Ogre::TextureAddressingMode wrapOf(RasterWrap wrap) {
 }
 
 /// The names by which programs know DrawNumbers.
-const char* const kDrawNumbers[] = {"thing",    "stroke",      "attenuation", "eyePlace",  "eyeForward",
-                                    "eyeRight", "eyeUp",       "eyeLimits",   "eyePixels", "eyeMore",
-                                    "eyeEdges", "pictureSize", "squareX",     "squareY",   "squareZ"};
+const char* const kDrawNumbers[] = {"thing",       "stroke",  "attenuation", "named",     "eyePlace", "eyeForward",
+                                    "eyeRight",    "eyeUp",   "eyeLimits",   "eyePixels", "eyeMore",  "eyeEdges",
+                                    "pictureSize", "squareX", "squareY",     "squareZ"};
 static_assert(std::size(kDrawNumbers) == static_cast<std::size_t>(DrawNumber::count));
 
 /// A program of one kind, made once in the process.
@@ -181,19 +181,19 @@ void GpuLibrary::setNumbers(Ogre::Pass& pass, const RasterMaterial& m) {
     }
 }
 
-Ogre::MaterialPtr GpuLibrary::makeMaterial(const std::string& name, const RasterMaterial& material) {
+void GpuLibrary::setUp(Ogre::Pass& pass, const RasterMaterial& material, bool numbers) {
     using namespace Ogre;
-    MaterialPtr made = MaterialManager::getSingleton().create(unique(name.c_str()), group());
-    Pass& pass = *made->getTechnique(0)->getPass(0);
     // Which sides are drawn is the thing's matter, not the material's.
     pass.setCullingMode(CULL_NONE);
     pass.setManualCullingMode(MANUAL_CULL_NONE);
     pass.setLightingEnabled(false);
-    if (material.clear) {
+    if (material.clear && !numbers) {
         pass.setSeparateSceneBlending(SBF_ONE, SBF_ONE_MINUS_SOURCE_ALPHA, SBF_ONE, SBF_ONE_MINUS_SOURCE_ALPHA);
         pass.setDepthWriteEnabled(material.cutOut);
     }
-    usePrograms(pass, ProgramKey(material));
+    ProgramKey key(material);
+    key.numbers = numbers;
+    usePrograms(pass, key);
     addPlainUnit(pass, table_, "tables");
     for (std::size_t i = 0; i < kRasterUses; ++i) {
         const RasterUse& use = material.uses[i];
@@ -207,7 +207,20 @@ Ogre::MaterialPtr GpuLibrary::makeMaterial(const std::string& name, const Raster
                                              : FO_POINT);
     }
     setNumbers(pass, material);
+}
+
+Ogre::MaterialPtr GpuLibrary::makeMaterial(const std::string& name, const RasterMaterial& material) {
+    Ogre::MaterialPtr made = Ogre::MaterialManager::getSingleton().create(unique(name.c_str()), group());
+    setUp(*made->getTechnique(0)->getPass(0), material, false);
     return loaded(made);
+}
+
+void GpuLibrary::addNumbers(const Ogre::MaterialPtr& material, const RasterMaterial& from) {
+    Ogre::Technique* technique = material->createTechnique();
+    technique->setSchemeName(kNumbers);
+    setUp(*technique->createPass(), from, true);
+    material->unload();  // compiles it again
+    loaded(material);
 }
 
 Ogre::MaterialPtr GpuLibrary::makeBackground(const std::string& name, const RasterSky& sky) {

@@ -22,6 +22,7 @@ enum class DrawNumber : std::uint8_t {
     thing,
     stroke,
     attenuation,
+    named,     // x: its number and 1
     eyePlace,  // w: 1 if it is orthographic
     eyeForward,
     eyeRight,  // w: whether it has a headlight
@@ -56,12 +57,16 @@ class GpuLibrary {
     /// too many.
     bool setTable(std::vector<glm::vec4> texels);
     Ogre::MaterialPtr makeMaterial(const std::string& name, const RasterMaterial& material);
+    /// Lets it show numbers in place of colours where a viewport asks for the scheme kNumbers.
+    void addNumbers(const Ogre::MaterialPtr& material, const RasterMaterial& from);
+    static constexpr const char* kNumbers = "numbers";
     Ogre::MaterialPtr makeBackground(const std::string& name, const RasterSky& sky);
 
   private:
     std::string unique(const char* what);
     void usePrograms(Ogre::Pass& pass, const ProgramKey& key);
     void setNumbers(Ogre::Pass& pass, const RasterMaterial& material);
+    void setUp(Ogre::Pass& pass, const RasterMaterial& material, bool numbers);
     std::string prefix_;
     std::uint64_t made_ = 0;
     std::map<std::uint32_t, Ogre::TexturePtr> textures_;

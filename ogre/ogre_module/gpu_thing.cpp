@@ -21,8 +21,9 @@ void GpuThing::show(const GpuMesh& mesh) {
     findBounds();
 }
 
-void GpuThing::setThing(const RasterThing& thing, int record) {
+void GpuThing::setThing(std::uint32_t number, const RasterThing& thing, int record) {
     thing_ = thing;
+    named_ = {static_cast<float>(number) + 1, 0, 0, 0};
     stroke_ = {thing.stroke.x, thing.stroke.y, thing.stroke.z, thing.stroke.w};
     attenuation_ = {thing.attenuation.x, thing.attenuation.y, thing.attenuation.z, thing.attenuation.w};
     setVisibilityFlags(1u << std::min<unsigned>(thing.layer, 31));
@@ -80,6 +81,7 @@ void GpuThing::_updateCustomGpuParameter(const Ogre::GpuProgramParameters::AutoC
     const Ogre::Vector4& value = which == DrawNumber::thing         ? numbers_
                                  : which == DrawNumber::stroke      ? stroke_
                                  : which == DrawNumber::attenuation ? attenuation_
+                                 : which == DrawNumber::named       ? named_
                                                                     : view_[entry.data];
     parameters->_writeRawConstant(entry.physicalIndex, value, entry.elementCount);
 }

@@ -18,7 +18,7 @@ class GpuThing final : public Ogre::SimpleRenderable {
     explicit GpuThing(const ViewNumbers& view);
     /// Follows what the mesh has become.
     void show(const GpuMesh& mesh);
-    void setThing(const RasterThing& thing, int record);
+    void setThing(std::uint32_t number, const RasterThing& thing, int record);
     /// The linear part of its place; the translation is its scene node's.
     void setLinear(const glm::mat3& linear, bool mirrored);
     /// It fills the picture, whatever the eye.
@@ -36,7 +36,7 @@ class GpuThing final : public Ogre::SimpleRenderable {
     void findBounds();
     const ViewNumbers& view_;
     RasterThing thing_;
-    Ogre::Vector4 numbers_, stroke_, attenuation_;
+    Ogre::Vector4 numbers_, stroke_, attenuation_, named_;
     glm::vec3 lower_{0}, upper_{0};
     bool strokes_ = false;
     float radius_ = 0;

@@ -94,7 +94,7 @@ class OgreRaster final : public RasterModule {
             for (auto& [number, material] : materials_) forget(material.material);
             meshes_.clear(), materials_.clear();
             whole_.reset();
-            dropTarget();
+            colors_.drop(), numbers_.drop();
             library_.reset();
             root_.destroySceneManager(scene_);
         });
@@ -132,7 +132,7 @@ class OgreRaster final : public RasterModule {
             Material& held = materials_[number];
             for (GpuThing* user : held.users) user->setMaterial(made);
             forget(held.material);
-            held.material = made;
+            held.material = made, held.from = material, held.numbered = false;
         });
     }
     void dropMaterial(std::uint32_t number) override {
@@ -152,7 +152,7 @@ class OgreRaster final : public RasterModule {
                 placed.node->attachObject(placed.object.get());
             }
             unlink(*placed.object);
-            placed.object->setThing(thing, recordOf(thing.place));
+            placed.object->setThing(number, thing, recordOf(thing.place));
             Mesh& mesh = meshes_.at(thing.mesh);
             Material& material = materials_.at(thing.material);
             placed.object->show(*mesh.mesh);
@@ -179,11 +179,24 @@ class OgreRaster final : public RasterModule {
     void draw(int width, int height, const std::vector<RasterView>& views, std::vector<glm::vec4>& pixels) override {
         pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), glm::vec4(0));
         guarded([&] {
-            aim(width, height);
-            for (std::size_t i = 0; i < views.size(); ++i) drawView(views[i], i, height);
-            target_->getBuffer()->blitToMemory(Ogre::PixelBox(static_cast<Ogre::uint32>(width),
-                                                              static_cast<Ogre::uint32>(height), 1,
-                                                              Ogre::PF_FLOAT32_RGBA, pixels.data()));
+            colors_.aim(width, height, *camera_, prefix_ + "picture ", Ogre::PF_FLOAT16_RGBA);
+            for (std::size_t i = 0; i < views.size(); ++i) {
+                showBackground(views[i], i);
+                drawView(colors_, views[i], i);
+            }
+            colors_.read(pixels);
+        });
+    }
+    void drawNumbers(int width, int height, const RasterView& view, std::vector<glm::vec4>& pixels) override {
+        pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), glm::vec4(0));
+        guarded([&] {
+            for (auto& [number, material] : materials_)
+                if (!std::exchange(material.numbered, true)) library_->addNumbers(material.material, material.from);
+            numbers_.aim(width, height, *camera_, prefix_ + "numbers ", Ogre::PF_FLOAT32_RGBA);
+            numbers_.viewport->setMaterialScheme(GpuLibrary::kNumbers);
+            hideBackgrounds();
+            drawView(numbers_, view, 0);
+            numbers_.read(pixels);
         });
     }
 
@@ -207,6 +220,8 @@ class OgreRaster final : public RasterModule {
     };
     struct Material {
         Ogre::MaterialPtr material;
+        RasterMaterial from;
+        bool numbered = false;  // it shows numbers, too
         std::set<GpuThing*> users;
     };
     struct Background {
@@ -217,6 +232,35 @@ class OgreRaster final : public RasterModule {
         Background(const Background&) = delete;
         Background& operator=(const Background&) = delete;
         ~Background() { forget(material); }
+    };
+
+    /// A texture to draw into.
+    struct Target {
+        Ogre::TexturePtr texture;
+        Ogre::Viewport* viewport = nullptr;
+        int made = 0;
+        void drop() {
+            if (texture) Ogre::TextureManager::getSingleton().remove(texture);
+            texture.reset();
+        }
+        void aim(int width, int height, Ogre::Camera& camera, const std::string& name, Ogre::PixelFormat format) {
+            const auto w = static_cast<Ogre::uint>(width), h = static_cast<Ogre::uint>(height);
+            if (texture && texture->getWidth() == w && texture->getHeight() == h) return;
+            drop();
+            texture = Ogre::TextureManager::getSingleton().createManual(
+                name + std::to_string(++made), Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME,
+                Ogre::TEX_TYPE_2D, w, h, 0, format, Ogre::TU_RENDERTARGET);
+            surface().setAutoUpdated(false);
+            viewport = surface().addViewport(&camera);
+            viewport->setOverlaysEnabled(false);
+            viewport->setShadowsEnabled(false);
+            viewport->setBackgroundColour(Ogre::ColourValue(0, 0, 0, 0));
+        }
+        Ogre::RenderTexture& surface() const { return *texture->getBuffer()->getRenderTarget(); }
+        void read(std::vector<glm::vec4>& pixels) const {
+            texture->getBuffer()->blitToMemory(
+                Ogre::PixelBox(texture->getWidth(), texture->getHeight(), 1, Ogre::PF_FLOAT32_RGBA, pixels.data()));
+        }
     };
 
     static int& count() {
@@ -278,25 +322,6 @@ class OgreRaster final : public RasterModule {
         for (auto& [id, thing] : things_) thing.object->setRecord(recordOf(thing.object->thing().place));
     }
 
-    void dropTarget() {
-        if (target_) Ogre::TextureManager::getSingleton().remove(target_);
-        target_.reset();
-    }
-    void aim(int width, int height) {
-        const auto w = static_cast<Ogre::uint>(width), h = static_cast<Ogre::uint>(height);
-        if (target_ && target_->getWidth() == w && target_->getHeight() == h) return;
-        dropTarget();
-        target_ = Ogre::TextureManager::getSingleton().createManual(
-            prefix_ + "picture " + std::to_string(++targets_), Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME,
-            Ogre::TEX_TYPE_2D, w, h, 0, Ogre::PF_FLOAT16_RGBA, Ogre::TU_RENDERTARGET);
-        Ogre::RenderTexture* surface = target_->getBuffer()->getRenderTarget();
-        surface->setAutoUpdated(false);
-        viewport_ = surface->addViewport(camera_);
-        viewport_->setOverlaysEnabled(false);
-        viewport_->setShadowsEnabled(false);
-        viewport_->setBackgroundColour(Ogre::ColourValue(0, 0, 0, 0));
-    }
-
     void setNumbers(const RasterView& v) {
         const auto set = [&](DrawNumber which, const Ogre::Vector4& value) {
             view_[static_cast<std::size_t>(which)] = value;
@@ -314,8 +339,11 @@ class OgreRaster final : public RasterModule {
         set(DrawNumber::pictureSize, {static_cast<float>(v.width), static_cast<float>(v.height), 0, 0});
     }
 
-    void showBackground(const RasterView& view, std::size_t number) {
+    void hideBackgrounds() {
         for (auto& [id, other] : backgrounds_) other.thing.object->setVisible(false);
+    }
+    void showBackground(const RasterView& view, std::size_t number) {
+        hideBackgrounds();
         if (view.sky.colors.empty()) return;
         Background& background = backgrounds_[number];
         if (!background.thing.object) {
@@ -336,19 +364,19 @@ class OgreRaster final : public RasterModule {
         background.thing.object->setVisible(true);
     }
 
-    void drawView(const RasterView& view, std::size_t number, int height) {
-        Ogre::RenderTexture* surface = target_->getBuffer()->getRenderTarget();
-        const auto w = static_cast<float>(surface->getWidth()), h = static_cast<float>(height);
-        viewport_->setDimensions(static_cast<float>(view.x) / w, static_cast<float>(view.y) / h,
-                                 static_cast<float>(view.width) / w, static_cast<float>(view.height) / h);
-        viewport_->setClearEveryFrame(true, number == 0 ? Ogre::FBT_COLOUR | Ogre::FBT_DEPTH : Ogre::FBT_DEPTH);
-        viewport_->setVisibilityMask(1u << std::min<unsigned>(view.layer, 31));
+    /// `number`: of the view; the first one begins the picture.
+    void drawView(Target& target, const RasterView& view, std::size_t number) {
+        Ogre::RenderTexture& surface = target.surface();
+        const auto w = static_cast<float>(surface.getWidth()), h = static_cast<float>(surface.getHeight());
+        target.viewport->setDimensions(static_cast<float>(view.x) / w, static_cast<float>(view.y) / h,
+                                       static_cast<float>(view.width) / w, static_cast<float>(view.height) / h);
+        target.viewport->setClearEveryFrame(true, number == 0 ? Ogre::FBT_COLOUR | Ogre::FBT_DEPTH : Ogre::FBT_DEPTH);
+        target.viewport->setVisibilityMask(1u << std::min<unsigned>(view.layer, 31));
         eyeNode_->setPosition(vector(view.eye));
         camera_->setCustomViewMatrix(true, Ogre::Affine3(matrix(view.viewFromWorld)));
         camera_->setCustomProjectionMatrix(true, matrix(view.projection));
         setNumbers(view);
-        showBackground(view, number);
-        surface->update();
+        surface.update();
     }
 
     Ogre::Root& root_;
@@ -358,9 +386,7 @@ class OgreRaster final : public RasterModule {
     Ogre::SceneManager* scene_ = nullptr;
     Ogre::SceneNode* eyeNode_ = nullptr;
     Ogre::Camera* camera_ = nullptr;
-    Ogre::Viewport* viewport_ = nullptr;
-    Ogre::TexturePtr target_;
-    int targets_ = 0;
+    Target colors_, numbers_;
     ViewNumbers view_{};
     std::optional<GpuMesh> whole_;  // a triangle over the whole picture
     std::map<std::uint32_t, Mesh> meshes_;
@@ -391,6 +417,6 @@ std::unique_ptr<RasterModule> openRaster(std::string& problem) {
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenRaster rtsg_open_raster_2() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenRaster rtsg_open_raster_3() {
     return &rtsg::openRaster;
 }

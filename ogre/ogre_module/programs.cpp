@@ -157,7 +157,7 @@ uniform sampler2D tables;
 uniform sampler2D baseTexture, emissiveTexture, specularTexture, normalTexture;
 uniform sampler2D roughnessTexture, occlusionTexture, ambientTexture, shininessTexture;
 uniform vec4 eyePlace, eyeForward, eyeRight, eyeUp, eyeLimits, eyePixels, eyeMore;
-uniform vec4 thing, stroke;
+uniform vec4 thing, stroke, named;
 uniform vec4 baseColor, specularColor, emissiveColor, numbers, more, hatching, mirrors;
 uniform vec4 squareX, squareY, squareZ;
 uniform vec4 rowS0, rowS1, rowS2, rowS3, rowS4, rowS5, rowS6, rowS7;
@@ -416,6 +416,12 @@ void main() {
     }
 #endif
     if (coverage == 0.0) discard;
+    // By its logarithm: as fine at a millimetre as at a thousand kilometres.
+    gl_FragDepth = log2(1.0 + max(depth, 0.0) * 1000.0) * (1.0 / 40.0);
+#ifdef NUMBERS
+    result = vec4(named.x, depth, 0.0, 1.0);
+    return;
+#endif
 #ifdef UNLIT
     vec3 shown = base;
 #else
@@ -445,8 +451,6 @@ void main() {
     if (passes > 0.999) discard;
     vec3 whole = mirrored * (1.0 - opaque) + opaque;
     result = vec4(own * left * shown + coverage * whole * (1.0 - left) * fogColor.rgb, 1.0 - passes);
-    // By its logarithm: as fine at a millimetre as at a thousand kilometres.
-    gl_FragDepth = log2(1.0 + max(depth, 0.0) * 1000.0) * (1.0 / 40.0);
 }
 )";
 
@@ -458,6 +462,7 @@ std::string defines(const ProgramKey& key) {
     define(key.strokes, "STROKES");
     define(key.points, "POINTS");
     define(key.hatched, "HATCHED");
+    define(key.numbers, "NUMBERS");
     define(key.model == RasterModel::unlit, "UNLIT");
     define(key.model == RasterModel::physical, "PHYSICAL");
     for (std::size_t use = 0; use < kRasterUses; ++use)
@@ -476,7 +481,7 @@ ProgramKey::ProgramKey(const RasterMaterial& material)
 std::string ProgramKey::name() const {
     if (background) return "background";
     return std::to_string(static_cast<int>(model)) + (strokes ? points ? "p" : "l" : "t") + (hatched ? "h" : "-") +
-           std::to_string(uses);
+           std::to_string(uses) + (numbers ? "n" : "");
 }
 
 std::string vertexProgram(const ProgramKey& key) {

@@ -19,7 +19,8 @@ const char* const kUseNames[kRasterUses] = {"baseTexture",    "emissiveTexture",
 struct ProgramKey {
     RasterModel model = RasterModel::unlit;
     bool strokes = false, points = false, hatched = false, background = false;
-    unsigned uses = 0;  // of RasterMaterial::uses, a bit each
+    bool numbers = false;  // in place of colours: RasterModule::drawNumbers()
+    unsigned uses = 0;     // of RasterMaterial::uses, a bit each
     explicit ProgramKey(const RasterMaterial& material);
     ProgramKey() = default;
     /// One word for each, as a name.

@@ -78,6 +78,9 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
         {"render", file, "-o", folder / "a.png", "--integrator", "raster", "--shadows", "all"},
         {"render", file, "-o", folder / "a.png", "--integrator", "raster", "--panorama"},
         {"render", file, "-o", folder / "a.exr", "--integrator", "raster", "--layers", "depth"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "hybrid", "--stereo", "beside"},
+        {"render", file, "-o", folder / "a.png", "--integrator", "hybrid", "--caps"},
+        {"view", file, "--integrator", "hybrid"},
         {"render", file, "-o", folder / "a.png", "--integrator", "magic"},
         {"render", file, "-o", folder / "a.png", "--error", "-1"},
         {"render", file, "-o", folder / "a.png", "--shutter", ".5", "--spp", "1"},
@@ -200,6 +203,8 @@ TEST_F(Usage, WhatExcludesEachOtherIsRefused) {
 TEST_F(Usage, WhatCannotBeDoneSaysSo) {
     EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "raster"}).err,
                 HasSubstr("raster is of rtsg render and view"));
+    EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "hybrid"}).err,
+                HasSubstr("hybrid is of rtsg render;"));
     EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"}).err, HasSubstr("--ambisonic"));
 }
 
@@ -208,12 +213,14 @@ TEST_F(Usage, WithoutADisplayThereIsNoRasteriser) {
     const char* const display = std::getenv("DISPLAY");
     const std::string before = display ? display : "";
     ::setenv("DISPLAY", ":987", 1);
-    const Outcome outcome = rtsg({"render", file, "-o", folder / "a.png", "--integrator", "raster"});
+    for (const char* integrator : {"raster", "hybrid"}) {
+        const Outcome outcome = rtsg({"render", file, "-o", folder / "a.png", "--integrator", integrator});
+        EXPECT_EQ(outcome.status, 1);
+        EXPECT_THAT(outcome.err, HasSubstr("rasteriser"));
+        EXPECT_FALSE(std::filesystem::exists(folder / "a.png"));
+    }
     ::unsetenv("DISPLAY");
     if (display) ::setenv("DISPLAY", before.c_str(), 1);
-    EXPECT_EQ(outcome.status, 1);
-    EXPECT_THAT(outcome.err, HasSubstr("rasteriser"));
-    EXPECT_FALSE(std::filesystem::exists(folder / "a.png"));
 }
 
 TEST_F(Usage, MissingInputIsStatusOne) {

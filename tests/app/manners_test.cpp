@@ -235,7 +235,7 @@ TEST_F(Manners, BashCompletes) {
     using testing::ElementsAre;
     EXPECT_THAT(completed("rtsg ren"), ElementsAre("render"));
     EXPECT_THAT(completed("rtsg render a.x3dv --integ"), ElementsAre("--integrator"));
-    EXPECT_THAT(completed("rtsg render a.x3dv --integrator "), ElementsAre("whitted", "path", "raster"));
+    EXPECT_THAT(completed("rtsg render a.x3dv --integrator "), ElementsAre("whitted", "path", "raster", "hybrid"));
     EXPECT_THAT(completed("rtsg completion z"), ElementsAre("zsh"));
     EXPECT_THAT(completed("rtsg help rep"), ElementsAre("replay"));
     EXPECT_TRUE(completed("rtsg render a.x3dv --output ").empty()) << "files are the shell's own to complete";

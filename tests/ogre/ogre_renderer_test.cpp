@@ -1,4 +1,5 @@
-// Pictures by OGRE are those that rays make without shadows and mirrors. Skipped where there is no display or no OGRE.
+// Pictures by OGRE are those that rays make without shadows and mirrors, and with rays those with them. Skipped where
+// there is no display or no OGRE.
 #include <rtsg/ogre/ogre_renderer.h>
 
 #include <cmath>
@@ -48,6 +49,12 @@ struct Both {
     }
     Picture drawn() {
         auto picture = raster->nextPicture(options);
+        if (picture) return std::move(*picture);
+        ADD_FAILURE() << picture.error().format();
+        return Picture(options.settings.width, options.settings.height);
+    }
+    Picture hybrid(RenderStats* stats = nullptr) {
+        auto picture = raster->hybridPicture(options, stats);
         if (picture) return std::move(*picture);
         ADD_FAILURE() << picture.error().format();
         return Picture(options.settings.width, options.settings.height);
@@ -110,6 +117,17 @@ TEST_P(OgreContent, IsSeenAsByRays) {
     double seen = 0;
     for (const Vec4f& pixel : drawn.pixels) seen += glm::distance(pixel, drawn.pixels[0]);
     EXPECT_GT(seen, 50) << "something is seen";
+    for (const Diagnostic& d : both.raster->diagnostics().all()) ADD_FAILURE() << d.format();
+}
+
+// What a rasteriser shows stays as it is, but for shadows.
+TEST_P(OgreContent, IsSeenInHybridPictures) {
+    Both both;
+    both.load(GetParam().body);
+    both.options.settings.shadows = Shadows::automatic, both.options.settings.maxDepth = 250;
+    const Difference difference = differenceOf(both.traced(), both.hybrid());
+    EXPECT_LE(difference.mean, 1.5);
+    EXPECT_GE(difference.overlap, .98);
     for (const Diagnostic& d : both.raster->diagnostics().all()) ADD_FAILURE() << d.format();
 }
 
@@ -274,6 +292,93 @@ INSTANTIATE_TEST_SUITE_P(
         return name;
     });
 
+/// A number that only rays know, as metadata.
+std::string known(const char* name, const char* value) {
+    return std::string("metadata MetadataSet { name \"RTSG\" value MetadataFloat { name \"") + name + "\" value " +
+           value + " } }";
+}
+
+class HybridContent : public OgrePictures, public testing::WithParamInterface<Content> {};
+
+// What a rasteriser cannot show is shown by rays, in the places where the rasteriser sees it.
+TEST_P(HybridContent, IsSeenAsByRays) {
+    for (const int samples : {1, 4}) {
+        Both both;
+        both.load(GetParam().body);
+        both.options.settings.samplesPerPixel = samples;
+        both.options.settings.shadows = Shadows::automatic, both.options.settings.maxDepth = 250;
+        RenderStats stats;
+        const Picture hybrid = both.hybrid(&stats);
+        const Difference difference = differenceOf(both.traced(), hybrid);
+        EXPECT_LE(difference.mean, .9);
+        EXPECT_GE(difference.overlap, .97);
+        EXPECT_GT(stats.primaryRays, 100u);
+        EXPECT_LT(stats.primaryRays, samples * 160u * 120u) << "the background stays";
+        EXPECT_GT(differenceOf(both.drawn(), hybrid).mean, .3) << "rays add something";
+        if (samples == 1) continue;
+        const auto plain = both.raster->hybridPicture(both.options);
+        ASSERT_TRUE(plain);
+        EXPECT_EQ(plain->pixels, hybrid.pixels) << "the same again";
+    }
+}
+
+const std::string kFloor = "NavigationInfo { headlight FALSE }\nDirectionalLight { direction -1 -2 -1 }\n" +
+                           shape("material Material { diffuseColor .6 .6 .5 }", "Box { size 4 .2 4 }", "0 -1.6 0");
+
+INSTANTIATE_TEST_SUITE_P(
+    Contents, HybridContent,
+    testing::Values(
+        Content{"shadows", kFloor + shape("material Material { diffuseColor .8 .2 .1 }", "Sphere { }")},
+        Content{"mirrors",
+                kFloor + shape("material Material { diffuseColor .1 .1 .1 " + known("reflectivity", ".8") + " }",
+                               "Sphere { }")},
+        Content{"glass", kFloor + shape("material Material { diffuseColor 0 0 0 transparency 1 " +
+                                            known("refractiveIndex", "1.5") + " }",
+                                        "Sphere { radius 1.3 }")},
+        Content{"clear surfaces in a row",
+                kFloor + shape("material Material { diffuseColor 0 1 0 transparency .6 }", "Sphere { radius 1.2 }") +
+                    shape("material Material { diffuseColor 1 0 0 transparency .4 }", "Box { }", "1 0 1.5")},
+        Content{"light from all around",
+                "NavigationInfo { headlight FALSE }\nEnvironmentLight { specularTexture ComposedCubeMapTexture { "
+                "frontTexture DEF P PixelTexture { image 1 2 3 0xFFC080 0x204080 } backTexture USE P leftTexture USE "
+                "P rightTexture USE P topTexture USE P bottomTexture USE P } }\n" +
+                    shape("material PhysicalMaterial { baseColor .9 .7 .3 metallic 1 roughness .2 }", "Sphere { }")},
+        Content{"what rasterisers leave out",
+                shape("material Material { } texture MultiTexture { mode \"ADD\" texture [ PixelTexture { image 2 1 3 "
+                      "0xC00000 0x0000C0 } PixelTexture { image 1 2 3 0x00C000 0x202020 } ] }",
+                      "Box { }") +
+                    shape("material Material { } texture ComposedCubeMapTexture { frontTexture DEF P PixelTexture { "
+                          "image 1 2 3 0xFFC080 0x204080 } backTexture USE P leftTexture USE P rightTexture USE P "
+                          "topTexture USE P bottomTexture USE P }",
+                          "Sphere { }", "2.4 0 0")},
+        Content{"lines before a mirror",
+                kFloor +
+                    shape("material Material { " + known("reflectivity", "1") + " }", "Box { size 3 3 .2 }", "0 0 -1") +
+                    "Shape { appearance Appearance { material Material { diffuseColor 1 1 0 } lineProperties "
+                    "LineProperties { linewidthScaleFactor 9 } } geometry LineSet { vertexCount 3 coord Coordinate { "
+                    "point [ -2 -1 1, 0 1.3 1, 2 -1.1 1 ] } normal Normal { vector [ 0 0 1, 1 0 0, 0 0 1 ] } } }\n"},
+        Content{
+            "mirrors in layers, parallel",
+            "OrthoViewpoint { position 0 0 9 fieldOfView [ -4 -3 4 3 ] }\n" + kFloor +
+                "LayerSet { activeLayer 0 order [ 0 1 ] layers Layer { viewport Viewport { clipBoundary [ .6 1 0 "
+                ".5 ] } children [ Viewpoint { position 0 0 5 nearDistance 1 } " +
+                shape("material Material { diffuseColor .1 .1 .4 " + known("reflectivity", ".8") + " }", "Sphere { }") +
+                shape("material UnlitMaterial { emissiveColor 1 0 0 }", "Box { }", "1.5 0 0") + "] } }\n"},
+        Content{"far away, in fog and cut",
+                "Viewpoint { position 2000000 0 10 }\nBackground { skyColor .9 .3 0 }\nFog { color .7 .7 .8 "
+                "visibilityRange 40 "
+                "}\nTransform { "
+                "translation 2000000 0 0 children [ ClipPlane { plane 1 1 0 .8 } " +
+                    shape("material Material { diffuseColor .1 .1 .1 " + known("reflectivity", ".8") + " }",
+                          "Sphere { radius 2 }") +
+                    shape("material Material { diffuseColor 1 .5 0 }", "Box { }", "-2.5 0 1") + "] }\n"}),
+    [](const auto& content) {
+        std::string name;
+        for (const char c : std::string_view(content.param.name))
+            name += std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
+        return name;
+    });
+
 TEST_F(OgrePictures, ExamplesAreSeenAsByRays) {
     for (const char* name : {"demo/hall.x3dv", "door.x3dv", "room.x3dv", "layout.x3dv"}) {
         SCOPED_TRACE(name);
@@ -285,6 +390,8 @@ TEST_F(OgrePictures, ExamplesAreSeenAsByRays) {
         const Difference difference = differenceOf(both.traced(), drawn);
         EXPECT_LE(difference.mean, 1.5);
         EXPECT_GE(difference.overlap, .98);
+        both.options.settings.shadows = Shadows::automatic, both.options.settings.maxDepth = 250;
+        EXPECT_LE(differenceOf(both.traced(), both.hybrid()).mean, .5);
     }
 }
 
@@ -411,6 +518,13 @@ TEST_F(OgrePictures, WhatItCannotDoIsAnError) {
     refused([](ImageOptions& o) { o.settings.layers = kDepth; }, "layers");
     refused([](ImageOptions& o) { o.viewpoint = "nobody"; }, "nobody");
     refused([](ImageOptions& o) { o.settings.width = 0; }, "0 x 120");
+    ImageOptions options = both.options;
+    options.settings.integrator = Integrator::path;
+    const auto paths = both.raster->hybridPicture(options);
+    ASSERT_FALSE(paths);
+    EXPECT_THAT(paths.error().text, HasSubstr("not by path"));
+    options.settings.integrator = Integrator::whitted, options.settings.caps = true;
+    EXPECT_FALSE(both.raster->hybridPicture(options));
     EXPECT_NE(both.raster->driver(), "");
 }
 

@@ -85,6 +85,7 @@ class WrittenRaster final : public RasterModule {
     void dropThing(std::uint32_t number) override { wrong += things.erase(number) != 1; }
     void setTables(const RasterTables& to) override { tables = to; }
     void draw(int, int, const std::vector<RasterView>&, std::vector<glm::vec4>&) override {}
+    void drawNumbers(int, int, const RasterView&, std::vector<glm::vec4>&) override {}
 
     /// What is drawn, in words that do not depend on numbers or on the order in which it came.
     std::vector<std::string> content(const Vec3d& origin) const {

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <mutex>
 #include <set>
 #include <tuple>
@@ -38,8 +39,8 @@ Result<std::unique_ptr<RasterModule>> openRaster() {
 #endif
 }
 
-/// What a rasteriser cannot do is refused.
-Result<> checkOptions(const ImageOptions& options) {
+/// What a rasteriser cannot do is refused. `traces`: rays do what needs no other primary rays.
+Result<> checkOptions(const ImageOptions& options, bool traces = false) {
     const RenderSettings& s = options.settings;
     constexpr int kMaxSide = 1 << 14;
     if (s.width < 1 || s.height < 1 || s.width > kMaxSide || s.height > kMaxSide)
@@ -48,11 +49,12 @@ Result<> checkOptions(const ImageOptions& options) {
     if (s.samplesPerPixel < 1 || s.samplesPerPixel > 1 << 20)
         return fail(fmt::format("cannot take {} samples per pixel", s.samplesPerPixel));
     const auto refuse = [](const char* what) { return fail(fmt::format("the rasteriser draws no {}", what)); };
-    if (s.shadows == Shadows::all || s.shadows == Shadows::authored) return refuse("shadows");
+    if (!traces && (s.shadows == Shadows::all || s.shadows == Shadows::authored)) return refuse("shadows");
+    if (traces && s.integrator == Integrator::path) return fail("hybrid pictures are by whitted, not by path");
     if (s.layers != 0) return refuse("layers of data");
     if (s.error > 0) return fail("the rasteriser does not estimate errors");
     if (s.shutter > 0) return refuse("blur of motion");
-    if (s.colorSpace != ColorSpace::automatic) return refuse("pictures in another colour space than auto");
+    if (!traces && s.colorSpace != ColorSpace::automatic) return refuse("pictures in another colour space than auto");
     if (s.caps) return refuse("caps");
     if (options.panorama) return refuse("panoramas");
     if (options.lensRadius > 0) return refuse("blur of lenses");
@@ -171,10 +173,13 @@ struct OgreRenderer::Impl {
     std::set<std::string> lacks;
     Diagnostics lackNews;
     std::optional<PictureSight> looked;  // by whoever looks on, last
+    bool traces = false;                 // rays show what the rasteriser lacks
+    double tracing = 0;                  // Counts::tracing
+    double named = 0;                    // share of missing light that has been reported
 
     void lack(const char* what) {
         const std::scoped_lock lock(mutex);
-        if (lacks.insert(what).second) lackNews.warning({}, fmt::format("the rasteriser: {}", what));
+        if (!traces && lacks.insert(what).second) lackNews.warning({}, fmt::format("the rasteriser: {}", what));
     }
     void takeDiagnostics() {
         const auto& news = tables.diagnostics().all();
@@ -222,6 +227,11 @@ struct OgreRenderer::Impl {
         }
         return state.layers(boxes, camera, s.width, s.height);
     }
+    std::vector<RasterView> viewsOf(const SurfaceState& state, const RenderSettings& s,
+                                    const std::vector<LayerView>& layers, int sample) const;
+    Result<std::vector<PrimarySight>> see(const RasterState& state, const RenderSettings& s,
+                                          const std::vector<LayerView>& layers, int sample);
+    void nameMissing(const RenderStats& stats, int depth);
     Picture draw(const SurfaceState& state, const RenderSettings& s, const std::vector<LayerView>& layers,
                  bool& cancelled);
     Result<Picture> finish(Result<Picture> picture) const {
@@ -274,6 +284,18 @@ std::optional<PictureSight> OgreRenderer::looksFrom() {
                                             settings.width, settings.height)};
 }
 
+std::vector<RasterView> OgreRenderer::Impl::viewsOf(const SurfaceState& state, const RenderSettings& s,
+                                                    const std::vector<LayerView>& layers, int sample) const {
+    std::vector<RasterView> result;
+    for (const LayerView& layer : layers) {
+        result.push_back(
+            rasterView(layer, scene->origin(), placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel));
+        result.back().headlight = state.headlight(layer.camera.layer);
+        result.back().sky = scene->sky(result.size() - 1);
+    }
+    return result;
+}
+
 Picture OgreRenderer::Impl::draw(const SurfaceState& state, const RenderSettings& s,
                                  const std::vector<LayerView>& layers, bool& cancelled) {
     Picture picture(s.width, s.height);
@@ -281,13 +303,7 @@ Picture OgreRenderer::Impl::draw(const SurfaceState& state, const RenderSettings
     scene->bring(state, layers, camera.position);
     std::vector<Vec4f> drawn;
     for (int sample = 0; sample < s.samplesPerPixel && !cancelled; ++sample) {
-        std::vector<RasterView> rasterViews;
-        for (const LayerView& layer : layers) {
-            rasterViews.push_back(
-                rasterView(layer, scene->origin(), placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel));
-            rasterViews.back().headlight = state.headlight(layer.camera.layer);
-            rasterViews.back().sky = scene->sky(rasterViews.size() - 1);
-        }
+        const std::vector<RasterView> rasterViews = viewsOf(state, s, layers, sample);
         module->draw(s.width, s.height, rasterViews, drawn);
         for (std::size_t i = 0; i < drawn.size(); ++i)
             picture.pixels[i] += drawn[i] / static_cast<float>(s.samplesPerPixel);
@@ -308,38 +324,146 @@ void fillStats(const RenderSettings& settings, std::chrono::steady_clock::time_p
 
 }  // namespace
 
-Result<Picture> OgreRenderer::nextPicture(const ImageOptions& options, RenderStats* stats) {
+/// Brings the world up to date for the picture's eye, and finds its layers.
+Result<std::vector<LayerView>> OgreRenderer::look(const ImageOptions& options) {
     Impl& s = *impl_;
-    if (auto ok = checkOptions(options); !ok) return std::unexpected(ok.error());
     if (auto ok = s.open(); !ok) return std::unexpected(ok.error());
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
-    const auto start = std::chrono::steady_clock::now();
-    const auto look = [&](std::vector<LayerView>& layers) -> Result<> {
+    Result<std::vector<LayerView>> layers;
+    s.module->run([&] {
         const auto state = s.freeze();
-        if (!s.follow(*state)) return fail("the rasteriser shows a later state");
-        auto found = s.views(SurfaceState(state->light), options, {});
-        if (!found) return std::unexpected(found.error());
-        layers = std::move(*found);
-        return {};
-    };
-    std::vector<LayerView> layers;
-    Result<> looked;
-    s.module->run([&] { looked = look(layers); });
-    if (!looked) return std::unexpected(looked.error());
+        layers = s.follow(*state) ? s.views(SurfaceState(state->light), options, {})
+                                  : Result<std::vector<LayerView>>(fail("the rasteriser shows a later state"));
+    });
+    if (!layers) return layers;
     std::vector<LayerSight> sights;
     if (world().flattener().usesPixels())
-        sights = LightTracer::sights(layers, options.settings.width, options.settings.height);
+        sights = LightTracer::sights(*layers, options.settings.width, options.settings.height);
     if (auto ok = world().setViewer(EyePlace(s.camera.position, s.camera.up), std::move(sights)); !ok)
         return std::unexpected(ok.error());
     presentsNow();
+    return layers;
+}
+
+Result<Picture> OgreRenderer::nextPicture(const ImageOptions& options, RenderStats* stats) {
+    Impl& s = *impl_;
+    if (auto ok = checkOptions(options); !ok) return std::unexpected(ok.error());
+    const auto start = std::chrono::steady_clock::now();
+    const auto layers = look(options);
+    if (!layers) return std::unexpected(layers.error());
     bool cancelled = false;
     const auto state = s.freeze();
     Result<Picture> picture;
     s.module->run([&] {
         (void)s.follow(*state);  // the scene rests meanwhile
-        picture = s.finish(s.draw(SurfaceState(state->light), options.settings, layers, cancelled));
+        picture = s.finish(s.draw(SurfaceState(state->light), options.settings, *layers, cancelled));
     });
     if (picture && stats) fillStats(options.settings, start, cancelled, *stats);
+    return picture;
+}
+
+namespace {
+
+/// What was drawn of a layer, as rays start from it. Things have twice the number of their instance's slot, or one
+/// more.
+PrimarySight sightOf(const LayerView& layer, const Vec2d& place, int samples, const std::vector<Vec4f>& numbers,
+                     std::vector<Vec4f> colors) {
+    PrimarySight sight;
+    sight.width = layer.width, sight.height = layer.height, sight.place = place, sight.samples = samples;
+    sight.colors = std::move(colors);
+    sight.instances.reserve(numbers.size()), sight.depths.reserve(numbers.size());
+    for (const Vec4f& pixel : numbers) {
+        const bool isNamed = pixel.x <= static_cast<float>(RasterModule::kMostNamed);
+        sight.instances.push_back(!(pixel.x >= 1) ? kNoInstance
+                                  : isNamed       ? (static_cast<std::uint32_t>(pixel.x) - 1) / 2
+                                                  : kUnnamedInstance);
+        sight.depths.push_back(pixel.y);
+    }
+    return sight;
+}
+
+}  // namespace
+
+Result<std::vector<PrimarySight>> OgreRenderer::Impl::see(const RasterState& state, const RenderSettings& s,
+                                                          const std::vector<LayerView>& layers, int sample) {
+    const SurfaceState surfaces(state.light);
+    (void)follow(state);  // the scene rests meanwhile
+    scene->bring(surfaces, layers, camera.position);
+    std::vector<PrimarySight> result;
+    std::vector<RasterView> all = viewsOf(surfaces, s, layers, sample);
+    for (std::size_t i = 0; i < layers.size(); ++i) {
+        RasterView& view = all[i];
+        view.x = view.y = 0;
+        std::vector<Vec4f> numbers, colors;
+        module->drawNumbers(view.width, view.height, view, numbers);
+        module->draw(view.width, view.height, {view}, colors);
+        result.push_back(sightOf(layers[i], placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel, numbers,
+                                 std::move(colors)));
+    }
+    if (const std::string problem = module->problem(); !problem.empty())
+        return fail(fmt::format("the rasteriser failed: {}", problem));
+    return result;
+}
+
+/// Light that is missing is named, and again once it has doubled.
+void OgreRenderer::Impl::nameMissing(const RenderStats& stats, int depth) {
+    constexpr double kVisible = 2 / 255.0;
+    const std::scoped_lock lock(mutex);
+    if (!(stats.missingMost > std::max(kVisible, 2 * named))) return;
+    named = stats.missingMost;
+    lackNews.warning({},
+                     fmt::format("rays were cut off after {} mirrorings and refractions: up to {:.2g} % of a pixel's "
+                                 "light is missing, {:.2g} % of the picture's",
+                                 depth, 100 * stats.missingMost, 100 * stats.missing));
+}
+
+namespace {
+
+double processCpuSeconds() {
+    timespec now{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+}  // namespace
+
+Result<Picture> OgreRenderer::hybridPicture(const ImageOptions& options, RenderStats* stats) {
+    Impl& s = *impl_;
+    if (auto ok = checkOptions(options, true); !ok) return std::unexpected(ok.error());
+    const auto start = std::chrono::steady_clock::now();
+    s.traces = true;
+    const RayWorld& rays = world().rays();
+    const auto layers = look(options);
+    if (!layers) return std::unexpected(layers.error());
+    const auto state = s.freeze();
+    const int samples = options.settings.samplesPerPixel;
+    const float share = 1 / static_cast<float>(samples);
+    RenderStats all;
+    Picture picture;
+    for (int sample = 0; sample < samples && !all.cancelled; ++sample) {
+        Result<std::vector<PrimarySight>> seen;
+        s.module->run([&] { seen = s.see(*state, options.settings, *layers, sample); });
+        if (!seen) return std::unexpected(seen.error());
+        RenderSettings own = options.settings;
+        own.integrator = Integrator::whitted, own.samplesPerPixel = 1;
+        if (own.progress)
+            own.progress = [&](double done) { return options.settings.progress((sample + done) / samples); };
+        RenderStats drawn;
+        const double begun = processCpuSeconds();
+        const auto traced = SurfaceState(state->light).trace(rays, s.camera, own, *seen, &drawn);
+        s.tracing += processCpuSeconds() - begun;
+        if (!traced) return std::unexpected(traced.error());
+        if (sample == 0) picture = Picture(traced->width, traced->height), picture.space = traced->space;
+        for (std::size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] += share * traced->pixels[i];
+        all.primaryRays += drawn.primaryRays, all.secondaryRays += drawn.secondaryRays;
+        all.shadowRays += drawn.shadowRays, all.missing += drawn.missing / samples;
+        all.missingMost = std::max(all.missingMost, drawn.missingMost), all.cancelled = drawn.cancelled;
+    }
+    s.nameMissing(all, options.settings.maxDepth);
+    if (!stats) return picture;
+    *stats = all;
+    stats->samples = samples;
+    stats->seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return picture;
 }
 
@@ -405,8 +529,10 @@ const Camera& OgreRenderer::camera() const {
 std::string OgreRenderer::driver() const {
     return impl_->module ? impl_->module->driver() : std::string();
 }
-const OgreRenderer::Counts& OgreRenderer::counts() const {
-    return impl_->scene->counts();
+OgreRenderer::Counts OgreRenderer::counts() const {
+    Counts counts = impl_->scene->counts();
+    counts.tracing = impl_->tracing;
+    return counts;
 }
 RasterContent OgreRenderer::content() const {
     return impl_->scene->content();

@@ -177,6 +177,11 @@ class RasterModule {
     /// Draws the layers one over the other. `pixels`: width * height premultiplied display values, row by row from the
     /// top.
     virtual void draw(int width, int height, const std::vector<RasterView>& views, std::vector<glm::vec4>& pixels) = 0;
+    /// What is in front at the middle of each pixel of a layer, clear things too: x: its number and 1, or 0 for
+    /// nothing; y: its depth along the view, in metres. Not what is clear altogether there. Precondition: numbers are
+    /// below kMostNamed.
+    virtual void drawNumbers(int width, int height, const RasterView& view, std::vector<glm::vec4>& pixels) = 0;
+    static constexpr std::uint32_t kMostNamed = (1u << 24) - 2;  // which a float holds exactly
     /// What went wrong since the last call; empty: nothing.
     virtual std::string problem() = 0;
 };
@@ -184,6 +189,6 @@ class RasterModule {
 /// Null, and why.
 using OpenRaster = std::unique_ptr<RasterModule> (*)(std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenRaster.
-#define RTSG_OGRE_SYMBOL "rtsg_open_raster_2"
+#define RTSG_OGRE_SYMBOL "rtsg_open_raster_3"
 
 }  // namespace rtsg

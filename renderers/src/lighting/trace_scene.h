@@ -185,6 +185,7 @@ class Emitters;
 class EmitterTable;
 class Lamps;
 class PlainSurfaces;
+class SeenFirst;
 class SkyLight;
 class SkyTable;
 class Shutter;
@@ -221,6 +222,7 @@ struct TraceScene {
     std::shared_ptr<CoincidentFaces> coincident;  // null: something moves, or nobody keeps what is found
     std::vector<std::uint32_t> aroundEye;         // slots of what bends light, where all rays start in one place
     const PrimaryRays* primary = nullptr;         // of the picture, where they find what they meet together
+    const SeenFirst* seen = nullptr;              // what primary rays start from, where a rasteriser has looked before
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;

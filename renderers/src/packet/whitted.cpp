@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 
+#include "seen_first.h"
 #include "surface/packet_kernels.h"
 #include "surface/surface_branches.h"
 #include "surface/surface_packet.h"
@@ -40,6 +41,7 @@ class Tile {
 
     void run() {
         if (scene_.primary) find();
+        if (scene_.seen) lookThrough(scene_.seen->sight().place);
         loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
     }
 
@@ -64,6 +66,66 @@ class Tile {
         }
         isKnown_ =
             scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_, samples > 1 ? inTile.data() : nullptr);
+    }
+
+    /// Sends the primary rays through one place of all pixels, from the left and the top.
+    void lookThrough(const Vec2d& place) {
+        places_.resize(1);
+        for (int block = 0; block < kTilePixels / 16; ++block) {
+            std::fill_n(places_[0].u[block], 16, static_cast<float>(place.x));
+            std::fill_n(places_[0].v[block], 16, static_cast<float>(place.y));
+        }
+        loop_.usePlaces(places_);
+    }
+    /// What the primary rays of a packet meet where a rasteriser has looked before. Pixels whose colour stays are done,
+    /// and are no longer active. Rays are looked up about the depth that is known; those that meet nothing there, at
+    /// edges that the rasteriser places otherwise, go their whole way later.
+    std::uint32_t meetSeen(TilePacket& packet) {
+        const SeenFirst& seen = *scene_.seen;
+        const PrimarySight& sight = seen.sight();
+        RayPacket16& rays = packet.rays;
+        std::array<Ray, 16> whole;
+        std::uint32_t asked = 0, near = 0;
+        for (std::uint32_t rest = packet.active; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const std::uint32_t bit = std::uint32_t{1} << lane;
+            const std::uint16_t pixel = packet.pixels[lane];
+            const std::size_t at = sight.at(loop_.x(pixel), loop_.y(pixel));
+            const std::uint32_t instance = sight.instances[at];
+            whole[static_cast<std::size_t>(lane)] = rays.ray(lane);
+            if (seen.stays(instance)) {
+                loop_.sumOf(pixel) += sight.colors[at];
+                packet.active &= ~bit;
+                --counts_.primaryRays;
+            }
+            rays.skip(lane);
+            if (seen.stays(instance) || instance == kNoInstance) continue;
+            asked |= bit;
+            Ray ray = whole[static_cast<std::size_t>(lane)];
+            if (seen.hasDepth(instance)) {
+                const float t = sight.depths[at] / glm::dot(ray.direction, scene_.forward);
+                ray.tMin = std::max(ray.tMin, t * (1 - SeenFirst::kDepthError));
+                ray.tMax = std::min(ray.tMax, t * (1 + SeenFirst::kDepthError));
+                near |= bit;
+            }
+            rays.set(lane, ray);
+        }
+        const std::uint32_t hits = asked ? scene_.world->intersect(rays, true) : 0;
+        for (std::uint32_t rest = packet.active; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const Ray& ray = whole[static_cast<std::size_t>(lane)];
+            rays.tMin[lane] = ray.tMin, rays.active[lane] = -1;
+            if (!(hits >> lane & 1u)) rays.tMax[lane] = ray.tMax;
+        }
+        for (std::uint32_t rest = near & ~hits; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            PathTask& task = loop_.push(Turn::none, fromEye_);
+            task.origin = rays.at(lane, rays.tMin[lane]), task.direction = rays.ray(lane).direction;
+            task.travelled = task.line = rays.tMin[lane], task.pixel = packet.pixels[lane];
+            packet.active &= ~(std::uint32_t{1} << lane);
+            rays.skip(lane);
+        }
+        return hits;
     }
 
     /// Adds a colour that a ray has found. `linear` says that it is light, not a display value; `whole` that light is
@@ -93,7 +155,8 @@ class Tile {
     void trace(std::span<TilePacket> packets) {
         std::uint32_t hits[TileLoop::kTogether];
         for (std::size_t i = 0; i < packets.size(); ++i)
-            hits[i] = isKnown_ && !packets[i].tasks
+            hits[i] = scene_.seen && !packets[i].tasks ? meetSeen(packets[i])
+                      : isKnown_ && !packets[i].tasks
                           ? scene_.primary->intersect(
                                 packets[i].rays, known_[static_cast<std::size_t>(packets[i].sample)], packets[i].block)
                           : scene_.world->intersect(packets[i].rays, !packets[i].tasks);

@@ -15,6 +15,7 @@
 #include "lighting/sample_points.h"
 #include "lighting/shutter.h"
 #include "mesh/simd8.h"
+#include "packet/seen_first.h"
 #include "packet/tile_rays.h"
 #include "path/adaptive.h"
 
@@ -315,6 +316,8 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
         shutter->openFor(scene);
     }
     drawCubes(state, world, camera, settings, part.hidden, scene);
+    std::optional<SeenFirst> seen;
+    if (part.sight) scene.seen = &seen.emplace(scene, *part.sight);
     Sources sources;
     if (settings.integrator == Integrator::path) lookForLight(scene, sources);
     const bool tileByTile = trail && leavesTrail(scene, settings);
@@ -324,7 +327,7 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
     const int samples = settings.samplesPerPixel;
     const bool fromOnePoint = !camera.orthographic && !camera.panorama && !(camera.lensRadius > 0 && samples > 1);
     if (settings.integrator == Integrator::whitted && samples <= kFoundTogether && settings.error == 0 &&
-        !scene.shutter && fromOnePoint && !(camera.nearDistance > 0) && traces) {
+        !scene.shutter && !scene.seen && fromOnePoint && !(camera.nearDistance > 0) && traces) {
         withThreads(settings.threads,
                     [&] { primary.emplace(*scene.world, pixelGrid(scene, camera, settings), RayKind::view, samples); });
         if (*primary) scene.primary = &*primary;

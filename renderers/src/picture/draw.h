@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -54,8 +55,9 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
                  const Part& part, RenderStats& stats, Trail* trail);
 
 /// The layers of a LayerSet one over the other, each from its own viewpoint; that of `camera` is given (35.2).
+/// `seen`: of each of them, by a rasteriser; or empty.
 Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
-                   RenderStats& stats, Trail* trail);
+                   RenderStats& stats, Trail* trail, std::span<const PrimarySight> seen);
 
 /// Does what LightTracer::render() does, for a picture that follows others.
 Result<Picture> drawNext(const std::shared_ptr<const LightState>& state,

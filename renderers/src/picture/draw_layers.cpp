@@ -66,7 +66,8 @@ void addStats(const RenderStats& part, double share, RenderStats& sum) {
 }  // namespace
 
 Picture trace::drawLayers(const LightState& state, const RayView& world, const Camera& camera,
-                          const RenderSettings& settings, RenderStats& stats, Trail* trail) {
+                          const RenderSettings& settings, RenderStats& stats, Trail* trail,
+                          std::span<const PrimarySight> seen) {
     const auto views = LightTracer::layers(state, world, camera, settings.width, settings.height);
     Picture picture(settings.width, settings.height);
     picture.space = settings.colorSpace == ColorSpace::linear || settings.integrator == Integrator::path
@@ -92,7 +93,10 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
             own.progress = [&](double done) {
                 return settings.progress((static_cast<double>(i) + done) / static_cast<double>(views.size()));
             };
-        const Part part{.headlight = view.camera.forward, .hidden = std::move(outside), .over = i > 0};
+        const Part part{.headlight = view.camera.forward,
+                        .hidden = std::move(outside),
+                        .over = i > 0,
+                        .sight = seen.empty() ? nullptr : &seen[i]};
         RenderStats drawn;
         const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
         const double share = double{1} * view.width * view.height / (double{1} * settings.width * settings.height);

@@ -47,12 +47,12 @@ Result<> checkPicture(const Camera& camera, const RenderSettings& settings) {
 }
 
 Picture drawWhole(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
-                  RenderStats& stats, Trail* trail) {
+                  RenderStats& stats, Trail* trail, std::span<const PrimarySight> seen = {}) {
     const auto start = std::chrono::steady_clock::now();
     stats = {};
-    Picture picture = state.layers
-                          ? drawLayers(state, world, camera, settings, stats, trail)
-                          : drawPart(state, world, camera, settings, Part{camera.forward, {}, false}, stats, trail);
+    const Part whole{camera.forward, {}, false, true, seen.empty() ? nullptr : seen.data()};
+    Picture picture = state.layers ? drawLayers(state, world, camera, settings, stats, trail, seen)
+                                   : drawPart(state, world, camera, settings, whole, stats, trail);
     stats.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return picture;
 }
@@ -64,6 +64,45 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
     if (auto ok = checkPicture(camera, settings); !ok) return std::unexpected(ok.error());
     RenderStats drawn;
     Picture picture = drawWhole(state, world, camera, settings, drawn, nullptr);
+    if (stats) *stats = drawn;
+    return picture;
+}
+
+namespace {
+
+Result<> checkSights(const Camera& camera, const RenderSettings& settings, const std::vector<LayerView>& views,
+                     std::span<const PrimarySight> seen) {
+    if (settings.integrator != Integrator::whitted || settings.samplesPerPixel != 1 || settings.error > 0 ||
+        settings.layers != 0 || settings.caps || settings.shutter > 0 || camera.panorama || camera.lensRadius > 0)
+        return fail(
+            "what a rasteriser has seen says nothing of paths, several samples, errors to reach, layers of data, "
+            "caps, shutters, panoramas and lenses");
+    if (seen.size() != views.size())
+        return fail(
+            fmt::format("a picture of {} layers cannot start from what was seen of {}", views.size(), seen.size()));
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+        const PrimarySight& sight = seen[i];
+        const auto pixels = static_cast<std::size_t>(views[i].width) * static_cast<std::size_t>(views[i].height);
+        if (sight.width != views[i].width || sight.height != views[i].height || sight.instances.size() != pixels ||
+            sight.depths.size() != pixels || sight.colors.size() != pixels)
+            return fail(
+                fmt::format("what was seen of a layer is not of its {} x {} pixels", views[i].width, views[i].height));
+        if (!(sight.place.x >= 0 && sight.place.x <= 1 && sight.place.y >= 0 && sight.place.y <= 1) ||
+            sight.samples < 1)
+            return fail("what was seen lies at no place of its pixels");
+    }
+    return {};
+}
+
+}  // namespace
+
+Result<Picture> SurfaceState::trace(const RayView& world, const Camera& camera, const RenderSettings& settings,
+                                    std::span<const PrimarySight> seen, RenderStats* stats) const {
+    if (auto ok = checkPicture(camera, settings); !ok) return std::unexpected(ok.error());
+    const auto views = LightTracer::layers(*state_, world, camera, settings.width, settings.height);
+    if (auto ok = checkSights(camera, settings, views, seen); !ok) return std::unexpected(ok.error());
+    RenderStats drawn;
+    Picture picture = drawWhole(*state_, world, camera, settings, drawn, nullptr, seen);
     if (stats) *stats = drawn;
     return picture;
 }

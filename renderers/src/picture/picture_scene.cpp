@@ -183,7 +183,8 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
         scene.uneven = UnevenEye{glm::mat3(square), glm::mat3(glm::transpose(glm::inverse(square)))};
     }
     constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
-    scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(settings.samplesPerPixel, 1, kMostSharing)));
+    const int samples = part.sight ? part.sight->samples : settings.samplesPerPixel;
+    scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(samples, 1, kMostSharing)));
     scene.filter = clipFilter(state, world, settings, part.windows ? &camera : nullptr);
     if (state.volumeSlots) {
         findVolumes(state, world, part.hidden, scene.filter, scene);

@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include <rtsg/renderers/primary_sight.h>
+
 #include "lighting/trace_scene.h"
 #include "tables/light_tables.h"
 
@@ -16,6 +18,8 @@ struct Part {
     std::vector<bool> hidden;   // slots that are not there; empty: none
     bool over = false;          // something is seen where nothing is: no background of its own makes it clear
     bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
+    /// What a rasteriser has seen of it; null: none has looked.
+    const PrimarySight* sight = nullptr;
 };
 
 /// The bound Fog of a layer, and the LocalFogs.

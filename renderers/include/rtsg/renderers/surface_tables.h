@@ -1,5 +1,5 @@
 // SurfaceTables: what a rasteriser must know of a scene besides its instances: how each surface looks, what lights,
-// fogs and cuts it, what the sky shows, and where all is seen from. No rays are needed.
+// fogs and cuts it, what the sky shows, and where all is seen from. No rays are needed, but for hybrid pictures.
 //
 // Invariant: after apply() they are those that reading the scene anew would give; they are LightTracer's own tables, so
 // that both show the same. What a version refers to (materials, textures, lights) is replaced when it changes, never
@@ -14,6 +14,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +23,7 @@
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/light_tracer.h>
 #include <rtsg/renderers/material.h>
+#include <rtsg/renderers/primary_sight.h>
 #include <rtsg/renderers/render_settings.h>
 
 namespace rtsg {
@@ -71,6 +73,14 @@ class SurfaceState {
     /// As LightTracer::camera() and LightTracer::layers().
     Result<Camera> camera(const BoxOfLayer& boxes, double aspect, std::string_view name = {}) const;
     std::vector<LayerView> layers(const BoxOfLayer& boxes, const Camera& camera, int width, int height) const;
+
+    /// A hybrid picture: that by `whitted` of this state, of one sample a pixel, whose primary rays start from what a
+    /// rasteriser has seen. RenderStats::primaryRays counts the pixels that do not stay as they were seen. `world`: the
+    /// rays of the same state; `seen`: of each of layers(), in their order, through the same eye. Errors: those of
+    /// LightTracer::render(); sights of another size or number; what a sight says nothing of: several samples, errors
+    /// to reach, layers of data, caps, lenses, panoramas, shutters, paths.
+    Result<Picture> trace(const RayView& world, const Camera& camera, const RenderSettings& settings,
+                          std::span<const PrimarySight> seen, RenderStats* stats = nullptr) const;
 
   private:
     std::shared_ptr<const LightState> state_;
