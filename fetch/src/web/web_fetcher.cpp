@@ -221,6 +221,7 @@ struct WebFetcher::State {
     std::vector<std::string> order;  // of what has come, as it was first opened
     std::deque<std::pair<std::string, std::uint64_t>> queue;
     std::uint64_t usedBytes = 0;
+    bool hasKeptBytes = false;
     std::vector<std::jthread> threads;  // the last: they use all of the above
 };
 
@@ -293,9 +294,15 @@ Result<> WebFetcher::keep(FetchedFile file) {
     auto content = heldContent(file.bytes, file.source, file.mediaType, file.hash);
     if (!content) return std::unexpected(content.error());
     s.usedBytes += content->file.size();
+    s.hasKeptBytes = true;
     entry->content = std::move(*content);
     entry->state = Entry::State::there;
     return {};
+}
+
+bool WebFetcher::hasKeptBytes() const {
+    const std::scoped_lock lock(state_->mutex);
+    return state_->hasKeptBytes;
 }
 
 std::filesystem::path userFetchCache() {

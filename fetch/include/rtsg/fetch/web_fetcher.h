@@ -62,6 +62,8 @@ class WebFetcher final : public UrlFetcher {
     std::size_t forEachFetched(std::size_t from, bool withBytes, const std::function<void(FetchedFile)>& take) const;
     /// From now on its address has this content, and no other.
     Result<> keep(FetchedFile file);
+    /// Whether keep() has brought the bytes of any.
+    bool hasKeptBytes() const;
     const FetchSettings& settings() const;
 
   private:
