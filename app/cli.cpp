@@ -18,6 +18,7 @@
 
 #include <rtsg/core/memory.h>
 #include <rtsg/core/terminal.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
@@ -140,8 +141,19 @@ Progress progressBar(std::string label) {
 
 void ResourceArguments::addTo(Command& command) {
     const Command::Section section(command, "Files and addresses");
-    command.addOption("--base", base, "folder where relative urls start, and below which they may open files");
-    command.addOption("--allow", allow, "urls may open files in this folder and below, too (repeatable)")->repeatable();
+    command.addOption("--base", base,
+                      "folder where relative urls start, and below which they may open files; or an address");
+    command
+        .addOption("--allow", allow,
+                   "urls may open files in this folder, or at this http or https address, and below, too (repeatable)")
+        ->repeatable();
+    command
+        .addOption("--allow-network", networks,
+                   "servers may have addresses of this network that is not public, such as 10.0.0.0/8 (repeatable)")
+        ->repeatable();
+    command.addOption("--ca", certificates,
+                      "PEM file of the authorities that vouch for https, instead of the system's");
+    command.addOption("--cache", cache, "folder where fetched files are kept, or none; else ~/.cache/rtsg/web");
     command
         .addOption(
             "--limit", limits,
@@ -159,12 +171,61 @@ void NetworkArguments::addTo(Command& command) {
         ->repeatable();
 }
 
-ResourcePolicy ResourceArguments::policy() const {
-    ResourcePolicy policy;
+WebFetcher* webFetcher(const Resources& resources) {
+    return dynamic_cast<WebFetcher*>(resources.policy().fetcher.get());
+}
+
+FollowedFetches::FollowedFetches(Scene& scene, const Resources& resources) {
+    WebFetcher* fetcher = webFetcher(resources);
+    if (!fetcher) return;
+    follower_ = std::make_unique<FetchedFilesFollower>(*fetcher);
+    attachment_ = scene.bus().attach(*follower_);
+}
+
+namespace {
+
+/// An address that is to be allowed, with all that is below it.
+WebAddress allowedAddress(const char* option, const std::string& text) {
+    auto address = WebAddress::parse(text);
+    if (!address) throw UsageError(option, fmt::format("{}: {}", text, address.error().text));
+    return *address;
+}
+
+}  // namespace
+
+std::shared_ptr<UrlFetcher> ResourceArguments::fetcher(const std::string& document) const {
+    FetchSettings settings;
+    for (const std::string& one : allow)
+        if (isWebAddress(one)) settings.rules.allowed.push_back(allowedAddress("--allow", one));
+    if (isWebAddress(base)) settings.rules.allowed.push_back(allowedAddress("--base", base));
+    if (isWebAddress(document)) {
+        WebAddress folder = allowedAddress("SCENE", document);
+        const std::string path = folder.path.substr(0, folder.path.find('?'));
+        folder.path = path.substr(0, path.rfind('/') + 1);
+        settings.rules.allowed.push_back(std::move(folder));
+    }
+    for (const std::string& one : networks) {
+        auto network = IpNetwork::parse(one);
+        if (!network) throw UsageError("--allow-network", network.error().text);
+        settings.rules.networks.push_back(*network);
+    }
     std::error_code ignored;
-    if (!base.empty() && !std::filesystem::is_directory(base, ignored))
+    if (!certificates.empty() && !std::filesystem::is_regular_file(certificates, ignored))
+        throw UsageError("--ca", certificates + " is no file");
+    settings.certificates = certificates;
+    settings.cache = cache.empty() ? userFetchCache() : std::filesystem::path(cache == "none" ? "" : cache);
+    settings.inBackground = inBackground;
+    return std::make_shared<WebFetcher>(std::move(settings));
+}
+
+ResourcePolicy ResourceArguments::policy(const std::string& document) const {
+    ResourcePolicy policy;
+    policy.fetcher = fetcher(document);
+    std::error_code ignored;
+    if (!base.empty() && !isWebAddress(base) && !std::filesystem::is_directory(base, ignored))
         throw UsageError("--base", base + " is no folder");
     for (const std::string& folder : allow) {
+        if (isWebAddress(folder)) continue;
         if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--allow", folder + " is no folder");
         policy.roots.emplace_back(folder);
     }
@@ -198,16 +259,16 @@ ResourcePolicy ResourceArguments::policy() const {
 }
 
 Resources ResourceArguments::ofFile(const std::string& file) const {
-    ResourcePolicy all = policy();
+    ResourcePolicy all = policy(file);
     if (base.empty()) return Resources::ofFile(file, std::move(all));
-    all.roots.emplace_back(base);
+    if (!isWebAddress(base)) all.roots.emplace_back(base);
     all = Resources::ofFile(file, std::move(all)).policy();
     return {base, std::move(all)};
 }
 
 Resources ResourceArguments::ofReplica() const {
     ResourcePolicy all = policy();
-    if (!base.empty()) all.roots.emplace_back(base);
+    if (!base.empty() && !isWebAddress(base)) all.roots.emplace_back(base);
     return {base, std::move(all)};
 }
 
@@ -241,7 +302,7 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
           const std::string& clip) {
     runScripts(scene);
     extensions().registerWith(scene);
-    if (file != "-" && isSceneFile(file)) {
+    if (file != "-" && !isWebAddress(file) && isSceneFile(file)) {
         if (!clip.empty()) diagnostics.error({}, "it has no clip " + clip + ": only glTF files have clips");
         if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
         print(diagnostics);

@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
+#include <rtsg/core/bus.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/documents/loader.h>
+#include <rtsg/fetch/fetched_files.h>
 
 #include "command.h"
 #include "export/labels.h"
@@ -68,20 +70,39 @@ bool interrupted();
 /// no TERM=dumb) and the work takes over a second.
 Progress progressBar(std::string label);
 
-/// --base, --allow and --limit: the files that the urls of a document may open, and their size.
+/// --base, --allow and --limit: the files and addresses that the urls of a document may open, and their size.
 struct ResourceArguments {
     std::string base;
-    std::vector<std::string> allow, limits;
+    std::vector<std::string> allow, limits, networks;
+    std::string certificates, cache;
+    /// What comes from the network need not be waited for: see FetchSettings.
+    bool inBackground = false;
 
     void addTo(Command& command);
     /// Resources for a scene or log that the user named: files below its own folder, the working folder, --base and
-    /// --allow. Throws UsageError.
+    /// --allow. An address that the user named may be fetched, with what is in its folder. Throws UsageError.
     Resources ofFile(const std::string& file) const;
     /// Resources for a scene that others send: files below --base and --allow, and no others.
     Resources ofReplica() const;
 
   private:
-    ResourcePolicy policy() const;
+    ResourcePolicy policy(const std::string& document = {}) const;
+    std::shared_ptr<UrlFetcher> fetcher(const std::string& document) const;
+};
+
+/// The fetcher of the program's resources; null if they have none.
+WebFetcher* webFetcher(const Resources& resources);
+
+/// Lets a scene that others made know what they fetched, so that its urls need no network (fetched_files.h). Make it
+/// before anybody opens files of the scene, which must outlive it.
+class FollowedFetches {
+  public:
+    FollowedFetches() = default;
+    FollowedFetches(Scene& scene, const Resources& resources);
+
+  private:
+    std::unique_ptr<FetchedFilesFollower> follower_;
+    Attachment attachment_;
 };
 
 /// --dis: the addresses that DIS nodes of a scene may use; by default none.

@@ -13,6 +13,7 @@
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/picture.h>
 #include <rtsg/sync/log_check.h>
+#include <rtsg/sync/replay.h>
 #include <rtsg/sync/replay_test.h>
 
 #include "replay_page.h"
@@ -290,6 +291,16 @@ Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnost
     return fail("nothing usable in it", {}, file);
 }
 
+/// Gives the scene that is run again the files that the session fetched, so that it needs no network for those in the
+/// log. Returns whether the log has their bytes.
+bool keepFetched(const std::string& log, const Resources& resources) {
+    auto recorded = Replayer::open(log);
+    WebFetcher* fetcher = webFetcher(resources);
+    if (!recorded || !fetcher || !(*recorded)->step().value_or(false)) return false;
+    keepFetchedFiles((*recorded)->scene(), *fetcher);
+    return fetcher->hasKeptBytes();
+}
+
 /// Fails the test if the scene or the log is incomplete.
 void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const Diagnostics& diagnostics) {
     if (const std::size_t errors = diagnostics.errors(); errors > 0)
@@ -377,7 +388,11 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
             // --update refuses a scene with errors, because the rest of it is no reference.
-            return buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
+            const bool withBytes = keepFetched(log, resources);
+            auto built = buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
+            if (WebFetcher* fetcher = webFetcher(resources); built && fetcher)
+                (void)FetchedFiles(*fetcher, withBytes).publish(scene);
+            return built;
         };
     test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
     std::optional<WorldOnDemand> world;

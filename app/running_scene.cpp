@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/media_length.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
 #include <rtsg/scripts/run_scripts.h>
@@ -52,6 +53,7 @@ RunningScene::~RunningScene() {
 
 void RunningScene::followEdits() {
     if (file_ == "-") throw UsageError("--reload", "standard input is read once");
+    if (isWebAddress(file_)) throw UsageError("--reload", "nobody tells of edits of a file on the network");
     if (isSceneFile(file_)) throw UsageError("--reload", "a document is edited, and " + file_ + " is a state");
     followsEdits_ = true;
 }
@@ -78,6 +80,7 @@ Result<ResumedSession> RunningScene::resume(const std::string& log) {
     extensions().registerWith(scene_);
     auto session = resumeSession(log, scene_, options);
     if (!session) return session;
+    if (WebFetcher* fetcher = webFetcher(resources_)) keepFetchedFiles(scene_, *fetcher);
     scene_.setScriptResources(std::make_shared<const Resources>(resources_));
     start_ = session->start;
     time_ = session->end - session->start;
@@ -92,6 +95,10 @@ void RunningScene::followInlines() {
     build.mediaLength = [most = resources_.policy().maximumSamples](const Resource& file) {
         return mediaSeconds(file, most);
     };
+    if (WebFetcher* fetcher = webFetcher(resources_)) {
+        fetched_ = std::make_unique<FetchedFiles>(*fetcher, embedsFetched_);
+        fetched_->publish(scene_);
+    }
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
     queries_ = std::make_unique<WorldQueries>([this]() -> SharedWorld& { return world().get(); }, resources_);
@@ -116,7 +123,7 @@ Result<> RunningScene::inject(const std::vector<std::string>& events, double end
 
 /// Networks must be polled for what arrives.
 double RunningScene::restsUntil() const {
-    if (network_->counts().addresses > 0) return -std::numeric_limits<double>::infinity();
+    if (network_->counts().addresses > 0 || inlines_->awaits()) return -std::numeric_limits<double>::infinity();
     return scene_.restsUntil() - start_;
 }
 
@@ -127,7 +134,8 @@ std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     injections_.sendUntil(t, start_);
     network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);
-    if (inlines_->update() > 0) scene_.seal();  // so that a picture of this frame shows them
+    const std::size_t loaded = inlines_->update(), fetched = fetched_ ? fetched_->publish(scene_) : 0;
+    if (loaded + fetched > 0) scene_.seal();  // so that a picture of this frame shows them
     network_->send();
     return set;
 }

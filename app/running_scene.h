@@ -55,6 +55,8 @@ class RunningScene {
     bool followsEdits() const { return followsEdits_; }
     /// Looks whether the file has been edited, so that a frame is due.
     bool isEdited() { return followed_ && followed_->isEdited(); }
+    /// Call it before load(). What comes from the network is in the scene with its bytes, and so in logs and mirrors.
+    void embedFetched() { embedsFetched_ = true; }
     /// Reads the file and prints its diagnostics. Returns false if nothing in it was usable.
     bool load();
     /// Call it instead of load() to go on with the session in a log, after its last state. start() is then the log's.
@@ -99,11 +101,12 @@ class RunningScene {
     Resources resources_;
     std::string clip_;
     double start_, time_ = 0;
-    bool startWasGiven_, followsEdits_ = false;
+    bool startWasGiven_, followsEdits_ = false, embedsFetched_ = false;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<FollowedFile> followed_;
     std::unique_ptr<InlineLoader> inlines_;
+    std::unique_ptr<FetchedFiles> fetched_;
     WorldOnDemand world_;
     std::unique_ptr<SpaceQueries> queries_;
     std::unique_ptr<RigidBodyPhysics> physics_;

@@ -159,6 +159,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!web) return printError(web.error()), kBad;
     auto published = Published::start(log.nats, **server, options.keys);
     if (!published) return printError(published.error()), kBad;
+    const FollowedFetches fetches((*player)->scene(), log.resources);
     (void)interrupted();  // from here on an interruption ends the program in order
     sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json, published->address());
     Playing playing(**player, **server, log.json);

@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/web_address.h>
 #include <rtsg/documents/filters.h>
 #include <rtsg/documents/resource_check.h>
 #include <rtsg/documents/scene_builder.h>
@@ -33,6 +34,7 @@ constexpr std::string_view kTriangulate = "triangulate";  // belongs to the rend
 struct ConvertArguments {
     std::string in, out, encoding, clip;
     std::vector<std::string> filters;
+    ResourceArguments resources;
     unsigned threads = 0;
     bool force = false;
 };
@@ -50,11 +52,10 @@ Encoding encodingOf(const ConvertArguments& options) {
 }
 
 /// Puts the named filters before `last`; `chain` owns them.
-DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
-                          std::vector<std::unique_ptr<DocumentHandler>>& chain) {
+DocumentHandler* filtered(const ConvertArguments& options, const Resources& resources, DocumentHandler& last,
+                          Diagnostics& diagnostics, std::vector<std::unique_ptr<DocumentHandler>>& chain) {
     const std::string file = options.in == "-" ? "" : options.in;
-    const FilterContext context{diagnostics, Resources::ofFile(options.in), file, ecmaScript().get(),
-                                extensions().dialect()};
+    const FilterContext context{diagnostics, resources, file, ecmaScript().get(), extensions().dialect()};
     DocumentHandler* first = &last;
     for (const std::string& name : options.filters | std::views::reverse) {
         if (name.starts_with(std::string(kTriangulate) + '='))
@@ -71,11 +72,11 @@ void checkFilters(const ConvertArguments& options) {
     Filter nowhere;
     Diagnostics unheard;
     std::vector<std::unique_ptr<DocumentHandler>> chain;
-    (void)filtered(options, nowhere, unheard, chain);
+    (void)filtered(options, Resources(), nowhere, unheard, chain);
 }
 
 /// Converts the state of a scene rather than the text of a document.
-int convertBinary(const ConvertArguments& options) {
+int convertBinary(const ConvertArguments& options, const Resources& resources) {
     Diagnostics diagnostics(options.in);
     Scene scene;
     runScripts(scene);
@@ -89,13 +90,16 @@ int convertBinary(const ConvertArguments& options) {
             return printError(fmt::format("{}: {}", options.in, read.error().format())), kBad;
     } else {
         BuildOptions build;
-        build.resources = Resources::ofFile(options.in);
+        build.resources = resources;
         if (options.in != "-") build.file = options.in;
         SceneBuilder builder(scene, diagnostics, build);
         const Progress bar = progressBar("reading " + options.in);
-        ok = readDocumentFile(
-            options.in, *filtered(options, builder, diagnostics, chain), diagnostics,
-            {.progress = bar, .threads = options.threads, .clip = options.clip, .dialect = extensions().dialect()});
+        ok = readDocumentFile(options.in, *filtered(options, resources, builder, diagnostics, chain), diagnostics,
+                              {.progress = bar,
+                               .threads = options.threads,
+                               .clip = options.clip,
+                               .dialect = extensions().dialect(),
+                               .resources = &resources});
         builder.finish();
         if (bar) bar(1, 1);
         scene.newFrame(0);
@@ -105,7 +109,7 @@ int convertBinary(const ConvertArguments& options) {
         printError(fmt::format("reading {} stopped early: {} was not written", options.in, options.out));
         return kBad;
     }
-    keepResources(scene, Resources::ofFile(options.in), {{"OUT", options.out, OutputKind::scene}});
+    keepResources(scene, resources, {{"OUT", options.out, OutputKind::scene}});
     Result<> written;
     if (MeshFormat format{}; meshFormatFromName(options.out, format)) {
         Diagnostics meshes(options.in);
@@ -119,7 +123,7 @@ int convertBinary(const ConvertArguments& options) {
                                                  dialectOf(scene));
         if (!writer) return printError(writer.error()), kBad;
         DocumentHandler* first = &(*writer)->handler();
-        if (isSceneFile(options.in)) first = filtered(options, *first, diagnostics, chain);
+        if (isSceneFile(options.in)) first = filtered(options, resources, *first, diagnostics, chain);
         SceneExporter(scene, diagnostics).write(*first);
         written = (*writer)->close();
     }
@@ -134,10 +138,11 @@ int convert(const ConvertArguments& options) {
         throw UsageError("--encoding", fmt::format("is of -, standard output: the name {} says its own", options.out));
     if (auto ok = checkFiles({options.in}, {{"OUT", options.out, OutputKind::scene}}, options.force); !ok)
         return printError(ok.error()), kBad;
+    const Resources resources = options.resources.ofFile(options.in);
     MeshFormat mesh{};
     if (isBinaryName(options.out) || meshFormatFromName(options.out, mesh) ||
-        (options.in != "-" && isSceneFile(options.in)))
-        return convertBinary(options);
+        (options.in != "-" && !isWebAddress(options.in) && isSceneFile(options.in)))
+        return convertBinary(options, resources);
     Diagnostics diagnostics(options.in);
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options),
@@ -153,13 +158,16 @@ int convert(const ConvertArguments& options) {
         std::exit(kBad);
     };
     std::vector<std::unique_ptr<DocumentHandler>> chain;
-    DocumentHandler* first = filtered(options, (*writer)->handler(), diagnostics, chain);
+    DocumentHandler* first = filtered(options, resources, (*writer)->handler(), diagnostics, chain);
     // The copy must not replace a file that the document loads.
     std::optional<DocumentFiles> used;
-    if (std::filesystem::exists(options.out)) first = &used.emplace(*first, Resources::ofFile(options.in));
-    const bool ok = readDocumentFile(
-        options.in, *first, diagnostics,
-        {.progress = progress, .threads = options.threads, .clip = options.clip, .dialect = extensions().dialect()});
+    if (std::filesystem::exists(options.out)) first = &used.emplace(*first, resources);
+    const bool ok = readDocumentFile(options.in, *first, diagnostics,
+                                     {.progress = progress,
+                                      .threads = options.threads,
+                                      .clip = options.clip,
+                                      .dialect = extensions().dialect(),
+                                      .resources = &resources});
     if (bar) bar(1, 1);
     print(diagnostics);
     if (used) keepFiles(used->files(), {{"OUT", options.out, OutputKind::scene}});
@@ -191,7 +199,7 @@ Verb addConvert(Command& program) {
         ->oneOf({"x3d", "x3dv", "wrl", "json"});
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
     addClip(*command, options->clip);
-    addExtensions(*command);
+    options->resources.addTo(*command);
     command->addOption("--threads", options->threads,
                        "threads that read a list of numbers of more than 4 MiB (0: one a core; at most 8)");
     std::string list = "Filters:\n";

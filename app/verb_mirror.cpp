@@ -278,6 +278,7 @@ class Mirroring {
     const double duration_, patience_, latency_;
     const Resources resources_;
     Scene replica_;
+    std::optional<FollowedFetches> fetches_;
     Requests requests_;
     Health health_;
     std::size_t controls_ = 0, replies_ = 0;  // commands sent and answered
@@ -540,6 +541,7 @@ int Mirroring::run() {
     runScripts(replica_);
     extensions().registerWith(replica_);
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));
+    fetches_.emplace(replica_, resources_);
     auto wanted = clientOptions(options_);
     if (!wanted) return printError(wanted.error()), kBad;
     from_.limit(*wanted);

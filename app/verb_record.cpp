@@ -27,7 +27,7 @@ struct RecordArguments {
     KeyframeArguments keyframes;
     RotateArguments rotate;
     double fps = 60;
-    bool realtime = false, json = false, inputs = false, force = false;
+    bool realtime = false, json = false, inputs = false, force = false, embed = false;
 };
 
 /// The log of a scene. It has a thread of its own, except with inputs, which need the running scene itself.
@@ -93,8 +93,11 @@ int recordFile(const RecordArguments& options) {
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
     if (auto ok = options.rotate.checkPieces(options.out, options.force); !ok) return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.resources, options.start);
+    ResourceArguments resources = options.resources;
+    resources.inBackground = pace.realtime;
+    RunningScene running(options.scene, resources, options.start);
     running.allowNetwork(options.network);
+    if (options.embed) running.embedFetched();
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
@@ -168,6 +171,8 @@ Verb addRecord(Command& program) {
         command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
             ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
             ->preset();
+        command->addFlag("--embed", options->embed,
+                         "also the bytes of what came from the network, not only their hash");
         command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
         options->keyframes.addTo(*command);
         options->rotate.addTo(*command);

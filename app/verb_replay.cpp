@@ -146,6 +146,7 @@ class Replaying {
         runScripts(replayer_.scene());
         extensions().registerWith(replayer_.scene());
         replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
+        fetches_.emplace(replayer_.scene(), resources_);
         if (auto ok = begin(); !ok) return printError(ok.error()), kBad;
         if (replayer_.frames() == 0)
             printError(options_.log + ": no intact state");
@@ -355,6 +356,7 @@ class Replaying {
     const double length_;
     const OutputArguments wanted_;
     const Resources resources_;
+    std::optional<FollowedFetches> fetches_;
     bool more_ = false, cut_ = false;
     std::string made_;
 };

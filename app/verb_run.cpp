@@ -154,7 +154,9 @@ int runScene(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     options.feeds.check(options.scene, true);
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
-    RunningScene running(options.scene, options.outputs.resources, options.start);
+    ResourceArguments resources = options.outputs.resources;
+    resources.inBackground = pace.realtime;
+    RunningScene running(options.scene, resources, options.start);
     running.scene().setThreads(options.outputs.picture.threads);
     running.allowNetwork(options.network);
     if (options.reload) running.followEdits();

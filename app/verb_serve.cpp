@@ -58,7 +58,7 @@ struct ServeArguments {
     MetricsArguments metrics;
     SayArguments say;
     std::string nats;
-    bool insecure = false, json = false, force = false, reload = false;
+    bool insecure = false, json = false, force = false, reload = false, embed = false;
 };
 
 /// Makes a missing key file; the client gets a copy.
@@ -240,6 +240,7 @@ int Session::open() {
     if (auto ok = options_.rotate.checkPieces(options_.record, options_.force); !ok)
         return printError(ok.error()), kBad;
     running_.allowNetwork(options_.network);
+    if (options_.embed) running_.embedFetched();
     if (options_.reload) running_.followEdits();
     auto resumed = begin(running_, options_);
     if (!resumed) return printError(resumed.error()), kBad;
@@ -471,6 +472,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
         throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
     if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
+    options.resources.inBackground = true;
     checkResume(options);
     LogOptions ignored;
     options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
@@ -543,6 +545,8 @@ Verb addServe(Command& program) {
         options->rotate.addTo(*command);
         addForce(*command, options->force);
     }
+    command->addFlag("--embed", options->embed,
+                     "send mirrors, and record, also the bytes of what came from the network, not only their hash");
     options->log.addTo(*command);
     options->web.addTo(*command);
     options->feeds.addTo(*command);

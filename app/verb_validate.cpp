@@ -75,8 +75,8 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
         UrlPlaces places(builder);
         const auto check =
             makeFilter("validate", places, {diagnostics, resources, file, ecmaScript().get(), extensions().dialect()});
-        const bool complete =
-            check && readDocumentFile(file, **check, diagnostics, {.dialect = extensions().dialect()});
+        const bool complete = check && readDocumentFile(file, **check, diagnostics,
+                                                        {.dialect = extensions().dialect(), .resources = &resources});
         builder.finish();
         print(diagnostics);
         usable = complete || !builder.roots().empty();

@@ -29,6 +29,7 @@ class LogSource final : public ViewSource {
         runScripts(scene());
         extensions().registerWith(scene());
         scene().setScriptResources(std::make_shared<const Resources>(resources_));
+        fetches_.emplace(scene(), resources_);
         world_.emplace(scene(), resources_);
         eye_.emplace(world_->get());
         return {};
@@ -126,6 +127,7 @@ class LogSource final : public ViewSource {
 
     const std::string file_;
     const Resources resources_;
+    std::optional<FollowedFetches> fetches_;
     std::unique_ptr<LogPlayer> player_;
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;

@@ -97,6 +97,7 @@ class ServedSource final : public ViewSource {
         runScripts(replica_);
         extensions().registerWith(replica_);
         replica_.setScriptResources(std::make_shared<const Resources>(resources_));
+        fetches_.emplace(replica_, resources_);
         MirrorClientOptions options;
         options.name = arguments.author;
         if (!arguments.key.empty()) {
@@ -195,6 +196,7 @@ class ServedSource final : public ViewSource {
     const std::string endpoint_;
     const double patience_;
     const Resources resources_;
+    std::optional<FollowedFetches> fetches_;
     Scene replica_;
     std::unique_ptr<MirrorClient> client_;
     std::optional<WorldOnDemand> world_;

@@ -4,6 +4,8 @@
 #include <limits>
 #include <utility>
 
+#include <rtsg/core/web_address.h>
+
 namespace rtsg::app {
 
 namespace {
@@ -12,7 +14,7 @@ namespace {
 class RunningSource final : public ViewSource {
   public:
     explicit RunningSource(const ViewSourceArguments& arguments)
-        : running_(arguments.name, arguments.resources, arguments.start) {
+        : running_(arguments.name, inBackground(arguments.resources), arguments.start) {
         running_.allowNetwork(arguments.network);
         if (arguments.reload) running_.followEdits();
     }
@@ -59,6 +61,12 @@ class RunningSource final : public ViewSource {
     }
 
   private:
+    /// A window does not stand still while something comes.
+    static ResourceArguments inBackground(ResourceArguments resources) {
+        resources.inBackground = true;
+        return resources;
+    }
+
     RunningScene running_;
     bool isPaused_ = false;
     double last_ = 0, stood_ = 0;  // seconds
@@ -71,7 +79,7 @@ Result<std::unique_ptr<ViewSource>> openRunning(const ViewSourceArguments& argum
 }
 
 bool isEndpoint(const std::string& name) {
-    return name.find("://") != std::string::npos && !name.starts_with("file:");
+    return name.find("://") != std::string::npos && !name.starts_with("file:") && !isWebAddress(name);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(RTSG_LIBRARIES core documents scripts renderers audio sync feeds physics dis window haptics ogre nats plugins)
+set(RTSG_LIBRARIES core documents scripts renderers audio sync feeds fetch physics dis window haptics ogre nats plugins)
 list(TRANSFORM RTSG_LIBRARIES PREPEND rtsg_ OUTPUT_VARIABLE library_targets)
 install(TARGETS ${library_targets} EXPORT rtsgTargets COMPONENT libraries)
 if(NOT BUILD_SHARED_LIBS)

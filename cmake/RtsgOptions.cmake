@@ -21,6 +21,7 @@ option(RTSG_FONTS "Draw Text (FreeType, fontconfig; HarfBuzz where it is there)"
 option(RTSG_PHYSICS "Rigid bodies (ODE, where it is there)" ON)
 option(RTSG_WEB "Serve browsers (Boost.Beast)" ON)
 option(RTSG_MQTT "Feeds by MQTT (libmosquitto, where it is there)" ON)
+option(RTSG_FETCH "Files from http and https addresses (libcurl, where it is there)" ON)
 option(RTSG_WINDOW "A window to look into scenes with (SDL 2, where it is there)" ON)
 option(BUILD_SHARED_LIBS "Shared libraries" OFF)
 option(RTSG_EXAMPLES "The example programs" ON)

@@ -14,6 +14,9 @@
 
 #include <rtsg/core/memory.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/url_fetcher.h>
+#include <rtsg/core/web_address.h>
+#include <rtsg/core/x3d.h>
 
 #include "resource_url.h"
 #include "value/read_descriptor.h"
@@ -33,7 +36,28 @@ std::filesystem::path withoutSlash(const std::filesystem::path& folder) {
     return folder.has_filename() || !folder.has_relative_path() ? folder : folder.parent_path();
 }
 
+bool isAddress(const std::filesystem::path& folder) {
+    return isWebAddress(folder.native());
+}
+
+/// The address from which urls of documents in this folder start.
+Result<WebAddress> baseOf(const std::filesystem::path& folder) {
+    const std::string& text = folder.native();
+    return WebAddress::parse(text.ends_with('/') ? text : text + '/');
+}
+
+/// Without the slash at its end, as other folders.
+std::filesystem::path folderOfAddress(const WebAddress& address) {
+    const std::string text = WebAddress{address.isSecure, address.host, address.port, {}}.text();
+    const std::string path = address.path.substr(0, address.path.find('?'));
+    return text + path.substr(0, path.rfind('/'));
+}
+
 std::filesystem::path realFolder(const std::filesystem::path& folder) {
+    if (isAddress(folder)) {
+        const auto base = baseOf(folder);
+        return base ? folderOfAddress(*base) : std::filesystem::path();
+    }
     std::error_code problem;
     auto real = std::filesystem::weakly_canonical(std::filesystem::absolute(folder, problem), problem);
     return problem ? std::filesystem::path() : withoutSlash(real);
@@ -140,6 +164,7 @@ Resources::Resources(const std::filesystem::path& folder, ResourcePolicy policy)
 }
 
 Resources Resources::ofFile(const std::filesystem::path& file, ResourcePolicy policy) {
+    if (isAddress(file)) return {folderBehind({}, file.native()), std::move(policy)};
     std::filesystem::path folder = file.parent_path();
     if (folder.empty()) folder = ".";
     policy.roots.push_back(folder);
@@ -172,7 +197,67 @@ Result<std::filesystem::path> Resources::locate(const std::filesystem::path& fro
     return full;
 }
 
+// ---- addresses -------------------------------------------------------------------------------------------------
+
+/// The address that a url leads to; nothing for a file or a `data:` url. Error: it is none, or leads from the network
+/// to files.
+std::optional<Result<std::string>> Resources::addressOf(const std::filesystem::path& from, std::string_view url) const {
+    using Kind = detail::UrlParts::Kind;
+    const detail::UrlParts parts = detail::splitUrl(url);
+    const std::string shown = urlForMessage(url);
+    const bool isRelative = parts.kind == Kind::file && !parts.hasScheme && isAddress(from);
+    if (parts.kind != Kind::web && !isRelative) {
+        if (parts.kind == Kind::file && isAddress(from))
+            return fail(fmt::format("'{}' is a file, and the document that names it is on the network", shown));
+        return std::nullopt;
+    }
+    if (isRelative && parts.encoded.empty()) return fail(fmt::format("'{}' names no file", shown));
+    const auto base = isRelative ? baseOf(from) : WebAddress::parse(url);
+    const auto address = base && isRelative ? base->resolve(parts.encoded) : base;
+    if (!address) return fail(fmt::format("'{}' is no address: {}", shown, address.error().text));
+    return address->text();
+}
+
+Result<Resource> Resources::openAddress(const std::string& address, std::string_view shown) const {
+    if (!policy_.fetcher)
+        return fail(fmt::format("'{}' is not a local file, and nothing is fetched from a network", shown));
+    auto content = policy_.fetcher->fetch(address, policy_.maximumBytes);
+    if (!content) return fail(content.error().code, fmt::format("'{}': {}", shown, content.error().text));
+    Resource resource;
+    resource.descriptor_ = content->descriptor;
+    resource.path_ = content->address;
+    resource.name_ = std::move(content->address);
+    resource.mediaType_ = std::move(content->mediaType);
+    resource.limit_ = policy_.maximumBytes;
+    return resource;
+}
+
+bool Resources::awaits(const std::filesystem::path& from, std::string_view url) const {
+    if (!policy_.fetcher) return false;
+    const auto address = addressOf(from, url);
+    return address && *address && policy_.fetcher->awaits(**address, policy_.maximumBytes);
+}
+
+bool Resources::awaits(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const {
+    return policy_.fetcher &&
+           std::ranges::any_of(foldersOf(scene, node, field), [&](const auto& folder) { return awaits(folder, url); });
+}
+
+Resources Resources::withoutNetwork() const {
+    Resources result = *this;
+    result.policy_.fetcher = nullptr;
+    return result;
+}
+
+// ---- opening ---------------------------------------------------------------------------------------------------
+
 Result<Resource> Resources::open(const std::filesystem::path& from, std::string_view url) const {
+    if (const auto address = addressOf(from, url)) {
+        if (!*address) return std::unexpected(address->error());
+        auto fetched = openAddress(**address, urlForMessage(url));
+        if (fetched) fetched->fragment_ = urlFragment(url);
+        return fetched;
+    }
     detail::UrlParts parts = detail::splitUrl(url);
     const std::string shown = urlForMessage(url);
     Resource resource;
@@ -238,7 +323,16 @@ Result<Resource> Resources::open(const Scene& scene, const Node& node, FieldInde
 
 std::filesystem::path Resources::folderBehind(const std::filesystem::path& from, std::string_view url) {
     const detail::UrlParts parts = detail::splitUrl(url);
+    if (parts.kind == detail::UrlParts::Kind::web) {
+        const auto address = WebAddress::parse(url);
+        return address ? folderOfAddress(*address) : std::filesystem::path();
+    }
     if (parts.kind != detail::UrlParts::Kind::file) return {};
+    if (isAddress(from)) {
+        const auto base = baseOf(from);
+        const auto address = base && !parts.hasScheme ? base->resolve(parts.encoded) : base;
+        return address && !parts.hasScheme ? folderOfAddress(*address) : std::filesystem::path();
+    }
     const std::filesystem::path path(parts.path);
     if (path.is_absolute()) return path.parent_path();
     return from.empty() ? std::filesystem::path() : withoutSlash(from / path.parent_path());
@@ -249,6 +343,9 @@ std::filesystem::path Resources::folderOf(const Scene& scene, NodeId scope) cons
     const Node* node = scene.find(scope);
     for (int steps = 0; node && steps < kMostSteps; ++steps, node = scene.find(node->scope()))
         if (std::string url = hiddenText(*node, "loadedUrl"); !url.empty()) urls.push_back(std::move(url));
+    // A document that came from the network itself says so, also to those who follow its scene elsewhere.
+    if (std::string url = scene.node(scene.root()).get(x3d::RtsgScene::loadedUrl).str(); !url.empty())
+        urls.push_back(std::move(url));
     std::filesystem::path folder = folder_;
     for (auto url = urls.rbegin(); url != urls.rend(); ++url) folder = folderBehind(folder, *url);
     return folder;

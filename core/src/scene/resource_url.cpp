@@ -4,6 +4,7 @@
 #include <cctype>
 
 #include <rtsg/core/resource.h>
+#include <rtsg/core/web_address.h>
 
 namespace rtsg {
 
@@ -93,7 +94,10 @@ UrlParts splitUrl(std::string_view url) {
         url = url.substr(0, hash);
     }
     parts.encoded = url;
-    if (equalsIgnoringCase(scheme, "file")) {
+    parts.hasScheme = !scheme.empty();
+    if (isWebAddress(url)) {
+        parts.kind = UrlParts::Kind::web;
+    } else if (equalsIgnoringCase(scheme, "file")) {
         url.remove_prefix(scheme.size() + 1);
         if (url.starts_with("//")) {
             url.remove_prefix(2);
@@ -138,6 +142,9 @@ std::string urlForMessage(std::string_view url) {
 std::string joinUrls(std::string_view outer, std::string_view inner) {
     const detail::UrlParts in = detail::splitUrl(inner), out = detail::splitUrl(outer);
     if (in.kind == detail::UrlParts::Kind::data) return "data:";
+    if (out.kind == detail::UrlParts::Kind::web && in.kind == detail::UrlParts::Kind::file && !in.hasScheme)
+        if (const auto base = WebAddress::parse(out.encoded))
+            if (const auto joined = base->resolve(in.encoded)) return joined->text();
     const bool isRelative = in.kind == detail::UrlParts::Kind::file && !in.path.starts_with('/');
     const std::size_t slash = out.encoded.rfind('/');
     if (!isRelative || slash == std::string_view::npos) return std::string(in.encoded);

@@ -10,8 +10,9 @@
 namespace rtsg::detail {
 
 struct UrlParts {
-    enum class Kind : unsigned char { file, data, other };
+    enum class Kind : unsigned char { file, data, web, other };
     Kind kind = Kind::file;
+    bool hasScheme = false;    // file: or another one stands before it
     std::string path;          // file: decoded; absolute if the url was a file: one
     std::string_view encoded;  // the url without its fragment
     std::string fragment;      // decoded

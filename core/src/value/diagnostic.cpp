@@ -46,6 +46,8 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/cascade/run", DiagnosticCode("cascade")},
     {"/core/src/scene/bus", DiagnosticCode("subscriber-failed")},
     {"/core/src/scene/resource", DiagnosticCode("url")},
+    {"/core/src/scene/web_address", DiagnosticCode("url")},
+    {"/fetch/src/", DiagnosticCode("url")},
     {"/core/src/cascade/", DiagnosticCode("edit")},
     {"/core/src/input/", DiagnosticCode("edit")},
     {"/core/src/scene/", DiagnosticCode("edit")},

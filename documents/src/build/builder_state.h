@@ -55,6 +55,10 @@ class LoadSession {
     std::deque<DocumentSource> sources_;
 };
 
+/// What `loadedUrl` says of a document that `url` led to: the address that answered, which its own urls start from, or
+/// the url without its fragment.
+std::string loadedUrlOf(const std::filesystem::path& opened, std::string_view url);
+
 struct ChildList {
     FieldIndex field = kNoField;
     std::vector<NodeId> nodes;

@@ -16,6 +16,7 @@
 #include <rtsg/documents/world.h>
 #include <rtsg/documents/writer.h>
 
+#include "at_address.h"
 #include "builder_state.h"
 #include "commands/reader_types.h"
 
@@ -201,15 +202,15 @@ Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId 
     if (!opened) return std::unexpected(opened.error());
     Diagnostics diagnostics{opened->file.string()};
     // Its own urls start from its own folder; what may be opened stays the same.
-    const Resources beside(opened->file.parent_path(), resources->policy());
+    const Resources beside(folderOfDocument(opened->file), resources->policy());
     const Node* node = scene.find(script);
     BuildOptions options = detachedOptions(node ? node->scope() : NodeId{}, &beside);
     options.file = opened->file;
     options.namedByUrl = true;
     SceneBuilder builder(scene, diagnostics, options);
-    const bool complete =
-        readDocumentFile(opened->file, builder, diagnostics,
-                         {.maximumBytes = resources->policy().maximumBytes, .dialect = dialectOf(scene)});
+    const bool complete = readDocumentFile(
+        opened->file, builder, diagnostics,
+        {.maximumBytes = resources->policy().maximumBytes, .dialect = dialectOf(scene), .resources = resources});
     builder.finish();
     return pieceOf(scene, builder, complete, diagnostics);
 }
@@ -231,7 +232,7 @@ Result<> serveWorld(Scene& scene, const DocumentRequest& request, const Resource
     const auto opened = openFirst(scene, request.script, request.urls, *resources);
     if (!opened) return std::unexpected(opened.error());
     LoadOptions options;
-    options.resources = Resources(opened->file.parent_path(), resources->policy());
+    options.resources = Resources(folderOfDocument(opened->file), resources->policy());
     options.namedByUrl = true;
     Diagnostics diagnostics{opened->file.string()};
     const bool loaded = loadWorld(scene, opened->file, diagnostics, options);

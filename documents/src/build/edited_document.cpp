@@ -405,10 +405,11 @@ bool EditedDocument::followFile(const std::filesystem::path& file, Diagnostics& 
 std::vector<std::filesystem::path> EditedDocument::filesWithin(const Resources& resources) const {
     std::vector<std::filesystem::path> files;
     const Scene& document = *state_->document;
+    const Resources local = resources.withoutNetwork();
     document.forEachNode([&](const Node& node) {
         const FieldIndex field = hiddenField(node.type(), "loadedUrl");
         if (field == kNoField || node.isDefault(field)) return;
-        const auto file = resources.open(resources.folderOf(document, node.scope()), node.get(Field<String>{field}));
+        const auto file = local.open(local.folderOf(document, node.scope()), node.get(Field<String>{field}));
         if (file && !file->path().empty()) files.push_back(file->path());
     });
     std::ranges::sort(files);

@@ -8,11 +8,13 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
 #include "builder_state.h"
 #include "inline_geometry.h"
+#include "media/fetch_ahead.h"
 #include "media/font_reports.h"
 #include "media/load_reports.h"
 #include "media/media_reports.h"
@@ -46,14 +48,23 @@ const Array<NodeId>& contentOf(const Node& node) {
     return *static_cast<const Array<NodeId>*>(node.storage(node.type().body()));
 }
 
+/// Whether loading its content would wait for the network.
+bool awaitsContent(const Scene& scene, const Node& node, const Resources& resources) {
+    return awaitsUrls(scene, node, node.type().findExact("url"), resources);
+}
+
 }  // namespace
+
+std::string loadedUrlOf(const std::filesystem::path& opened, std::string_view url) {
+    return isWebAddress(opened.native()) ? opened.string() : joinUrls({}, url);
+}
 
 Result<LoadSession::File*> LoadSession::open(const Resources& resources, const std::filesystem::path& from,
                                              std::string_view url, std::uint64_t nodesLeft,
                                              const std::shared_ptr<const Dialect>& dialect) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
-    const auto base = Resources::folderBehind(from, url);
+    const auto base = Resources::folderBehind(from, loadedUrlOf(resource->path(), url));
     const ResourcePolicy& policy = resources.policy();
     auto& file = files_[{resource->path().empty() ? std::string(url) : resource->path().string(), base}];
     if (!file) {
@@ -110,6 +121,7 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     if (!wantsContent(scene.node(id))) return false;
     const Array<String> urls = urlsOf(scene.node(id));
     if (urls.empty()) return false;
+    if (options.leavesAwaited && awaitsContent(scene, scene.node(id), *options.resources)) return false;
     const auto documents =
         static_cast<std::uint64_t>(std::ranges::count_if(scopes, [](const auto& one) { return one->isDocument; }));
     if (const std::uint64_t limit = options.resources->policy().maximumDepth; documents > limit) {
@@ -142,7 +154,8 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
 
 void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::string_view url, SourceLocation where) {
     reportFile(file);
-    setHidden(scene, id, hiddenField(scene.node(id).type(), "loadedUrl"), Value(String(joinUrls({}, url))));
+    setHidden(scene, id, hiddenField(scene.node(id).type(), "loadedUrl"),
+              Value(String(loadedUrlOf(file.source.path, url))));
     NameScope& document = pushScope(id, session.newEnvironment(), &file.source);
     document.isDocument = true;
     document.prefix = file.source.path.stem().string() + '#';
@@ -168,7 +181,9 @@ struct InlineLoader::State final : Subscriber {
           reports(target),
           media(target),
           sizes(target),
-          fonts(target) {
+          fonts(target),
+          ahead(target) {
+        options.leavesAwaited = true;
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
@@ -188,6 +203,7 @@ struct InlineLoader::State final : Subscriber {
         media.note(source, set);
         sizes.note(source, set);
         fonts.note(source, set);
+        ahead.note(source, set);
         for (const Change& change : set.changes) {
             if (change.kind != ChangeKind::setField) continue;
             const Node* node = source.find(change.node);
@@ -207,11 +223,17 @@ struct InlineLoader::State final : Subscriber {
         std::error_code ignored;
         if (!node) {
             std::filesystem::path path;
-            if (!options.file.empty()) path = std::filesystem::weakly_canonical(options.file, ignored);
+            if (isWebAddress(options.file.native()))
+                path = options.file;
+            else if (!options.file.empty())
+                path = std::filesystem::weakly_canonical(options.file, ignored);
             return {path, options.resources->folder(), diagnostics.file()};
         }
         const auto& loadedUrl = *static_cast<const String*>(node->storage(hiddenField(node->type(), "loadedUrl")));
         const auto outer = options.resources->folderOf(scene, node->scope());
+        // What came from the network need not be fetched again to know where it is.
+        if (isWebAddress(loadedUrl.view()))
+            return {loadedUrl.str(), Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
         const auto from = options.resources->open(outer, loadedUrl);
         if (!from) return {{}, Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
         return {from->path(), Resources::folderBehind(outer, loadedUrl), from->name()};
@@ -309,6 +331,7 @@ struct InlineLoader::State final : Subscriber {
     MediaReports media;
     SizeReports sizes;
     FontReports fonts;
+    FetchAhead ahead;
     TextMeasure measure;
     Attachment attachment;
 };
@@ -322,6 +345,10 @@ InlineLoader::~InlineLoader() = default;
 void InlineLoader::measureTexts(TextMeasure measure, Texts which) {
     state_->measure = std::move(measure);
     state_->sizes.askTexts(state_->scene, which == Texts::heard);
+}
+
+bool InlineLoader::awaits() const {
+    return !state_->changed.empty() || state_->ahead.awaits();
 }
 
 std::size_t InlineLoader::update() {
@@ -343,6 +370,11 @@ std::size_t InlineLoader::update() {
             if (wanted) s.watchRefresh(*node);
             continue;
         }
+        // What is there stays until the new content has come.
+        if (wanted && awaitsContent(s.scene, *node, *s.options.resources)) {
+            s.changed.insert(value);
+            continue;
+        }
         if (current != s.loaded.end()) {
             s.unload(id);
             s.loaded.erase(value);
@@ -354,6 +386,7 @@ std::size_t InlineLoader::update() {
         s.watchRefresh(s.scene.node(id));
     }
     count += s.refresh();
+    s.ahead.answer(s.scene, *s.options.resources);
     count += s.fonts.answer(s.scene, *s.options.resources, s.diagnostics);
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength, s.diagnostics);

@@ -3,9 +3,12 @@
 
 #include <memory>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/documents/scene_builder.h>
 
+#include "at_address.h"
 #include "builder_state.h"
+#include "commands/document_head.h"
 
 namespace rtsg {
 
@@ -26,11 +29,18 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
     BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
     if (file != "-") build.file = file;
+    if (const std::string address = startAtAnswer(build); !address.empty()) {
+        setHidden(scene, scene.root(), x3d::RtsgScene::loadedUrl.index, Value(String(address)));
+        scene.setScriptResources(std::make_shared<const Resources>(*build.resources));
+    }
     SceneBuilder builder(scene, diagnostics, build);
     const FieldTypesInScope known(fieldTypesOf(scene));
-    const bool complete = readDocumentFile(
-        file, builder, diagnostics,
-        {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
+    const bool complete = readDocumentFile(file, builder, diagnostics,
+                                           {.progress = options.progress,
+                                            .threads = options.threads,
+                                            .clip = options.clip,
+                                            .dialect = dialectOf(scene),
+                                            .resources = &*build.resources});
     builder.finish();
     return complete || !builder.roots().empty();
 }

@@ -202,7 +202,7 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
             failed(fmt::format("'{}' declares no PROTO{}{}", url, fragment.empty() ? "" : " ", fragment));
             continue;
         }
-        std::string targetUrl = joinUrls({}, url);
+        std::string targetUrl = loadedUrlOf((*file)->source.path, url);
         if (target->external) {
             // An EXTERNPROTO that leads to an EXTERNPROTO; a circle of them ends here without a body.
             resolveExternal(*target);

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/portable_math.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
@@ -76,7 +77,10 @@ SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& si
     dialect = dialectOf(scene);
     DocumentSource source;
     std::error_code ignored;
-    if (!options.file.empty()) source.path = std::filesystem::weakly_canonical(options.file, ignored);
+    if (isWebAddress(options.file.native()))
+        source.path = options.file;
+    else if (!options.file.empty())
+        source.path = std::filesystem::weakly_canonical(options.file, ignored);
     if (!options.resources) options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
     source.base = options.resources->folder();
     source.file = sink.file();

@@ -14,6 +14,7 @@
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 
+#include "at_address.h"
 #include "builder_state.h"
 #include "commands/document_head.h"
 
@@ -74,14 +75,15 @@ Result<> clear(Scene& scene, const std::vector<bool>& kept) {
     const NodeId root = scene.root();
     if (auto ok = scene.set(root, Root::children, Array<NodeId>()); !ok) return ok;
     setHidden(scene, root, Root::profile.index, Value(String()));
+    setHidden(scene, root, Root::loadedUrl.index, Value(String()));
     setHidden(scene, root, Root::_emptied.index, Value(std::int32_t{0}));
     for (const FieldIndex field : {Root::components.index, Root::exports.index, Root::importRoutes.index,
                                    Root::imports.index, Root::meta.index, Root::units.index, Root::_requests.index})
         setHidden(scene, root, field, Value(Array<String>()));
     std::vector<NodeId> gone;
     scene.forEachNode([&](const Node& node) {
-        const bool stays =
-            node.id() == root || scene.isHeld(node.id()) || (node.id().value < kept.size() && kept[node.id().value]);
+        const bool stays = node.id() == root || node.is(x3d::FetchedFile::type) || scene.isHeld(node.id()) ||
+                           (node.id().value < kept.size() && kept[node.id().value]);
         if (!stays) gone.push_back(node.id());
     });
     for (const NodeId id : gone) (void)scene.destroyNode(id);  // a script's shutdown() may have been before us
@@ -132,10 +134,14 @@ std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::p
     BuildOptions build = buildOptions(options, Resources::ofFile(file));
     build.detached = true;
     build.file = file;
+    (void)startAtAnswer(build);
     SceneBuilder builder(scene, diagnostics, build);
-    const bool complete = readDocumentFile(
-        file, builder, diagnostics,
-        {.progress = options.progress, .threads = options.threads, .clip = options.clip, .dialect = dialectOf(scene)});
+    const bool complete = readDocumentFile(file, builder, diagnostics,
+                                           {.progress = options.progress,
+                                            .threads = options.threads,
+                                            .clip = options.clip,
+                                            .dialect = dialectOf(scene),
+                                            .resources = &*build.resources});
     builder.finish();
     return fragmentOf(builder, complete);
 }
@@ -165,6 +171,8 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
     }
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
     BuildOptions build = buildOptions(options, Resources::ofFile(file));
+    if (file != "-") build.file = file;
+    const std::string address = startAtAnswer(build);
     const ResourcePolicy& policy = build.resources->policy();
     ReadOptions reading{options.progress, options.threads};
     CommandList::Limits limits;
@@ -176,6 +184,7 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
     const std::size_t errors = diagnostics.errors();
     reading.clip = options.clip;
     reading.dialect = dialectOf(scene);
+    reading.resources = &*build.resources;
     const bool complete = readDocumentFile(file, commands, diagnostics, reading);
     if (commands.isFull()) diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     // A document without nodes is a world, too, but for one that is no document.
@@ -184,7 +193,7 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
         diagnostics.add(std::move(ok.error()));
         return false;
     }
-    if (file != "-") build.file = file;
+    setHidden(scene, scene.root(), Root::loadedUrl.index, Value(String(address)));
     scene.setScriptResources(std::make_shared<const Resources>(*build.resources), true);
     SceneBuilder builder(scene, diagnostics, build);
     commands.replay(builder);

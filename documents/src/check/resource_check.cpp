@@ -96,10 +96,11 @@ void checkResources(const Scene& scene, const Resources& resources, Diagnostics&
 
 std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resources& resources) {
     std::vector<std::filesystem::path> files;
+    const Resources local = resources.withoutNetwork();
     forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
         for (const String& url : *static_cast<const Array<String>*>(node.storage(i))) {
             if (programInUrl(url.view())) continue;
-            const auto resource = resources.open(scene, node, i, url.view());
+            const auto resource = local.open(scene, node, i, url.view());
             if (resource && !resource->path().empty()) files.push_back(resource->path());
         }
     });

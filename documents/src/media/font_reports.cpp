@@ -9,6 +9,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "commands/document_head.h"
+#include "fetch_ahead.h"
 #include "font_file.h"
 
 namespace rtsg {
@@ -178,7 +179,12 @@ void FontReports::note(const Scene& scene, const ChangeSet& set) {
 std::size_t FontReports::answer(Scene& scene, const Resources& resources, Diagnostics& diagnostics) {
     std::size_t count = 0;
     for (const std::uint32_t number : std::exchange(unread_, {})) {
-        if (!scene.find(NodeId{number}) || !readFont(scene, NodeId{number}, resources, diagnostics, {})) continue;
+        const Node* library = scene.find(NodeId{number});
+        if (library && library->get(Library::load) && awaitsUrls(scene, *library, Library::url.index, resources)) {
+            unread_.insert(number);
+            continue;
+        }
+        if (!library || !readFont(scene, NodeId{number}, resources, diagnostics, {})) continue;
         linking_ = true;
         ++count;
     }

@@ -6,13 +6,17 @@
 #include <rtsg/core/script_url.h>
 #include <rtsg/core/x3d.h>
 
+#include "fetch_ahead.h"
+
 namespace rtsg {
 
 namespace {
 
 using S = x3d::LoadSensor;
 
-/// 1: loaded, 0: it cannot be, nothing: it is not to be.
+constexpr std::int32_t kAwaited = -1;
+
+/// 1: loaded, 0: it cannot be, kAwaited: that is not known yet; nothing: it is not to be.
 std::optional<std::int32_t> outcomeOf(const Scene& scene, const Node& node, const Resources& resources) {
     const NodeType& type = node.type();
     const FieldIndex url = type.findExact("url"), load = type.findExact("load");
@@ -21,6 +25,7 @@ std::optional<std::int32_t> outcomeOf(const Scene& scene, const Node& node, cons
     if (urls.empty()) return std::nullopt;
     if (load != kNoField && type.fields[load].type == FieldType::SFBool && !node.get(Field<bool>{load}))
         return std::nullopt;
+    if (awaitsUrls(scene, node, url, resources)) return kAwaited;
     if (node.is(x3d::Inline::type)) return node.get(x3d::Inline::body).empty() ? 0 : 1;
     if (node.is(x3d::InlineGeometry::type)) return node.get(x3d::InlineGeometry::body).empty() ? 0 : 1;
     if (node.is(x3d::FontLibrary::type)) return node.get(x3d::FontLibrary::_font).empty() ? 0 : 1;
@@ -79,7 +84,9 @@ std::size_t LoadReports::answer(Scene& scene, const Resources& resources) {
         for (const NodeId id : sensor->get(S::children)) {
             const Node* child = scene.find(id);
             if (!child || !child->type().isA("X3DUrlObject")) continue;
-            if (const auto outcome = outcomeOf(scene, *child, resources)) {
+            const auto outcome = outcomeOf(scene, *child, resources);
+            if (outcome == kAwaited) asked_.insert(number);
+            if (outcome && outcome != kAwaited) {
                 rows.push_back(static_cast<std::int32_t>(id.value));
                 rows.push_back(*outcome);
             }

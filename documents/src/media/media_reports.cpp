@@ -8,6 +8,7 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "fetch_ahead.h"
 #include "media_length.h"
 
 namespace rtsg {
@@ -88,6 +89,10 @@ std::size_t MediaReports::answer(Scene& scene, const Resources& resources, const
         const Node* node = scene.find(NodeId{number});
         const auto fields = node ? mediaFields(*node) : std::nullopt;
         if (!fields) continue;
+        if (node->get(fields->load) && awaitsUrls(scene, *node, fields->url.index, resources)) {
+            asked_.insert(number);
+            continue;
+        }
         std::string why;
         const Time duration{secondsOf(scene, *node, *fields, resources, others, why)};
         if (duration.seconds < 0 && !why.empty() && needsFile(*node)) {

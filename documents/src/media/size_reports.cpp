@@ -5,6 +5,7 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "fetch_ahead.h"
 #include "picture_size.h"
 
 namespace rtsg {
@@ -68,6 +69,15 @@ bool mayResize(FieldType type) {
         default:
             return false;
     }
+}
+
+bool awaitsPicture(const Scene& scene, const Node& projector, const Resources& resources) {
+    const NodeId picture =
+        projector.is(Projector::type) ? projector.get(Projector::texture) : projector.get(Parallel::texture);
+    const Node* texture = scene.effectiveNode(picture);
+    using I = x3d::ImageTexture;
+    return texture && texture->is(I::type) && texture->get(I::load) &&
+           awaitsUrls(scene, *texture, I::url.index, resources);
 }
 
 template <class N>
@@ -153,6 +163,10 @@ std::size_t SizeReports::answer(Scene& scene, const Resources& resources, const 
     for (const std::uint32_t number : std::exchange(projectors_, {})) {
         const Node* node = scene.find(NodeId{number});
         if (!node) continue;
+        if (awaitsPicture(scene, *node, resources)) {
+            projectors_.insert(number);
+            continue;
+        }
         const bool told = node->is(Projector::type) ? tellRatio<Projector>(scene, *node, resources)
                                                     : tellRatio<Parallel>(scene, *node, resources);
         if (told) ++count;

@@ -10,6 +10,8 @@
 #include <unistd.h>
 
 #include <rtsg/core/memory.h>
+#include <rtsg/core/resource.h>
+#include <rtsg/core/web_address.h>
 #include <rtsg/documents/read_document.h>
 
 #include "gzip.h"
@@ -171,7 +173,9 @@ bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBesi
     ReaderOptions options = readerOptions({});
     options.mustBeHeaded = true;
     options.dialect = std::move(dialect);
-    options.name = plainName(resource.name());
+    const bool isAddress = isWebAddress(resource.name());
+    options.name = plainName(
+        std::string_view(resource.name()).substr(0, isAddress ? resource.name().find('?') : std::string::npos));
     options.maximumBytes = options.maximumMemory = maximumBytes;
     const auto fed = [&](const Result<std::unique_ptr<TextFeed>>& feed) {
         if (!feed) diagnostics.error({}, feed.error().text, feed.error().code);
@@ -199,8 +203,30 @@ bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const Ope
     return readFeed(**feed, beside, handler, diagnostics, options);
 }
 
+namespace {
+
+/// Its own urls start where the answer came from.
+bool readAddress(const std::filesystem::path& address, DocumentHandler& handler, Diagnostics& diagnostics,
+                 const ReadOptions& options) {
+    const Resources resources = options.resources ? *options.resources : Resources();
+    auto opened = resources.open({}, address.native());
+    if (!opened) {
+        diagnostics.error({}, opened.error().text, opened.error().code);
+        return false;
+    }
+    constexpr std::size_t block = 1 << 20;
+    detail::ReaderOptions reading = readerOptions(options);
+    const std::string name = opened->path().string();
+    reading.name = detail::plainName(std::string_view(name).substr(0, name.find('?')));
+    const detail::OpenBeside beside = detail::openBeside(resources, Resources::folderBehind({}, name));
+    return detail::readDescriptorInBlocks(opened->descriptor(), block, beside, handler, diagnostics, reading);
+}
+
+}  // namespace
+
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       const ReadOptions& options) {
+    if (isWebAddress(file.native())) return readAddress(file, handler, diagnostics, options);
     constexpr std::size_t block = 1 << 20;
     detail::ReaderOptions reading = readerOptions(options);
     reading.name = detail::plainName(file.native());

@@ -208,8 +208,9 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
 
 std::string TextureStore::nameOf(const Resources& resources) {
     const ResourcePolicy& policy = resources.policy();
-    std::string name = fmt::format("textures\n{}\n{} {} {}", resources.folder().string(), policy.maximumBytes,
-                                   policy.maximumPixels, policy.roots.size());
+    std::string name =
+        fmt::format("textures\n{}\n{} {} {} {}", resources.folder().string(), policy.maximumBytes, policy.maximumPixels,
+                    policy.roots.size(), static_cast<const void*>(policy.fetcher.get()));
     for (const auto& root : policy.roots) name.append("\n").append(root.string());
     return name;
 }

@@ -5,12 +5,15 @@
 // found from the scene alone, by walking out through the scopes: a replica finds the same one below its own base
 // folder. A url handed into a PROTO by IS starts from the document of the instance, then from that of the PROTO.
 // Regular files below one of the policy's roots are opened, and `data:`; what was opened is what is checked, so neither
-// `..`, nor a symbolic link, nor a swap between check and opening leads out. Nothing is ever fetched from a network.
-// Threading: values; all calls are const. Source: RFC 3986, RFC 8089, RFC 2397; 19775-1 V4.0 9.2.1.
+// `..`, nor a symbolic link, nor a swap between check and opening leads out. A folder may be an http(s) address: urls
+// from there lead to addresses and never to files. Addresses are for the policy's fetcher; without one they are
+// refused. Threading: values; all calls are const. Source: RFC 3986, RFC 8089, RFC 2397; 19775-1 V4.0 9.2.1.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -23,6 +26,7 @@ namespace rtsg {
 
 class Node;
 class Scene;
+class UrlFetcher;
 
 struct ResourcePolicy {
     /// Regular files in these folders and below may be opened. None: no file at all.
@@ -34,20 +38,21 @@ struct ResourcePolicy {
     std::uint64_t maximumInstances = 2'000'000;             // shapes and the like, one per path from the root
     std::uint64_t maximumDepth = 32;                        // of documents within documents
     std::uint64_t maximumSeconds = 600;                     // of reading a document with all that it inlines
+    std::shared_ptr<UrlFetcher> fetcher{};                  // of http and https; null: nothing is fetched
 };
 
-/// A regular file, opened and checked, or the content of a `data:` url. Move only.
+/// A regular file, opened and checked, what was fetched from an address, or the content of a `data:` url. Move only.
 class Resource {
   public:
     Resource(Resource&& other) noexcept;
     Resource& operator=(Resource&& other) noexcept;
     ~Resource();
 
-    /// The real path, links resolved; empty for a `data:` url.
+    /// The real path, links resolved; the address that answered; empty for a `data:` url.
     const std::filesystem::path& path() const { return path_; }
-    /// For diagnostics: the path, or the head of a `data:` url.
+    /// For diagnostics: the path, the address, or the head of a `data:` url.
     const std::string& name() const { return name_; }
-    /// The media type of a `data:` url, such as image/png.
+    /// The media type of a `data:` url, such as image/png, or the one that a server states.
     const std::string& mediaType() const { return mediaType_; }
     /// What follows `#`, decoded.
     const std::string& fragment() const { return fragment_; }
@@ -80,7 +85,7 @@ class Resources {
     /// `folder` is only where relative urls start; what may be opened is up to the policy.
     Resources(const std::filesystem::path& folder, ResourcePolicy policy);
     /// For a document that the user named: what is below its own folder and below the working folder. "-" has no folder
-    /// but the working folder.
+    /// but the working folder. An address has no files.
     static Resources ofFile(const std::filesystem::path& file, ResourcePolicy policy = {});
 
     const std::filesystem::path& folder() const { return folder_; }
@@ -91,16 +96,25 @@ class Resources {
     Result<Resource> open(const std::filesystem::path& from, std::string_view url) const;
     /// Opens a url that stands in `field` of a node.
     Result<Resource> open(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const;
+    /// Starts to fetch what open() would wait for. True as long as it would wait; false for files, and for what has
+    /// come or cannot come.
+    bool awaits(const std::filesystem::path& from, std::string_view url) const;
+    bool awaits(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const;
+    /// The same, but that addresses are refused.
+    Resources withoutNetwork() const;
 
     /// The folders from which relative urls of a node's `field` start: one, or several to be tried in turn for a url
     /// that came by IS.
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node, FieldIndex field) const;
     /// The folder of the document whose nodes have this scope.
     std::filesystem::path folderOf(const Scene& scene, NodeId scope) const;
-    /// Looks for the folder of the document behind a url that has been opened.
+    /// Looks for the folder of the document behind a url that has been opened. For what came from an address, give
+    /// that.
     static std::filesystem::path folderBehind(const std::filesystem::path& from, std::string_view url);
 
   private:
+    std::optional<Result<std::string>> addressOf(const std::filesystem::path& from, std::string_view url) const;
+    Result<Resource> openAddress(const std::string& address, std::string_view shown) const;
     Result<std::filesystem::path> locate(const std::filesystem::path& from, std::string_view path,
                                          std::string_view url) const;
     bool allows(const std::filesystem::path& file) const;

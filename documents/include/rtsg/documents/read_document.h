@@ -17,6 +17,8 @@
 
 namespace rtsg {
 
+class Resources;
+
 /// Reports bytes read of bytes in all; for progress bars.
 using Progress = std::function<void(std::uint64_t done, std::uint64_t total)>;
 
@@ -38,13 +40,15 @@ struct ReadOptions {
     std::string clip{};
     /// Formats and node types beyond the library's own (dialect.h); null: none.
     std::shared_ptr<const Dialect> dialect{};
+    /// readDocumentFile() opens an http or https address by these, and only with them.
+    const Resources* resources = nullptr;
 };
 
 /// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.
 /// Returns false if the document was so broken that reading stopped early; what was read before has been pushed.
 bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
                   const ReadOptions& options = {});
-/// Same for a file, plain or gzip; "-" is standard input.
+/// Same for a file or an address, plain or gzip; "-" is standard input.
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       const ReadOptions& options = {});
 

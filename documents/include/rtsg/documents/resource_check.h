@@ -46,7 +46,7 @@ std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resou
 /// The same of a document that makes no scene, as it goes by; not of the documents that it loads.
 class DocumentFiles final : public Filter {
   public:
-    DocumentFiles(DocumentHandler& next, Resources resources) : Filter(next), resources_(std::move(resources)) {}
+    DocumentFiles(DocumentHandler& next, Resources resources) : Filter(next), resources_(resources.withoutNetwork()) {}
     void setField(std::string_view name, Value value, SourceLocation where) override;
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override;
     void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,

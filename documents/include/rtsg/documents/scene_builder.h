@@ -25,10 +25,11 @@ struct BuildOptions {
     std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
     std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
     bool loadInlines = true;
-    bool detached = false;    // roots() are put nowhere: that is the caller's
-    bool namedByUrl = false;  // not by the user: its own nodes are limited, as those of Inlines are
-    NodeId scope;             // the PROTO instance or Inline that the nodes belong to; none: the document itself
-    MediaLength mediaLength;  // of InlineLoader: for what is neither a WAVE nor an MP4 file
+    bool detached = false;       // roots() are put nowhere: that is the caller's
+    bool namedByUrl = false;     // not by the user: its own nodes are limited, as those of Inlines are
+    bool leavesAwaited = false;  // Inlines whose content the network would have to be waited for stay empty
+    NodeId scope;                // the PROTO instance or Inline that the nodes belong to; none: the document itself
+    MediaLength mediaLength;     // of InlineLoader: for what is neither a WAVE nor an MP4 file
 };
 
 class SceneBuilder final : public DocumentHandler {
@@ -101,6 +102,8 @@ class InlineLoader {
     /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
     /// or told something.
     std::size_t update();
+    /// True if something is still to come, from the network say: another update() is due soon.
+    bool awaits() const;
 
   private:
     struct State;
