@@ -68,16 +68,16 @@ bool interrupted();
 /// no TERM=dumb) and the work takes over a second.
 Progress progressBar(std::string label);
 
-/// --base, --allow and --limit: the files that the urls of a document may open, and their size.
+/// --base, --allow, --package and --limit: the files that the urls of a document may open, and their size.
 struct ResourceArguments {
     std::string base;
-    std::vector<std::string> allow, limits;
+    std::vector<std::string> allow, packages, limits;
 
     void addTo(Command& command);
     /// Resources for a scene or log that the user named: files below its own folder, the working folder, --base and
-    /// --allow. Throws UsageError.
+    /// --allow and --package. Throws UsageError.
     Resources ofFile(const std::string& file) const;
-    /// Resources for a scene that others send: files below --base and --allow, and no others.
+    /// Resources for a scene that others send: files below --base and --allow, of packages, and no others.
     Resources ofReplica() const;
 
   private:

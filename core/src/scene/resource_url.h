@@ -10,11 +10,12 @@
 namespace rtsg::detail {
 
 struct UrlParts {
-    enum class Kind : unsigned char { file, data, other };
+    enum class Kind : unsigned char { file, data, package, other };
     Kind kind = Kind::file;
     std::string path;          // file: decoded; absolute if the url was a file: one
     std::string_view encoded;  // the url without its fragment
     std::string fragment;      // decoded
+    std::string package{};     // of package://NAME/path and model://NAME/path, as robots' files have them: the name
 };
 
 UrlParts splitUrl(std::string_view url);

@@ -53,7 +53,7 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
                                              const std::shared_ptr<const Dialect>& dialect) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
-    const auto base = Resources::folderBehind(from, url);
+    const auto base = resources.folderBehind(from, url);
     const ResourcePolicy& policy = resources.policy();
     auto& file = files_[{resource->path().empty() ? std::string(url) : resource->path().string(), base}];
     if (!file) {
@@ -213,8 +213,8 @@ struct InlineLoader::State final : Subscriber {
         const auto& loadedUrl = *static_cast<const String*>(node->storage(hiddenField(node->type(), "loadedUrl")));
         const auto outer = options.resources->folderOf(scene, node->scope());
         const auto from = options.resources->open(outer, loadedUrl);
-        if (!from) return {{}, Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
-        return {from->path(), Resources::folderBehind(outer, loadedUrl), from->name()};
+        if (!from) return {{}, options.resources->folderBehind(outer, loadedUrl), loadedUrl.str()};
+        return {from->path(), options.resources->folderBehind(outer, loadedUrl), from->name()};
     }
 
     bool load(NodeId id) {
