@@ -156,6 +156,12 @@ void ResourceArguments::addTo(Command& command) {
     command.addOption("--cache", cache, "folder where fetched files are kept, or none; else ~/.cache/rtsg/web");
     command
         .addOption(
+            "--package", packages,
+            "NAME=FOLDER: urls of a robot's file that begin with package://NAME/ name files in there, which may be "
+            "opened (repeatable)")
+        ->repeatable();
+    command
+        .addOption(
             "--limit", limits,
             "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
             "memory: bytes of the whole process")
@@ -228,6 +234,13 @@ ResourcePolicy ResourceArguments::policy(const std::string& document) const {
         if (isWebAddress(folder)) continue;
         if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--allow", folder + " is no folder");
         policy.roots.emplace_back(folder);
+    }
+    for (const std::string& package : packages) {
+        const std::size_t equals = std::min(package.find('='), package.size());
+        if (equals == 0 || equals == package.size()) throw UsageError("--package", package + ": expected NAME=FOLDER");
+        const std::string folder = package.substr(equals + 1);
+        if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--package", folder + " is no folder");
+        policy.packages.emplace_back(package.substr(0, equals), folder);
     }
     std::uint64_t memory = memoryLimit();
     const std::pair<std::string_view, std::uint64_t*> known[] = {{"memory", &memory},

@@ -159,6 +159,8 @@ Resources::Resources(const std::filesystem::path& folder) {
 
 Resources::Resources(const std::filesystem::path& folder, ResourcePolicy policy) : policy_(std::move(policy)) {
     if (!folder.empty()) folder_ = realFolder(folder);
+    for (const auto& [name, place] : policy_.packages)
+        if (std::ranges::find(policy_.roots, place) == policy_.roots.end()) policy_.roots.push_back(place);
     for (const auto& root : policy_.roots) real_.push_back(realFolder(root));
     std::erase_if(real_, [](const auto& root) { return root.empty(); });
 }
@@ -207,7 +209,7 @@ std::optional<Result<std::string>> Resources::addressOf(const std::filesystem::p
     const std::string shown = urlForMessage(url);
     const bool isRelative = parts.kind == Kind::file && !parts.hasScheme && isAddress(from);
     if (parts.kind != Kind::web && !isRelative) {
-        if (parts.kind == Kind::file && isAddress(from))
+        if ((parts.kind == Kind::file || parts.kind == Kind::package) && isAddress(from))
             return fail(fmt::format("'{}' is a file, and the document that names it is on the network", shown));
         return std::nullopt;
     }
@@ -249,6 +251,18 @@ Resources Resources::withoutNetwork() const {
     return result;
 }
 
+/// The path of a file in a package.
+Result<std::filesystem::path> Resources::pathOf(std::string_view package, const std::string& path,
+                                                std::string_view url) const {
+    const auto found =
+        std::ranges::find(policy_.packages, package, [](const auto& one) -> std::string_view { return one.first; });
+    if (found == policy_.packages.end())
+        return fail(
+            fmt::format("'{}': nothing says where the package {} is; --package {}=FOLDER does", url, package, package));
+    std::error_code ignored;
+    return std::filesystem::absolute(found->second, ignored).concat("/" + path);
+}
+
 // ---- opening ---------------------------------------------------------------------------------------------------
 
 Result<Resource> Resources::open(const std::filesystem::path& from, std::string_view url) const {
@@ -276,6 +290,11 @@ Result<Resource> Resources::open(const std::filesystem::path& from, std::string_
         resource.mediaType_ = std::move(data->mediaType);
         resource.data_ = std::move(data->bytes);
         return resource;
+    }
+    if (parts.kind == detail::UrlParts::Kind::package) {
+        auto path = pathOf(parts.package, parts.path, shown);
+        if (!path) return std::unexpected(path.error());
+        parts.path = path->string();
     }
     if (parts.kind == detail::UrlParts::Kind::other)
         return fail(fmt::format("'{}' is not a local file, and nothing is fetched from a network", shown));
@@ -321,11 +340,15 @@ Result<Resource> Resources::open(const Scene& scene, const Node& node, FieldInde
 
 // ---- folders of documents ---------------------------------------------------------------------------------------
 
-std::filesystem::path Resources::folderBehind(const std::filesystem::path& from, std::string_view url) {
+std::filesystem::path Resources::folderBehind(const std::filesystem::path& from, std::string_view url) const {
     const detail::UrlParts parts = detail::splitUrl(url);
     if (parts.kind == detail::UrlParts::Kind::web) {
         const auto address = WebAddress::parse(url);
         return address ? folderOfAddress(*address) : std::filesystem::path();
+    }
+    if (parts.kind == detail::UrlParts::Kind::package) {
+        const auto path = pathOf(parts.package, parts.path, url);
+        return path ? path->parent_path() : std::filesystem::path();
     }
     if (parts.kind != detail::UrlParts::Kind::file) return {};
     if (isAddress(from)) {

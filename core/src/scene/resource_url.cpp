@@ -1,6 +1,7 @@
 // Taking urls apart: scheme, path, fragment, percent encoding, and the content of data: urls.
 #include "resource_url.h"
 
+#include <algorithm>
 #include <cctype>
 
 #include <rtsg/core/resource.h>
@@ -105,6 +106,13 @@ UrlParts splitUrl(std::string_view url) {
             if (!host.empty() && !equalsIgnoringCase(host, "localhost")) parts.kind = UrlParts::Kind::other;
             url.remove_prefix(host.size());
         }
+    } else if (equalsIgnoringCase(scheme, "package") || equalsIgnoringCase(scheme, "model")) {
+        url.remove_prefix(scheme.size() + 1);
+        url.remove_prefix(std::min(url.find_first_not_of('/'), url.size()));
+        const std::size_t slash = std::min(url.find('/'), url.size());
+        parts.kind = UrlParts::Kind::package;
+        parts.package = percentDecoded(url.substr(0, slash));
+        url.remove_prefix(std::min(slash + 1, url.size()));
     } else if (!scheme.empty()) {
         parts.kind = UrlParts::Kind::other;
     }

@@ -10,12 +10,13 @@
 namespace rtsg::detail {
 
 struct UrlParts {
-    enum class Kind : unsigned char { file, data, web, other };
+    enum class Kind : unsigned char { file, data, web, package, other };
     Kind kind = Kind::file;
     bool hasScheme = false;    // file: or another one stands before it
     std::string path;          // file: decoded; absolute if the url was a file: one
     std::string_view encoded;  // the url without its fragment
     std::string fragment;      // decoded
+    std::string package{};     // of package://NAME/path and model://NAME/path, as robots' files have them: the name
 };
 
 UrlParts splitUrl(std::string_view url);

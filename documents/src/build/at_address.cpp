@@ -10,12 +10,12 @@ std::string startAtAnswer(BuildOptions& options) {
     const auto opened = options.resources->open({}, options.file.native());
     if (!opened) return {};
     options.file = opened->path();
-    options.resources = Resources(Resources::folderBehind({}, opened->name()), options.resources->policy());
+    options.resources = Resources(options.resources->folderBehind({}, opened->name()), options.resources->policy());
     return opened->name();
 }
 
 std::filesystem::path folderOfDocument(const std::filesystem::path& file) {
-    return isWebAddress(file.native()) ? Resources::folderBehind({}, file.native()) : file.parent_path();
+    return isWebAddress(file.native()) ? Resources().folderBehind({}, file.native()) : file.parent_path();
 }
 
 }  // namespace rtsg

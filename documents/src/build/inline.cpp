@@ -64,7 +64,7 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
                                              const std::shared_ptr<const Dialect>& dialect) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
-    const auto base = Resources::folderBehind(from, loadedUrlOf(resource->path(), url));
+    const auto base = resources.folderBehind(from, loadedUrlOf(resource->path(), url));
     const ResourcePolicy& policy = resources.policy();
     auto& file = files_[{resource->path().empty() ? std::string(url) : resource->path().string(), base}];
     if (!file) {
@@ -233,10 +233,10 @@ struct InlineLoader::State final : Subscriber {
         const auto outer = options.resources->folderOf(scene, node->scope());
         // What came from the network need not be fetched again to know where it is.
         if (isWebAddress(loadedUrl.view()))
-            return {loadedUrl.str(), Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
+            return {loadedUrl.str(), options.resources->folderBehind(outer, loadedUrl), loadedUrl.str()};
         const auto from = options.resources->open(outer, loadedUrl);
-        if (!from) return {{}, Resources::folderBehind(outer, loadedUrl), loadedUrl.str()};
-        return {from->path(), Resources::folderBehind(outer, loadedUrl), from->name()};
+        if (!from) return {{}, options.resources->folderBehind(outer, loadedUrl), loadedUrl.str()};
+        return {from->path(), options.resources->folderBehind(outer, loadedUrl), from->name()};
     }
 
     bool load(NodeId id) {

@@ -25,8 +25,6 @@ constexpr std::array kNotRead = std::to_array<Magic>({
     {"GIF8", "a picture (GIF)"},
     {"PK\x03\x04", "a ZIP archive (as USDZ, 3MF and KMZ files are)"},
     {"%PDF", "a PDF document"},
-    {"Kaydara FBX", "an FBX file"},
-    {"; FBX", "an FBX file"},
     {"#usda ", "a USD file, as text"},
     {"PXR-USDC", "a USD file, binary"},
     {"ISO-10303-21;", "a STEP file (ISO 10303-21), as IFC files are"},
@@ -40,7 +38,6 @@ constexpr std::array kNotRead = std::to_array<Magic>({
     {"OggS", "a sound or a film (Ogg)"},
     {"fLaC", "a sound (FLAC)"},
     {"BLENDER", "a Blender file"},
-    {"OFF\n", "an OFF file"},
     {"#Inventor", "an Open Inventor file"},
     {"#VRML V1.0", "VRML 1.0, which is another language than VRML97"},
     {"RTSGrec1", "a log or a scene in RTSG's binary encoding (rtsg convert and rtsg replay read them)"},
@@ -73,10 +70,14 @@ std::string_view rootElement(std::string_view text) {
 
 /// What documents of XML that are no X3D are, by their outermost element.
 std::string_view otherXml(std::string_view head) {
-    constexpr std::pair<std::string_view, std::string_view> known[] = {
-        {"COLLADA", "a Collada file"},   {"ifcXML", "an IFC file, as XML"}, {"kml", "a KML file"},
-        {"svg", "a picture (SVG)"},      {"CityModel", "a CityGML file"},   {"amf", "an AMF file"},
-        {"model", "a 3MF or SDF model"}, {"robot", "a URDF file"},          {"mujoco", "a MuJoCo model"}};
+    constexpr std::pair<std::string_view, std::string_view> known[] = {{"ifcXML", "an IFC file, as XML"},
+                                                                       {"kml", "a KML file"},
+                                                                       {"svg", "a picture (SVG)"},
+                                                                       {"CityModel", "a CityGML file"},
+                                                                       {"amf", "an AMF file"},
+                                                                       {"model", "a 3MF model"},
+                                                                       {"sdf", "an SDF file"},
+                                                                       {"mujoco", "a MuJoCo model"}};
     const std::string_view root = rootElement(head);
     for (const auto& [name, what] : known)
         if (name == root) return what;
@@ -143,6 +144,22 @@ FileKind kindOfJson(std::string_view head, std::uint64_t size) {
     return seeKeys(head, isGltf) || (any && size > head.size()) ? FileKind::gltf : FileKind::document;
 }
 
+/// Files of robots and modellers; `document`: none of these.
+FileKind kindOfOthers(std::string_view head, std::uint64_t size) {
+    constexpr std::pair<std::string_view, FileKind> begins[] = {{"Kaydara FBX Binary", FileKind::fbx},
+                                                                {"; FBX", FileKind::fbx},
+                                                                {"OFF\n", FileKind::off},
+                                                                {"OFF\r", FileKind::off}};
+    for (const auto& [start, kind] : begins)
+        if (head.starts_with(start)) return kind;
+    constexpr std::size_t chunkHead = 6;  // 3DS: all of the file is one chunk
+    std::uint32_t length = 0;
+    if (head.starts_with("MM") && head.size() > chunkHead) std::memcpy(&length, head.data() + 2, sizeof(length));
+    if (length > chunkHead && length == size) return FileKind::threeDs;
+    const std::string_view root = rootElement(head.starts_with("\xEF\xBB\xBF") ? head.substr(3) : head);
+    return root == "robot" ? FileKind::urdf : root == "COLLADA" ? FileKind::collada : FileKind::document;
+}
+
 bool looksLikeObj(std::string_view head) {
     LineScanner lines(head);
     while (lines.nextLine()) {
@@ -170,6 +187,7 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
         std::memcpy(&facets, head.data() + 80, sizeof(facets));
         if (facets > 0 && size == stlHead + stlFacet * std::uint64_t{facets}) return FileKind::stl;
     }
+    if (const FileKind kind = kindOfOthers(head, size); kind != FileKind::document) return kind;
     if (!strange(head).empty()) return FileKind::notRead;
     const std::size_t start = head.find_first_not_of(" \t\r\n");
     if (start == head.npos || head[start] == '<') return FileKind::document;

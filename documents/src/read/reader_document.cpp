@@ -218,7 +218,7 @@ bool readAddress(const std::filesystem::path& address, DocumentHandler& handler,
     detail::ReaderOptions reading = readerOptions(options);
     const std::string name = opened->path().string();
     reading.name = detail::plainName(std::string_view(name).substr(0, name.find('?')));
-    const detail::OpenBeside beside = detail::openBeside(resources, Resources::folderBehind({}, name));
+    const detail::OpenBeside beside = detail::openBeside(resources, resources.folderBehind({}, name));
     return detail::readDescriptorInBlocks(opened->descriptor(), block, beside, handler, diagnostics, reading);
 }
 

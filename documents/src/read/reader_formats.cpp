@@ -10,6 +10,8 @@
 #include <rtsg/documents/read_document.h>
 
 #include "commands/checked_stream.h"
+#include "models/import_modeller.h"
+#include "models/import_urdf.h"
 #include "reader_html.h"
 #include "reader_utf8.h"
 
@@ -98,7 +100,7 @@ constexpr std::size_t kTexts = 4;  // of the formats below, the first
 
 std::span<const FormatReader> builtinReaders() {
     static const auto& all = lasting([] {
-        return std::array<FormatReader, 8>{{
+        return std::array<FormatReader, 10>{{
             {"ClassicVRML", isInEncoding<Encoding::classicVrml, Encoding::vrml97>, byFeed<readClassicText>, true},
             {"HTML", isHtmlPage, byFeed<readHtmlText>, true},
             {"XML", isInEncoding<Encoding::xml>, byFeed<readXmlText>, true},
@@ -107,6 +109,9 @@ std::span<const FormatReader> builtinReaders() {
             {"STL", isOfKind<FileKind::stl>, byFeed<readImported<importStl>>},
             {"OBJ", isOfKind<FileKind::obj>, byFeed<readImported<importObj>>},
             {"PLY", isOfKind<FileKind::ply>, byFeed<readImported<importPly>>},
+            {"URDF", isOfKind<FileKind::urdf>, byFeed<readImported<importUrdf>>},
+            {"Collada", isOfKind<FileKind::collada, FileKind::fbx, FileKind::threeDs, FileKind::off>,
+             byFeed<readImported<importModeller>>, false, true},
         }};
     });
     return all;

@@ -253,7 +253,7 @@ TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     EXPECT_THAT(says(std::string_view("PXR-USDC\0\x08\0\0", 12)), HasSubstr("a USD file, binary"));
     EXPECT_THAT(says("ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('IFC4'));\n"), HasSubstr("as IFC files are"));
     EXPECT_THAT(says("<?xml version='1.0'?><!-- a --><COLLADA xmlns='x' version='1.4.1'><asset/></COLLADA>"),
-                HasSubstr("a Collada file, and is not read here"));
+                HasSubstr("the Collada file cannot be read"));
     EXPECT_THAT(says("<svg xmlns='x'/>"), HasSubstr("a picture (SVG)"));
     const auto utf16 = [](std::string_view text, bool bigEndian) {
         std::string bytes = bigEndian ? "\xFE\xFF" : "\xFF\xFE";
@@ -267,7 +267,7 @@ TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
         EXPECT_EQ(Imported(utf16("<?xml version='1.0' encoding='UTF-16'?><X3D version='4.0'/>", bigEndian)).problems,
                   "");
     }
-    EXPECT_THAT(says("Kaydara FBX Binary  "), HasSubstr("an FBX file"));
+    EXPECT_THAT(says("Kaydara FBX Binary  "), HasSubstr("the FBX file cannot be read"));
     EXPECT_THAT(says(std::string_view("\x01\x02 abc\0\xFF", 8)), HasSubstr("is no text"));
     EXPECT_THAT(says("[1, 2, 3]"), HasSubstr("a list of JSON, which is no X3D"));
     const std::string stl = binaryStl({{{0, 0, 0, 1, 0, 0, 0, 1, 0}}});

@@ -4,10 +4,11 @@
 // EXTERNPROTO instance leaves the url that led to it in the hidden field `loadedUrl` of that node, so the folder is
 // found from the scene alone, by walking out through the scopes: a replica finds the same one below its own base
 // folder. A url handed into a PROTO by IS starts from the document of the instance, then from that of the PROTO.
-// Regular files below one of the policy's roots are opened, and `data:`; what was opened is what is checked, so neither
-// `..`, nor a symbolic link, nor a swap between check and opening leads out. A folder may be an http(s) address: urls
-// from there lead to addresses and never to files. Addresses are for the policy's fetcher; without one they are
-// refused. Threading: values; all calls are const. Source: RFC 3986, RFC 8089, RFC 2397; 19775-1 V4.0 9.2.1.
+// Regular files below one of the policy's roots are opened, and `data:`; `package:` urls, which robots' files have,
+// name files in folders that the user gave names. What was opened is what is checked, so neither `..`, nor a symbolic
+// link, nor a swap between check and opening leads out. A folder may be an http(s) address: urls from there lead to
+// addresses and never to files. Addresses are for the policy's fetcher; without one they are refused. Threading:
+// values; all calls are const. Source: RFC 3986, RFC 8089, RFC 2397; 19775-1 V4.0 9.2.1.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +18,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -31,6 +33,8 @@ class UrlFetcher;
 struct ResourcePolicy {
     /// Regular files in these folders and below may be opened. None: no file at all.
     std::vector<std::filesystem::path> roots;
+    /// Folders of packages by their names: `package://NAME/a.stl` is a.stl in that of NAME, which is a root, too.
+    std::vector<std::pair<std::string, std::filesystem::path>> packages{};
     std::uint64_t maximumBytes = std::uint64_t{1} << 30;    // of one file that a url names
     std::uint64_t maximumPixels = std::uint64_t{1} << 28;   // of all pictures of a scene at once; one may have a fourth
     std::uint64_t maximumSamples = std::uint64_t{1} << 28;  // of all sounds of a scene at once, all channels
@@ -110,11 +114,12 @@ class Resources {
     std::filesystem::path folderOf(const Scene& scene, NodeId scope) const;
     /// Looks for the folder of the document behind a url that has been opened. For what came from an address, give
     /// that.
-    static std::filesystem::path folderBehind(const std::filesystem::path& from, std::string_view url);
+    std::filesystem::path folderBehind(const std::filesystem::path& from, std::string_view url) const;
 
   private:
     std::optional<Result<std::string>> addressOf(const std::filesystem::path& from, std::string_view url) const;
     Result<Resource> openAddress(const std::string& address, std::string_view shown) const;
+    Result<std::filesystem::path> pathOf(std::string_view package, const std::string& path, std::string_view url) const;
     Result<std::filesystem::path> locate(const std::filesystem::path& from, std::string_view path,
                                          std::string_view url) const;
     bool allows(const std::filesystem::path& file) const;

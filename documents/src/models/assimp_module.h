@@ -1,0 +1,17 @@
+// What the module for files of other modellers does: one function that makes GLB of a file.
+//
+// Threading: it is called in a process of its own, since libassimp cannot be trusted with hostile files.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#define RTSG_ASSIMP_SYMBOL "rtsg_assimp_1"
+
+namespace rtsg::detail {
+
+/// `extension` says which of its readers takes the bytes: "dae". Nothing else is opened. False: `result` says why; else
+/// it is the GLB, whose textures are named as the file names them.
+using MakeGlb = bool (*)(std::string_view bytes, const char* extension, std::string& result);
+
+}  // namespace rtsg::detail

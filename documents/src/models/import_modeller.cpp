@@ -1,0 +1,98 @@
+// Has libassimp make GLB of a file, and imports that.
+#include "import_modeller.h"
+
+#include <algorithm>
+
+#include <rtsg/core/module.h>
+#include <rtsg/documents/filter.h>
+
+#include "assimp_module.h"
+#include "guarded_process.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+struct ModellerKind {
+    FileKind kind;
+    std::string_view name;
+    const char* extension;  // by which libassimp finds its reader
+};
+constexpr ModellerKind kKinds[] = {{FileKind::collada, "Collada", "dae"},
+                                   {FileKind::fbx, "FBX", "fbx"},
+                                   {FileKind::threeDs, "3DS", "3ds"},
+                                   {FileKind::off, "OFF", "off"}};
+
+/// The importer of glTF makes PhysicalMaterials, whose colours are light; colours of these files are those of
+/// Materials.
+class PlainMaterials final : public Filter {
+  public:
+    PlainMaterials(DocumentHandler& next, std::string_view from) : Filter(next), from_(from) {}
+
+    void meta(std::string_view name, std::string_view content, SourceLocation where) override {
+        if (name == "generator") return;
+        Filter::meta(name, name == "translated" ? "from " + from_ : std::string(content), where);
+    }
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        ++depth_;
+        if (type == "PhysicalMaterial" && material_ == 0) {
+            material_ = depth_;
+            type = "Material";
+        }
+        if (material_ == depth_ - 1 && material_ > 0 && field == "baseTexture") field = "diffuseTexture";
+        Filter::beginNode(type, def, field, where);
+    }
+    void endNode(SourceLocation where) override {
+        if (depth_-- == material_) material_ = 0;
+        Filter::endNode(where);
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
+        Filter::useNode(def, material_ == depth_ && material_ > 0 && field == "baseTexture" ? "diffuseTexture" : field,
+                        where);
+    }
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        if (material_ == depth_ && material_ > 0) {
+            if (name == "metallic" || name == "roughness") return;
+            if (name == "baseColor") name = "diffuseColor";
+            if (name == "baseTextureMapping") name = "diffuseTextureMapping";
+        }
+        Filter::setField(name, std::move(value), where);
+    }
+
+  private:
+    std::string from_;
+    std::size_t depth_ = 0, material_ = 0;  // how deep the open PhysicalMaterial is; 0: none is
+};
+
+}  // namespace
+
+bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
+    constexpr std::size_t kHead = 4096;
+    const FileKind found = fileKind(input.bytes.substr(0, kHead), input.bytes.size());
+    const auto* kind = std::ranges::find(kKinds, found, &ModellerKind::kind);
+    if (kind == std::end(kKinds)) return false;
+    const std::string name(kind->name);
+#ifdef RTSG_NO_ASSIMP
+    diagnostics.error({}, "this build leaves " + name + " files out (libassimp-dev, RTSG_ASSIMP)",
+                      DiagnosticCode("module"));
+    return false;
+#else
+    const auto symbol = loadModule("rtsg_assimp", RTSG_ASSIMP_SYMBOL, name + " files need");
+    if (!symbol) {
+        diagnostics.error({}, symbol.error().text, symbol.error().code);
+        return false;
+    }
+    const MakeGlb make = reinterpret_cast<MakeGlb (*)()>(*symbol)();
+    constexpr std::uint64_t kMost = std::uint64_t{4} << 30;
+    const auto glb = runGuarded([&](std::string& result) { return make(input.bytes, kind->extension, result); },
+                                {std::min(input.maximumBytes, kMost)});
+    if (!glb) {
+        diagnostics.error({}, "the " + name + " file cannot be read: " + glb.error().text);
+        return false;
+    }
+    PlainMaterials plain(handler, name);
+    return importGltf({*glb, input.open, input.maximumBytes, input.clip}, plain, diagnostics);
+#endif
+}
+
+}  // namespace rtsg::detail

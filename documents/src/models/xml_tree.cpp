@@ -1,0 +1,84 @@
+// Reads XML into a tree by expat.
+#include "xml_tree.h"
+
+#include <algorithm>
+#include <memory>
+
+#include <expat.h>
+
+namespace rtsg::detail {
+
+namespace {
+
+constexpr std::size_t kMostElements = 1'000'000;
+constexpr std::size_t kPiece = 1 << 20;  // bytes that expat gets at once
+
+struct Building {
+    XML_Parser parser;
+    std::vector<XmlElement>& elements;
+    std::vector<std::uint32_t> open{};
+    bool full = false;
+
+    SourceLocation where() const {
+        return {static_cast<std::uint32_t>(XML_GetCurrentLineNumber(parser)),
+                static_cast<std::uint32_t>(XML_GetCurrentColumnNumber(parser)) + 1};
+    }
+    void begin(const char* name, const char** attributes) {
+        if (elements.size() == kMostElements) {
+            full = true;
+            XML_StopParser(parser, XML_FALSE);
+            return;
+        }
+        const auto number = static_cast<std::uint32_t>(elements.size());
+        if (!open.empty()) elements[open.back()].children.push_back(number);
+        XmlElement& element = elements.emplace_back();
+        element.name = name;
+        element.where = where();
+        for (; *attributes; attributes += 2) element.attributes.emplace_back(attributes[0], attributes[1]);
+        open.push_back(number);
+    }
+};
+
+}  // namespace
+
+const std::string* XmlElement::attribute(std::string_view wanted) const {
+    const auto found =
+        std::ranges::find(attributes, wanted, [](const auto& one) -> std::string_view { return one.first; });
+    return found == attributes.end() ? nullptr : &found->second;
+}
+
+const XmlElement* XmlTree::child(const XmlElement& parent, std::string_view name) const {
+    for (const std::uint32_t child : parent.children)
+        if (elements_[child].name == name) return &elements_[child];
+    return nullptr;
+}
+
+bool XmlTree::read(std::string_view text, Diagnostics& diagnostics) {
+    const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr),
+                                                                              XML_ParserFree);
+    if (!parser) {
+        diagnostics.error({}, "no memory for XML", DiagnosticCode("memory"));
+        return false;
+    }
+    Building building{parser.get(), elements_};
+    XML_SetUserData(parser.get(), &building);
+    XML_SetElementHandler(
+        parser.get(),
+        [](void* self, const char* name, const char** attributes) {
+            static_cast<Building*>(self)->begin(name, attributes);
+        },
+        [](void* self, const char*) { static_cast<Building*>(self)->open.pop_back(); });
+    XML_Status status = XML_STATUS_OK;
+    do {
+        const std::string_view piece = text.substr(0, kPiece);
+        text.remove_prefix(piece.size());
+        status = XML_Parse(parser.get(), piece.data(), static_cast<int>(piece.size()), text.empty());
+    } while (status == XML_STATUS_OK && !text.empty());
+    if (status == XML_STATUS_OK) return true;
+    diagnostics.error(building.where(), building.full ? "there are more than a million elements; reading ends here"
+                                                      : std::string("not well-formed XML: ") +
+                                                            XML_ErrorString(XML_GetErrorCode(parser.get())));
+    return false;
+}
+
+}  // namespace rtsg::detail
