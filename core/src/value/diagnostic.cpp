@@ -26,6 +26,7 @@ constexpr FileCode kFileCodes[] = {
     {"/documents/src/read/text_feed", DiagnosticCode("build")},
     {"/documents/src/read/", DiagnosticCode("parse")},
     {"/documents/src/import/", DiagnosticCode("parse")},
+    {"/documents/src/gltf/", DiagnosticCode("parse")},
     {"/documents/src/build/imported_nodes", DiagnosticCode("edit")},
     {"/documents/src/build/proto", DiagnosticCode("proto")},
     {"/documents/src/build/inline", DiagnosticCode("inline")},
