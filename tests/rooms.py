@@ -18,6 +18,7 @@ DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked
          r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read", "models"), r"^assimp/": ("documents", "assimp_module"),
          r"^zmq": ("sync", "sockets"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module"), r"^(curl/|openssl/evp)": ("fetch", "curl_module"), r"^(mosquitto|mqtt_protocol)\.h": ("feeds", "mqtt_module"), r"^SDL": ("window", "sdl_module"),
+         r"^draco/": ("documents", "gltf_module"), r"^meshoptimizer\.h": ("documents", "gltf_module"),
          r"^Ogre\w": ("ogre", "ogre_module"), r"^nats/nats\.h": ("nats", "nats_module")}
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}

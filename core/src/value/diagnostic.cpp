@@ -30,6 +30,7 @@ constexpr FileCode kFileCodes[] = {
     {"/documents/src/read/", DiagnosticCode("parse")},
     {"/documents/src/import/", DiagnosticCode("parse")},
     {"/documents/src/models/", DiagnosticCode("parse")},
+    {"/documents/src/gltf/", DiagnosticCode("parse")},
     {"/documents/src/build/imported_nodes", DiagnosticCode("edit")},
     {"/documents/src/build/proto", DiagnosticCode("proto")},
     {"/documents/src/build/inline", DiagnosticCode("inline")},

@@ -19,6 +19,12 @@ bool isName(std::string_view text) {
     return !text.empty() && text.find_first_of(kEndsNames) == text.npos && findInvalidUtf8(text) == text.npos;
 }
 
+/// Authors call nodes what they like: whoever writes a document spells it as the encoding can.
+bool isDef(std::string_view text) {
+    const auto isControl = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
+    return !text.empty() && std::ranges::none_of(text, isControl) && findInvalidUtf8(text) == text.npos;
+}
+
 }  // namespace
 
 CheckedStream::CheckedStream(DocumentHandler& next, std::string format, const Dialect* dialect,
@@ -39,8 +45,17 @@ bool CheckedStream::mayCome(SourceLocation where) {
 }
 
 bool CheckedStream::areNames(std::initializer_list<std::string_view> names, SourceLocation where) {
+    return areAll(isName, names, where);
+}
+
+bool CheckedStream::areDefs(std::initializer_list<std::string_view> names, SourceLocation where) {
+    return areAll(isDef, names, where);
+}
+
+bool CheckedStream::areAll(bool (*is)(std::string_view), std::initializer_list<std::string_view> names,
+                           SourceLocation where) {
     for (const std::string_view name : names) {
-        if (isName(name)) continue;
+        if (is(name)) continue;
         std::size_t count = 0;
         fault(where, "gives '" + replaceInvalidUtf8(name.substr(0, 80), count) + "' as a name, which it is not");
         return false;
@@ -127,7 +142,7 @@ bool CheckedStream::mayHoldNode(std::string_view field, SourceLocation where) {
 
 void CheckedStream::beginNode(std::string_view type, std::string_view def, std::string_view field,
                               SourceLocation where) {
-    const bool good = mayCome(where) && areNames({type}, where) && (def.empty() || areNames({def}, where)) &&
+    const bool good = mayCome(where) && areNames({type}, where) && (def.empty() || areDefs({def}, where)) &&
                       mayHoldNode(field, where);
     if (ended_) return;
     if (!good) {
@@ -152,7 +167,7 @@ void CheckedStream::endNode(SourceLocation where) {
 }
 
 void CheckedStream::useNode(std::string_view def, std::string_view field, SourceLocation where) {
-    if (!mayCome(where) || !areNames({def}, where) || !mayHoldNode(field, where)) return;
+    if (!mayCome(where) || !areDefs({def}, where) || !mayHoldNode(field, where)) return;
     Filter::useNode(def, isAmongNodes() ? std::string_view() : field, where);
 }
 
@@ -272,19 +287,18 @@ void CheckedStream::externProto(std::string_view name, const std::vector<FieldDe
 
 void CheckedStream::route(std::string_view fromNode, std::string_view fromField, std::string_view toNode,
                           std::string_view toField, SourceLocation where) {
-    if (!mayCome(where) || !areNames({fromNode, fromField, toNode, toField}, where)) return;
+    if (!mayCome(where) || !areDefs({fromNode, toNode}, where) || !areNames({fromField, toField}, where)) return;
     Filter::route(fromNode, fromField, toNode, toField, where);
 }
 
 void CheckedStream::importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                                SourceLocation where) {
-    if (mayCome(where) && areNames({inlineDef, exportedName, localName}, where))
+    if (mayCome(where) && areDefs({inlineDef, exportedName, localName}, where))
         Filter::importNode(inlineDef, exportedName, localName, where);
 }
 
 void CheckedStream::exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) {
-    if (mayCome(where) && areNames({localName, exportedName}, where))
-        Filter::exportNode(localName, exportedName, where);
+    if (mayCome(where) && areDefs({localName, exportedName}, where)) Filter::exportNode(localName, exportedName, where);
 }
 
 void CheckedStream::comment(std::string_view text, SourceLocation where) {

@@ -74,6 +74,19 @@ TEST(CheckedStream, LeavesOutWhatIsWithinANodeThatItRefuses) {
     EXPECT_EQ(c.handler.text(), "begin Group\nend\n");
 }
 
+TEST(CheckedStream, AuthorsMayCallNodesWhatTheyLike) {
+    Checked c;
+    c.stream.beginNode("Group", "Material #30", {}, {});
+    c.stream.endNode({});
+    c.stream.route("Material #30", "a", "it's [one]", "b", {});
+    c.stream.beginNode("Group", "a\nb", {}, {});
+    c.stream.endNode({});
+    c.stream.endDocument();
+    c.stream.close(true);
+    EXPECT_EQ(complaints(c.diagnostics), "the reader of test files gives 'a\nb' as a name, which it is not\n");
+    EXPECT_EQ(c.handler.text(), "begin Group DEF Material #30\nend\nroute Material #30.a it's [one].b\n");
+}
+
 TEST(CheckedStream, MendsNumbersAndTexts) {
     Checked c;
     c.stream.beginNode("Viewpoint", {}, {}, {});

@@ -14,7 +14,7 @@
 
 #include "core/scene_check.h"
 #include "documents/recording_handler.h"
-#include "import/gltf_file.h"
+#include "gltf/gltf_file.h"
 #include "import/import.h"
 #include "imported.h"
 

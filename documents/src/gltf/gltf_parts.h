@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "gltf_file.h"
-#include "imported_names.h"
+#include "import/imported_names.h"
 
 namespace rtsg::detail {
 

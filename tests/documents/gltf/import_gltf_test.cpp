@@ -19,15 +19,17 @@
 #include <rtsg/documents/loader.h>
 
 #include "core/scene_check.h"
-#include "import/gltf_curve.h"
-#include "import/gltf_file.h"
+#include "documents/import/imported.h"
+#include "gltf/gltf_curve.h"
+#include "gltf/gltf_file.h"
+#include "gltf_parts.h"
 #include "import/import.h"
-#include "imported.h"
 
 namespace rtsg {
 namespace {
 
 using test::binaryStl;
+using test::GltfParts;
 using test::Imported;
 using test::put;
 using testing::HasSubstr;
@@ -131,8 +133,8 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
     EXPECT_THAT(spoiled("\"byteLength\":36", "\"byteLength\":3600").problems, HasSubstr("reaches beyond its buffer"));
     EXPECT_THAT(spoiled("\"children\":[1,2]", "\"children\":[1,0]").problems, HasSubstr("are no tree"));
     EXPECT_THAT(spoiled("\"version\":\"2.0\"", "\"version\":\"1.0\"").problems, HasSubstr("glTF 1.0 is not read"));
-    EXPECT_THAT(spoiled("{\"asset\"", "{\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"").problems,
-                HasSubstr("requires KHR_draco_mesh_compression, which is not read"));
+    EXPECT_THAT(spoiled("{\"asset\"", "{\"extensionsRequired\":[\"EXT_mesh_of_tomorrow\"],\"asset\"").problems,
+                HasSubstr("requires EXT_mesh_of_tomorrow, which is not read"));
     EXPECT_THAT(spoiled("\"indices\":1", "\"indices\":3").problems, Not(testing::IsEmpty()));
     EXPECT_THAT(spoiled("base64,", "base64,***").problems, HasSubstr("is no base64 text"));
     EXPECT_THAT(spoiled("data:application/octet-stream;base64,", "elsewhere.bin?").problems,
@@ -168,35 +170,6 @@ TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
         EXPECT_NE(cut.problems, "") << size;
     }
 }
-
-/// A glTF file that is put together piece by piece.
-class GltfParts {
-  public:
-    template <class T>
-    int accessor(int componentType, const char* type, std::size_t components, const std::vector<T>& values) {
-        const std::size_t offset = buffer_.size();
-        for (const T value : values) put(buffer_, value);
-        while (buffer_.size() % 4 != 0) buffer_ += '\0';
-        views_ += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{}}}", count_ ? "," : "", offset,
-                              values.size() * sizeof(T));
-        accessors_ += fmt::format("{}{{\"bufferView\":{},\"componentType\":{},\"count\":{},\"type\":\"{}\"}}",
-                                  count_ ? "," : "", count_, componentType, values.size() / components, type);
-        return count_++;
-    }
-    int floats(const char* type, std::size_t components, const std::vector<float>& values) {
-        return accessor(5126, type, components, values);
-    }
-    std::string text(const std::string& rest) const {
-        return fmt::format(
-            "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":{},\"uri\":"
-            "\"data:application/octet-stream;base64,{}\"}}],\"bufferViews\":[{}],\"accessors\":[{}],{}}}",
-            buffer_.size(), detail::toBase64(buffer_), views_, accessors_, rest);
-    }
-
-  private:
-    std::string buffer_, views_, accessors_;
-    int count_ = 0;
-};
 
 TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
     GltfParts parts;
@@ -587,13 +560,14 @@ TEST(ImportGltf, RequiredExtensionsOfLooksLeaveTheScene) {
                         "\"extensionsRequired\":[{0}],\"extensionsUsed\":[{0}]}}",
                         required));
     };
-    const Imported looks = file("\"KHR_materials_clearcoat\",\"MSFT_texture_dds\"");
+    const Imported looks = file("\"KHR_materials_of_tomorrow\",\"MSFT_texture_dds\"");
     EXPECT_TRUE(looks.good);
-    EXPECT_EQ(looks.problems,
-              "test: warning: the glTF file requires KHR_materials_clearcoat, MSFT_texture_dds, which is not read; it "
-              "looks otherwise than it should [parse]\n");
+    EXPECT_EQ(
+        looks.problems,
+        "test: warning: the glTF file requires KHR_materials_of_tomorrow, MSFT_texture_dds, which is not read; it "
+        "looks otherwise than it should [parse]\n");
     EXPECT_THAT(looks.commands, HasSubstr("begin Transform DEF n"));
-    EXPECT_FALSE(file("\"EXT_meshopt_compression\"").good);
+    EXPECT_FALSE(file("\"EXT_mesh_of_tomorrow\"").good);
     EXPECT_EQ(file("\"EXT_texture_webp\"").problems, "");
 }
 

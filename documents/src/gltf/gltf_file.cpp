@@ -8,6 +8,7 @@
 
 #include <rtsg/core/memory.h>
 
+#include "gltf_looks.h"
 #include "text/text_position.h"
 
 namespace rtsg::detail {
@@ -18,6 +19,8 @@ namespace {
 
 const json kNothing = json::object();
 const json kNoList = json::array();
+constexpr const char *kDraco = "KHR_draco_mesh_compression", *kMeshopt = "EXT_meshopt_compression",
+                     *kMeshoptLater = "KHR_meshopt_compression";
 
 std::size_t componentSize(std::size_t type) {
     switch (type) {
@@ -147,14 +150,25 @@ bool GltfFile::open() {
                                                : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
         return false;
     }
-    return readExtensions();
+    if (!readExtensions() || !loadModule({kDraco}, dracoModule, draco_) ||
+        !loadModule({kMeshopt, kMeshoptLater}, meshoptModule, meshopt_))
+        return false;
+    findPacked();
+    return true;
 }
 
 namespace {
 
-constexpr std::string_view kReadExtensions[] = {
-    "KHR_lights_punctual", "KHR_materials_unlit",   "KHR_mesh_quantization", "KHR_materials_emissive_strength",
-    "KHR_texture_basisu",  "KHR_texture_transform", "EXT_texture_webp"};
+constexpr std::string_view kReadExtensions[] = {"KHR_lights_punctual",
+                                                "KHR_materials_unlit",
+                                                "KHR_mesh_quantization",
+                                                "KHR_materials_emissive_strength",
+                                                "KHR_texture_basisu",
+                                                "KHR_texture_transform",
+                                                "EXT_texture_webp",
+                                                kDraco,
+                                                kMeshopt,
+                                                kMeshoptLater};
 
 /// Whether an extension says how things look or what is known of them, and not where they are: without it a scene is
 /// there, in other colours.
@@ -168,7 +182,8 @@ bool isOfLooks(std::string_view name) {
 /// 3.12: what a file requires has to be read; but what it requires for looks alone need not take the rest away.
 bool GltfFile::readExtensions() {
     const auto isKnown = [](std::string_view name) {
-        return std::ranges::find(kReadExtensions, name) != std::end(kReadExtensions);
+        return std::ranges::find(kReadExtensions, name) != std::end(kReadExtensions) ||
+               std::ranges::find(lookExtensions(), name) != lookExtensions().end();
     };
     const std::string required =
         extensions("extensionsRequired", [&](std::string_view name) { return isKnown(name) || isOfLooks(name); });
@@ -186,6 +201,32 @@ bool GltfFile::readExtensions() {
         extensions("extensionsUsed", [&](std::string_view name) { return isKnown(name) || told.contains(name); });
     if (!used.empty()) warn("the glTF file uses " + used + ", which is not read; what is there without it is taken");
     return true;
+}
+
+bool GltfFile::lists(const char* key, std::string_view extension) const {
+    return std::ranges::any_of(
+        list(root_, key), [&](const json& name) { return name.is_string() && name.get<std::string>() == extension; });
+}
+
+/// Loads what unpacks data, if the file has such. False if it requires it, and it cannot be had.
+template <class Function>
+bool GltfFile::loadModule(std::initializer_list<std::string_view> extensions, Result<Function> (*module)(),
+                          Function& into) {
+    const auto isIn = [&](const char* key) {
+        return std::ranges::any_of(extensions, [&](std::string_view name) { return lists(key, name); });
+    };
+    const bool isRequired = isIn("extensionsRequired");
+    if (!isRequired && !isIn("extensionsUsed")) return true;
+    if (auto found = module()) {
+        into = *found;
+        return true;
+    } else if (isRequired) {
+        diagnostics_.error({}, found.error().text, found.error().code);
+        return false;
+    } else {
+        warn(found.error().text + "; what is there without it is taken");
+        return true;
+    }
 }
 
 /// Those of a list, but for some, with commas between.
@@ -315,8 +356,16 @@ std::string_view GltfFile::buffer(std::size_t index) {
 }
 
 std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
+    if (const auto unpacked = unpackedViews_.find(index);
+        unpacked != unpackedViews_.end() && index >= list(root_, "bufferViews").size())
+        return unpacked->second;
     const json* view = item("bufferViews", index);
     if (!view) return {};
+    for (const char* name : {kMeshopt, kMeshoptLater})
+        if (const json& packed = extension(*view, name); meshopt_ && !packed.empty()) {
+            if (stride) *stride = GltfFile::index(packed, "byteStride").value_or(0);
+            return unpackView(index, packed);
+        }
     const std::string_view all = buffer(GltfFile::index(*view, "buffer").value_or(SIZE_MAX));
     const std::size_t offset = GltfFile::index(*view, "byteOffset").value_or(0);
     const std::size_t size = GltfFile::index(*view, "byteLength").value_or(0);
@@ -326,6 +375,114 @@ std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
         return {};
     }
     return all.substr(offset, size);
+}
+
+const std::string& GltfFile::unpackView(std::size_t number, const json& packed) {
+    const auto [found, isNew] = unpackedViews_.try_emplace(number);
+    if (!isNew) return found->second;
+    const auto damaged = [&](std::string_view why) -> const std::string& {
+        fault("buffer view " + std::to_string(number) + " of the glTF file cannot be unpacked: " + std::string(why));
+        return found->second;
+    };
+    const std::string_view all = buffer(index(packed, "buffer").value_or(SIZE_MAX));
+    const std::size_t offset = index(packed, "byteOffset").value_or(0), size = index(packed, "byteLength").value_or(0);
+    if (offset > all.size() || size > all.size() - offset) return damaged("it reaches beyond its buffer");
+    MeshoptView view{.bytes = all.substr(offset, size),
+                     .count = index(packed, "count").value_or(0),
+                     .stride = index(packed, "byteStride").value_or(0)};
+    const std::string mode = text(packed, "mode"), filter = text(packed, "filter");
+    using Mode = MeshoptView::Mode;
+    using Filter = MeshoptView::Filter;
+    if (mode == "TRIANGLES")
+        view.mode = Mode::triangles;
+    else if (mode == "INDICES")
+        view.mode = Mode::indices;
+    else if (mode != "ATTRIBUTES")
+        return damaged("it names no mode");
+    if (filter == "OCTAHEDRAL")
+        view.filter = Filter::octahedral;
+    else if (filter == "QUATERNION")
+        view.filter = Filter::quaternion;
+    else if (filter == "EXPONENTIAL")
+        view.filter = Filter::exponential;
+    else if (!filter.empty() && filter != "NONE")
+        return damaged("its filter is none that is known here: " + filter.substr(0, 40));
+    if (const char* why = misfit(view)) return damaged(why);
+    const std::uint64_t bytes = std::uint64_t{view.count} * view.stride;
+    if (bytes > input_.maximumBytes || !mayHold(bytes)) return damaged("it takes more memory than may be had");
+    std::string out;
+    if (const char* why = meshopt_(view, out)) return damaged(why);
+    return found->second = std::move(out);
+}
+
+const json* GltfFile::accessorOf(std::size_t number) {
+    if (const auto packed = packedBy_.find(number); packed != packedBy_.end()) {
+        json& primitive = *packed->second;
+        unpackMesh(primitive);
+    }
+    return item("accessors", number);
+}
+
+void GltfFile::findPacked() {
+    const auto meshes = draco_ ? root_.find("meshes") : root_.end();
+    if (meshes == root_.end() || !meshes->is_array()) return;
+    for (json& mesh : *meshes) {
+        if (list(mesh, "primitives").empty()) continue;
+        for (json& primitive : mesh["primitives"]) {
+            const json& packed = extension(primitive, kDraco);
+            if (packed.empty()) continue;
+            if (const auto indices = index(primitive, "indices")) packedBy_.try_emplace(*indices, &primitive);
+            for (const auto& [name, id] : object(packed, "attributes").items())
+                if (const auto accessor = index(object(primitive, "attributes"), name.c_str()))
+                    packedBy_.try_emplace(*accessor, &primitive);
+        }
+    }
+}
+
+/// Unpacks all that Draco has of a primitive, and points its accessors to what came out; they have no bytes if it is
+/// damaged. It becomes a list of triangles.
+void GltfFile::unpackMesh(json& primitive) {
+    const json& packed = extension(primitive, kDraco);
+    DracoMesh mesh;
+    std::vector<std::size_t> accessors;
+    if (list(root_, "accessors").empty()) return packedBy_.clear();
+    json& all = root_["accessors"];
+    const auto take = [&](std::size_t accessor) {
+        const auto by = packedBy_.find(accessor);
+        if (by == packedBy_.end() || by->second != &primitive || accessor >= all.size()) return false;
+        packedBy_.erase(by);
+        return all[accessor].is_object();
+    };
+    for (const auto& [name, id] : object(packed, "attributes").items()) {
+        const auto accessor = index(object(primitive, "attributes"), name.c_str());
+        if (!accessor || !id.is_number_unsigned() || !take(*accessor)) continue;
+        mesh.points = index(all[*accessor], "count").value_or(0);
+        mesh.attributes.push_back({id.get<std::uint32_t>(),
+                                   index(all[*accessor], "componentType").value_or(0),
+                                   componentsOf(text(all[*accessor], "type")),
+                                   {}});
+        accessors.push_back(*accessor);
+    }
+    const auto indices = index(primitive, "indices");
+    const bool hasIndices = indices && take(*indices);
+    if (hasIndices) mesh.indices = index(all[*indices], "count").value_or(0);
+    const UnpackLimits limits{input_.maximumBytes, [](std::uint64_t more) { return static_cast<bool>(mayHold(more)); }};
+    const char* why = draco_(bufferView(index(packed, "bufferView").value_or(SIZE_MAX)), mesh, limits);
+    if (why) fault(std::string("a primitive of the glTF file cannot be unpacked: ") + why);
+    const auto give = [&](std::size_t accessor, std::string bytes, std::size_t componentType) {
+        all[accessor].erase("byteOffset");
+        all[accessor].erase("bufferView");
+        if (why) return;
+        const std::size_t view = list(root_, "bufferViews").size() + accessor;
+        unpackedViews_[view] = std::move(bytes);
+        all[accessor]["bufferView"] = view;
+        all[accessor]["componentType"] = componentType;
+    };
+    for (std::size_t i = 0; i < accessors.size(); ++i)
+        give(accessors[i], std::move(mesh.attributes[i].bytes), mesh.attributes[i].componentType);
+    constexpr std::size_t u32 = 5125, triangleList = 4;
+    if (hasIndices) give(*indices, std::move(mesh.indexBytes), u32);
+    primitive["mode"] = triangleList;
 }
 
 /// The elements of an accessor in their buffer; nothing if they do not fit.
@@ -396,7 +553,7 @@ std::optional<GltfFile::Plain> GltfFile::plain(const json& accessor, std::size_t
 
 std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components) {
     std::vector<float> result;
-    const json* accessor = item("accessors", number);
+    const json* accessor = accessorOf(number);
     components = accessor ? componentsOf(text(*accessor, "type")) : 0;
     if (components == 0) return result;
     constexpr std::size_t f32 = 5126;
@@ -455,7 +612,7 @@ bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<
 
 Array<std::int32_t> GltfFile::indices(std::size_t number) {
     Array<std::int32_t> result;
-    const json* accessor = item("accessors", number);
+    const json* accessor = accessorOf(number);
     const std::size_t kind = accessor ? index(*accessor, "componentType").value_or(0) : 0;
     if (!accessor || text(*accessor, "type") != "SCALAR" || (kind != 5121 && kind != 5123 && kind != 5125)) {
         warn("an accessor of the glTF file is no list of indices; what it is for is left out");

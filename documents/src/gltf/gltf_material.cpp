@@ -7,6 +7,8 @@
 #include <rtsg/core/lasting.h>
 #include <rtsg/core/portable_math.h>
 
+#include "gltf_looks.h"
+
 namespace rtsg::detail {
 
 using nlohmann::json;
@@ -17,13 +19,17 @@ bool isUnlit(const json& material) {
     return GltfFile::object(material, "extensions").contains("KHR_materials_unlit");
 }
 
+const json& glossTexture(const json& material) {
+    return GltfFile::object(GltfFile::extension(material, "KHR_materials_pbrSpecularGlossiness"), "diffuseTexture");
+}
+
 struct TextureReference {
     const json& reference;
     const char* field;  // of the material
 };
 std::vector<TextureReference> texturesOf(const json& material) {
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
-    const json& base = GltfFile::object(metal, "baseColorTexture");
+    const json& base = glossOf(material) ? glossTexture(material) : GltfFile::object(metal, "baseColorTexture");
     if (isUnlit(material)) return {{base, "emissiveTexture"}};
     return {{base, "baseTexture"},
             {GltfFile::object(metal, "metallicRoughnessTexture"), "metallicRoughnessTexture"},
@@ -33,7 +39,7 @@ std::vector<TextureReference> texturesOf(const json& material) {
 }
 
 GltfLookup lookupOf(const json& reference) {
-    const json& moved = GltfFile::object(GltfFile::object(reference, "extensions"), "KHR_texture_transform");
+    const json& moved = GltfFile::extension(reference, "KHR_texture_transform");
     GltfLookup result;
     result.set = GltfFile::index(moved, "texCoord").value_or(GltfFile::index(reference, "texCoord").value_or(0));
     result.rotation = GltfFile::number(moved, "rotation", 0);
@@ -108,6 +114,10 @@ void GltfMaterials::writeTransforms(const std::vector<GltfMapping>& mappings) {
 }
 
 ColorRGBA GltfMaterials::baseColor(const json* material) {
+    if (const auto gloss = material ? glossOf(*material) : std::nullopt) {
+        const Vec3f color(gloss->base);
+        return {color.x, color.y, color.z, static_cast<float>(gloss->opacity)};
+    }
     const json& metal = material ? GltfFile::object(*material, "pbrMetallicRoughness") : json::object();
     const auto base = GltfFile::numbers(metal, "baseColorFactor", 4).value_or(std::vector<double>{1, 1, 1, 1});
     const Vec3f color = vectorOf(base);
@@ -119,8 +129,7 @@ Vec3f GltfMaterials::emission(const json* material) {
     const auto e = GltfFile::numbers(*material, "emissiveFactor", 3);
     if (!e) return Vec3f(0);
     const double strength =
-        GltfFile::number(GltfFile::object(GltfFile::object(*material, "extensions"), "KHR_materials_emissive_strength"),
-                         "emissiveStrength", 1);
+        GltfFile::number(GltfFile::extension(*material, "KHR_materials_emissive_strength"), "emissiveStrength", 1);
     return vectorOf({(*e)[0] * strength, (*e)[1] * strength, (*e)[2] * strength});
 }
 
@@ -128,7 +137,10 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     GltfNode appearance(out_, "Appearance", "appearance");
     static const json& kEmpty = lasting([] { return json::object(); });
     const json& it = material ? *material : kEmpty;
-    const std::string mode = GltfFile::text(it, "alphaMode");
+    const bool unlit = isUnlit(it);
+    const GltfOptics optics = unlit || strokes ? GltfOptics() : opticsOf(it);
+    // Glass is there wholly, and lets light through; X3D's OPAQUE would let none.
+    const std::string mode = optics.passes() ? "BLEND" : GltfFile::text(it, "alphaMode");
     appearance.set("alphaMode", String(mode.empty() ? "OPAQUE" : mode));
     if (mode == "MASK") appearance.set("alphaCutoff", static_cast<float>(GltfFile::number(it, "alphaCutoff", .5)));
     std::string def = material ? names_.authored(GltfNames::List::materials, number) : std::string();
@@ -144,11 +156,15 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     writeTransforms(mappings);
     if (!def.empty() && !materialGiven_.insert(number).second) return out_.useNode(def, "material", {});
     const ColorRGBA base = baseColor(material);
-    const bool unlit = isUnlit(it);
     GltfNode out(out_, unlit ? "UnlitMaterial" : "PhysicalMaterial", "material", def);
     out.set(unlit ? "emissiveColor" : "baseColor", Color{base.r, base.g, base.b});
-    if (base.a < 1) out.set("transparency", 1 - base.a);
-    if (!unlit) writePhysical(it, out);
+    const auto passing = static_cast<float>(optics.transmission);
+    if (base.a < 1 || optics.passes()) out.set("transparency", std::max(1 - base.a, passing));
+    if (!unlit) {
+        writePhysical(it, out);
+        writeOptics(out_, optics);
+        tellLooks(file_, it);
+    }
     for (const TextureReference& texture : texturesOf(it))
         writeTexture(texture.reference, texture.field, mappings, out);
 }
@@ -163,8 +179,10 @@ void GltfMaterials::writeStrokes(const json* material, GltfNode& out) {
 
 void GltfMaterials::writePhysical(const json& material, GltfNode& out) {
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
-    out.set("metallic", static_cast<float>(GltfFile::number(metal, "metallicFactor", 1)));
-    out.set("roughness", static_cast<float>(GltfFile::number(metal, "roughnessFactor", 1)));
+    const auto gloss = glossOf(material);
+    const double metallic = gloss ? gloss->metallic : GltfFile::number(metal, "metallicFactor", 1);
+    const double roughness = gloss ? gloss->roughness : GltfFile::number(metal, "roughnessFactor", 1);
+    out.set("metallic", static_cast<float>(metallic)).set("roughness", static_cast<float>(roughness));
     if (material.contains("emissiveFactor")) {
         const Vec3f c = emission(&material);
         out.set("emissiveColor", Color{c.x, c.y, c.z});

@@ -1,17 +1,20 @@
 // A parsed glTF 2.0 file: its JSON, its buffers, and the numbers that accessors name.
 //
 // Invariant: every index and every range is checked; one that does not fit is reported once and gives empty arrays.
-// Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB).
+// Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB);
+// KHR_draco_mesh_compression, EXT_meshopt_compression.
 #pragma once
 
 #include <cstring>
 #include <functional>
+#include <map>
 #include <optional>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
-#include "import.h"
+#include "gltf_unpack.h"
+#include "import/import.h"
 
 namespace rtsg::detail {
 
@@ -34,6 +37,10 @@ class GltfFile {
     /// A member that is an object; an empty one if it is not there.
     static const nlohmann::json& object(const nlohmann::json& object, const char* key);
     static const nlohmann::json& list(const nlohmann::json& object, const char* key);
+    /// The object of an extension; an empty one if it is not there.
+    static const nlohmann::json& extension(const nlohmann::json& of, const char* name) {
+        return object(object(of, "extensions"), name);
+    }
 
     /// All components of an accessor, one after the other; `components` is set to their number in an element.
     /// Normalised integers become fractions; sparse accessors are filled in.
@@ -51,6 +58,14 @@ class GltfFile {
   private:
     bool openBinary(std::string_view& json);
     bool readExtensions();
+    bool lists(const char* key, std::string_view extension) const;
+    template <class Function>
+    bool loadModule(std::initializer_list<std::string_view> extensions, Result<Function> (*module)(), Function& into);
+    void findPacked();
+    /// The accessor of that number, unpacked if Draco has packed it; null, with a report, if there is none.
+    const nlohmann::json* accessorOf(std::size_t number);
+    void unpackMesh(nlohmann::json& primitive);
+    const std::string& unpackView(std::size_t number, const nlohmann::json& packed);
     std::string extensions(const char* key, const std::function<bool(std::string_view)>& isLeftOut) const;
     std::string_view buffer(std::size_t index);
     void makeFinite(std::vector<float>& numbers);
@@ -82,12 +97,16 @@ class GltfFile {
     std::vector<std::optional<std::string>> buffers_;
     std::size_t zeros_ = 0;  // floats of sparse accessors that no byte stands for
     std::vector<std::string> warned_;
+    UnpackDraco draco_ = nullptr;  // null: no file that needs it, or no module
+    UnpackMeshopt meshopt_ = nullptr;
+    std::map<std::size_t, nlohmann::json*> packedBy_;     // accessors that Draco has packed: the primitive of each
+    std::map<std::size_t, std::string> unpackedViews_{};  // by number; those behind the file's own are of Draco
 };
 
 template <class T>
 std::optional<Array<T>> GltfFile::floatArray(std::size_t number) {
     constexpr std::size_t f32 = 5126;
-    const nlohmann::json* accessor = item("accessors", number);
+    const nlohmann::json* accessor = accessorOf(number);
     if (!accessor) return {};
     const std::optional<Plain> all = plain(*accessor, sizeof(T) / sizeof(float), f32);
     if (!all) return {};

@@ -1,0 +1,202 @@
+// Finds glass, panes and coats in the extensions of materials, and says what of them is left out.
+#include "gltf_looks.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <rtsg/core/lasting.h>
+#include <rtsg/core/portable_math.h>
+
+namespace rtsg::detail {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr double kIor = 1.5;         // of glTF's dielectrics unless a material says otherwise
+constexpr double kCoatsMirror = .3;  // a clear coat of more roughness mirrors no pictures
+
+double mirrored(double ior) {
+    const double root = (ior - 1) / (ior + 1);
+    return root * root;
+}
+
+Vec3d colorOf(const json& object, const char* key, Vec3d otherwise = Vec3d(1)) {
+    const auto three = GltfFile::numbers(object, key, 3);
+    return three ? Vec3d((*three)[0], (*three)[1], (*three)[2]) : otherwise;
+}
+
+/// What light loses on each metre, if this is left of it after `distance`.
+Vec3d absorptionOf(const Vec3d& left, double distance) {
+    constexpr double darkest = 1e-4, most = 1e5;  // an exponent that is as good as opaque; 1/m
+    Vec3d result(0);
+    if (!(distance > 0) || !std::isfinite(distance)) return result;
+    for (int i = 0; i < 3; ++i)
+        result[i] = std::min((0 - portable::log(std::clamp(left[i], darkest, 1.0))) / distance, most);
+    return result;
+}
+
+Vec3d baseFactor(const json& material) {
+    const auto four = GltfFile::numbers(GltfFile::object(material, "pbrMetallicRoughness"), "baseColorFactor", 4);
+    return four ? Vec3d((*four)[0], (*four)[1], (*four)[2]) : Vec3d(1);
+}
+
+}  // namespace
+
+GltfOptics opticsOf(const json& material) {
+    GltfOptics result;
+    const auto extension = [&](const char* name) -> const json& { return GltfFile::extension(material, name); };
+    const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
+    const double metallic = GltfFile::number(metal, "metallicFactor", 1);
+    const double factor = GltfFile::number(extension("KHR_materials_transmission"), "transmissionFactor", 0);
+    // A texture of metal says where it is metal; glass has none.
+    result.transmission = std::clamp(factor * (1 - std::clamp(metallic, 0.0, 1.0)), 0.0, 1.0);
+    const double ior = GltfFile::number(extension("KHR_materials_ior"), "ior", kIor);
+    if (result.passes()) {
+        const json& volume = extension("KHR_materials_volume");
+        const double thickness = GltfFile::number(volume, "thicknessFactor", 0);
+        if (thickness > 0) {
+            constexpr double most = 1e3;
+            result.refractiveIndex = std::clamp(ior, 1.0, most);
+            result.absorption = absorptionOf(colorOf(volume, "attenuationColor"),
+                                             GltfFile::number(volume, "attenuationDistance", HUGE_VAL)) +
+                                absorptionOf(baseFactor(material), thickness);
+        } else {
+            result.reflectivity = mirrored(ior);
+        }
+    }
+    const json& coat = extension("KHR_materials_clearcoat");
+    if (GltfFile::number(coat, "clearcoatRoughnessFactor", 0) <= kCoatsMirror && result.refractiveIndex == 0) {
+        const double share = mirrored(kIor) * std::clamp(GltfFile::number(coat, "clearcoatFactor", 0), 0.0, 1.0);
+        result.reflectivity = 1 - (1 - result.reflectivity) * (1 - share);
+    }
+    return result;
+}
+
+void writeOptics(DocumentHandler& out, const GltfOptics& optics) {
+    if (optics.refractiveIndex == 0 && optics.reflectivity == 0) return;
+    const GltfNode set(out, "MetadataSet", "metadata");
+    out.setField("name", Value(String("RTSG")), {});
+    const auto number = [&](const char* name, Array<float> value) {
+        GltfNode(out, "MetadataFloat", "value").set("name", String(name)).set("value", std::move(value));
+    };
+    const auto f = [](double x) { return static_cast<float>(x); };
+    if (optics.refractiveIndex > 0) number("refractiveIndex", {f(optics.refractiveIndex)});
+    if (optics.absorption != Vec3d(0))
+        number("absorption", {f(optics.absorption.x), f(optics.absorption.y), f(optics.absorption.z)});
+    if (optics.reflectivity > 0) number("reflectivity", {f(optics.reflectivity)});
+}
+
+/// The extension's own way from one model to the other: of the metals and dielectrics with a diffuse part and a
+/// highlight as bright as these, the one that mirrors as much in front.
+std::optional<GltfGloss> glossOf(const json& material) {
+    const json& gloss = GltfFile::extension(material, "KHR_materials_pbrSpecularGlossiness");
+    if (gloss.empty() || material.contains("pbrMetallicRoughness")) return std::nullopt;
+    GltfGloss result;
+    Vec3d diffuse(1);
+    if (const auto four = GltfFile::numbers(gloss, "diffuseFactor", 4)) {
+        diffuse = Vec3d((*four)[0], (*four)[1], (*four)[2]);
+        result.opacity = (*four)[3];
+    }
+    result.base = diffuse;
+    result.roughness = 1 - std::clamp(GltfFile::number(gloss, "glossinessFactor", 1), 0.0, 1.0);
+    if (gloss.contains("specularGlossinessTexture")) {
+        constexpr double between = .5;  // its pixels are not read
+        result.roughness = between;
+        return result;
+    }
+    const Vec3d specular = glm::clamp(colorOf(gloss, "specularFactor"), Vec3d(0), Vec3d(1));
+    const auto brightness = [](const Vec3d& c) {
+        return std::sqrt(.299 * c.x * c.x + .587 * c.y * c.y + .114 * c.z * c.z);
+    };
+    const double least = mirrored(kIor), bright = brightness(specular);
+    const double rest = 1 - std::max({specular.x, specular.y, specular.z});
+    if (bright > least) {
+        const double b = brightness(diffuse) * rest / (1 - least) + bright - 2 * least, c = least - bright;
+        result.metallic = std::clamp((-b + std::sqrt(b * b - 4 * least * c)) / (2 * least), 0.0, 1.0);
+    }
+    constexpr double tiny = 1e-6;
+    const double m = result.metallic;
+    const Vec3d ofDiffuse = diffuse * (rest / (1 - least) / std::max(1 - m, tiny));
+    const Vec3d ofSpecular = (specular - Vec3d(least * (1 - m))) / std::max(m, tiny);
+    result.base = glm::clamp(glm::mix(ofDiffuse, ofSpecular, m * m), Vec3d(0), Vec3d(1));
+    return result;
+}
+
+namespace {
+
+/// Whether a material uses an extension so that something of it is left out, and what that is.
+struct Look {
+    std::string_view extension;
+    bool (*isUsed)(const json& material, const json& its);
+    std::string_view without;
+};
+
+bool has(const json& its, const char* key) {
+    return GltfFile::number(its, key, 0) > 0;
+}
+bool always(const json&, const json&) {
+    return true;
+}
+bool isTransmissive(const json& material) {
+    return has(GltfFile::extension(material, "KHR_materials_transmission"), "transmissionFactor");
+}
+
+constexpr Look kLooks[] = {
+    {"KHR_materials_transmission",
+     [](const json& m, const json& its) {
+         const json& metal = GltfFile::object(m, "pbrMetallicRoughness");
+         return has(its, "transmissionFactor") &&
+                (its.contains("transmissionTexture") || GltfFile::number(metal, "roughnessFactor", 1) > .1 ||
+                 metal.contains("metallicRoughnessTexture"));
+     },
+     "what passes is neither blurred by roughness nor changed by a transmissionTexture"},
+    {"KHR_materials_volume",
+     [](const json& m, const json& its) { return isTransmissive(m) && its.contains("thicknessTexture"); },
+     "a body is as thick as its mesh, whatever its thicknessTexture says"},
+    {"KHR_materials_ior",
+     [](const json& m, const json& its) { return !isTransmissive(m) && GltfFile::number(its, "ior", kIor) != kIor; },
+     "what lets no light through mirrors as with an index of 1.5"},
+    {"KHR_materials_clearcoat", [](const json&, const json& its) { return has(its, "clearcoatFactor"); },
+     "a coat is a sharp mirror of 4 % at every angle if its roughness is at most .3, else there is none; its textures "
+     "are left out"},
+    {"KHR_materials_specular", always, "highlights are as strong as without it"},
+    {"KHR_materials_sheen", always, "the shine of cloth is left out"},
+    {"KHR_materials_iridescence", [](const json&, const json& its) { return has(its, "iridescenceFactor"); },
+     "colours of thin films are left out"},
+    {"KHR_materials_anisotropy", [](const json&, const json& its) { return has(its, "anisotropyStrength"); },
+     "highlights are round"},
+    {"KHR_materials_dispersion", [](const json&, const json& its) { return has(its, "dispersion"); },
+     "all colours are bent alike"},
+    {"KHR_materials_diffuse_transmission",
+     [](const json&, const json& its) { return has(its, "diffuseTransmissionFactor"); },
+     "light that is scattered to the other side is left out"},
+    {"KHR_materials_volume_scatter", always, "bodies do not scatter light"},
+    {"KHR_materials_pbrSpecularGlossiness",
+     [](const json& m, const json& its) {
+         return !m.contains("pbrMetallicRoughness") && its.contains("specularGlossinessTexture");
+     },
+     "its specularGlossinessTexture is left out"},
+};
+
+}  // namespace
+
+std::span<const std::string_view> lookExtensions() {
+    static const auto& all = lasting([] {
+        std::vector<std::string_view> names;
+        for (const Look& look : kLooks) names.push_back(look.extension);
+        return names;
+    });
+    return all;
+}
+
+void tellLooks(GltfFile& file, const json& material) {
+    for (const Look& look : kLooks) {
+        const std::string name(look.extension);
+        const json& extensions = GltfFile::object(material, "extensions");
+        if (extensions.contains(name) && look.isUsed(material, GltfFile::object(extensions, name.c_str())))
+            file.warn("the glTF file uses " + name + ": " + std::string(look.without));
+    }
+}
+
+}  // namespace rtsg::detail

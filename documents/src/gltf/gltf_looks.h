@@ -1,0 +1,40 @@
+// What extensions add to a material of glTF, as far as PhysicalMaterial and its metadata "RTSG" go: glass, thin panes,
+// a clear coat. What they add beyond that is said, once for each extension.
+//
+// Threading: one thread an import. Source: KHR_materials_transmission, _volume, _ior, _clearcoat, _sheen, _specular,
+// _iridescence, _anisotropy, _dispersion, _diffuse_transmission, _pbrSpecularGlossiness.
+#pragma once
+
+#include <span>
+
+#include "gltf_parts.h"
+
+namespace rtsg::detail {
+
+/// Light that goes through a material or is mirrored by what lies on it.
+struct GltfOptics {
+    double transmission = 0;     // the share that passes, of what is not mirrored
+    double refractiveIndex = 0;  // of a body; 0: it is none
+    Vec3d absorption{0};         // in a body, 1/m
+    double reflectivity = 0;     // mirrored at every angle
+
+    bool passes() const { return transmission > 0; }
+};
+GltfOptics opticsOf(const nlohmann::json& material);
+/// Writes what it has as the metadata of a PhysicalMaterial, if it has any.
+void writeOptics(DocumentHandler& out, const GltfOptics& optics);
+
+/// KHR_materials_pbrSpecularGlossiness as the numbers of a PhysicalMaterial; nothing if the material has numbers of its
+/// own or no such extension.
+struct GltfGloss {
+    Vec3d base{1};
+    double opacity = 1, metallic = 0, roughness = 1;
+};
+std::optional<GltfGloss> glossOf(const nlohmann::json& material);
+
+/// The names of the extensions that add to materials and are known here.
+std::span<const std::string_view> lookExtensions();
+/// Says what of a material's extensions is left out.
+void tellLooks(GltfFile& file, const nlohmann::json& material);
+
+}  // namespace rtsg::detail
