@@ -26,6 +26,7 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
     : scene_(world.scene()),
       arguments_(arguments),
       world_(world.get()),
+      preview_(1 / arguments_.picture.toneMap().exposure),
       files_(pictureFiles(arguments_)),
       soundAt_(scene_.now()),
       time_(scene_.now()),
@@ -45,7 +46,10 @@ Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, c
 Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.render.empty()) {
         ImageOptions image = arguments_.picture.parse();
-        if (arguments_.denoise) image.settings.layers = kLayersOfDenoising;
+        if (arguments_.denoise) {
+            image.settings.layers = kLayersOfDenoising;
+            image.settings.samplesPerPixel = (image.settings.samplesPerPixel + 1) / 2;  // of each half
+        }
         image.refine = true;
         image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
@@ -149,13 +153,9 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     const bool none = report_.pictureStates.empty();
     const double elapsed = elapsedAt(state, stretchPictured_), k = lastDueAt(elapsed);
     if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(elapsed) && !none) : !last) return {};
-    if (auto ok = light_->renderFrame(state); !ok) return ok;
+    auto picture = arguments_.denoise ? preview(state) : draw(state);
+    if (!picture) return std::unexpected(picture.error());
     if (light_->stats().cancelled) return last && !arguments_.animated() ? notWritten(arguments_.render) : Result<>();
-    Picture picture = std::exchange(light_->frame(), Picture());
-    if (arguments_.denoise) {
-        if (auto ok = rtsg::denoise(picture); !ok) return ok;
-        picture.layers.clear();
-    }
     const double skipped = arguments_.animated() ? k - nextPicture_ : 0;
     nextPicture_ = k + 1;
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
@@ -164,7 +164,36 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     report_.kept += light_->stats().kept;
     report_.pictureSamples.push_back(light_->stats().samples);
     report_.pictureTimes.push_back(std::round(elapsed * 1e6) / 1e6);
-    return files_.add(std::move(picture), static_cast<std::uint64_t>(skipped));
+    return files_.add(std::move(*picture), static_cast<std::uint64_t>(skipped));
+}
+
+Result<Picture> LiveOutputs::draw(const WorldState& state) {
+    if (auto ok = light_->renderFrame(state); !ok) return std::unexpected(ok.error());
+    return std::exchange(light_->frame(), Picture());
+}
+
+/// Two pictures of half the samples each, so that the filter of one is judged by the other. The second one of a state,
+/// and all later ones while nothing changes, have those before in them: what is new in them is worked out.
+Result<Picture> LiveOutputs::preview(const WorldState& state) {
+    for (int half = 0; half < 2; ++half) {
+        auto picture = draw(state);
+        if (!picture) return picture;
+        const RenderStats& stats = light_->stats();
+        if (stats.cancelled) {
+            preview_.clear();
+            return picture;
+        }
+        if (stats.kept < 1) preview_.clear();
+        const int before = preview_.samples(), more = static_cast<int>(std::lround(stats.samples)) - before;
+        if (more <= 0) break;  // it is as good as it gets
+        Picture news = *picture;
+        const float share = static_cast<float>(before) / static_cast<float>(more);
+        for (std::size_t i = 0; before > 0 && i < news.pixels.size(); ++i)
+            news.pixels[i] += share * (news.pixels[i] - refined_.pixels[i]);
+        if (auto ok = preview_.add(std::move(news), more); !ok) return std::unexpected(ok.error());
+        refined_ = std::move(*picture);
+    }
+    return preview_.best([this] { return !abandoned_; });
 }
 
 Result<> LiveOutputs::hear(const WorldState& state) {

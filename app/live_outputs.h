@@ -17,6 +17,8 @@
 #include <utility>
 #include <vector>
 
+#include <rtsg/renderers/path_preview.h>
+
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -44,6 +46,8 @@ class LiveOutputs final : public OutputMaker {
     double dueAt(double elapsed) const;
     double lastDueAt(double elapsed) const;
     Result<> takePicture(const WorldState& state, bool last);
+    Result<Picture> draw(const WorldState& state);
+    Result<Picture> preview(const WorldState& state);
     Result<> hear(const WorldState& state);
     Result<> hearTo(const WorldState& state);
     void fail(const Result<>& why);
@@ -54,6 +58,8 @@ class LiveOutputs final : public OutputMaker {
     const OutputArguments arguments_;
     SharedWorld& world_;
     std::unique_ptr<LightRenderer> light_;
+    PathPreview preview_;  // with --denoise: of the samples of light_'s last picture, which is refined_
+    Picture refined_;
     std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LiveSound> device_;
     PictureFiles files_;

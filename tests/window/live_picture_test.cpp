@@ -1,5 +1,6 @@
 // Pictures for somebody who looks on: coarse in motion, whole at rest, then better, and none where nothing changes.
 #include <chrono>
+#include <cmath>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -242,6 +243,41 @@ TEST(LivePictures, AnEyeThatBeginsToMoveIsShownAtOnce) {
             EXPECT_EQ(moved->sequence, seen.scene.sequence());
         }
     }
+}
+
+// Of a sphere under a sky the light is even: from two samples on it is denoised, and that is nearer to the truth.
+TEST(LivePictures, ByPathTheyAreDenoisedAtRestWhileThatIsBetter) {
+    Seen seen(1 / 30.0, 64, Integrator::path);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(seen.scene,
+                 "#X3D V4.0 utf8\nPROFILE Immersive\nBackground { skyColor [ 1 1 1, .1 .1 .1 ] skyAngle 1.2 }\n"
+                 "Transform { translation 0 -1.1 0 children Shape { appearance Appearance { material Material { } } "
+                 "geometry Box { size 20 .2 20 } } }\n",
+                 diagnostics));
+    seen.scene.newFrame(seen.time += 1);
+    ASSERT_TRUE(seen.pictures->show());
+    const std::uint64_t state = seen.scene.sequence();
+    const auto at = [&](int samples) {
+        return seen.next(
+            [&](const auto& shown) { return shown.sequence == state && shown.whole && shown.samples == samples; });
+    };
+    const auto one = at(1), two = at(2), last = at(66);
+    EXPECT_EQ(one->denoised, 0);
+    EXPECT_GT(two->denoised, .2);
+    RenderSettings settings;
+    settings.integrator = Integrator::path, settings.width = kWidth, settings.height = kHeight;
+    settings.samplesPerPixel = 256;
+    const auto made = seen.pictures->picture(settings);
+    ASSERT_TRUE(made);
+    const std::vector<std::uint8_t> truth = bytesOf(*made);
+    const auto error = [&](const LivePictureShown& shown) {
+        double sum = 0;
+        for (std::size_t i = 0; i < truth.size(); ++i) sum += std::pow(double(shown.pixels[i]) - double(truth[i]), 2);
+        return sum;
+    };
+    EXPECT_LT(error(*two), .4 * error(*one)) << "half would be no more than a second sample does";
+    EXPECT_LT(error(*last), .5 * error(*two));
 }
 
 /// Pictures by OGRE, as rtsg::OgreRenderer makes them by itself.

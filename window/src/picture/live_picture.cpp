@@ -13,6 +13,9 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/renderers/denoise.h>
+#include <rtsg/renderers/path_preview.h>
+
 #include "clean_edges.h"
 #include "live_picture_maker.h"
 
@@ -128,6 +131,7 @@ struct LivePicture::Impl {
         bool isMoving = false;  // it is made to its end, even if something changes
         bool keeps = false;     // it takes over what it can of the one before, and leaves that to the next
         double seconds = 0;     // it is given up after these; 0: never
+        std::uint32_t layers = 0;
     };
     struct Made {
         Picture picture;
@@ -136,7 +140,11 @@ struct LivePicture::Impl {
     };
 
     Impl(SharedWorld& w, LivePictureOptions o)
-        : world(w), options(std::move(o)), maker(makeLivePictureMaker(world, options)), size(options.budget) {
+        : world(w),
+          options(std::move(o)),
+          maker(makeLivePictureMaker(world, options)),
+          path(1 / options.toneMap.exposure),
+          size(options.budget) {
         subject.width = options.settings.width, subject.height = options.settings.height;
     }
     ~Impl() {
@@ -171,6 +179,7 @@ struct LivePicture::Impl {
     // The thread's own.
     std::uint64_t pictured = 0;  // changes that the newest picture shows
     Accumulated better;
+    PathPreview path;  // in its place, by that integrator
     PictureSize size;
     bool isWhole = false, rested = true, eyeRested = false;
     std::optional<Camera> keptBy;  // the eye of the picture whose pixels can be taken over
@@ -202,6 +211,13 @@ struct LivePicture::Impl {
         news.notify_all();
     }
 
+    bool isPath() const { return options.settings.integrator == Integrator::path; }
+    int samples() const { return isPath() ? path.samples() : better.samples(); }
+    void forgetSamples() {
+        better.clear();
+        path.clear();
+    }
+
     // ---- the thread ------------------------------------------------------------------------------------------
     /// Null: something has changed meanwhile, or it was given up.
     Result<std::optional<Made>> picture(const Subject& what, const Wish& wish, std::uint64_t of) {
@@ -209,7 +225,8 @@ struct LivePicture::Impl {
         image.settings = options.settings;
         image.settings.width = wish.width, image.settings.height = wish.height;
         image.settings.samplesPerPixel = wish.samples;
-        image.settings.seed = options.settings.seed + static_cast<std::uint64_t>(better.samples());
+        image.settings.seed = options.settings.seed + static_cast<std::uint64_t>(samples());
+        image.settings.layers = wish.layers;
         image.keep = wish.keeps;
         const Clock::time_point start = Clock::now();
         const std::uint64_t startsBefore = starts;
@@ -227,7 +244,7 @@ struct LivePicture::Impl {
     }
 
     void publish(const Picture& picture, const Camera& camera, const Subject& what, int samples,
-                 Clock::time_point start, bool isMoving = false, double kept = 0) {
+                 Clock::time_point start, bool isMoving = false, double kept = 0, double denoised = 0) {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
@@ -237,6 +254,7 @@ struct LivePicture::Impl {
         next->whole = isWhole;
         next->isMoving = isMoving;
         next->kept = kept;
+        next->denoised = denoised;
         next->seconds = secondsSince(start);
         next->camera = camera;
         {
@@ -270,8 +288,8 @@ struct LivePicture::Impl {
         if (isSame) wanted = size.next(what.width, what.height, keptWidth, keptSeconds, start);
         const bool isLarger = wanted.width > fresh.width;
         if (!isLarger) wanted = fresh;
-        better.clear();
-        Wish wish{wanted.width, wanted.height, 1, true, maker->keeps(options.settings), 0};
+        forgetSamples();
+        Wish wish{wanted.width, wanted.height, 1, true, maker->keeps(options.settings), 0, 0};
         if (isLarger) wish.seconds = wanted.width > keptWidth ? kLargerAtFirst * size.latest() : size.latest();
         const std::uint64_t startsBefore = starts;
         auto made = picture(what, wish, of);
@@ -298,11 +316,20 @@ struct LivePicture::Impl {
         keptBy = made.camera, keptWidth = width, keptSeconds = seconds;
     }
 
+    Wish wishAtRest(const Subject& what) const {
+        const int most = std::max(1, options.settings.samplesPerPixel);
+        Wish wish{what.width, what.height, isWhole ? most : 1, false, !isWhole, 0, 0};
+        if (!isPath()) return wish;
+        if (isWhole) wish.samples = path.wanted(most);
+        // Those of few samples know edges badly.
+        if (path.samples() < 2 * most) wish.layers = kLayersOfDenoising;
+        return wish;
+    }
     /// The first whole picture, or one with more samples.
     Result<> refine(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
-        const int samples = isWhole ? std::max(1, options.settings.samplesPerPixel) : 1;
-        auto made = picture(what, {what.width, what.height, samples, false, !isWhole, 0}, of);
+        const Wish wish = wishAtRest(what);
+        auto made = picture(what, wish, of);
         if (!made) return std::unexpected(made.error());
         if (!*made) {
             const std::scoped_lock lock(mutex);
@@ -310,17 +337,20 @@ struct LivePicture::Impl {
             if (!isWhole) keptBy.reset();
             return {};
         }
-        const Made& one = **made;
-        if (!isWhole) {
-            isWhole = true;
-            if (options.settings.integrator == Integrator::path) better.add(one.picture, 1);
+        Made& one = **made;
+        const bool isFirst = !std::exchange(isWhole, true);
+        if (isPath()) {
+            if (auto ok = path.add(std::move(one.picture), wish.samples); !ok) return ok;
+            const Picture best = path.best([&] { return changes == of && others == 0; });
+            publish(best, one.camera, what, samples(), start, false, 0, path.denoised());
+        } else if (isFirst) {
             publish(one.picture, one.camera, what, 1, start);
-            // What changes next may leave most of it: that is tried.
-            remember(one, what.width, 0);
-            return {};
+        } else {
+            better.add(one.picture, wish.samples);
+            publish(better.mean(), one.camera, what, samples(), start);
         }
-        better.add(one.picture, samples);
-        publish(better.mean(), one.camera, what, better.samples(), start);
+        // What changes next may leave most of it: that is tried.
+        if (isFirst) remember(one, what.width, 0);
         return {};
     }
 
@@ -341,7 +371,7 @@ struct LivePicture::Impl {
                 if (made && changes == of && !isWhole)
                     news.wait_for(lock, std::chrono::duration<double>(options.restsAfter),
                                   [&] { return stop || changes != of; });
-            } else if (isWhole && better.samples() >= options.mostSamples) {
+            } else if (isWhole && samples() >= options.mostSamples) {
                 rested = done = true;
                 news.wait(lock, [&] { return stop || changes != of; });
             } else {

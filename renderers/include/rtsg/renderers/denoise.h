@@ -1,7 +1,8 @@
 // Denoising: pictures of few samples made smooth for people who watch a scene live.
 //
-// It is a preview: what the filter cannot tell from noise (shadows and reflections that are sharp, in mirrors above
-// all) is blurred, and no interval holds for what comes out. Surfaces, their edges and their textures stay. Threading:
+// It is a preview: what the filter of one picture cannot tell from noise (shadows and reflections that are sharp, in
+// mirrors above all) is blurred, and no interval holds for what comes out. Surfaces, their edges and their textures
+// stay. PathPreview (path_preview.h) has two pictures to tell noise by, and shows none that is worse. Threading:
 // re-entrant; uses parallelFor(). Source: Dammertz et al. 2010 (edge-avoiding wavelets), Schied et al. 2017 (weights by
 // variance, light without the surface's colour).
 //
