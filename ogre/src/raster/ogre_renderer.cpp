@@ -51,6 +51,7 @@ Result<> checkOptions(const ImageOptions& options) {
     if (s.shadows == Shadows::all || s.shadows == Shadows::authored) return refuse("shadows");
     if (s.layers != 0) return refuse("layers of data");
     if (s.error > 0) return fail("the rasteriser does not estimate errors");
+    if (!s.region.empty()) return refuse("parts of pictures");
     if (s.shutter > 0) return refuse("blur of motion");
     if (s.colorSpace != ColorSpace::automatic) return refuse("pictures in another colour space than auto");
     if (s.caps) return refuse("caps");
