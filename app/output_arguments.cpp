@@ -39,6 +39,54 @@ PictureRange PictureRange::parse(const std::string& text) {
     return range;
 }
 
+namespace {
+
+constexpr int kMostTiles = 4096;  // a side of the largest picture has no more blocks of 16 pixels
+
+/// Numbers between `marks`; false unless all of them are there.
+bool parseNumbers(std::string_view text, std::string_view marks, std::initializer_list<int*> values) {
+    std::size_t mark = 0;
+    for (int* value : values) {
+        const std::size_t end = mark < marks.size() ? text.find(marks[mark]) : text.size();
+        if (end == text.npos) return false;
+        const auto [stop, problem] = std::from_chars(text.data(), text.data() + end, *value);
+        if (problem != std::errc() || stop != text.data() + end || *value < 0 || *value > kMostTiles) return false;
+        text.remove_prefix(std::min(end + 1, text.size()));
+        ++mark;
+    }
+    return true;
+}
+
+}  // namespace
+
+PictureTile parseTile(const std::string& text) {
+    PictureTile tile;
+    if (!parseNumbers(text, ",/,", {&tile.x, &tile.y, &tile.columns, &tile.rows}) || tile.x >= tile.columns ||
+        tile.y >= tile.rows)
+        throw UsageError("--tile", text + ": expected X,Y/COLUMNS,ROWS, such as 0,0/4,2 for the top left of eight");
+    return tile;
+}
+
+PictureTile parseTileGrid(const std::string& text) {
+    PictureTile grid;
+    if (!parseNumbers(text, ",", {&grid.columns, &grid.rows}) || grid.columns < 1 || grid.rows < 1)
+        throw UsageError("--tiles", text + ": expected COLUMNS,ROWS, such as 4,2");
+    return grid;
+}
+
+void PictureArguments::addTileTo(Command& command) {
+    const Command::Section section(command, "Pictures");
+    command.addOption("--tile", tile,
+                      "X,Y/COLUMNS,ROWS: only this tile of the picture, with the bits that it has there, into "
+                      "NAME.tile-X-Y-of-COLUMNS-ROWS (.png, .exr); rtsg assemble joins them");
+}
+
+std::string PictureArguments::fileOf(const std::string& file) const {
+    if (tile.empty() || file.empty()) return file;
+    if (auto ok = checkTileName(file); !ok) throw UsageError("--tile", ok.error().format());
+    return parseTile(tile).of(file).string();
+}
+
 void PictureArguments::addTo(Command& command) {
     const Command::Section section(command, "Pictures");
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();
@@ -89,6 +137,12 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
     ImageOptions options;
     const PictureSize pixels = PictureSize::parse(size);
     options.settings.width = pixels.width, options.settings.height = pixels.height;
+    if (!tile.empty()) {
+        options.settings.region = parseTile(tile).in(pixels.width, pixels.height);
+        if (options.settings.region.empty())
+            throw UsageError("--tile",
+                             fmt::format("{}: a picture of {} has too few blocks of 16 x 16 pixels", tile, size));
+    }
     if (integrator == "raster" || integrator == "hybrid") checkRaster(mayRaster);
     options.settings.integrator = integrator == "path"     ? Integrator::path
                                   : integrator == "raster" ? Integrator::raster
@@ -131,6 +185,7 @@ void PictureArguments::checkRaster(bool mayRaster) const {
     refuse(error > 0, "--error");
     refuse(shutter > 0, "--shutter");
     refuse(caps, "--caps");
+    refuse(!tile.empty(), "--tile");
 }
 
 void PictureArguments::checkSize(const std::string& file, const ImageOptions& options) {
@@ -267,6 +322,8 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
         throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+    if (denoise && !picture.tile.empty())
+        throw UsageError("--denoise", "looks at pixels beyond a tile's edge: there is one of the two");
     if (denoise && picture.shutter > 0)
         throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
     if (picture.shutter > 0 && !animated())

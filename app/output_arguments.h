@@ -11,6 +11,7 @@
 
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
+#include <rtsg/renderers/picture_tiles.h>
 
 #include "cli.h"
 #include "files.h"
@@ -24,10 +25,14 @@ struct PictureSize {
     static PictureSize parse(std::string_view text);
 };
 
+/// "1,0/4,2", and the grid alone, "4,2". Throw UsageError.
+PictureTile parseTile(const std::string& text);
+PictureTile parseTileGrid(const std::string& text);
+
 /// --size, --spp and so on, shared by all verbs that make pictures.
 struct PictureArguments {
     std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto",
-                tessellation;
+                tessellation, tile;
     int samples = 4, depth = 250;
     unsigned threads = 0;
     std::uint64_t seed = 1;
@@ -35,6 +40,10 @@ struct PictureArguments {
     bool caps = false;
 
     void addTo(Command& command);
+    /// --tile, of verbs that write files of tiles.
+    void addTileTo(Command& command);
+    /// The file of the tile, or `file` without --tile. Throws UsageError for a kind of file that has no tiles.
+    std::string fileOf(const std::string& file) const;
     /// Throws UsageError for what is wrong, and for --integrator raster unless `mayRaster`, or with what that cannot
     /// do.
     ImageOptions parse(bool mayRaster = false) const;

@@ -1,4 +1,4 @@
-// rtsg assemble: joins numbered pictures, made by several jobs, into a film, and says which are missing.
+// rtsg assemble: joins what several jobs made: tiles into pictures, pictures into a film; it says what is missing.
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -8,6 +8,7 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/renderers/image.h>
+#include <rtsg/renderers/picture_tiles.h>
 
 #include "cli.h"
 #include "files.h"
@@ -18,7 +19,7 @@ namespace rtsg::app {
 namespace {
 
 struct AssembleArguments {
-    std::string pictures, frames, out;
+    std::string pictures, frames, tiles, out;
     double fps = 25;
     bool json = false;
 };
@@ -48,6 +49,7 @@ class Numbers {
 
 std::filesystem::path pictureOf(const AssembleArguments& options, std::uint64_t number) {
     const std::filesystem::path pattern = options.pictures;
+    if (options.frames.empty()) return pattern;
     return pattern.parent_path() / *numberedName(pattern.filename().string(), static_cast<int>(number));
 }
 
@@ -58,6 +60,57 @@ Numbers missingOf(const AssembleArguments& options, const PictureRange& range) {
     for (std::uint64_t number = range.first; number <= range.last; ++number)
         if (!std::filesystem::is_regular_file(pictureOf(options, number), ignored)) missing.add(number);
     return missing;
+}
+
+/// What there is of tiles, and what there is not.
+struct JoinedTiles {
+    std::uint64_t missing = 0, wanted = 0;
+    std::string text;  // the missing ones, by picture: "3: 0,1 1,1; 7: 0,0"
+    Result<> result;   // the first failure
+};
+
+/// A tile of the picture that belongs to another division into tiles; empty: there is none.
+std::string tileOfOthers(const std::filesystem::path& picture, const PictureTile& grid) {
+    const std::string begins = picture.stem().string() + ".tile-",
+                      own = fmt::format("-of-{}-{}{}", grid.columns, grid.rows, picture.extension().string());
+    const std::filesystem::path folder = picture.has_parent_path() ? picture.parent_path() : ".";
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+        const std::string name = entry.path().filename().string();
+        if (name.starts_with(begins) && !name.ends_with(own)) return (picture.parent_path() / name).string();
+    }
+    return {};
+}
+
+/// Joins the tiles of each picture. A picture that is there without all of its tiles has been joined before.
+JoinedTiles joinAllTiles(const AssembleArguments& options, const PictureRange& range) {
+    JoinedTiles joined;
+    const PictureTile grid = parseTileGrid(options.tiles);
+    const Progress progress = progressBar("joining tiles of " + options.pictures);
+    std::error_code ignored;
+    std::string others;
+    for (std::uint64_t number = range.first; number <= range.last; ++number) {
+        if (interrupted()) {
+            joined.result = fail("interrupted: not all tiles were joined", {}, options.pictures);
+            break;
+        }
+        const std::filesystem::path picture = pictureOf(options, number);
+        const auto missing = joinTiles(picture, grid.columns, grid.rows);
+        joined.wanted += static_cast<std::uint64_t>(grid.columns) * static_cast<std::uint64_t>(grid.rows);
+        if (!missing) {
+            if (joined.result) joined.result = std::unexpected(missing.error());
+        } else if (!missing->empty() && !std::filesystem::is_regular_file(picture, ignored)) {
+            joined.missing += missing->size();
+            joined.text += joined.text.empty() ? "" : "; ";
+            if (!options.frames.empty()) joined.text += fmt::format("{}: ", number);
+            for (const PictureTile& tile : *missing)
+                joined.text += fmt::format("{}{},{}", tile == missing->front() ? "" : " ", tile.x, tile.y);
+            if (others.empty()) others = tileOfOthers(picture, grid);
+        }
+        if (progress) progress(number - range.first + 1, range.count());
+    }
+    if (!others.empty()) joined.text += fmt::format(" ({} is of another division into tiles)", others);
+    return joined;
 }
 
 /// Reads all pictures, and writes the film unless there is none to write. Errors: one that cannot be read, or of
@@ -84,43 +137,71 @@ Result<> join(const AssembleArguments& options, const PictureRange& range) {
     return film ? film->finish() : Result<>();
 }
 
-int assemble(const AssembleArguments& options) {
-    const PictureRange range = PictureRange::parse(options.frames);
-    if (!numberedName(std::filesystem::path(options.pictures).filename().string(), 0))
+/// Throws UsageError for options that do not fit together.
+PictureRange checkOptions(const AssembleArguments& options) {
+    const bool numbered = numberedName(std::filesystem::path(options.pictures).filename().string(), 0).has_value();
+    if (!options.tiles.empty()) {
+        (void)parseTileGrid(options.tiles);
+        if (auto ok = checkTileName(options.pictures); !ok) throw UsageError("PICTURES", ok.error().format());
+    }
+    if (!numbered && (options.tiles.empty() || !options.frames.empty()))
         throw UsageError("PICTURES", options.pictures + ": expected a name with a place for numbers, such as %04d");
-    if (!options.out.empty() && !PictureFiles(options.out, 1).together())
-        throw UsageError("-o", options.out + ": pictures are joined into a .mp4 or .gif");
+    if (numbered && options.frames.empty())
+        throw UsageError("--frames", "says the numbers of all that there should be, such as 0-99");
+    if (!options.out.empty() && (!numbered || !PictureFiles(options.out, 1).together()))
+        throw UsageError("-o", options.out + ": numbered pictures are joined into a .mp4 or .gif");
+    return numbered ? PictureRange::parse(options.frames) : PictureRange();
+}
+
+/// Says what was joined and what is missing, and returns the status.
+int tellJoined(const AssembleArguments& options, const PictureRange& range, const JoinedTiles& tiles,
+               const Numbers& missing, const Result<>& joined) {
+    const bool whole = missing.count() == 0 && tiles.result && joined;
+    if (options.json)
+        fmt::print("{{\"pictures\":{},\"missing\":{},\"missing_numbers\":{},\"missing_tiles\":{},\"written\":{}}}\n",
+                   range.count() - missing.count(), missing.count(), jsonString(missing.text()), tiles.missing,
+                   whole && !options.out.empty() ? jsonString(options.out) : "null");
+    else if (whole && options.frames.empty())
+        fmt::print("{}: {} tiles\n", options.pictures, tiles.wanted);
+    else if (whole)
+        fmt::print("{} pictures{}\n", range.count(), options.out.empty() ? ", all there" : " in " + options.out);
+    if (tiles.missing > 0)
+        printError(fmt::format("missing: {} of {} tiles: {}", tiles.missing, tiles.wanted, tiles.text));
+    else if (missing.count() > 0 && tiles.result)
+        printError(fmt::format("missing: {} of {} pictures: {}", missing.count(), range.count(), missing.text()));
+    if (!tiles.result) printError(tiles.result.error());
+    if (!joined) printError(joined.error());
+    return whole ? kDone : kBad;
+}
+
+int assemble(const AssembleArguments& options) {
+    const PictureRange range = checkOptions(options);
     if (auto ok = checkFiles({}, {{"-o", options.out, OutputKind::picture}}, true); !ok)
         return printError(ok.error()), kBad;
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
+    const JoinedTiles tiles = options.tiles.empty() ? JoinedTiles() : joinAllTiles(options, range);
     const Numbers missing = missingOf(options, range);
-    const Result<> joined = missing.count() == 0 ? join(options, range) : Result<>();
-    const bool whole = missing.count() == 0 && joined;
-    if (options.json)
-        fmt::print("{{\"pictures\":{},\"missing\":{},\"missing_numbers\":{},\"written\":{}}}\n",
-                   range.count() - missing.count(), missing.count(), jsonString(missing.text()),
-                   whole && !options.out.empty() ? jsonString(options.out) : "null");
-    else if (whole)
-        fmt::print("{} pictures{}\n", range.count(), options.out.empty() ? ", all there" : " in " + options.out);
-    if (missing.count() > 0)
-        printError(fmt::format("missing: {} of {} pictures: {}", missing.count(), range.count(), missing.text()));
-    if (!joined) printError(joined.error());
-    return whole ? kDone : kBad;
+    // Tiles that were joined just now have been read, and one picture is no film.
+    const bool reads = missing.count() == 0 && tiles.result && (options.tiles.empty() || !options.out.empty());
+    return tellJoined(options, range, tiles, missing, reads ? join(options, range) : Result<>());
 }
 
 }  // namespace
 
 Verb addAssemble(Command& program) {
     auto options = std::make_shared<AssembleArguments>();
-    Command* command =
-        program.addVerb("assemble", "Join pictures that several jobs made into a film; say what is missing");
-    command->addOption("PICTURES", options->pictures, "their names, such as out/%04d.png")->required();
-    command->addOption("--frames", options->frames, "A-B: the numbers of all that there should be")->required();
+    Command* command = program.addVerb("assemble", "Join what several jobs made: tiles, pictures; say what is missing");
+    command->addOption("PICTURES", options->pictures, "their names, such as out/%04d.png; of tiles one alone, too")
+        ->required();
+    command->addOption("--frames", options->frames, "A-B: the numbers of all that there should be");
+    command->addOption("--tiles", options->tiles,
+                       "COLUMNS,ROWS: each picture is first joined of its tiles, where these are all there");
     command->addOption("-o,--output", options->out, "film or GIF to write (.mp4, .gif); else they are only checked");
     command->addOption("--fps", options->fps, "pictures a second")->preset()->range(1e-3, 1e3);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(
         "Example: rtsg assemble out/%04d.png --frames 0-1 --fps 25 -o film.mp4\n"
+        "Example: rtsg assemble out/%04d.png --frames 0-1 --tiles 2,2\n"
         "Exit status 1 where pictures are missing: their numbers are those that rtsg replay --frames takes.");
     return {command, [options] { return assemble(*options); }};
 }

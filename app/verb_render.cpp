@@ -68,6 +68,8 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     }
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
         throw UsageError("--panorama", "is of one eye without a lens");
+    if (options.stereo != "none" && !options.picture.tile.empty())
+        throw UsageError("--tile", "is of one eye's picture: it goes not together with --stereo");
     if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
     image.panorama = options.panorama;
     image.lensRadius = options.aperture / 2, image.focus = options.focus;
@@ -151,7 +153,8 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
                    settings.error, noiseOverMean(all), all.samples);
 }
 
-int render(const RenderArguments& options) {
+int render(RenderArguments options) {
+    options.out = options.picture.fileOf(options.out);
     ImageOptions image = options.picture.parse(true);
     (void)options.picture.tessellationError();  // throws
     image.settings.layers = parseLayers(options.layers);
@@ -265,6 +268,7 @@ Verb addRender(Command& program) {
                         "metres along the view; of --stereo: what lies in the picture's plane")
             ->range(1e-6, 1e9);
         options->picture.addTo(*command);
+        options->picture.addTileTo(*command);
     }
     options->resources.addTo(*command);
     command->footer("Example: rtsg render hall.x3dv -o hall.png --size 960x540 --time 2.5s --spp 16");

@@ -386,7 +386,8 @@ const std::vector<ReplayMode>& replayModes() {
          {"--verify", "--picture-tolerance", "--sound-tolerance", "--name"},
          true},
         {{},
-         {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise", "--frames"},
+         {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise", "--frames",
+          "--tile"},
          true}};
     return modes;
 }
@@ -470,6 +471,10 @@ int replay(const Command& command, ReplayArguments options) {
         // -o is what one writes to; --compact says the same.
         if (options.compact.empty()) options.compact = std::exchange(options.out, {});
     }
+    if (!options.outputs.picture.tile.empty()) {
+        if (options.outputs.render.empty()) throw UsageError("--tile", "goes with --render");
+        options.outputs.render = options.outputs.picture.fileOf(options.outputs.render);
+    }
     if (!options.tabled.empty()) checkTableName(options.out);
     const auto log = fetchLog("LOG", options.log);
     if (!log) return printError(log.error()), kBad;
@@ -537,6 +542,7 @@ Verb addReplay(Command& program) {
             ->preset();
     }
     options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
+    options->outputs.picture.addTileTo(*command);
     {
         const Command::Section section(*command, "What is made");
         command->addOption(
@@ -550,6 +556,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
         "Example: rtsg replay hall.rlog --render out/%04d.png --fps 25 --frames 10-19 --size 320x180\n"
+        "Example: rtsg replay hall.rlog --render out/%04d.png --fps 25 --frames 0-1 --tile 0,1/2,2\n"
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
         "Example: rtsg replay hall.rlog --table TRAIN.rotation -o train.csv\n"

@@ -43,7 +43,7 @@ install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDI
 
 # Components whose libraries are there, and say at run time that the build has left out what they are for. find_package() does not find them.
 set(RTSG_LEFT_OUT "")
-foreach(part "scripts=rtsg_mozjs_stubs=SpiderMonkey" "physics=rtsg_ode_stubs=ODE" "window=rtsg_sdl=SDL 2" "ogre=rtsg_ogre_module=OGRE" "nats=rtsg_nats_module=libnats")
+foreach(part "scripts=rtsg_mozjs_stubs=SpiderMonkey" "physics=rtsg_ode_stubs=ODE" "window=rtsg_sdl=SDL 2" "ogre=rtsg_ogre_module=OGRE" "nats=rtsg_nats_module=libnats" "fetch=rtsg_curl=libcurl")
   string(REPLACE "=" ";" part "${part}")
   list(GET part 0 component)
   list(GET part 1 target)

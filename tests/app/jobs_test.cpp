@@ -1,4 +1,7 @@
-// Pictures of a log by several jobs: numbers and bits as those of one run; what is missing is named.
+// Pictures of a log, and tiles of them, by several jobs: numbers and bits as those of one run; what is missing is
+// named.
+#include <random>
+
 #include "mirror_session.h"
 
 namespace rtsg::test {
@@ -72,6 +75,94 @@ TEST_F(Jobs, OptionsThatMakeNoSenseAreRefused) {
     EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1"}).status, 2);
     EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1", "--render", folder / "a.png"}).status, 2);
     EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1", "--render", folder / "a.gif"}).status, 2);
+}
+
+class Tiles : public Jobs {
+  protected:
+    static std::string tileName(const std::string& name, int number, int x, int y, int columns, int rows) {
+        std::string file = fmtNumber(name, number);
+        return file.insert(file.size() - 4, ".tile-" + std::to_string(x) + "-" + std::to_string(y) + "-of-" +
+                                                std::to_string(columns) + "-" + std::to_string(rows));
+    }
+};
+
+TEST_F(Tiles, JoinedArePicturesOfOneRun) {
+    const std::vector<std::string> how{"--spp", "4", "--shutter", "0.5", "--integrator", "path", "--frames", "2-4"};
+    ASSERT_EQ(pictures("one", how).status, 0);
+    std::vector<std::string> tiles{"0,0/3,2", "1,0/3,2", "2,0/3,2", "0,1/3,2", "1,1/3,2", "2,1/3,2"};
+    std::ranges::shuffle(tiles, std::mt19937(5));
+    const std::vector<std::string> join{"assemble", folder / "job%03d.png", "--frames", "2-4", "--tiles", "3,2"};
+    for (const std::string& tile : tiles) {
+        const Outcome lacks = rtsg(join);
+        EXPECT_EQ(lacks.status, 1) << tile;
+        EXPECT_NE(lacks.err.find("missing: "), std::string::npos) << lacks.err;
+        std::vector<std::string> more = how;
+        more.insert(more.end(), {"--tile", tile});
+        const Outcome job = pictures("job", more);
+        ASSERT_EQ(job.status, 0) << job.err;
+    }
+    for (int again = 0; again < 2; ++again) {
+        const Outcome joined = rtsg(join);
+        ASSERT_EQ(joined.status, 0) << joined.err;
+        for (int number = 2; number <= 4; ++number)
+            EXPECT_TRUE(picture("one", number) == picture("job", number)) << number;
+    }
+    // Tiles are needed no longer.
+    std::filesystem::remove(folder / tileName("job", 3, 1, 1, 3, 2));
+    EXPECT_EQ(rtsg(join).status, 0);
+    std::filesystem::remove(folder / fmtNumber("job", 3));
+    const Outcome lacks = rtsg({"assemble", folder / "job%03d.png", "--frames", "2-4", "--tiles", "3,2", "--json"});
+    EXPECT_EQ(lacks.status, 1);
+    EXPECT_NE(lacks.err.find("missing: 1 of 18 tiles: 3: 1,1"), std::string::npos) << lacks.err;
+    EXPECT_EQ(nlohmann::json::parse(lacks.out).at("missing_tiles"), 1);
+}
+
+TEST_F(Tiles, OfOtherDivisionsAreNamed) {
+    ASSERT_EQ(pictures("job", {"--frames", "2-2", "--tile", "0,0/1,1"}).status, 0);
+    const Outcome lacks = rtsg({"assemble", folder / "job%03d.png", "--frames", "2-2", "--tiles", "3,1"});
+    EXPECT_EQ(lacks.status, 1);
+    EXPECT_NE(lacks.err.find("missing: 3 of 3 tiles: 2: 0,0 1,0 2,0"), std::string::npos) << lacks.err;
+    EXPECT_NE(lacks.err.find(tileName("job", 2, 0, 0, 1, 1) + " is of another division"), std::string::npos)
+        << lacks.err;
+    EXPECT_EQ(rtsg({"assemble", folder / "job%03d.png", "--frames", "2-2", "--tiles", "1,1"}).status, 0);
+    EXPECT_NE(picture("job", 2), "");
+}
+
+/// Of a picture of one state, with all that an .exr holds; by render as by replay.
+TEST_F(Tiles, OfOnePictureHaveItsBits) {
+    for (const std::vector<std::string>& made :
+         {std::vector<std::string>{"render", file, "--time", "0.5s", "--layers", "all", "--error", "0.2", "--spp", "64",
+                                   "-o"},
+          std::vector<std::string>{"replay", log, "--seek", "0.5s", "--spp", "2", "--render"}}) {
+        const auto make = [&](const std::string& name, const std::vector<std::string>& more) {
+            std::vector<std::string> arguments = made;
+            arguments.insert(arguments.end(), {folder / name, "--size", "50x40"});
+            arguments.insert(arguments.end(), more.begin(), more.end());
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 0) << outcome.err;
+        };
+        make("whole.exr", {});
+        for (const char* tile : {"0,0/2,2", "1,0/2,2", "0,1/2,2", "1,1/2,2"}) make("joined.exr", {"--tile", tile});
+        const Outcome joined = rtsg({"assemble", folder / "joined.exr", "--tiles", "2,2"});
+        EXPECT_EQ(joined.status, 0) << joined.err;
+        EXPECT_TRUE(readFile(folder / "whole.exr") == readFile(folder / "joined.exr")) << made[0];
+    }
+}
+
+TEST_F(Tiles, ThatCannotBeAreRefused) {
+    for (const char* tile :
+         {"", "1", "0,0", "2,0/2,2", "0,2/2,2", "-1,0/2,2", "0,0/0,1", "0,0/2,2/3", "0,0/4,1", "a,b/c,d"})
+        EXPECT_EQ(pictures("job", {"--frames", "1-1", "--tile", tile}).status, *tile ? 2 : 0) << tile;
+    EXPECT_EQ(rtsg({"replay", log, "--tile", "0,0/2,1"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", log, "--tile", "0,0/2,1", "--render", folder / "a.gif"}).status, 2);
+    EXPECT_EQ(rtsg({"render", file, "--tile", "0,0/2,1", "-o", folder / "a.jpg"}).status, 2);
+    EXPECT_EQ(rtsg({"render", file, "--tile", "0,0/2,1", "-o", folder / "a.png", "--stereo", "beside"}).status, 2);
+    EXPECT_EQ(rtsg({"render", file, "--tile", "0,0/2,1", "-o", folder / "a.png", "--integrator", "raster"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a.png", "--tiles", "0,1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a.jpg", "--tiles", "2,1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a.png", "--tiles", "2,1", "--frames", "0-1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "%03d.png", "--tiles", "2,1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a.png", "--tiles", "2,1", "-o", folder / "a.gif"}).status, 2);
 }
 
 TEST_F(Jobs, TheyAreJoinedAndWhatIsMissingIsNamed) {

@@ -103,6 +103,21 @@ PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
                 process.wait()
 
 
+def wait_for(cluster, requeue):
+    """Until no task is left; requeues one that runs."""
+    cluster.wait(lambda: "RUNNING" in cluster.ask("squeue", "-h", "-r", "-o", "%T"), "a task")
+    if requeue:
+        for task in cluster.ask("squeue", "-h", "-r", "-t", "RUNNING", "-o", "%F_%a").split()[:1]:
+            cluster.ask("scontrol", "requeue", task)
+
+    # A requeued task may have to wait for a while before it may begin.
+    def over():
+        for task in cluster.ask("squeue", "-h", "-r", "-t", "PENDING", "-o", "%F_%a").split():
+            cluster.ask("scontrol", "update", f"jobid={task}", "StartTime=now")
+        return not cluster.ask("squeue", "-h", "-r", "-o", "%F").split()
+    cluster.wait(over, "the array")
+
+
 def run(program, folder):
     (folder / "scene.x3dv").write_text(SCENE)
     log = folder / "session.rlog"
@@ -111,35 +126,30 @@ def run(program, folder):
     (folder / "whole").mkdir()
     subprocess.run([program, "replay", log, "--render", folder / "whole/%06d.png", "--fps", "10", *looks], check=True, capture_output=True)
     cluster = Cluster(folder)
+    whole_tasks, tile_tasks = LAST // EACH + 1, 4 * (LAST // EACH + 1)
     try:
-        tasks = LAST // EACH
         script = ROOT / "examples/render_array.sbatch"
         cluster.environment["RTSG"] = str(program)
-        made = folder / "made"
-        job = cluster.ask("sbatch", "--parsable", f"--array=0-{tasks}", "-o", f"{folder}/task-%a.out", str(script), str(log), str(made), "10", str(EACH), str(LAST),
-                          *looks).strip()
-        if not job.isdigit():
-            raise SystemExit("sbatch took no job")
-        cluster.wait(lambda: "RUNNING" in cluster.ask("squeue", "-h", "-r", "-o", "%T"), "a task")
-        running = cluster.ask("squeue", "-h", "-r", "-t", "RUNNING", "-o", "%F_%a").split()
-        for task in running[:1]:
-            cluster.ask("scontrol", "requeue", task)
-        # A requeued task may have to wait for a while before it may begin.
-        def over():
-            for task in cluster.ask("squeue", "-h", "-r", "-t", "PENDING", "-o", "%F_%a").split():
-                cluster.ask("scontrol", "update", f"jobid={task}", "StartTime=now")
-            return not cluster.ask("squeue", "-h", "-r", "-o", "%F").split()
-        cluster.wait(over, "the array")
+        for made, tasks, more in (("made", whole_tasks, {}), ("tiles", tile_tasks, {"TILES": "2,2"})):
+            cluster.environment.update(more)
+            job = cluster.ask("sbatch", "--parsable", f"--array=0-{tasks - 1}", "-o", f"{folder}/task-%a.out", str(script), str(log),
+                              str(folder / made), "10", str(EACH), str(LAST), *looks).strip()
+            if not job.isdigit():
+                raise SystemExit("sbatch took no job")
+            wait_for(cluster, requeue=True)
     finally:
         cluster.stop()
-    check = subprocess.run([program, "assemble", made / "%06d.png", "--frames", f"0-{LAST}"], capture_output=True, text=True)
-    faults = [check.stderr] if check.returncode else []
-    for number in range(LAST + 1):
-        name = f"{number:06}.png"
-        one, other = folder / "whole" / name, made / name
-        if not other.exists() or one.read_bytes() != other.read_bytes():
-            faults.append(f"{name} is not the one of a single run")
-    print(f"{LAST + 1} pictures by {tasks + 1} tasks, one of them requeued; {len(faults)} faults")
+    faults = []
+    for made, more in (("made", []), ("tiles", ["--tiles", "2,2"])):
+        check = subprocess.run([program, "assemble", folder / made / "%06d.png", "--frames", f"0-{LAST}", *more], capture_output=True, text=True)
+        if check.returncode:
+            faults.append(check.stderr)
+        for number in range(LAST + 1):
+            name = f"{number:06}.png"
+            one, other = folder / "whole" / name, folder / made / name
+            if not other.exists() or one.read_bytes() != other.read_bytes():
+                faults.append(f"{made}/{name} is not the one of a single run")
+    print(f"{LAST + 1} pictures by {whole_tasks} tasks, and their tiles by {tile_tasks}, one of each requeued; {len(faults)} faults")
     for fault in faults:
         print(fault)
     return 1 if faults else 0

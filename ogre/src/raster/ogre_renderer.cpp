@@ -53,6 +53,7 @@ Result<> checkOptions(const ImageOptions& options, bool traces = false) {
     if (traces && s.integrator == Integrator::path) return fail("hybrid pictures are by whitted, not by path");
     if (s.layers != 0) return refuse("layers of data");
     if (s.error > 0) return fail("the rasteriser does not estimate errors");
+    if (!s.region.empty()) return refuse("parts of pictures");
     if (s.shutter > 0) return refuse("blur of motion");
     if (!traces && s.colorSpace != ColorSpace::automatic) return refuse("pictures in another colour space than auto");
     if (s.caps) return refuse("caps");

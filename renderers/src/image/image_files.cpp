@@ -18,6 +18,9 @@ Result<EncodePlain> plainEncoder(std::string_view) {
 Result<ReadPlain> plainReader(std::span<const std::uint8_t>) {
     return std::unexpected(imageFiles().error());
 }
+Result<ReadExr> exrReader() {
+    return std::unexpected(imageFiles().error());
+}
 
 #else
 
@@ -81,6 +84,16 @@ Result<ReadPlain> plainReader([[maybe_unused]] std::span<const std::uint8_t> byt
 #endif
     static const auto plain = loadReader("rtsg_plain", RTSG_TEXT(RTSG_READ_PLAIN_SYMBOL), "PNG and JPEG files need");
     return plain;
+}
+
+Result<ReadExr> exrReader() {
+#ifdef RTSG_EXR_MODULE
+    static const auto symbol = loadModule("rtsg_exr", RTSG_TEXT(RTSG_READ_EXR_SYMBOL), ".exr files need");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<ReadExr>(*symbol);
+#else
+    return fail(".exr files are not read with all their channels: this build has no OpenEXR of its own");
+#endif
 }
 
 Result<const ImageFiles*> imageFiles() {

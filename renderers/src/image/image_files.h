@@ -116,6 +116,22 @@ using EncodePlain = const char* (*)(const Sheet& sheet, std::vector<unsigned cha
 /// its own way.
 Result<EncodePlain> plainEncoder(std::string_view extension);
 
+/// All that an .exr file holds, as a plainEncoder() wrote it.
+struct ExrContent {
+    struct Channel {
+        std::string name;
+        bool integers = false;
+        std::vector<float> values;  // one a pixel, rows from the top; of integers the bits
+    };
+    int width = 0, height = 0;
+    std::vector<Channel> channels;
+    std::vector<std::pair<std::string, std::string>> notes;
+};
+/// Null: done; otherwise a sentence, which lasts until the thread's next call.
+using ReadExr = const char* (*)(std::span<const std::uint8_t> bytes, ExrContent& out);
+/// The reader of librtsg_exr.so. Error: the build has none.
+Result<ReadExr> exrReader();
+
 /// Reads a PNG, JPEG or still WebP file, all but what is asked for as floats, as ImageFiles::readMemory() would, bit
 /// for bit. False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is
 /// refused. A JPEG file that ends too early is read all the same, and says so.
@@ -129,6 +145,7 @@ Result<ReadPlain> plainReader(std::span<const std::uint8_t> bytes);
 #define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng2
 #define RTSG_ENCODE_JPEG_SYMBOL rtsgEncodeJpeg1
 #define RTSG_ENCODE_EXR_SYMBOL rtsgEncodeExr1
+#define RTSG_READ_EXR_SYMBOL rtsgReadExr1
 #define RTSG_ENCODE_WEBP_SYMBOL rtsgEncodeWebp1
 #define RTSG_READ_PLAIN_SYMBOL rtsgReadPlain2
 #define RTSG_READ_WEBP_SYMBOL rtsgReadWebp1

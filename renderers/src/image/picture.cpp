@@ -3,7 +3,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -210,6 +214,63 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
         !error.empty())
         return fail(error, {}, file.string());
     return writeBytes(made, file);
+}
+
+namespace {
+
+Result<Picture> readWrittenPng(const Bytes& bytes, const std::string& name) {
+    const ReadRequest request{.straight = true, .check = {}};
+    FilePixels read;
+    std::string refused;
+    const auto plain = plainReader(bytes);
+    if (!plain) return std::unexpected(plain.error());
+    if (!(*plain)(bytes, request, read, refused) || !read.damage.empty() || read.bytes.empty() || read.channels < 3)
+        return fail(!refused.empty() ? refused : "this is no .png as pictures are written, or it is damaged", {}, name);
+    Picture picture(read.width, read.height);
+    picture.space = ColorSpace::display;
+    const auto channels = static_cast<std::size_t>(read.channels);
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
+        const std::uint8_t* source = &read.bytes[i * channels];
+        const float alpha = channels == 4 ? static_cast<float>(source[3]) / 255 : 1.0f;
+        const Vec3f color = Vec3f(source[0], source[1], source[2]) / 255.0f;
+        picture.pixels[i] = Vec4f(alpha > 0 ? color * alpha : color, alpha);
+    }
+    return picture;
+}
+
+Result<Picture> readWrittenExr(const Bytes& bytes, const std::string& name) {
+    const auto read = exrReader();
+    if (!read) return std::unexpected(read.error());
+    ExrContent content;
+    if (const char* error = (*read)(bytes, content)) return fail(error, {}, name);
+    Picture picture(content.width, content.height);
+    picture.notes = std::move(content.notes);
+    constexpr std::string_view kColors = "RGBA";
+    std::size_t found = 0;
+    for (ExrContent::Channel& channel : content.channels) {
+        const std::size_t color = channel.name.size() == 1 ? kColors.find(channel.name[0]) : kColors.npos;
+        if (color == kColors.npos) {
+            picture.layers.push_back({{channel.name}, channel.integers, std::move(channel.values)});
+            continue;
+        }
+        ++found;
+        for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+            picture.pixels[i][static_cast<int>(color)] = channel.values[i];
+    }
+    if (found != kColors.size()) return fail("it has not the channels R, G, B and A", {}, name);
+    return picture;
+}
+
+}  // namespace
+
+Result<Picture> readWrittenPicture(const std::filesystem::path& file) {
+    std::ifstream stream(file, std::ios::binary);
+    if (!stream) return fail(std::strerror(errno), {}, file.string());
+    const Bytes bytes{std::istreambuf_iterator<char>(stream), {}};
+    const std::string extension = lowerExtension(file);
+    if (extension == ".png") return readWrittenPng(bytes, file.string());
+    if (extension == ".exr") return readWrittenExr(bytes, file.string());
+    return fail("only .png and .exr are read as they were written", {}, file.string());
 }
 
 Result<Picture> readPicture(const std::filesystem::path& file) {

@@ -216,7 +216,7 @@ void compareMaterials(const LightState& before, const LightState& now, Compariso
 }
 
 bool areDrawnAlike(const RenderSettings& a, const RenderSettings& b) {
-    return a.integrator == b.integrator && a.width == b.width && a.height == b.height &&
+    return a.integrator == b.integrator && a.width == b.width && a.height == b.height && a.region == b.region &&
            a.samplesPerPixel == b.samplesPerPixel && a.error == b.error && a.seed == b.seed && a.cutoff == b.cutoff &&
            a.maxDepth == b.maxDepth && a.shadows == b.shadows && a.colorSpace == b.colorSpace && a.caps == b.caps &&
            a.layers == b.layers;

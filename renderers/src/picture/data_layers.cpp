@@ -17,6 +17,7 @@
 
 #include <rtsg/renderers/parallel_for.h>
 
+#include "draw.h"
 #include "packet/tile_rays.h"
 #include "surface/surface_packet.h"
 #include "world/moved_view.h"
@@ -125,7 +126,7 @@ void writeRanks(Counts& counts, int samples, float* into) {
 class LayerTiles {
   public:
     LayerTiles(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture)
-        : scene_(scene), camera_(camera), settings_(settings) {
+        : scene_(scene), camera_(camera), settings_(settings), drawn_(tilesAround(settings)) {
         for (std::size_t i = 0; i < std::size(layers_); ++i) layers_[i] = layerOf(picture, kinds()[i].layer);
         if (settings.before && layers_[7]) lookBack(*settings.before);
         for (const auto& [layer, hashes] : {std::pair(kObjects, &objects_), std::pair(kMaterials, &materials_)}) {
@@ -144,8 +145,9 @@ class LayerTiles {
     }
 
     void draw(std::size_t tile) const {
-        const int tilesX = (settings_.width + kTileSide - 1) / kTileSide;
-        const int x0 = static_cast<int>(tile) % tilesX * kTileSide, y0 = static_cast<int>(tile) / tilesX * kTileSide;
+        const int tilesX = (drawn_.width + kTileSide - 1) / kTileSide;
+        const int x0 = drawn_.left + static_cast<int>(tile) % tilesX * kTileSide;
+        const int y0 = drawn_.top + static_cast<int>(tile) / tilesX * kTileSide;
         RenderSettings middle = settings_;
         middle.samplesPerPixel = 1;
         RenderSettings several = settings_;
@@ -184,9 +186,9 @@ class LayerTiles {
         for (std::size_t lane = 0; lane < 16; ++lane) {
             seen[lane] = {};
             seen[lane].direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
-            places[lane] =
-                static_cast<std::size_t>(y0 + pixels[lane] / kTileSide) * static_cast<std::size_t>(settings.width) +
-                static_cast<std::size_t>(x0 + pixels[lane] % kTileSide);
+            places[lane] = static_cast<std::size_t>(y0 - drawn_.top + pixels[lane] / kTileSide) *
+                               static_cast<std::size_t>(drawn_.width) +
+                           static_cast<std::size_t>(x0 - drawn_.left + pixels[lane] % kTileSide);
         }
         std::uint32_t going = active;
         for (int pass = 0; going && pass < kMostPassed; ++pass) {
@@ -330,6 +332,7 @@ class LayerTiles {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
+    const PixelRegion drawn_;  // by the picture
     PictureLayer* layers_[8];  // as kinds(); null: not asked for
     Camera eyeBefore_;
     std::vector<const Mesh*> meshBefore_;             // by slot, of the motion's layer; null: the one that it is now
@@ -354,8 +357,7 @@ void drawLayerData(const TraceScene& scene, const Camera& camera, const RenderSe
     asLight.space = ColorSpace::linear;
     asLight.energyLimited = false;
     const LayerTiles tiles(asLight, camera, settings, picture);
-    const int across = (settings.width + kTileSide - 1) / kTileSide,
-              down = (settings.height + kTileSide - 1) / kTileSide;
+    const int across = (picture.width + kTileSide - 1) / kTileSide, down = (picture.height + kTileSide - 1) / kTileSide;
     withThreads(settings.threads, [&] {
         parallelFor(static_cast<std::size_t>(across) * static_cast<std::size_t>(down),
                     [&](std::size_t tile) { tiles.draw(tile); });

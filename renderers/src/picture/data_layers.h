@@ -17,7 +17,7 @@ namespace rtsg::trace {
 /// The layers that `settings` ask for, in which nothing is seen yet. Asks for names.
 void addLayers(const RayView& world, const RenderSettings& settings, Picture& picture);
 
-/// Fills them. Precondition: addLayers() with these settings.
+/// Fills them. Precondition: addLayers() with these settings, to a picture of tilesAround() their region.
 void drawLayerData(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture);
 
 /// All that a pixel's layers hold, into the same layers of another picture.

@@ -35,9 +35,11 @@ Vec4f finitePixel(Vec4f v) {
     return v;
 }
 
-int countTiles(const RenderSettings& settings) {
-    const auto aside = [](int pixels) { return (pixels + kTileSide - 1) / kTileSide; };
-    return aside(settings.width) * aside(settings.height);
+int tilesAside(int pixels) {
+    return (pixels + kTileSide - 1) / kTileSide;
+}
+int countTiles(const PixelRegion& drawn) {
+    return tilesAside(drawn.width) * tilesAside(drawn.height);
 }
 
 /// The tiles of a picture, drawn by several threads, and what is counted over them.
@@ -50,14 +52,16 @@ class Drawing {
           settings_(settings),
           picture_(picture),
           kept_(kept),
-          tilesX_((settings.width + kTileSide - 1) / kTileSide),
-          tiles_(countTiles(settings)) {}
+          drawn_(tilesAround(settings)),
+          tilesX_(tilesAside(drawn_.width)),
+          tiles_(countTiles(drawn_)) {}
 
     int tiles() const { return tiles_; }
 
     void draw(int number) {
         if (cancelled_.load(std::memory_order_relaxed)) return;
-        const int x0 = number % tilesX_ * kTileSide, y0 = number / tilesX_ * kTileSide;
+        // Tiles lie where those of the whole picture do, whose rays depend on the place in it.
+        const int x0 = drawn_.left + number % tilesX_ * kTileSide, y0 = drawn_.top + number / tilesX_ * kTileSide;
         Trail::Part* last = kept_ ? kept_->last : nullptr;
         const auto at = static_cast<std::size_t>(number);
         if (last && !kept_->tiles.empty() && kept_->tiles[at]) {
@@ -85,7 +89,7 @@ class Drawing {
     }
 
     void tell(RenderStats& stats) const {
-        const double pixels = double{1} * settings_.width * settings_.height;
+        const double pixels = double{1} * drawn_.width * drawn_.height;
         stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
         stats.secondaryRays = sum_.secondaryRays;
         stats.cancelled = cancelled_;
@@ -106,7 +110,8 @@ class Drawing {
     }
     void copyTile(const Picture& from, Picture& to, int x0, int y0) const {
         const int right = std::min(settings_.width - x0, kTileSide), below = std::min(settings_.height - y0, kTileSide);
-        for (int y = y0; y < y0 + below; ++y) std::copy_n(&from.at(x0, y), right, &to.at(x0, y));
+        const int left = x0 - drawn_.left, top = y0 - drawn_.top;
+        for (int y = top; y < top + below; ++y) std::copy_n(&from.at(left, y), right, &to.at(left, y));
     }
     /// Adds the statistics of a tile that is kept.
     void add(const TileStats& own, int x0, int y0) {
@@ -127,12 +132,13 @@ class Drawing {
             for (int x = 0; x < right; x += 4) {
                 const int pixel = y * kTileSide + x;
                 const int count = std::min(right - x, 4);
-                show(tile, pixel, &picture_.at(x0 + x, y0 + y), count);
+                show(tile, pixel, &picture_.at(x0 - drawn_.left + x, y0 - drawn_.top + y), count);
                 own.samples += tile.samples[static_cast<std::size_t>(blockOf(pixel))] * static_cast<unsigned>(count);
             }
         if (!tile.result.missing.empty() || !picture_.interval.empty())
             for (int y = 0; y < below; ++y)
-                for (int x = 0; x < right; ++x) tell(tile, y * kTileSide + x, x0 + x, y0 + y, own);
+                for (int x = 0; x < right; ++x)
+                    tell(tile, y * kTileSide + x, x0 - drawn_.left + x, y0 - drawn_.top + y, own);
         const std::lock_guard lock(sumMutex_);
         addUp(own);
         sum_.primaryRays += tile.result.primaryRays, sum_.shadowRays += tile.result.shadowRays;
@@ -175,6 +181,7 @@ class Drawing {
     const RenderSettings& settings_;
     Picture& picture_;
     const Kept* kept_;
+    const PixelRegion drawn_;
     const int tilesX_, tiles_;
     std::atomic<int> done_ = 0;
     std::atomic<bool> cancelled_ = false;
@@ -233,7 +240,8 @@ void lookForLight(TraceScene& scene, Sources& sources) {
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
                     const Kept* kept) {
-    Picture picture(settings.width, settings.height);
+    const PixelRegion drawn = tilesAround(settings);
+    Picture picture(drawn.width, drawn.height);
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
     if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
     Drawing drawing(scene, camera, settings, picture, kept);
@@ -256,7 +264,8 @@ bool leavesTrail(const TraceScene& scene, const RenderSettings& settings) {
 /// Which tiles of the last picture stay, and room for those that do not.
 void findKept(const TraceScene& scene, const RenderSettings& settings, const Differences* differences, Kept& kept) {
     Trail::Part& last = *kept.last;
-    const auto tiles = static_cast<std::size_t>(countTiles(settings));
+    const PixelRegion drawn = tilesAround(settings);
+    const auto tiles = static_cast<std::size_t>(countTiles(drawn));
     if (differences && last.reaches.size() == tiles) {
         const Untouched untouched(*differences, scene.lightGroups.lights);
         kept.tiles.resize(tiles);
@@ -265,7 +274,7 @@ void findKept(const TraceScene& scene, const RenderSettings& settings, const Dif
         });
         return;
     }
-    last.picture = Picture(settings.width, settings.height);
+    last.picture = Picture(drawn.width, drawn.height);
     last.reaches.assign(tiles, {}), last.tiles.assign(tiles, {});
 }
 
@@ -276,6 +285,9 @@ namespace {
 /// Samples of a pixel, after which a picture of what rests is as it is.
 constexpr double kMostRefined = 16384;
 
+Picture drawTiles(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                  const Part& part, RenderStats& stats, Trail* trail);
+
 /// Adds as many samples as a picture has to the last one, which shows the same.
 Picture refine(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const Part& part, RenderStats& stats, Trail::Part& last) {
@@ -283,7 +295,7 @@ Picture refine(const LightState& state, const RayView& world, const Camera& came
     const double before = last.stats.samples, share = settings.samplesPerPixel / (before + settings.samplesPerPixel);
     own.seed = mixBits(settings.seed + static_cast<std::uint64_t>(before) * 0x9e3779b97f4a7c15ull);
     own.layers = 0;
-    const Picture more = drawPart(state, world, camera, own, part, stats, nullptr);
+    const Picture more = drawTiles(state, world, camera, own, part, stats, nullptr);
     stats.kept = 1;
     if (stats.cancelled) return last.picture;
     for (std::size_t i = 0; i < more.pixels.size(); ++i)
@@ -295,10 +307,9 @@ Picture refine(const LightState& state, const RayView& world, const Camera& came
     return last.picture;
 }
 
-}  // namespace
-
-Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
-                 const Part& part, RenderStats& stats, Trail* trail) {
+/// Does drawPart()'s work; the picture covers tilesAround() the region.
+Picture drawTiles(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                  const Part& part, RenderStats& stats, Trail* trail) {
     Kept kept;
     if (trail) kept.last = &trail->next(camera);
     if (trail && trail->isSame()) {
@@ -343,6 +354,44 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
         if (!tileByTile) kept.last->picture = picture, kept.last->reaches.clear();
     }
     return picture;
+}
+
+}  // namespace
+
+Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                 const Part& part, RenderStats& stats, Trail* trail) {
+    return cutToRegion(drawTiles(state, world, camera, settings, part, stats, trail), settings);
+}
+
+PixelRegion tilesAround(const RenderSettings& settings) {
+    const PixelRegion& region = settings.region;
+    if (region.empty()) return {0, 0, settings.width, settings.height};
+    const auto down = [](int pixel) { return pixel / kTileSide * kTileSide; };
+    const auto up = [](int pixel, int most) { return std::min(tilesAside(pixel) * kTileSide, most); };
+    const int left = down(region.left), top = down(region.top);
+    return {left, top, up(region.left + region.width, settings.width) - left,
+            up(region.top + region.height, settings.height) - top};
+}
+
+Picture cutToRegion(Picture picture, const RenderSettings& settings) {
+    const PixelRegion &region = settings.region, drawn = tilesAround(settings);
+    if (region.empty() || region == drawn) return picture;
+    Picture part(region.width, region.height);
+    part.space = picture.space, part.notes = std::move(picture.notes);
+    if (!picture.interval.empty()) part.interval.resize(part.pixels.size());
+    for (const PictureLayer& layer : picture.layers)
+        part.layers.push_back(
+            {layer.channels, layer.integers, std::vector<float>(part.pixels.size() * layer.channels.size())});
+    for (std::size_t to = 0; to < part.pixels.size(); ++to) {
+        const int x = static_cast<int>(to) % region.width, y = static_cast<int>(to) / region.width;
+        const std::size_t from =
+            static_cast<std::size_t>(region.top - drawn.top + y) * static_cast<std::size_t>(drawn.width) +
+            static_cast<std::size_t>(region.left - drawn.left + x);
+        part.pixels[to] = picture.pixels[from];
+        if (!part.interval.empty()) part.interval[to] = picture.interval[from];
+        copyLayerData(picture, from, part, to);
+    }
+    return part;
 }
 
 }  // namespace rtsg::trace

@@ -29,6 +29,11 @@ namespace rtsg::trace {
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const std::vector<bool>& part, TraceScene& scene);
 
+/// The tiles that a picture's region takes part of, in pixels of the picture.
+PixelRegion tilesAround(const RenderSettings& settings);
+/// The region's part of a picture that covers tilesAround() it.
+Picture cutToRegion(Picture picture, const RenderSettings& settings);
+
 /// The sources of light that paths look for, and the surfaces that need no close look.
 struct Sources {
     std::shared_ptr<const Emitters> emitters;
@@ -46,11 +51,11 @@ struct Kept {
     std::vector<std::uint8_t> tiles;  // which of them stay; empty: none
 };
 
-/// `stats` and `kept` may be null.
+/// It covers tilesAround() the region. `stats` and `kept` may be null.
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
                     const Kept* kept = nullptr);
 
-/// All of the above. `trail`: of the picture before, which must have begun; null: there is none.
+/// All of the above, cut to the region. `trail`: of the picture before, which must have begun; null: there is none.
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                  const Part& part, RenderStats& stats, Trail* trail);
 

@@ -78,7 +78,7 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
     own.integrator = Integrator::whitted;
     if (settings.integrator == Integrator::path) own.colorSpace = ColorSpace::linear;
     own.samplesPerPixel = 1, own.error = 0, own.layers = 0;
-    own.progress = {};
+    own.progress = {}, own.region = {};
     std::vector<std::pair<NodeId, SpaceTexture>> made;
     for (const CubeUsers& users : findCubes(scene, world)) {
         const GeneratedCube& cube = *users.cube;

@@ -20,6 +20,13 @@ bool isSameView(const Camera& a, const Camera& b) {
            a.top == b.top;
 }
 
+/// The part of a picture's region that a layer is seen in, in pixels of the layer.
+PixelRegion partIn(const LayerView& view, const PixelRegion& region) {
+    const int left = std::max(region.left, view.left), top = std::max(region.top, view.top);
+    return {left - view.left, top - view.top, std::min(region.left + region.width, view.left + view.width) - left,
+            std::min(region.top + region.height, view.top + view.height) - top};
+}
+
 /// Lays a picture over a part of another.
 void layOver(const Picture& over, int left, int topmost, Picture& under) {
     const auto at = [](const Picture& p, int x, int y) {
@@ -51,7 +58,7 @@ std::vector<bool> outsideOf(std::uint16_t layer, const RayView& world) {
 /// In place of drawing a layer in which nothing is.
 void passOver(const LayerView& view, Trail& trail) {
     Trail::Part& part = trail.next(view.camera);
-    part = {part.camera, Picture(view.width, view.height), {}, {}, {}};
+    part = {part.camera, Picture(), {}, {}, {}};
 }
 
 void addStats(const RenderStats& part, double share, RenderStats& sum) {
@@ -69,7 +76,9 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
                           const RenderSettings& settings, RenderStats& stats, Trail* trail,
                           std::span<const PrimarySight> seen) {
     const auto views = LightTracer::layers(state, world, camera, settings.width, settings.height);
-    Picture picture(settings.width, settings.height);
+    const PixelRegion region =
+        settings.region.empty() ? PixelRegion{0, 0, settings.width, settings.height} : settings.region;
+    Picture picture(region.width, region.height);
     picture.space = settings.colorSpace == ColorSpace::linear || settings.integrator == Integrator::path
                         ? ColorSpace::linear
                         : ColorSpace::display;
@@ -78,7 +87,9 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
     for (std::size_t i = 0; i < views.size() && !stats.cancelled; ++i) {
         const LayerView& view = views[i];
         std::vector<bool> outside = outsideOf(view.camera.layer, world);
-        if (i > 0 && outside.empty() && !active<SkyEntry>(state, view.camera.layer)) {
+        const PixelRegion seen = partIn(view, region);
+        const bool isEmpty = i > 0 && outside.empty() && !active<SkyEntry>(state, view.camera.layer);
+        if (isEmpty || seen.empty()) {
             if (trail) passOver(view, *trail);
             const double done = (static_cast<double>(i) + 1) / static_cast<double>(views.size());
             if (settings.progress && !settings.progress(done)) stats.cancelled = true;
@@ -86,7 +97,7 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
         }
         outside.resize(world.instances().size(), true);
         RenderSettings own = settings;
-        own.width = view.width, own.height = view.height;
+        own.width = view.width, own.height = view.height, own.region = seen;
         if (settings.before && !isSameView(view.camera, camera))  // of other eyes nothing is known of the time before
             own.before = std::make_shared<const PictureBefore>(PictureBefore{settings.before->world, view.camera});
         if (settings.progress)
@@ -99,9 +110,9 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
                         .sight = seen.empty() ? nullptr : &seen[i]};
         RenderStats drawn;
         const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
-        const double share = double{1} * view.width * view.height / (double{1} * settings.width * settings.height);
+        const double share = double{1} * seen.width * seen.height / (double{1} * region.width * region.height);
         addStats(drawn, share, stats);
-        layOver(layer, view.left, view.top, picture);
+        layOver(layer, view.left + seen.left - region.left, view.top + seen.top - region.top, picture);
     }
     return picture;
 }

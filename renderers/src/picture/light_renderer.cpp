@@ -161,6 +161,7 @@ template <class Draw>
 Result<Picture> eachEye(const Camera& camera, const ImageOptions& options, const RenderSettings& settings,
                         const Draw& draw) {
     if (options.stereo == Stereo::none) return draw(0, camera, settings);
+    if (!settings.region.empty()) return fail("two eyes' pictures are made whole, without a region");
     if (camera.orthographic || camera.panorama) return fail("only perspectives have two eyes");
     const double distance = options.focus > 0 ? options.focus : std::numeric_limits<double>::infinity();
     const auto one = [&](int eye, double offset) {
@@ -255,6 +256,8 @@ Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
     s.nameFarEye(s.rays);
     s.stats = {};
     RenderSettings settings = options.settings;
+    if (ownsNodes() && !settings.region.empty())
+        return fail("light renderer: nodes that it draws itself are drawn in whole pictures only");
     if (!settings.nameOf) settings.nameOf = [&](NodeId id) { return authorsName(world().scene(), id); };
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;
     std::shared_ptr<const WorldState> state;  // null: this one's pixels are not kept, or cannot be

@@ -26,6 +26,11 @@ Result<> checkPicture(const Camera& camera, const RenderSettings& settings) {
     if (settings.width < 1 || settings.height < 1 || settings.width > kMaxSide || settings.height > kMaxSide)
         return fail(fmt::format("cannot render {} x {} pixels; both must be from 1 to {}", settings.width,
                                 settings.height, kMaxSide));
+    const PixelRegion& part = settings.region;
+    if (part != PixelRegion() && (part.empty() || part.left < 0 || part.top < 0 ||
+                                  part.width > settings.width - part.left || part.height > settings.height - part.top))
+        return fail(fmt::format("a region of {} x {} pixels at {}, {} is not in a picture of {} x {}", part.width,
+                                part.height, part.left, part.top, settings.width, settings.height));
     if (settings.samplesPerPixel < 1 || settings.samplesPerPixel > 1 << 20)
         return fail(fmt::format("cannot take {} samples per pixel", settings.samplesPerPixel));
     if (!(settings.error >= 0) || !std::isfinite(settings.error))

@@ -25,6 +25,13 @@ struct PictureLayer {
     std::vector<float> values;  // channels.size() a pixel
 };
 
+/// A rectangle of pixels; left and top count from a picture's top left corner.
+struct PixelRegion {
+    int left = 0, top = 0, width = 0, height = 0;
+    bool empty() const { return width <= 0 || height <= 0; }
+    bool operator==(const PixelRegion&) const = default;
+};
+
 struct Picture {
     int width = 0, height = 0;
     ColorSpace space = ColorSpace::linear;  // or display
@@ -78,6 +85,11 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
                         const ToneMap& toneMap = {});
 /// Any format OpenImageIO reads, as a linear picture: integer formats are sRGB-decoded.
 Result<Picture> readPicture(const std::filesystem::path& file);
+
+/// A .png or .exr as writePicture() has written it: writing it again gives the same bytes. A .png becomes a display
+/// picture; an .exr brings its layers, each channel as one, and notes. Errors: another format; an .exr with numbers of
+/// other than 32 bits, or any in a build without OpenEXR's own library.
+Result<Picture> readWrittenPicture(const std::filesystem::path& file);
 
 /// Over the three colour channels. `rmse` and `maximum` are absolute; `worst` is where the maximum lies.
 struct PictureDifference {

@@ -11,6 +11,7 @@
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/color.h>
 #include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/picture.h>
 #include <rtsg/renderers/ray_world.h>
 
 namespace rtsg {
@@ -59,6 +60,10 @@ struct PictureBefore {
 struct RenderSettings {
     Integrator integrator = Integrator::whitted;
     int width = 1280, height = 720;
+    /// The part of the picture that is made; empty: all of it. What comes out has the region's size, and the bits that
+    /// the whole picture has there. Blocks of 16 x 16 pixels are traced whole, so a region between multiples of 16
+    /// costs its share of the picture. RenderStats count what is traced.
+    PixelRegion region;
     int samplesPerPixel = 1;  // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
     /// If above 0, tiles of 16 x 16 pixels are sampled until their relative standard error (RenderStats::error) is at
     /// most this, and that of no block of 4 x 4 more than a tenth above it, with at most samplesPerPixel samples a
