@@ -166,7 +166,7 @@ Resources::Resources(const std::filesystem::path& folder, ResourcePolicy policy)
 }
 
 Resources Resources::ofFile(const std::filesystem::path& file, ResourcePolicy policy) {
-    if (isAddress(file)) return {folderBehind({}, file.native()), std::move(policy)};
+    if (isAddress(file)) return {Resources({}, policy).folderBehind({}, file.native()), std::move(policy)};
     std::filesystem::path folder = file.parent_path();
     if (folder.empty()) folder = ".";
     policy.roots.push_back(folder);

@@ -12,7 +12,7 @@
 #include <fmt/format.h>
 
 /// Which shared library this is, for what happens at its end.
-extern "C" void* __dso_handle;  // NOLINT(bugprone-reserved-identifier,readability-identifier-naming)
+extern void* __dso_handle;  // NOLINT(bugprone-reserved-identifier,readability-identifier-naming)
 
 namespace rtsg {
 
