@@ -91,7 +91,7 @@ py::object customOf(const CustomValue& value) {
         std::memcpy(array.mutable_data(), first, bits.size());
         if (type->layout().count == 1) return py::cast(array.data()[0]);
         makeReadOnly(array);
-        return std::move(array);
+        return array;
     };
     if (type->layout().of == CustomLayout::Of::int32) return made(std::int32_t());
     return type->layout().of == CustomLayout::Of::float32 ? made(float()) : made(double());

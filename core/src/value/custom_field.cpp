@@ -258,10 +258,28 @@ Result<CustomValue> madeBy(const CustomType& type, const Call& call) {
     }
 }
 
-/// Whether the text reads as the numbers of a value, though it is another text; then it must not stand for other bits.
-bool readsAsNumbers(std::string_view text) {
-    return text.find_first_of("0123456789+-.") == 0 &&
-           text.find_first_not_of("0123456789+-.eExXabcdfABCDF, \t\r\n") == text.npos;
+bool isNumber(std::string_view word) {
+    if (word.starts_with('+') || word.starts_with('-')) word.remove_prefix(1);
+    constexpr std::string_view kDigits = "0123456789abcdefABCDEF";
+    if (word.starts_with("0x") || word.starts_with("0X"))
+        return word.size() > 2 && word.find_first_not_of(kDigits, 2) == word.npos;
+    double number = 0;
+    const auto [end, code] = std::from_chars(word.data(), word.data() + word.size(), number);
+    return end == word.data() + word.size() && code != std::errc::invalid_argument;
+}
+
+/// Whether the text may be read as a value without a text of its own: then it must not stand for other bits.
+bool readsAsNumbers(std::string_view text, const CustomLayout& layout) {
+    constexpr std::string_view kSpace = " ,\t\r\n";
+    std::size_t count = 0;
+    for (std::size_t at = text.find_first_not_of(kSpace); at < text.size(); at = text.find_first_not_of(kSpace, at)) {
+        const std::size_t end = std::min(text.find_first_of(kSpace, at), text.size());
+        const std::string_view word = text.substr(at, end - at);
+        if (!isNumber(word) && word != "0x") return false;
+        ++count;
+        at = end;
+    }
+    return count == (layout.of == Of::bytes ? 1u : layout.count);
 }
 
 }  // namespace
@@ -363,7 +381,7 @@ std::optional<std::string> customText(const CustomValue& value) {
     const auto type = CustomType::of(value);
     try {
         std::string text = functions->print(value);
-        if (readsAsNumbers(text)) return std::nullopt;
+        if (readsAsNumbers(text, type->layout())) return std::nullopt;
         const auto back = customFromText(*type, text);
         if (back && *back == value) return text;
     } catch (...) {  // code of others; the numbers say the same

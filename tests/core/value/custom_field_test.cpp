@@ -266,7 +266,10 @@ TEST_F(CustomFields, FunctionsOfOthersCanDoNoHarm) {
     EXPECT_EQ(text(says("five"), other), "5");
     EXPECT_EQ(text(says("five"), throws), "5");
     EXPECT_EQ(text([](const CustomValue&) -> std::string { throw 1; }, five), "5");
-    EXPECT_EQ(text(says("6"), five), "5") << "it would read as another number";
+    for (const char* number : {"6", "+6", "-6.5e1", "0x6", " 6 ", "6,"})
+        EXPECT_EQ(text(says(number), five), "5") << "it would read as another number: " << number;
+    for (const char* unit : {"5 A", "5F", "0xG", "5 6", "fade", "five", "-"})
+        EXPECT_EQ(text(says(unit), five), '"' + std::string(unit) + '"') << "an integer is something else";
     EXPECT_EQ(text(says("\xFF"), five), "5") << "no UTF-8";
     EXPECT_EQ(text(says(std::string("a\0b", 3)), five), "5");
     EXPECT_EQ(text(says("a\"b"), five), "\"a\\\"b\"");

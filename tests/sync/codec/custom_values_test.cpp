@@ -79,18 +79,23 @@ TEST(CustomValues, AReplicaThatLacksTheTypesHasEqualBitsAndHash) {
 TEST(CustomValues, HostileRecordsAreRefusedOrHarmless) {
     Scene origin;
     const ByteBuffer record = snapshotOf(origin);
-    std::vector<std::byte> bytes(record.bytes().begin(), record.bytes().end());
+    const Result<RecordHeader> header = parseRecordHeader(record.bytes());
+    ASSERT_TRUE(header);
+    const std::span<const std::byte> payload = record.bytes().subspan(kRecordHeaderSize);
     const unsigned seed = 20;
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     std::size_t refused = 0;
-    for (std::size_t round = 0; round < 40 * bytes.size(); ++round) {
-        std::vector<std::byte> other = bytes;
-        other[round % bytes.size()] = static_cast<std::byte>(random());
-        if (round % 7 == 0) other.resize(random() % bytes.size());
+    for (std::size_t round = 0; round < 40 * payload.size(); ++round) {
+        const std::size_t size = round % 7 == 0 ? random() % payload.size() : payload.size();
+        ByteBuffer other;
+        other.append(record.bytes().data(), kRecordHeaderSize + size);
+        if (const std::size_t at = round % payload.size(); at < size)
+            other.data()[kRecordHeaderSize + at] = static_cast<std::byte>(random());
+        sealRecord(other, *header);
         ChangeDecoder decoder({});
         ChangeSet found;
-        if (!decoder.decode(other, found)) {
+        if (!decoder.decode(other.bytes(), found)) {
             ++refused;
             continue;
         }
@@ -98,9 +103,9 @@ TEST(CustomValues, HostileRecordsAreRefusedOrHarmless) {
             if (change.value.holds<CustomValue>()) {
                 EXPECT_NE(CustomType::of(change.value.as<CustomValue>()), nullptr);
             }
-            if (change.value.holds<Array<CustomValue>>())
-                for (const CustomValue& one : change.value.as<Array<CustomValue>>())
-                    EXPECT_NE(CustomType::of(one), nullptr);
+            if (!change.value.holds<Array<CustomValue>>()) continue;
+            for (const CustomValue& one : change.value.as<Array<CustomValue>>())
+                EXPECT_NE(CustomType::of(one), nullptr);
         }
         Scene replica;
         (void)replica.apply(std::make_shared<const ChangeSet>(found));
