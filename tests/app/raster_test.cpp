@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include <rtsg/renderers/picture.h>
+
 #include "ogre/display.h"
 #include "program.h"
 #include "test_paths.h"
@@ -31,6 +33,28 @@ TEST_F(Raster, DrawsAndSaysWhatItLeavesOut) {
     EXPECT_EQ(film.status, 0) << film.err;
     EXPECT_THAT(film.out, HasSubstr("s of drawing"));
     EXPECT_TRUE(std::filesystem::exists(folder / "2.png"));
+}
+
+TEST_F(Raster, DrawsHybridPicturesInWhichNothingIsLeftOut) {
+    if (!haveDisplay()) GTEST_SKIP() << "there is no display, and no Xvfb";
+    const auto drawn = [&](const char* integrator, const char* name) {
+        const Outcome one = rtsg({"render", RTSG_SOURCE_DIR "/examples/demo/hall.x3dv", "--integrator", integrator,
+                                  "-o", folder / name, "--size", "64x36", "--spp", "1", "--frames", "2"});
+        EXPECT_TRUE(one.status == 0 || one.err.find("built without a rasteriser") != one.err.npos) << one.err;
+        return one;
+    };
+    const Outcome hybrid = drawn("hybrid", "hybrid%d.png");
+    if (hybrid.status != 0) GTEST_SKIP() << hybrid.err;
+    EXPECT_EQ(hybrid.err, drawn("whitted", "rays%d.png").err);
+    EXPECT_THAT(hybrid.out, HasSubstr("of drawing and tracing"));
+    for (const char* number : {"0", "1"}) {
+        const auto a = readPicture(folder / (std::string("hybrid") + number + ".png"));
+        const auto b = readPicture(folder / (std::string("rays") + number + ".png"));
+        ASSERT_TRUE(a && b);
+        double sum = 0;
+        for (std::size_t i = 0; i < a->pixels.size(); ++i) sum += glm::distance(a->pixels[i], b->pixels[i]);
+        EXPECT_LT(sum / static_cast<double>(a->pixels.size()), .01);
+    }
 }
 
 }  // namespace
