@@ -1,4 +1,4 @@
-// Opens feeds and publishers, prints what was wrong with lines, and counts.
+// Opens feeds, publishers and what viewers connect to, prints what was wrong with lines, and counts.
 #include "feeds.h"
 
 #include <algorithm>
@@ -19,18 +19,6 @@ bool isOfUser(const std::string& source) {
     return !source.contains("://");
 }
 
-/// "DOOR.rotation,BOX.*" as its parts.
-std::vector<std::string> partsOf(const std::vector<std::string>& texts) {
-    std::vector<std::string> parts;
-    for (const std::string& text : texts)
-        for (std::size_t from = 0; from <= text.size();) {
-            const std::size_t comma = std::min(text.find(',', from), text.size());
-            if (comma > from) parts.push_back(text.substr(from, comma - from));
-            from = comma + 1;
-        }
-    return parts;
-}
-
 }  // namespace
 
 void FeedArguments::addTo(Command& command) {
@@ -45,16 +33,18 @@ void FeedArguments::addTo(Command& command) {
                    "lines of what --fields send: -, FILE, udp://HOST:PORT, tcp://HOST:PORT for who connects, "
                    "mqtt://HOST/TOPIC (repeatable)")
         ->repeatable();
-    command.addOption("--fields", fields, "of --publish: DEF.field or DEF.*, by commas")->repeatable();
+    command.addOption("--fields", fields, "of --publish and --foxglove: DEF.field or DEF.*, by commas")->repeatable();
     command.addOption("--publish-rate", rate, "lines of each field a second at most; 0: every event")
         ->preset()
         ->range(0., 1e6);
+    foxglove.addTo(command);
 }
 
 void FeedArguments::check(const std::string& scene, bool timed) const {
-    if (targets.empty() && !fields.empty()) throw UsageError("--fields", "only together with --publish");
+    if (targets.empty() && !foxglove.wanted() && !fields.empty())
+        throw UsageError("--fields", "only together with --publish or --foxglove");
     if (targets.empty() && rate > 0) throw UsageError("--publish-rate", "only together with --publish");
-    if (!targets.empty() && partsOf(fields).empty())
+    if (!targets.empty() && fieldsIn(fields).empty())
         throw UsageError("--publish", "needs --fields, which say what: DEF.field or DEF.*, by commas");
     if (std::ranges::count(feeds, "-") + (scene == "-" ? 1 : 0) > 1)
         throw UsageError("--feed", "there is one standard input");
@@ -64,8 +54,9 @@ void FeedArguments::check(const std::string& scene, bool timed) const {
                              feed + ": simulated time waits for a pipe or a file; rtsg serve runs in real time");
 }
 
-Result<Feeds> Feeds::start(const FeedArguments& arguments, Scene& scene, const Settings& settings) {
+Result<Feeds> Feeds::start(const FeedArguments& arguments, WorldOnDemand& world, const Settings& settings) {
     Feeds all;
+    Scene& scene = world.scene();
     for (const std::string& source : arguments.feeds) {
         FeedOptions options;
         options.source = source;
@@ -80,7 +71,7 @@ Result<Feeds> Feeds::start(const FeedArguments& arguments, Scene& scene, const S
     for (const std::string& target : arguments.targets) {
         PublishOptions options;
         options.target = target;
-        options.fields = partsOf(arguments.fields);
+        options.fields = fieldsIn(arguments.fields);
         options.rate = arguments.rate;
         options.start = settings.start;
         options.insecure = settings.insecure;
@@ -89,16 +80,21 @@ Result<Feeds> Feeds::start(const FeedArguments& arguments, Scene& scene, const S
         if (!publisher) return fail(publisher.error().code, "--publish " + publisher.error().text);
         all.publishers_.push_back(std::move(*publisher));
     }
+    auto foxglove = Foxglove::start(arguments.foxglove, arguments.fields, world, {settings.insecure, settings.call});
+    if (!foxglove) return std::unexpected(foxglove.error());
+    all.foxglove_ = std::move(*foxglove);
     return all;
 }
 
 void Feeds::before(double t) {
     for (const auto& feed : feeds_) feed->deliver(t);
     for (const auto& publisher : publishers_) publisher->expect(t);
+    foxglove_.before();
 }
 
 void Feeds::after(double t) {
     for (const auto& publisher : publishers_) publisher->frame(t);
+    foxglove_.after();
     printNews();
 }
 
@@ -127,7 +123,9 @@ std::string Feeds::sayPlaces() const {
         say("events to " + publisher->target());
         to += (to.empty() ? ",\"published\":[" : ",") + jsonString(publisher->target());
     }
-    return from + (from.empty() ? "" : "]") + to + (to.empty() ? "" : "]");
+    const std::string viewers = foxglove_.address();
+    return from + (from.empty() ? "" : "]") + to + (to.empty() ? "" : "]") +
+           (viewers.empty() ? "" : ",\"foxglove\":" + jsonString(viewers));
 }
 
 void Feeds::end() {
@@ -148,6 +146,14 @@ void Feeds::end() {
         say(fmt::format("{}: {} lines were missed", publisher->target(), missed), Severity::warning);
         if (isOfUser(publisher->target())) noteLeftOut();
     }
+    if (foxglove_.address().empty()) return;
+    const FoxgloveCounts counts = foxglove_.counts();
+    viewers_ = fmt::format(",\"foxglove\":{{\"messages\":{},\"missed\":{},\"garbage\":{},\"refused\":{}}}",
+                           counts.messages, counts.missed, counts.garbage, counts.refused);
+    if (auto ok = foxglove_.end(); !ok) {
+        say(ok.error());
+        noteLeftOut();
+    }
 }
 
 std::vector<Feeds::NamedCounts> Feeds::counts() const {
@@ -165,6 +171,10 @@ std::vector<Feeds::NamedCounts> Feeds::counts() const {
         const PublishCounts c = publisher->counts();
         all.push_back({publisher->target(), {{"events", c.events}, {"lines", c.lines}, {"missed", c.missed}}});
     }
+    if (const std::string at = foxglove_.address(); !at.empty()) {
+        const FoxgloveCounts c = foxglove_.counts();
+        all.push_back({at, {{"lines", c.messages}, {"missed", c.missed}}});
+    }
     return all;
 }
 
@@ -181,7 +191,7 @@ std::string Feeds::json() const {
         ++index;
         if (index == feeds_.size() || index == feeds_.size() + publishers_.size()) text += ']';
     }
-    return text;
+    return text + viewers_;
 }
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// --feed and --publish: events that come into a running scene from outside, and what its fields send to outside.
+// --feed, --publish and --foxglove: events that come into a running scene from outside, and what it tells outside.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -13,12 +13,14 @@
 #include <rtsg/feeds/publisher.h>
 
 #include "command.h"
+#include "foxglove.h"
 
 namespace rtsg::app {
 
 struct FeedArguments {
     std::vector<std::string> feeds, targets, fields;
     double rate = 0;
+    FoxgloveArguments foxglove;
 
     void addTo(Command& command);
     /// Throws UsageError for options that make no sense together, or with the scene's file. `timed`: the scene runs in
@@ -36,7 +38,7 @@ class Feeds {
         int call = -1;          // eventfd, written when something has come
     };
     /// `arguments` must be checked.
-    static Result<Feeds> start(const FeedArguments& arguments, Scene& scene, const Settings& settings);
+    static Result<Feeds> start(const FeedArguments& arguments, WorldOnDemand& world, const Settings& settings);
 
     /// Before the frame at `t`, and after it; seconds since the start. Diagnostics are printed.
     void before(double t);
@@ -49,12 +51,13 @@ class Feeds {
         std::vector<std::pair<std::string, std::uint64_t>> counts;
     };
     std::vector<NamedCounts> counts() const;
-    bool any() const { return !feeds_.empty() || !publishers_.empty(); }
-    /// Says on standard error what is open, and where. Returns `,"feeds":["…"],"published":["…"]`.
+    bool any() const { return !feeds_.empty() || !publishers_.empty() || !foxglove_.address().empty(); }
+    /// Says on standard error what is open, and where. Returns
+    /// `,"feeds":["…"],"published":["…"],"foxglove":"…"`.
     std::string sayPlaces() const;
     /// The end: says what was left out. Lines of the user's own pipe or file that were faulty make the status 1.
     void end();
-    /// `,"feeds":[…],"published":[…]`; empty if there are none.
+    /// `,"feeds":[…],"published":[…],"foxglove":{…}`; empty if there are none.
     std::string json() const;
 
   private:
@@ -62,6 +65,8 @@ class Feeds {
 
     std::vector<std::unique_ptr<Feed>> feeds_;
     std::vector<std::unique_ptr<Publisher>> publishers_;
+    Foxglove foxglove_;
+    std::string viewers_;  // what it had counted at the end, as JSON
 };
 
 }  // namespace rtsg::app

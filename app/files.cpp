@@ -163,6 +163,17 @@ bool isSceneOrLog(const std::string& file) {
                                [&](std::string_view sign) { return begin.contains(sign); });
 }
 
+/// Logs may lie in several files.
+std::vector<std::string> filesOf(const std::vector<std::string>& inputs) {
+    std::vector<std::string> all;
+    for (const std::string& input : inputs) {
+        const auto files = filesOfLog(input);
+        if (!files) continue;
+        for (const fs::path& file : *files) all.push_back(file.string());
+    }
+    return all;
+}
+
 }  // namespace
 
 void addForce(Command& command, bool& force) {
@@ -175,7 +186,7 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
         if (output.file.empty()) continue;
         checkName(output);
         if (!isFile(output.file)) continue;
-        for (const std::string& input : inputs)
+        for (const std::string& input : filesOf(inputs))
             if (isFile(input) && sameFile(input, output.file))
                 throw UsageError(output.option,
                                  fmt::format("{} is {}", output.file,
@@ -212,7 +223,13 @@ void keepResources(const Scene& scene, const Resources& resources, const std::ve
 }
 
 bool isLogOrNamedSo(const std::string& file) {
-    return isLog(file) || fs::path(file).extension() == ".rlog";
+    std::error_code error;
+    return isLog(file) || fs::path(file).extension() == ".rlog" || fs::is_directory(file, error);
+}
+
+std::string firstFileOf(const std::string& log) {
+    const auto files = filesOfLog(log);
+    return files ? files->front().string() : log;
 }
 
 /// True if a log begins with its session, so that files beside it are not earlier pieces.
@@ -224,12 +241,31 @@ static bool beginsItsSession(const std::string& log) {
     return head && !head->start;
 }
 
-void tellOfEarlierPieces(const std::string& log) {
+/// What one types to have the pieces and the log as one.
+static std::string asOne(const std::string& log, const std::vector<fs::path>& pieces) {
+    constexpr std::size_t kFewPieces = 3;
+    const fs::path folder = fs::path(log).parent_path();
+    const auto all = filesOfLog(folder.empty() ? "." : folder);
+    if (all && all->size() == pieces.size() + 1) return folder.empty() ? "." : folder.string();
+    if (pieces.size() > kFewPieces) return {};
+    std::string list;
+    for (const fs::path& piece : pieces) list += piece.string() + ",";
+    return list + log;
+}
+
+void tellOfPieces(const std::string& log) {
+    for (const std::string& gap : gapsBetweenFiles(log))
+        fmt::print(stderr, "{}: warning: {}\n", terminalText(log), terminalText(gap));
+    if (!isFile(log)) return;
     const std::vector<std::filesystem::path> pieces = earlierPieces(log);
     if (pieces.empty() || beginsItsSession(log)) return;
     fmt::print(stderr, "{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
                terminalText(pieces.front().string()),
                pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
+    if (const std::string all = asOne(log, pieces); !all.empty()) {
+        fmt::print(stderr, "  to have it as one: {}\n", terminalText(all));
+        return;
+    }
     const std::string extension = std::filesystem::path(log).extension().string();
     const std::string name = terminalText(std::filesystem::path(log).replace_extension().string());
     // One pattern for each number of digits (five from the ten thousandth piece on), so the shell keeps the order.

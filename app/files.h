@@ -51,11 +51,16 @@ inline Existing existing(bool force) {
 /// another output. Fails where something is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
-/// True if the file is a log by its beginning or by its name. So a damaged or empty log counts as one.
+/// True if the file is a log by its beginning or by its name. So a damaged or empty log counts as one, and so does a
+/// folder, which may have the pieces of one.
 bool isLogOrNamedSo(const std::string& file);
 
-/// Says on standard error, if the log is the last of several pieces, where the earlier states are.
-void tellOfEarlierPieces(const std::string& log);
+/// The first file of a log that lies in several (filesOfLog()), or `log` itself.
+std::string firstFileOf(const std::string& log);
+
+/// Says on standard error what is missing between the files of a log, or, if it is the last of several pieces, where
+/// the earlier states are.
+void tellOfPieces(const std::string& log);
 
 /// Throws UsageError if an output is one of the used files.
 void keepFiles(const std::vector<std::filesystem::path>& used, const std::vector<OutputName>& outputs);

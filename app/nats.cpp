@@ -7,10 +7,9 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
-
 #include "cli.h"
 #include "hints.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -18,32 +17,20 @@ void checkNatsAddress(const std::string& option, const std::string& address) {
     if (const auto parsed = NatsAddress::parse(address); !parsed) throw UsageError(option, parsed.error().text);
 }
 
-Result<Origin> Origin::open(const std::string& typed, const std::string& key, double patience) {
-    Origin origin;
-    origin.shown_ = typed;
-    if (!isNatsAddress(typed)) {
+Result<MirrorOrigin> openOrigin(const std::string& typed, const std::string& key, double patience) {
+    if (isNatsAddress(typed)) {
+        checkNatsAddress("ENDPOINT", typed);
+        if (!key.empty())
+            throw UsageError("--key",
+                             "is for ZeroMQ: a NATS server gets user, password or token in its address, or TLS");
+    } else {
         checkEndpoint("ENDPOINT", typed);
-        return origin;
     }
-    checkNatsAddress("ENDPOINT", typed);
-    if (!key.empty())
-        throw UsageError("--key", "is for ZeroMQ: a NATS server gets user, password or token in its address, or TLS");
-    auto nats = NatsSubscriber::start(typed, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience)));
-    if (!nats) return std::unexpected(nats.error());
-    origin.nats_ = std::move(*nats);
-    origin.shown_ = origin.nats_->address();
-    return origin;
+    return MirrorOrigin::open(typed, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience)));
 }
 
-/// All mirrors behind a NATS server share the questions that their server answers to one peer. Those that only look
-/// for faults of memory would leave none for repairs.
-void Origin::limit(MirrorClientOptions& options) const {
-    if (nats_) options.scrub = std::chrono::milliseconds(0);
-}
-
-void Origin::printNews() {
-    if (!nats_) return;
-    for (const Diagnostic& d : nats_->takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+void printNews(MirrorOrigin& origin) {
+    for (const Diagnostic& d : origin.takeDiagnostics()) say(d);
 }
 
 Result<Published> Published::start(const std::string& address, const MirrorServer& server,
@@ -64,7 +51,7 @@ void Published::printNews() {
     if (!publisher_) return;
     for (const Diagnostic& d : publisher_->takeDiagnostics()) {
         failed_ = failed_ || d.severity == Severity::error;
-        fmt::print(stderr, "{}\n", terminalText(d.format()));
+        say(d);
     }
 }
 

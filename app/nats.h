@@ -9,36 +9,21 @@
 #include <string>
 #include <utility>
 
+#include <rtsg/nats/mirror_origin.h>
 #include <rtsg/nats/nats_address.h>
 #include <rtsg/nats/nats_log.h>
 #include <rtsg/nats/nats_publisher.h>
-#include <rtsg/nats/nats_subscriber.h>
-#include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
 #include "command.h"
 
 namespace rtsg::app {
 
-/// Where a verb follows a scene: the endpoint that was typed, or what a NATS server has.
-class Origin {
-  public:
-    /// Throws UsageError for what is neither, and for a key file with a NATS server. Tries for `patience` seconds to
-    /// connect to one. Error: no connection.
-    static Result<Origin> open(const std::string& typed, const std::string& key, double patience);
-
-    /// For MirrorClient::connect().
-    const std::string& endpoint() const { return nats_ ? nats_->endpoint() : shown_; }
-    /// For messages; without secrets.
-    const std::string& shown() const { return shown_; }
-    /// Leaves out what a NATS server does not carry.
-    void limit(MirrorClientOptions& options) const;
-    void printNews();
-
-  private:
-    std::string shown_;
-    std::unique_ptr<NatsSubscriber> nats_;
-};
+/// Where a verb follows a scene. Throws UsageError for what is neither an endpoint nor an address of a NATS server, and
+/// for a key file with the latter. Tries for `patience` seconds to connect to a NATS server. Error: no connection.
+Result<MirrorOrigin> openOrigin(const std::string& typed, const std::string& key, double patience);
+/// Says what has happened to the connection.
+void printNews(MirrorOrigin& origin);
 
 /// What a verb publishes of what it serves, if that was asked for.
 class Published {

@@ -376,7 +376,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     if (!picture.file().empty()) outputs.render = picture.file();
     if (!sound.file().empty()) outputs.listen = sound.file();
     const auto begun = std::chrono::steady_clock::now();
-    const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? log : arguments.rerun);
+    const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? firstFileOf(log) : arguments.rerun);
 
     const double start = logStart(log);
     ReplayOutcome outcome = outcomeOf(arguments, log);

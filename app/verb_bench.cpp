@@ -78,6 +78,8 @@ constexpr Bench kBenches[] = {
     {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",
      always<bench::deform>},
     {"touch", "world", "a tick of touch on a mesh of 100,352 triangles, still and moving", always<bench::touch>},
+    {"feeds", "world", "from a click to a line in the user's code, by TCP and MQTT, beside both alone",
+     bench::feedsLatency},
     {"codec", "sync", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "sync", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "sync", "transform changes a second over loopback TCP, hash equal each frame",

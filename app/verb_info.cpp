@@ -16,6 +16,7 @@
 #include "cli.h"
 #include "extensions.h"
 #include "files.h"
+#include "nats.h"
 #include "outputs.h"
 #include "start_time.h"
 
@@ -145,7 +146,7 @@ int describeLog(const InfoArguments& options) {
             log->gaps, gapsText(*log), terminalText(log->mode), terminalText(log->coding), terminalText(log->creator),
             log->nodes);
         printCounts(log->types);
-        tellOfEarlierPieces(options.file);
+        tellOfPieces(options.file);
     }
     return log->damaged + log->gaps + log->framesBehind == 0 ? kDone : kBad;
 }
@@ -155,15 +156,19 @@ int describeLog(const InfoArguments& options) {
 Verb addInfo(Command& program) {
     auto options = std::make_shared<InfoArguments>();
     Command* command = program.addVerb("info", "Say what is in a scene or a log");
-    command->addOption("FILE", options->file, "scene file, log, or - for a scene")->required();
+    command->addOption("FILE", options->file, "scene file, log, folder of a log's pieces, or - for a scene")
+        ->required();
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "one JSON object");
     command->footer(
         "Example: rtsg info --json hall.x3dv\n"
         "Example: rtsg info hall.rlog\n"
         "Exit status 1 for a scene with errors, or a log with damage or missing frames.");
-    return {command,
-            [options] { return isLogOrNamedSo(options->file) ? describeLog(*options) : describeScene(*options); }};
+    return {command, [options]() -> int {
+                const auto log = fetchLog("FILE", options->file);
+                if (!log) return printError(log.error()), kBad;
+                return isLogOrNamedSo(options->file) ? describeLog(*options) : describeScene(*options);
+            }};
 }
 
 }  // namespace rtsg::app

@@ -18,6 +18,7 @@
 #include "behind.h"
 #include "cli.h"
 #include "extensions.h"
+#include "foxglove.h"
 #include "health.h"
 #include "live_outputs.h"
 #include "nats.h"
@@ -43,8 +44,10 @@ struct MirrorArguments {
     std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
     OutputArguments outputs;
     MetricsArguments metrics;
+    FoxgloveArguments foxglove;
+    std::vector<std::string> fields;
     SayArguments say;
-    bool json = false;
+    bool json = false, insecure = false;
 };
 
 /// The names that no node of the replica has; a number begins with #.
@@ -117,6 +120,7 @@ class Made {
   public:
     Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
         : replica_(replica),
+          world_(replica, resources),
           makesMore_(!arguments.render.empty() || !arguments.listen.empty() || !arguments.save.empty()) {
         if (!arguments.record.empty()) {
             LogOptions options;
@@ -135,13 +139,13 @@ class Made {
             outputs_ = std::move(behind);
             return;
         }
-        world_ = std::make_unique<WorldOnDemand>(replica, resources);
-        auto attached = makeOutputs(*world_, arguments, resources);
+        auto attached = makeOutputs(world_, arguments, resources);
         if (attached)
             outputs_ = std::move(*attached);
         else
             problem_ = std::unexpected(attached.error());
     }
+    WorldOnDemand& world() { return world_; }
     bool wantsSteps() const { return log_ || behind_; }
     void step(const RecordStep& step) {
         if (log_) log_->add(replica_, step);
@@ -184,10 +188,10 @@ class Made {
     }
 
     Scene& replica_;
+    WorldOnDemand world_;
     const bool makesMore_;  // outputs other than a log
     bool logFailed_ = false, outputsFailed_ = false;
     Result<> problem_;
-    std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<RecordLog> log_;
     std::unique_ptr<OutputMaker> outputs_;
     OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that type
@@ -195,7 +199,7 @@ class Made {
 
 class Mirroring {
   public:
-    Mirroring(const MirrorArguments& options, Origin& from)
+    Mirroring(const MirrorArguments& options, MirrorOrigin& from)
         : options_(options),
           from_(from),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
@@ -274,7 +278,7 @@ class Mirroring {
     void printJson() const;
 
     const MirrorArguments& options_;
-    Origin& from_;
+    MirrorOrigin& from_;
     const double duration_, patience_, latency_;
     const Resources resources_;
     Scene replica_;
@@ -286,6 +290,7 @@ class Mirroring {
     MirrorStatistics last_;
     Extensions::Attached subscribers_;  // of plug-ins
     std::unique_ptr<Made> made_;
+    Foxglove foxglove_;
     std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when --for was over
     ElapsedTime elapsed_;
@@ -311,6 +316,13 @@ bool Mirroring::join() {
     arguments.endsByInterruption = options_.duration.empty();
     subscribers_ = attachSubscribers(replica_);
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
+    auto foxglove = Foxglove::start(options_.foxglove, options_.fields, made_->world(), {options_.insecure});
+    if (!foxglove) {
+        printError(foxglove.error());
+        status_ = kBad;
+        return false;
+    }
+    foxglove_ = std::move(*foxglove);
     if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
     tellServiceManager("READY=1");
     if (auto ok = requests_.parse(replica_); !ok) {
@@ -379,7 +391,8 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
 std::chrono::milliseconds Mirroring::longestPoll() const {
     constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
     const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
-                       controls_ < options_.control.size() || client_->originLost() || !client_->inStep();
+                       controls_ < options_.control.size() || options_.foxglove.wanted() || client_->originLost() ||
+                       !client_->inStep();
     if (waits) return kOften;
     const double left = std::min(duration_ - reached(), duration_ - secondsSince(joinedAt_));
     return std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * std::min(left, 2.))), kOften, kSeldom);
@@ -392,7 +405,7 @@ void Mirroring::follow() {
         const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) say(d);
-        from_.printNews();
+        printNews(from_);
         // A server without room may have some in a while.
         if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
@@ -405,6 +418,7 @@ void Mirroring::follow() {
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
+        if (joined()) foxglove_.after();
         if (joined()) requests_.turn(client, reached(), replica_.now());
         if (joined()) control(client);
         if (joined()) sayWhetherHeard();
@@ -535,6 +549,10 @@ void Mirroring::printJson() const {
 
 int Mirroring::run() {
     options_.say.apply();
+    if (!options_.foxglove.wanted() && !options_.fields.empty())
+        throw UsageError("--fields", "only together with --foxglove");
+    if (!options_.foxglove.wanted() && options_.insecure)
+        throw UsageError("--insecure", "only together with --foxglove");
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
     tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
@@ -544,7 +562,7 @@ int Mirroring::run() {
     fetches_.emplace(replica_, resources_);
     auto wanted = clientOptions(options_);
     if (!wanted) return printError(wanted.error()), kBad;
-    from_.limit(*wanted);
+    if (auto ok = from_.prepare(*wanted); !ok) return printError(ok.error()), kUsage;
     auto connected = MirrorClient::connect(replica_, from_.endpoint(), std::move(*wanted));
     if (!connected) return printError(connected.error()), kUsage;
     client_ = std::move(*connected);
@@ -558,13 +576,14 @@ int Mirroring::run() {
     if (joined()) noteTime();
     sayWhatIsMissing();
     leave();
+    if (auto ok = foxglove_.end(); !ok) fail(ok.error().format());
     finish();
     options_.json ? printJson() : print();
     return good_ ? kDone : kBad;
 }
 
 int mirror(MirrorArguments options) {
-    auto from = Origin::open(options.endpoint, options.key, parseSeconds(options.patience));
+    auto from = openOrigin(options.endpoint, options.key, parseSeconds(options.patience));
     if (!from) return printError(from.error()), kBad;
     options.endpoint = from->shown();
     auto stored = StoredLog::start("--record", options.outputs.record,
@@ -647,6 +666,9 @@ Verb addMirror(Command& program) {
     addParts(*command, *options);
     addSlowLinks(*command, *options);
     options->metrics.addTo(*command);
+    options->foxglove.addTo(*command);
+    command->addOption("--fields", options->fields, "of --foxglove: DEF.field or DEF.*, by commas")->repeatable();
+    command->addFlag("--insecure", options->insecure, "let other machines reach --foxglove");
     options->say.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->footer(

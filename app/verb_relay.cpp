@@ -46,7 +46,7 @@ constexpr std::chrono::milliseconds kTurn{500};
 
 class Relaying {
   public:
-    Relaying(const RelayArguments& options, Origin& from)
+    Relaying(const RelayArguments& options, MirrorOrigin& from)
         : options_(options),
           from_(from),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
@@ -87,7 +87,7 @@ class Relaying {
         to.maximumPeers = options_.peers;
         to.maximumParts = options_.parts;
         (void)interrupted();  // from here on an interruption ends the program in order
-        from_.limit(from);
+        if (auto ok = from_.prepare(from); !ok) return ok;
         auto relay =
             MirrorRelay::connect(replica_, from_.endpoint(), options_.endpoint, std::move(from), std::move(to));
         if (!relay) return std::unexpected(relay.error());
@@ -103,7 +103,7 @@ class Relaying {
         }
         MirrorClient& client = relay_->client();
         printNews(client);
-        from_.printNews();
+        printNews(from_);
         if (relay_->server()) printNews(*relay_->server());
         if (!before && relay_->server()) sayEndpoint();
         if (!client.originLost()) heard_ = Clock::now();
@@ -143,7 +143,7 @@ class Relaying {
     }
 
     const RelayArguments& options_;
-    Origin& from_;
+    MirrorOrigin& from_;
     const double duration_, patience_;
     Scene replica_;
     std::unique_ptr<MirrorRelay> relay_;
@@ -154,7 +154,7 @@ class Relaying {
 
 int relay(RelayArguments options) {
     options.say.apply();
-    auto from = Origin::open(options.origin, options.key, parseSeconds(options.patience));
+    auto from = openOrigin(options.origin, options.key, parseSeconds(options.patience));
     if (!from) return printError(from.error()), kBad;
     options.origin = from->shown();
     return Relaying(options, *from).run();

@@ -138,7 +138,7 @@ class Replaying {
           start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
           length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           wanted_(outputsOf(options, start_)),
-          resources_(options.outputs.resources.ofFile(options.log)) {}
+          resources_(options.outputs.resources.ofFile(firstFileOf(options.log))) {}
 
     int run() {
         tellOfFailuresInTheEnd(replayer_.scene());
@@ -499,7 +499,7 @@ int replay(const Command& command, ReplayArguments options) {
     (void)seekOf(options, 0);  // checked before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
-    tellOfEarlierPieces(options.log);
+    tellOfPieces(options.log);
     return Replaying(options, **opened).run();
 }
 
@@ -508,7 +508,10 @@ int replay(const Command& command, ReplayArguments options) {
 Verb addReplay(Command& program) {
     auto options = std::make_shared<ReplayArguments>();
     Command* command = program.addVerb("replay", "Play a log back; verify it; picture, hear and save it");
-    command->addOption("LOG", options->log, "log to read (.rlog), or nats://HOST:PORT/NAME")->required();
+    command
+        ->addOption("LOG", options->log,
+                    "log to read (.rlog), folder of its pieces, or these by commas; or nats://HOST:PORT/NAME")
+        ->required();
     command->addFlag("--verify", options->verify,
                      "all of it, to the index that a session ends with; states are checked in any case");
     command->addOption("--seek", options->seek,

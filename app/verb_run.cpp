@@ -170,7 +170,7 @@ int runScene(const RunArguments& options) {
     if (!watches->empty()) printEvents(running, *watches);
     RunMade made(running, options);
     (void)interrupted();  // from here on an interruption ends the program in order and cuts no line
-    auto feeds = Feeds::start(options.feeds, scene, {.start = running.start(), .timed = true});
+    auto feeds = Feeds::start(options.feeds, running.world(), {.start = running.start(), .timed = true});
     if (!feeds) return printError(feeds.error()), kBad;
     running.beforeFrames([&](double t) { feeds->before(t); });
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {

@@ -160,15 +160,16 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option :
          {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--free", "--dis",
-          "--clip", "--feed", "--publish", "--fields", "--publish-rate", "--metrics-port"})
+          "--clip", "--feed", "--publish", "--fields", "--publish-rate", "--foxglove", "--metrics-port"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =
         options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
-    return serveLog({options.scene, options.endpoint, options.log, options.web, options.resources.ofFile(options.scene),
-                     duration, parseSeconds(options.linger), options.json, options.nats},
+    return serveLog({options.scene, options.endpoint, options.log, options.web,
+                     options.resources.ofFile(firstFileOf(options.scene)), duration, parseSeconds(options.linger),
+                     options.json, options.nats},
                     *serverOptions);
 }
 
@@ -310,7 +311,7 @@ int Session::startFeeds() {
     how.start = running_.start();
     how.insecure = options_.insecure;
     how.call = server_->callDescriptor();
-    auto feeds = Feeds::start(options_.feeds, running_.scene(), how);
+    auto feeds = Feeds::start(options_.feeds, running_.world(), how);
     if (!feeds) return printError(namingOptions(feeds.error(), "--insecure", "")), kBad;
     feeds_ = std::move(*feeds);
     if (auto ok = health_.start(options_.metrics, options_.insecure); !ok)
@@ -471,6 +472,12 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
         throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
+    PassingFolder fetched;
+    if (options.resume.empty() && isNatsAddress(options.scene)) {
+        auto log = fetchLog("SCENE", options.scene);
+        if (!log) return printError(log.error()), kBad;
+        fetched = std::move(*log);
+    }
     if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
     options.resources.inBackground = true;
     checkResume(options);
@@ -524,8 +531,10 @@ void addMirrors(Command& command, ServeArguments& options) {
 Verb addServe(Command& program) {
     auto options = std::make_shared<ServeArguments>();
     Command* command = program.addVerb("serve", "Run a scene in real time and mirror it");
-    command->addOption("SCENE", options->scene,
-                       "scene file, or -, or a log to play; with --resume only the folder that urls start from");
+    command->addOption(
+        "SCENE", options->scene,
+        "scene file, or -, or a log to play (file, folder of its pieces, nats://HOST:PORT/NAME); with --resume only "
+        "the folder that urls start from");
     command->addOption(
         "--resume", options->resume,
         "go on with the session in this log, killed or ended: same states, clock and epoch, so that mirrors "

@@ -313,7 +313,9 @@ class Viewing {
 Verb addView(Command& program) {
     auto options = std::make_shared<ViewArguments>();
     Command* command = program.addVerb("view", "Look at a scene in a window: walk, point, click, hear");
-    command->addOption("SCENE", options->source.name, "scene file, or -; ENDPOINT that rtsg serve named; or a log")
+    command
+        ->addOption("SCENE", options->source.name,
+                    "scene file, or -; ENDPOINT that rtsg serve named, or nats://HOST:PORT/NAME; or a log")
         ->required();
     command->addOption("--for", options->duration, "close the window after so long; else Escape does");
     command->addOption("--screenshot", options->screenshot, "write a picture of the last state at the end");

@@ -19,6 +19,7 @@
 #include <rtsg/window/own_eye.h>
 
 #include "extensions.h"
+#include "nats.h"
 #include "view_source.h"
 
 namespace rtsg::app {
@@ -89,9 +90,7 @@ class ConnectionWaiter {
 class ServedSource final : public ViewSource {
   public:
     explicit ServedSource(const ViewSourceArguments& arguments)
-        : endpoint_(arguments.name),
-          patience_(parseSeconds(arguments.patience)),
-          resources_(arguments.resources.ofReplica()) {}
+        : patience_(parseSeconds(arguments.patience)), resources_(arguments.resources.ofReplica()) {}
     Result<> open(const ViewSourceArguments& arguments) {
         registerDocuments(replica_);
         runScripts(replica_);
@@ -105,7 +104,13 @@ class ServedSource final : public ViewSource {
             if (!keys) return std::unexpected(keys.error());
             options.keys = std::move(*keys);
         }
-        auto client = MirrorClient::connect(replica_, endpoint_, std::move(options));
+        auto origin =
+            MirrorOrigin::open(arguments.name, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience_)));
+        if (!origin) return std::unexpected(origin.error());
+        origin_.emplace(std::move(*origin));
+        endpoint_ = origin_->shown();
+        if (auto ok = origin_->prepare(options); !ok) return ok;
+        auto client = MirrorClient::connect(replica_, origin_->endpoint(), std::move(options));
         if (!client) return std::unexpected(client.error());
         client_ = std::move(*client);
         while (client_->statistics().frames == 0) {
@@ -126,6 +131,7 @@ class ServedSource final : public ViewSource {
         client_->poll(std::chrono::milliseconds(0));
         for (const Diagnostic& d : client_->takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        printNews(*origin_);
         for (const MirrorVerdict& verdict : client_->takeVerdicts()) {
             if (verdict.refusal.empty() || !std::exchange(mayAct_, false)) continue;
             fmt::print(stderr, "note: the scene is for looking: {}\n", terminalText(verdict.refusal));
@@ -193,11 +199,12 @@ class ServedSource final : public ViewSource {
     /// Seconds since the origin was heard.
     double silence() const { return std::chrono::duration<double>(Clock::now() - heard_).count(); }
 
-    const std::string endpoint_;
+    std::string endpoint_;  // for messages
     const double patience_;
     const Resources resources_;
     std::optional<FollowedFetches> fetches_;
     Scene replica_;
+    std::optional<MirrorOrigin> origin_;
     std::unique_ptr<MirrorClient> client_;
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;

@@ -44,6 +44,8 @@ void features(const Report& report, bool quick);
 bool sound(const Report& report, bool quick);
 
 void touch(const Report& report, bool quick);
+/// False if a line does not arrive.
+bool feedsLatency(const Report& report, bool quick);
 
 /// CPU time of this process in seconds.
 double cpuSeconds();

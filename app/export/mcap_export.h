@@ -1,14 +1,5 @@
-// McapExport: writes a scene that something else runs as an MCAP file, for Foxglove and other viewers:
+// McapExport: writes what SceneMessages tells of a scene as an MCAP file, for Foxglove and other viewers.
 //
-//   /tf            foxglove.FrameTransforms: where each shape, light, viewpoint and sound is, as a frame below "world"
-//   /scene         foxglove.SceneUpdate: each shape in its frame, as a cube, sphere, cylinder or triangles, in its
-//                  colour
-//   /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
-//
-// A frame costs what changed in it. Only a complete message once a second of scene time, for more than some hundred
-// shapes, grows with the scene.
-// Invariant: time stamps are scene time. Scale and shear are in /scene, because frames only turn and move. Viewers that
-// jump get the last message of each topic, so an incomplete message is followed by a complete one within seconds.
 // Threading: the scene's thread.
 #pragma once
 
@@ -19,23 +10,26 @@
 #include <rtsg/renderers/shared_world.h>
 #include <rtsg/sync/mcap.h>
 
+#include "scene_messages.h"
+
 namespace rtsg::app {
 
 class McapExport {
   public:
-    /// Follows the world, which must outlive this and be in its first state.
+    /// Follows the world, which must outlive this.
     static Result<std::unique_ptr<McapExport>> attach(SharedWorld& world, const std::string& file,
                                                       McapOptions options = {});
-    ~McapExport();
 
     /// Why it no longer follows; empty if it does.
-    std::string failure() const;
+    std::string failure() const { return messages_->failure(); }
     Result<> finish();
 
   private:
-    struct Impl;
-    explicit McapExport(std::unique_ptr<Impl> impl);
-    std::unique_ptr<Impl> impl_;
+    class Sink;
+    McapExport() = default;
+    std::unique_ptr<McapWriter> writer_;
+    std::unique_ptr<MessageSink> sink_;
+    std::unique_ptr<SceneMessages> messages_;  // last: it uses the others
 };
 
 }  // namespace rtsg::app

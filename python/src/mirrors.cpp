@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_path.h>
+#include <rtsg/nats/mirror_origin.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
@@ -128,7 +129,8 @@ class Follower final : public Dependent {
     Follower(const std::string& endpoint, const std::string& name, const std::string& keys,
              const std::vector<std::string>& parts, double latency, const std::string& base) {
         SceneHandle::Options options;
-        options.file = endpoint;
+        origin_ = take(unlocked([&] { return MirrorOrigin::open(endpoint); }));
+        options.file = origin_->shown();
         if (!base.empty()) {
             ResourcePolicy policy;
             policy.roots.emplace_back(base);
@@ -142,7 +144,8 @@ class Follower final : public Dependent {
         how.keys = keysFrom(keys);
         how.parts = parts;
         how.latency = millisecondsOf(latency);
-        client_ = take(MirrorClient::connect(handle_->scene(), endpoint, std::move(how)));
+        take(origin_->prepare(how));
+        client_ = take(MirrorClient::connect(handle_->scene(), origin_->endpoint(), std::move(how)));
         attachment_ = handle_->scene().bus().attach(pending_);
         pending_.sets.clear();  // of the empty scene
         handle_->add(*this);
@@ -186,6 +189,7 @@ class Follower final : public Dependent {
             handle_->raisePending();
             takeVerdicts();
             warnOf(inside.takeDiagnostics());
+            warnOf(origin_->takeDiagnostics());
             if (!inside.refusal().empty()) raise(DiagnosticCode("mirror"), "the server refuses: " + inside.refusal());
             if (!pending_.sets.empty() || !verdicts_.empty() || left <= Milliseconds(0) || inside.serverLeft()) break;
         }
@@ -255,6 +259,7 @@ class Follower final : public Dependent {
     SceneHandle* handle_ = nullptr;
     Pending pending_;
     Attachment attachment_;
+    std::optional<MirrorOrigin> origin_;
     std::unique_ptr<MirrorClient> client_;
     std::vector<MirrorVerdict> verdicts_;
 };

@@ -2,7 +2,6 @@
 #include "gateway.h"
 
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -27,8 +26,7 @@ constexpr auto kSlow = std::chrono::seconds(5);    // answers that take longer m
 constexpr auto kSilent = std::chrono::seconds(2);  // a browser says at once who it is
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
-constexpr std::size_t kMostNews = 100;
-constexpr std::size_t kMostWishes = 64;  // files that wait for the scene's thread
+constexpr std::size_t kMostWishes = 64;                       // files that wait for the scene's thread
 constexpr std::size_t kWorthPacking = 1 << 10;
 
 /// Takes equally long wherever the first wrong letter is.
@@ -210,21 +208,6 @@ WebCounts Gateway::counts() const {
     return {connections_, opened_, requests, refused};
 }
 
-/// Refused clients may ask again for ever. So of many messages only each that doubles their number is reported.
-void Gateway::news(std::string text) {
-    constexpr std::uint64_t kAllTold = 8;
-    const std::scoped_lock lock(mutex_);
-    const std::uint64_t by = ++newsCount_;
-    if (by > kAllTold && !std::has_single_bit(by)) return;
-    if (by > kAllTold) text += "; " + std::to_string(by) + " such things by now";
-    if (news_.size() < kMostNews) news_.push_back(std::move(text));
-}
-
-std::vector<std::string> Gateway::takeNews() {
-    const std::scoped_lock lock(mutex_);
-    return std::exchange(news_, {});
-}
-
 bool Gateway::wish(FileWish wish, std::weak_ptr<Visit> visit) {
     std::erase_if(wishing_, [](const auto& w) { return w.second.expired(); });
     if (wishing_.size() >= kMostWishes) return false;
@@ -296,7 +279,10 @@ std::optional<std::string> hostOf(const Request& request) {
 }
 
 bool Gateway::knowsHost(const Request& request) const {
-    if (!settings_.loopback) return true;
+    return !settings_.loopback || namesThisMachine(request);
+}
+
+bool namesThisMachine(const Request& request) {
     const std::string host = hostOf(request).value_or("");
     beast::error_code error;
     const auto address = net::ip::make_address(host, error);  // a name may begin like an address

@@ -21,6 +21,7 @@
 
 #include <zmq.h>
 
+#include "news.h"
 #include "pages.h"
 #include "sockets/web_module.h"
 
@@ -45,6 +46,8 @@ std::string sourceOf(const Tcp::socket& socket);
 /// The host in the request's one Host field, without its port. Empty if there are none or several, or it is no host
 /// name (RFC 9112, 3.2). HTTP/1.0 requests may lack it: "".
 std::optional<std::string> hostOf(const Request& request);
+/// True if the request names this machine by loopback, so that no other site's name has led here.
+bool namesThisMachine(const Request& request);
 
 class Gateway : public WebModule {
   public:
@@ -55,7 +58,7 @@ class Gateway : public WebModule {
 
     std::uint16_t port() const override { return port_; }
     WebCounts counts() const override;
-    std::vector<std::string> takeNews() override;
+    std::vector<std::string> takeNews() override { return news_.take(); }
     std::vector<FileWish> takeWishes() override;
     void answer(std::uint64_t wish, std::string bytes, std::string type) override;
 
@@ -65,7 +68,7 @@ class Gateway : public WebModule {
     /// Null without encryption.
     net::ssl::context* tls() { return tls_.get(); }
     void* context() { return context_.get(); }
-    void news(std::string text);
+    void news(std::string text) { news_.add(std::move(text)); }
     /// Why this request may not follow, nor load files that the scene names. Empty if it may.
     std::string refusal(const Request& request, const std::string& source) const;
     /// True if the request's host is one of ours, so that no other site's name leads here. Precondition: hostOf()
@@ -107,9 +110,8 @@ class Gateway : public WebModule {
     std::atomic<std::uint64_t> opened_{0};
     std::vector<Visit*> visits_;  // oldest first
     bool stopping_ = false;
-    mutable std::mutex mutex_;
-    std::vector<std::string> news_;
-    std::uint64_t newsCount_ = 0;
+    News news_;
+    std::mutex mutex_;
     std::vector<FileWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // used by the thread only
     std::uint64_t wishNumber_ = 0;

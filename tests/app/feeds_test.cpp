@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "mirror_session.h"
+#include "support/mosquitto.h"
 
 namespace rtsg::test {
 
@@ -113,50 +114,23 @@ TEST_F(FeedsOfProgram, AServedSceneTakesAndSendsEventsBySockets) {
 }
 
 TEST_F(FeedsOfProgram, ABrokerIsInBetween) {
-    std::string broker;
-    for (const char* path : {"/usr/sbin/mosquitto", "/usr/local/sbin/mosquitto", "/usr/bin/mosquitto"})
-        if (std::filesystem::exists(path)) broker = path;
-    if (broker.empty()) GTEST_SKIP() << "mosquitto is not installed";
-    // A port that was free a moment ago.
-    const int probe = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address{};
-    socklen_t length = sizeof(address);
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    ASSERT_EQ(::bind(probe, reinterpret_cast<const sockaddr*>(&address), length), 0);
-    ASSERT_EQ(::getsockname(probe, reinterpret_cast<sockaddr*>(&address), &length), 0);
-    ::close(probe);
-    const std::string port = std::to_string(ntohs(address.sin_port)), place = "mqtt://127.0.0.1:" + port;
-    writeFile(folder / "broker.conf", "listener " + port + " 127.0.0.1\nallow_anonymous true\n");
-    const pid_t pid = ::fork();
-    if (pid == 0) {
-        for (const int stream : {STDOUT_FILENO, STDERR_FILENO}) ::close(stream);
-        ::execl(broker.c_str(), "mosquitto", "-c", (folder / "broker.conf").c_str(), nullptr);
-        ::_exit(127);
-    }
-    for (int i = 0; i < 3000; ++i) {
-        const int attempt = ::socket(AF_INET, SOCK_STREAM, 0);
-        const bool there = ::connect(attempt, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
-        ::close(attempt);
-        if (there) break;
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
+    if (Mosquitto::program().empty()) GTEST_SKIP() << Mosquitto::kMissing;
+    Mosquitto broker;
     // The first scene's box moves, the second one's follows it by the broker.
     const std::string still = folder / "still.x3dv";
     std::string text = scene();
     text.erase(text.find("ROUTE PATH"));
     writeFile(still, text);
-    Program follower({"serve", still, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", place + "/scene/#",
+    Program follower({"serve", still, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", broker.place("scene/#"),
                       "--publish", "tcp://127.0.0.1:0", "--fields", "BOX.translation"},
                      streams());
     const int out = connectTo(nlohmann::json::parse(follower.firstLine()).at("published").at(0));
-    serve({"--publish", place + "/scene/box", "--fields", "BOX.translation", "--publish-rate", "20"},
+    serve({"--publish", broker.place("scene/box"), "--fields", "BOX.translation", "--publish-rate", "20"},
           "tcp://127.0.0.1:*");
     const std::string moved = lineFrom(out);
     EXPECT_NE(moved.find(R"("node":"BOX","field":"translation","value":[)"), std::string::npos) << moved;
     ::close(out);
-    ::kill(pid, SIGKILL);
-    ::waitpid(pid, nullptr, 0);
+    broker.stop();
     // Without its broker each goes on.
     for (Program* one : {&follower, server.get()}) {
         one->signal(SIGINT);

@@ -47,7 +47,7 @@ INSTANTIATE_TEST_SUITE_P(Small, Benches,
                                          One{"rays", asItSays<rays>}, One{"overlap", asItSays<overlap>},
                                          One{"deform", always<deform>}, One{"instances", always<instances>},
                                          One{"stage", always<stage>}, One{"export", always<exporting>},
-                                         One{"sound", asItSays<sound>}),
+                                         One{"sound", asItSays<sound>}, One{"feeds", asItSays<feedsLatency>}),
                          [](const auto& one) { return one.param.name; });
 
 }  // namespace

@@ -29,7 +29,7 @@ NOT_RUN = {
     "udp:5571": "waits for a driver; app.Touch has one",
 }
 # Durations and sizes that show the same in less time.
-SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
+SHORTER = {"--for": "1s", "--web": "0", "--foxglove": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
 TIMES = ("--for", "--seek")
 SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png",
           "materials.csv": "examples/demo/materials.csv"}
@@ -91,6 +91,7 @@ def prepare(folder):
             shutil.copy(asset, folder / asset.name)
     (folder / "out").mkdir()
     (folder / "models").mkdir()
+    (folder / "days").mkdir()
 
 
 def run(program, arguments, folder, timeout=120):
@@ -111,6 +112,7 @@ def main():
         # What the texts take for granted: files made earlier, by the commands that make them.
         for given in (["convert", "door.x3dv", "models/door.x3d"], ["convert", "door.x3dv", "old.wrl"], ["convert", "door.x3dv", "hall.wrl"],
                       ["record", "hall.x3dv", "-o", "hall.rlog", "--for", "2s", "--fps", "10"],
+                      ["record", "hall.x3dv", "-o", "days/hall.rlog", "--for", "4s", "--fps", "10", "--rotate", "1s"],
                       ["keys", "hall.key", "--client", "laptop.key"],
                       ["record", "door.x3dv", "-o", "door.rlog", "--for", "3s", "--fps", "30", "--set", "PRESSED.set_boolean=TRUE@0.5"]):
             made = run(program, given, folder)
@@ -139,7 +141,9 @@ def main():
             shutil.copytree(pristine, folder)
             if arguments[0] == "record" or "--record" in arguments:
                 made = arguments[arguments.index("-o" if arguments[0] == "record" else "--record") + 1]
-                (folder / made).unlink(missing_ok=True)
+                for piece in (folder / made).parent.glob(pathlib.Path(made).stem + ".*"):
+                    if piece.suffix == ".rlog":
+                        piece.unlink()
             if arguments[0] == "keys":
                 for made in arguments[1], arguments[arguments.index("--client") + 1]:
                     (folder / made).unlink(missing_ok=True)

@@ -80,7 +80,9 @@ struct Publisher::State {
 };
 
 Publisher::Publisher(std::unique_ptr<State> state) : state_(std::move(state)) {}
-Publisher::~Publisher() = default;
+Publisher::~Publisher() {
+    close();
+}
 
 Result<std::unique_ptr<Publisher>> Publisher::start(Scene& scene, PublishOptions options) {
     if (options.fields.empty()) return fail("nothing to publish: no fields are named");
@@ -173,6 +175,11 @@ double Publisher::nextAt() const {
 }
 
 void Publisher::close() {
+    for (State::Topic& topic : state_->topics) {
+        if (!topic.waiting) continue;
+        const Value value = std::move(*topic.waiting);
+        state_->write(topic, value, topic.at);
+    }
     state_->sink->close();
 }
 

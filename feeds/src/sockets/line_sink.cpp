@@ -42,6 +42,11 @@ class Outlet {
     virtual std::size_t subscribers() const { return 0; }
     /// True while something waits to be sent.
     virtual bool waits() const { return false; }
+    /// Lines that waited for somebody and never will be sent, since this was last asked. `all`: nothing is sent any more.
+    virtual std::uint64_t lost(bool all) {
+        (void)all;
+        return 0;
+    }
 };
 
 class FileOutlet final : public Outlet {
@@ -126,11 +131,24 @@ class TcpOutlet final : public Outlet {
     }
     void turn() override {
         acceptAll();
-        std::erase_if(subscribers_, [](Subscriber& one) { return !turnOf(one); });
+        std::erase_if(subscribers_, [this](Subscriber& one) {
+            const bool leaves = !turnOf(one);
+            if (leaves) lost_ += linesOf(one);
+            return leaves;
+        });
     }
     std::size_t subscribers() const override { return subscribers_.size(); }
     bool waits() const override {
         return std::ranges::any_of(subscribers_, [](const Subscriber& one) { return !one.waiting.empty(); });
+    }
+
+    std::uint64_t lost(bool all) override {
+        if (all)
+            for (Subscriber& one : subscribers_) {
+                lost_ += linesOf(one);
+                one.waiting.clear();
+            }
+        return std::exchange(lost_, 0);
     }
 
   private:
@@ -139,6 +157,10 @@ class TcpOutlet final : public Outlet {
         std::string waiting;
         std::uint64_t missed = 0;
     };
+    /// Lines that wait for it; one of which it has had a part counts.
+    static std::uint64_t linesOf(const Subscriber& one) {
+        return static_cast<std::uint64_t>(std::ranges::count(one.waiting, '\n'));
+    }
     /// Returns false if it has left.
     static bool turnOf(Subscriber& one) {
         char ignored[4096];
@@ -162,6 +184,7 @@ class TcpOutlet final : public Outlet {
 
     Descriptor socket_;
     std::vector<Subscriber> subscribers_;
+    std::uint64_t lost_ = 0;
 };
 
 class ThreadedSink final : public LineSink {
@@ -222,7 +245,10 @@ class ThreadedSink final : public LineSink {
             outlet_->turn();
             const std::scoped_lock lock(mutex_);
             counts_.subscribers = outlet_->subscribers();
+            counts_.missed += outlet_->lost(false);
         }
+        const std::scoped_lock lock(mutex_);
+        counts_.missed += outlet_->lost(true);
     }
     bool isToStop() const {
         const std::scoped_lock lock(mutex_);

@@ -28,11 +28,7 @@ Result<feeds::Place> metricsPlace(std::string text) {
         if (!text.starts_with("http://")) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
         text = text.substr(scheme + 3);
     }
-    text = text.substr(0, text.find('/'));
-    if (text.find(':') == text.npos) text = "127.0.0.1:" + text;
-    auto place = feeds::Place::parse("tcp://" + text);
-    if (!place) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
-    return place;
+    return feeds::Place::ofPort(text.substr(0, text.find('/')));
 }
 
 std::string answerWith(std::string_view status, std::string_view body, bool head) {

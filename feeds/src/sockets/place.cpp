@@ -66,6 +66,12 @@ Result<Place> Place::parse(std::string_view text) {
     return place;
 }
 
+Result<Place> Place::ofPort(const std::string& text) {
+    auto place = parse("tcp://" + (text.find(':') == text.npos ? "127.0.0.1:" + text : text));
+    if (!place) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
+    return place;
+}
+
 bool SocketAddress::isLoopback() const {
     if (storage.ss_family == AF_INET)
         return (ntohl(reinterpret_cast<const sockaddr_in&>(storage).sin_addr.s_addr) >> 24) == 127;

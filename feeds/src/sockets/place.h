@@ -24,6 +24,8 @@ struct Place {
     std::uint16_t port = 0;
 
     static Result<Place> parse(std::string_view text);
+    /// "9100" on loopback, or "HOST:9100", for connections.
+    static Result<Place> ofPort(const std::string& text);
     bool isSocket() const { return kind != Kind::standard && kind != Kind::file; }
 };
 

@@ -2,9 +2,11 @@
 #include "pieces.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <set>
 #include <span>
@@ -40,6 +42,51 @@ std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(cons
     return found;
 }
 
+namespace {
+
+/// The name of the log to which a file of such a name belongs: "a" for a.rlog and for a.0001.rlog.
+std::string logOf(const std::filesystem::path& file) {
+    const std::string stem = file.stem().string(), ending = file.stem().extension().string();
+    const std::string_view digits = std::string_view(ending).substr(ending.empty() ? 0 : 1);
+    std::uint64_t number = 0;
+    const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
+    const bool isPiece = problem == std::errc() && end == digits.data() + digits.size() && number < kMostPieces &&
+                         fmt::format("{:04}", number) == digits;
+    return isPiece ? file.stem().stem().string() : stem;
+}
+
+}  // namespace
+
+Result<std::vector<std::filesystem::path>> filesOfLog(const std::filesystem::path& name) {
+    std::error_code error;
+    if (!std::filesystem::is_directory(name, error)) {
+        std::vector<std::filesystem::path> files;
+        const std::string text = name.string();
+        if (!text.contains(',') || std::filesystem::exists(name, error)) return std::vector{name};
+        for (std::size_t from = 0; from <= text.size();) {
+            const std::size_t comma = std::min(text.find(',', from), text.size());
+            if (comma > from) files.emplace_back(text.substr(from, comma - from));
+            from = comma + 1;
+        }
+        if (files.empty()) return std::vector{name};
+        return files;
+    }
+    std::set<std::string> logs;
+    for (const auto& entry : std::filesystem::directory_iterator(name, error))
+        if (entry.path().extension() == ".rlog") logs.insert(logOf(entry.path().filename()));
+    if (error) return fail("cannot read: " + error.message(), {}, name.string());
+    if (logs.empty()) return fail("there is no log in this folder", {}, name.string());
+    if (logs.size() > 1)
+        return fail(fmt::format("there are several logs in this folder, such as {} and {}: name one, or its files by "
+                                "commas",
+                                *logs.begin(), *std::next(logs.begin())),
+                    {}, name.string());
+    const std::filesystem::path newest = name / (*logs.begin() + ".rlog");
+    std::vector<std::filesystem::path> files = earlierPieces(newest);
+    if (std::filesystem::exists(newest, error)) files.push_back(newest);
+    return files;
+}
+
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file) {
     std::vector<std::filesystem::path> pieces;
     for (auto& [number, piece] : numberedPieces(file)) pieces.push_back(std::move(piece));
@@ -57,7 +104,8 @@ namespace {
 /// What a file says of the session to which it belongs.
 struct Marks {
     std::optional<StreamHead> head;
-    bool goesOn = false;
+    std::optional<RecordHeader> first;  // of its first keyframe, if that follows the head
+    std::optional<RecordHeader> next;   // of its index, if a later piece begins with that state
 };
 
 /// Reads the record at `offset` if it is intact. Reads no further, as there may be thousands of files.
@@ -75,6 +123,17 @@ std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, 
     return *header;
 }
 
+/// Reads the header of the record at `offset` alone.
+std::optional<RecordHeader> readHeader(std::ifstream& in, std::uint64_t offset) {
+    std::array<std::byte, kRecordHeaderSize> bytes{};
+    in.seekg(static_cast<std::streamoff>(offset));
+    in.read(reinterpret_cast<char*>(bytes.data()), bytes.size());
+    const bool whole = bool(in);
+    in.clear();
+    const auto header = whole ? parseRecordHeader(bytes) : Result<RecordHeader>(fail(""));
+    return header ? std::optional(*header) : std::nullopt;
+}
+
 /// True for regular files. Opening others, such as pipes, might block.
 bool isFile(const std::filesystem::path& path) {
     std::error_code error;
@@ -89,6 +148,11 @@ Marks marksOf(const std::filesystem::path& file) {
     const auto first = readRecord(in, 0, record);
     if (!first || first->kind != RecordKind::head) return marks;
     if (const auto head = decodeHead(record.bytes())) marks.head = *head;
+    // The head stands there twice.
+    std::uint64_t behind = first->size();
+    auto second = readHeader(in, behind);
+    if (second && second->kind == RecordKind::head) second = readHeader(in, behind += second->size());
+    if (second && second->kind == RecordKind::keyframe) marks.first = *second;
     char tail[kIndexTail];
     if (!in.seekg(-static_cast<std::streamoff>(kIndexTail), std::ios::end) || !in.read(tail, kIndexTail) ||
         std::string_view(tail + sizeof(std::uint64_t), kIndexMagic.size()) != kIndexMagic)
@@ -96,7 +160,7 @@ Marks marksOf(const std::filesystem::path& file) {
     std::uint64_t offset = 0;
     std::memcpy(&offset, tail, sizeof(offset));
     const auto last = readRecord(in, offset, record);
-    marks.goesOn = last && saysGoesOn(*last);
+    if (last && saysGoesOn(*last)) marks.next = *last;
     return marks;
 }
 
@@ -108,7 +172,7 @@ std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& f
     const auto look = [&](const std::filesystem::path& path) -> std::optional<std::uint64_t> {
         const Marks marks = marksOf(path);
         if (!marks.head) return std::nullopt;
-        if (marks.goesOn || marks.head->start) rotated.insert(marks.head->epoch);
+        if (marks.next || marks.head->start) rotated.insert(marks.head->epoch);
         return marks.head->epoch;
     };
     look(file);
@@ -118,6 +182,26 @@ std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& f
     for (auto& [piece, epoch] : found)
         if (rotated.contains(epoch)) pieces.push_back(std::move(piece));
     return pieces;
+}
+
+std::vector<std::string> gapsBetweenFiles(const std::filesystem::path& name) {
+    std::vector<std::string> gaps;
+    const auto files = filesOfLog(name);
+    if (!files) return gaps;
+    for (std::size_t i = 1; i < files->size(); ++i) {
+        const std::filesystem::path &earlier = (*files)[i - 1], &later = (*files)[i];
+        const Marks before = marksOf(earlier), after = marksOf(later);
+        if (!before.next || !before.head || !after.head) continue;
+        const std::string between =
+            fmt::format("between {} and {}", earlier.filename().string(), later.filename().string());
+        if (before.head->epoch != after.head->epoch)
+            gaps.push_back(
+                fmt::format("{} the end of a session is missing, from state {} on", between, before.next->to + 1));
+        else if (after.first && after.first->to > before.next->to)
+            gaps.push_back(fmt::format("{} frames {} to {} are missing, {:.6g} s", between, before.next->to + 1,
+                                       after.first->to, after.first->time - before.next->time));
+    }
+    return gaps;
 }
 
 std::optional<StreamHead> headOf(const std::filesystem::path& file) {

@@ -1,19 +1,15 @@
 // Reads a log record by record, skips damage, and finds the keyframes.
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
 #include <utility>
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <rtsg/sync/log.h>
 
 #include "columns/wire.h"
 #include "index.h"
+#include "log_files.h"
 
 namespace rtsg {
 
@@ -64,12 +60,10 @@ Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64
     LogReader log;
     log.file_ = file;
     log.maxPayload_ = maxPayload;
-    log.descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-    if (log.descriptor_ < 0) return fail(fmt::format("cannot read: {}", std::strerror(errno)), {}, file.string());
-    struct stat status{};
-    if (::fstat(log.descriptor_, &status) != 0 || !S_ISREG(status.st_mode))
-        return fail("not a regular file", {}, file.string());
-    log.size_ = static_cast<std::uint64_t>(status.st_size);
+    auto files = LogFiles::open(file);
+    if (!files) return std::unexpected(files.error());
+    log.files_ = std::move(*files);
+    log.size_ = log.files_->ends().back();
     log.searchBudget_ = 4 * log.size_ + (std::uint64_t{16} << 20);
     if (log.next()) {
         log.position_ = 0;
@@ -87,7 +81,7 @@ LogReader::LogReader(LogReader&& other) noexcept {
 
 LogReader& LogReader::operator=(LogReader&& other) noexcept {
     std::swap(file_, other.file_);
-    std::swap(descriptor_, other.descriptor_);
+    std::swap(files_, other.files_);
     std::swap(size_, other.size_);
     std::swap(position_, other.position_);
     std::swap(intactEnd_, other.intactEnd_);
@@ -103,43 +97,13 @@ LogReader& LogReader::operator=(LogReader&& other) noexcept {
     return *this;
 }
 
-LogReader::~LogReader() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-}
-
-bool LogReader::read(std::uint64_t offset, std::size_t length, ByteBuffer& into) {
-    into.clear();
-    std::byte* at = into.room(length);
-    while (length > 0) {
-        const ssize_t got = ::pread(descriptor_, at, length, static_cast<off_t>(offset));
-        if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) break;  // the file has shrunk or cannot be read
-        at += got;
-        into.advance(static_cast<std::size_t>(got));
-        offset += static_cast<std::uint64_t>(got);
-        length -= static_cast<std::size_t>(got);
-    }
-    return length == 0;
-}
+LogReader::~LogReader() = default;
 
 /// Takes in bytes that were added since the file was opened, if they complete the record that ends at `end`. The log
 /// then ends there.
 void LogReader::growTo(std::uint64_t end) {
-    struct stat status{};
-    if (end > size_ && ::fstat(descriptor_, &status) == 0 && static_cast<std::uint64_t>(status.st_size) >= end)
-        size_ = end;
+    if (end > size_ && files_->size() >= end) size_ = end;
 }
-
-namespace {
-
-/// Writers hold an exclusive lock, so a shared lock cannot be taken.
-bool isLocked(int descriptor) {
-    if (::flock(descriptor, LOCK_SH | LOCK_NB) != 0) return errno == EWOULDBLOCK;
-    ::flock(descriptor, LOCK_UN);
-    return false;
-}
-
-}  // namespace
 
 std::string LogReader::damageText() const {
     if (damage_.empty()) return {};
@@ -149,21 +113,13 @@ std::string LogReader::damageText() const {
 }
 
 bool LogReader::beingWritten() const {
-    return isLocked(descriptor_);
-}
-
-bool isBeingWritten(const std::filesystem::path& file) {
-    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (descriptor < 0) return false;
-    const bool locked = isLocked(descriptor);
-    ::close(descriptor);
-    return locked;
+    return files_->beingWritten();
 }
 
 /// True if the bytes from `offset` on are the beginning of a record that somebody is writing.
 bool LogReader::waitsForMore(std::uint64_t offset) {
     ByteBuffer head;
-    read(offset, std::min<std::uint64_t>(size_ - offset, kRecordHeaderSize), head);
+    files_->read(offset, std::min<std::uint64_t>(size_ - offset, kRecordHeaderSize), head);
     const std::size_t magic = std::min(head.size(), kRecordMagic.size());
     if (std::memcmp(head.data(), kRecordMagic.data(), magic) != 0) return false;
     if (head.size() == kRecordHeaderSize) {
@@ -183,7 +139,7 @@ Result<RecordHeader> LogReader::load(std::uint64_t offset) {
     std::uint64_t left = size_ - std::min(size_, offset);
     if (!inWindow(std::min<std::uint64_t>(left, kRecordHeaderSize))) {
         windowAt_ = offset;
-        read(offset, std::min<std::uint64_t>(left, kWindow), window_);
+        files_->read(offset, std::min<std::uint64_t>(left, kWindow), window_);
     }
     Result<RecordHeader> header = parseRecordHeader(left ? view() : std::span<const std::byte>(), offset, maxPayload_);
     if (!header) return header;
@@ -195,7 +151,7 @@ Result<RecordHeader> LogReader::load(std::uint64_t offset) {
         return fail(fmt::format("at byte {}: record truncated: {} of {} bytes", offset, left, header->size()));
     if (!inWindow(header->size())) {
         windowAt_ = offset;
-        read(offset, std::max<std::uint64_t>(header->size(), std::min<std::uint64_t>(left, kWindow)), window_);
+        files_->read(offset, std::max<std::uint64_t>(header->size(), std::min<std::uint64_t>(left, kWindow)), window_);
     }
     return checkRecord(view(), offset, maxPayload_);
 }
@@ -204,7 +160,7 @@ std::uint64_t LogReader::findMagic(std::uint64_t from) {
     ByteBuffer part;
     while (from < size_) {
         const std::size_t length = std::min<std::uint64_t>(size_ - from, kWindow);
-        read(from, length, part);
+        files_->read(from, length, part);
         if (part.size() < kRecordMagic.size()) return size_;
         const std::string_view text(reinterpret_cast<const char*>(part.data()), part.size());
         if (const std::size_t found = text.find(kRecordMagic); found != text.npos) return from + found;
@@ -216,7 +172,7 @@ std::uint64_t LogReader::findMagic(std::uint64_t from) {
 void LogReader::noteDamage(std::uint64_t from, std::uint64_t to, std::string text) {
     const auto known = [from](const LogDamage& d) { return d.offset == from; };
     if (damage_.size() < 1000 && std::ranges::none_of(damage_, known))
-        damage_.push_back({from, to - from, std::move(text)});
+        damage_.push_back({from, to - from, std::move(text) + files_->placeOf(from)});
 }
 
 std::optional<LogReader::Record> LogReader::next() {
@@ -258,18 +214,36 @@ std::optional<LogReader::Record> LogReader::next() {
 }
 
 bool LogReader::readIndex() {
-    if (size_ < kRecordHeaderSize + kIndexTail) return false;
+    std::vector<std::uint64_t> ends = files_->ends();
+    ends.back() = size_;
+    std::vector<LogKeyframe> all;
+    std::uint64_t from = 0;
+    for (const std::uint64_t end : ends)
+        if (!readIndex(std::exchange(from, end), end, all)) return false;
+    keyframes_ = std::move(all);
+    return true;
+}
+
+/// Appends what the index says of the file that lies there.
+bool LogReader::readIndex(std::uint64_t from, std::uint64_t end, std::vector<LogKeyframe>& into) {
+    if (end - from < kRecordHeaderSize + kIndexTail) return false;
     ByteBuffer tail;
-    if (!read(size_ - kIndexTail, kIndexTail, tail)) return false;
-    if (std::memcmp(tail.data() + 8, kIndexMagic.data(), kIndexMagic.size()) != 0) return false;
+    files_->read(end - kIndexTail, kIndexTail, tail);
+    if (tail.size() < kIndexTail || std::memcmp(tail.data() + 8, kIndexMagic.data(), kIndexMagic.size()) != 0)
+        return false;
     std::uint64_t offset = 0;
     std::memcpy(&offset, tail.data(), sizeof(offset));
-    if (offset >= size_) return false;
-    const Result<RecordHeader> header = load(offset);
-    if (!header || header->kind != RecordKind::index || offset + header->size() != size_) return false;
+    if (offset >= end - from) return false;
+    const Result<RecordHeader> header = load(from + offset);
+    if (!header || header->kind != RecordKind::index || from + offset + header->size() != end) return false;
     std::vector<LogKeyframe> found;
-    if (!decodeLogIndex(window_.bytes().subspan(offset - windowAt_, header->size()), offset, found)) return false;
-    keyframes_ = std::move(found);
+    if (!decodeLogIndex(window_.bytes().subspan(from + offset - windowAt_, header->size()), offset, found))
+        return false;
+    for (LogKeyframe& keyframe : found) {
+        keyframe.offset += from;
+        keyframe.head += from;
+        into.push_back(keyframe);
+    }
     return true;
 }
 

@@ -1,4 +1,5 @@
-// WebModule: what librtsg_web.so offers, HTTP and WebSockets. Nothing else has to compile the headers of its library.
+// WebModule and SocketModule: what librtsg_web.so offers, HTTP and WebSockets. Nothing else has to compile the headers
+// of its library.
 //
 // Invariant: this side knows nothing of Boost, and the module links nothing of ours. Errors are sentences.
 // Threading: every function may be called on any thread.
@@ -51,7 +52,45 @@ class WebModule {
 
 /// Returns null and the reason if it fails.
 using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
-/// The one symbol of the module: a function without arguments that returns a StartWeb.
+/// A symbol of the module: a function without arguments that returns a StartWeb.
 #define RTSG_WEB_SYMBOL "rtsg_start_web_4"
+
+/// Of WebSockets for one protocol, whose messages the module does not read.
+struct SocketSettings {
+    int listener = -1;       // a socket that listens; the module closes it
+    bool loopback = true;    // it listens there, so browsers' requests must name this machine
+    bool anyOrigin = false;  // pages of any site may connect; else those of this machine and of `origins`
+    std::vector<std::string> origins;
+    std::string protocol;  // the subprotocol, which a client must offer
+    std::size_t maximumConnections = 0;
+    std::size_t longestIncoming = 0;  // bytes of a message; a longer one ends the connection
+    std::size_t mostQueued = 0;       // bytes that wait for one client
+    std::chrono::milliseconds requestTimeout{0};
+    std::chrono::milliseconds silence{0};  // a client that does not even answer pings for so long is dropped
+    int call = -1;                         // eventfd, written when there is news
+};
+
+struct SocketNews {
+    enum class Kind : std::uint8_t { came, text, bytes, left, refused };
+    Kind kind = Kind::came;
+    std::uint64_t client = 0;  // each has a number of its own; 0 if it was refused
+    std::string text;          // its message, or why it was refused
+};
+
+class SocketModule {
+  public:
+    virtual ~SocketModule() = default;
+    virtual std::size_t connections() const = 0;
+    /// What has happened. A client's next message is read when its last one was taken here.
+    virtual std::vector<SocketNews> takeNews() = 0;
+    /// True if a message of so many bytes has room: within the bound, or because nothing waits.
+    virtual bool hasRoom(std::uint64_t client, std::size_t bytes) const = 0;
+    /// Sends one message, `head` and then `body`, as bytes or as text. False, and nothing is sent, if it has no room or
+    /// the client has left.
+    virtual bool send(std::uint64_t client, std::string head, std::shared_ptr<const std::string> body, bool bytes) = 0;
+};
+
+using StartSockets = std::unique_ptr<SocketModule> (*)(const SocketSettings&, std::string& problem);
+#define RTSG_SOCKETS_SYMBOL "rtsg_start_sockets_1"
 
 }  // namespace rtsg

@@ -2,8 +2,12 @@
 #include "sockets/line_sink.h"
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
+#include <functional>
+#include <optional>
 #include <sstream>
+#include <thread>
 
 #include <gtest/gtest.h>
 
@@ -72,6 +76,61 @@ TEST(LineSink, AFullDiskIsSaidAndItsLinesAreCounted) {
     sink->close();
     EXPECT_NE(sink->failure(), "");
     EXPECT_EQ(sink->counts().missed, 5u);
+}
+
+namespace {
+
+constexpr std::uint64_t kManyLines = 10'000;  // of a kilobyte: more than waits for one subscriber
+
+/// Who connects to a sink and reads nothing.
+struct Deaf {
+    std::unique_ptr<LineSink> sink;
+    std::optional<Descriptor> socket;
+
+    Deaf() {
+        auto place = Place::parse("tcp://127.0.0.1:0");
+        auto opened = LineSink::open(*place, false);
+        EXPECT_TRUE(opened);
+        sink = std::move(*opened);
+        socket.emplace(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+        const int small = 4096;
+        EXPECT_EQ(::setsockopt(socket->get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof(small)), 0);
+        const auto at = findAddress(*place);
+        EXPECT_EQ(::connect(socket->get(), at->get(), at->length), 0);
+        EXPECT_TRUE(until([&] { return sink->counts().subscribers == 1; }));
+        for (std::uint64_t i = 0; i < kManyLines; ++i) sink->write(std::string(1000, 'x'));
+    }
+    static bool until(const std::function<bool()>& enough) {
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        while (!enough() && std::chrono::steady_clock::now() < end)
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return enough();
+    }
+};
+
+}  // namespace
+
+TEST(LineSink, LinesThatWaitForSomebodyWhoLeavesAreCounted) {
+    Deaf one;
+    ASSERT_TRUE(Deaf::until([&] { return one.sink->counts().missed > 0; }));
+    const std::uint64_t before = one.sink->counts().missed;
+    one.socket.reset();
+    ASSERT_TRUE(Deaf::until([&] { return one.sink->counts().subscribers == 0; }));
+    EXPECT_GT(one.sink->counts().missed, before);
+}
+
+TEST(LineSink, LinesThatWaitForSomebodyAtTheEndAreCounted) {
+    Deaf one;
+    one.sink->close();
+    const std::uint64_t missed = one.sink->counts().missed;
+    one.sink.reset();  // which ends the connection
+    std::string heard;
+    char bytes[65536];
+    for (ssize_t size = 0; (size = ::recv(one.socket->get(), bytes, sizeof(bytes), 0)) > 0;)
+        heard.append(bytes, static_cast<std::size_t>(size));
+    const auto whole = static_cast<std::uint64_t>(std::ranges::count(heard, '\n'));
+    EXPECT_LT(whole, kManyLines);
+    EXPECT_EQ(whole + missed, kManyLines);
 }
 
 }  // namespace rtsg::feeds

@@ -42,6 +42,23 @@ TEST_F(NatsMirror, BringsTheBytesThatZeroMqBrings) {
     EXPECT_EQ(follower.client->statistics().garbage, 0u);
 }
 
+/// Its last records and its goodbye may still be on their way when the publisher is to end.
+TEST_F(NatsMirror, WhatTheServerSaysLastIsPublished) {
+    NatsServer nats;
+    for (int round = 0; round < 8; ++round) {
+        PublishedScene from(nats.address());
+        NatsFollower follower(nats.address());
+        ASSERT_TRUE(follower.settle(from));
+        for (int i = 0; i < 20; ++i) from.turn();
+        const std::uint64_t last = from.scene.sequence();
+        from.server.reset();
+        from.publisher.reset();
+        EXPECT_TRUE(test::pollUntil(*follower.client, [&] { return follower.client->serverLeft(); }))
+            << "round " << round;
+        EXPECT_EQ(follower.client->statistics().sequence, last) << "round " << round;
+    }
+}
+
 TEST_F(NatsMirror, RecordsLongerThanAMessageComeInPieces) {
     NatsServer nats("max_payload: 65536");
     PublishedScene from(nats.address(), MirrorUpstream::none, 100'000);

@@ -195,6 +195,8 @@ class LogWriter : public Subscriber {
     ByteBuffer record_, headRecord_;
 };
 
+class LogFiles;
+
 /// A run of bytes that no intact record covers.
 struct LogDamage {
     std::uint64_t offset = 0, length = 0;
@@ -203,8 +205,9 @@ struct LogDamage {
 
 class LogReader {
   public:
-    /// Errors: there is no such file, or it has not one intact record. Records with a payload longer than `maxPayload`
-    /// bytes count as damaged.
+    /// `file` may be a folder of the pieces of one log, or several files by commas ("a.0001.rlog,a.rlog"): they are
+    /// read one after the other (filesOfLog()). Errors: there is no such file, or it has not one intact record. Records
+    /// with a payload longer than `maxPayload` bytes count as damaged.
     static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
     LogReader(LogReader&& other) noexcept;
     LogReader& operator=(LogReader&& other) noexcept;
@@ -245,17 +248,17 @@ class LogReader {
 
   private:
     LogReader() = default;
-    bool read(std::uint64_t offset, std::size_t length, ByteBuffer& into);
     Result<RecordHeader> load(std::uint64_t offset);
     bool waitsForMore(std::uint64_t offset);
     void growTo(std::uint64_t end);
     std::uint64_t findMagic(std::uint64_t from);
     void noteDamage(std::uint64_t from, std::uint64_t to, std::string text);
     bool readIndex();
+    bool readIndex(std::uint64_t from, std::uint64_t end, std::vector<LogKeyframe>& into);
     void scanKeyframes();
 
     std::filesystem::path file_;
-    int descriptor_ = -1;
+    std::unique_ptr<LogFiles> files_;
     std::uint64_t size_ = 0, position_ = 0, intactEnd_ = 0, maxPayload_ = kMaxPayload;
     std::uint64_t searchBudget_ = 0;  // bytes that may still be hashed to find the next record after damage
     std::vector<LogDamage> damage_;
@@ -268,6 +271,13 @@ class LogReader {
 /// True if a LogWriter, of this program or another, has the file open. False if there is no file.
 bool isBeingWritten(const std::filesystem::path& file);
 
+/// The files that a name stands for, in order: those of a folder, which must be the pieces of one log (NAME.0001.rlog
+/// and so on, then NAME.rlog); those with commas between them, if there is no such file; or the one file. Error: no
+/// log, or those of several, in the folder.
+Result<std::vector<std::filesystem::path>> filesOfLog(const std::filesystem::path& name);
+/// What the files of a name tell that is missing between them, a sentence for each gap. Reads only where they begin and
+/// end.
+std::vector<std::string> gapsBetweenFiles(const std::filesystem::path& name);
 /// The earlier files of a log in pieces, in order: those that have its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
 /// Those of the earlier files whose content shows that they are pieces; a log that only has such a name is left out.

@@ -1,5 +1,5 @@
-// The JSON Schemas of the topics in an exported MCAP file.
-#include "mcap_schemas.h"
+// The JSON Schemas of the topics that viewers are told.
+#include "message_schemas.h"
 
 #include <initializer_list>
 #include <utility>
@@ -96,6 +96,28 @@ std::string changesSchema() {
     return object(
         "rtsg.Changes",
         {{"frame", kInteger}, {"from", kInteger}, {"t", kNumber}, {"hash", kText}, {"changes", arrayOf(change)}});
+}
+
+std::string fieldSchema(FieldType type) {
+    const std::string name(info(type).name);
+    const bool isList = name.starts_with("MF");
+    const std::string element = name.substr(2);
+    std::string one;
+    if (element == "Float" || element == "Double" || element == "Time")
+        one = kNumber;
+    else if (element == "Int32")
+        one = kInteger;
+    else if (element == "Bool")
+        one = kFlag;
+    else if (element == "String")
+        one = kText;
+    else if (!isList && element != "Node" && element != "Image")
+        one = arrayOf(kNumber);
+    if (!one.empty() && isList) one = arrayOf(one);
+    const std::string title = "rtsg." + name;
+    // Viewers refuse schemas of arrays in arrays; without one the value is shown as it is.
+    if (one.empty()) return object(title.c_str(), {{"timestamp", moment("time")}});
+    return object(title.c_str(), {{"timestamp", moment("time")}, {"value", one}});
 }
 
 }  // namespace rtsg::app

@@ -1,0 +1,53 @@
+// --foxglove: the scene of a verb for live viewers, as Foxglove and Lichtblick are.
+//
+// Threading: the scene's thread.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rtsg/feeds/foxglove_server.h>
+
+#include "command.h"
+#include "export/scene_messages.h"
+#include "world_on_demand.h"
+
+namespace rtsg::app {
+
+struct FoxgloveArguments {
+    std::string listen;
+    void addTo(Command& command);
+    bool wanted() const { return !listen.empty(); }
+};
+
+class Foxglove {
+  public:
+    struct Settings {
+        bool insecure = false;  // addresses that others reach are allowed
+        int call = -1;          // eventfd, written when a viewer asks for something
+    };
+    /// Begins to serve, if that was asked for: the scene and its `fields`, from the world's present state on.
+    static Result<Foxglove> start(const FoxgloveArguments& arguments, const std::vector<std::string>& fields,
+                                  WorldOnDemand& world, const Settings& settings);
+    /// Call it before a frame, which then tells viewers what they have asked for; nothing is done if nobody is served.
+    void before();
+    /// Call it after a frame. What was refused is printed.
+    void after();
+    /// "ws://127.0.0.1:8765"; empty if nobody is served.
+    std::string address() const { return server_ ? server_->address() : std::string(); }
+    FoxgloveCounts counts() const { return server_ ? server_->counts() : FoxgloveCounts(); }
+    /// Says goodbye. Error: why the scene was not followed to its end.
+    Result<> end();
+
+  private:
+    std::unique_ptr<FoxgloveServer> server_;
+    std::unique_ptr<MessageSink> sink_;
+    std::unique_ptr<SceneMessages> messages_;  // goes first
+    double told_ = -1;
+};
+
+/// "DOOR.rotation,BOX.*" as its parts.
+std::vector<std::string> fieldsIn(const std::vector<std::string>& texts);
+
+}  // namespace rtsg::app

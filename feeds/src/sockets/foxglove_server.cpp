@@ -1,0 +1,350 @@
+// Speaks the protocol of Foxglove with viewers: tells topics, takes subscriptions, and hands messages out.
+#include <rtsg/feeds/foxglove_server.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/core/module.h>
+
+#include "lines/json_scanner.h"
+#include "place.h"
+#include "sockets/web_module.h"
+
+namespace rtsg {
+
+namespace {
+
+using ViewerClock = std::chrono::steady_clock;
+
+constexpr const char* kProtocol = "foxglove.websocket.v1";
+constexpr std::size_t kMostViewers = 32, kLongestSubscription = 64 << 10;
+constexpr auto kHandshake = std::chrono::seconds(5), kSilence = std::chrono::seconds(60);
+constexpr auto kLeastPause = std::chrono::milliseconds(50);  // between whole messages that viewers ask for
+constexpr char kMessageData = 1, kTimeData = 2;
+
+/// Pages from which Foxglove and Lichtblick connect where they are not installed.
+const std::vector<std::string> kKnownPages = {"https://app.foxglove.dev", "https://studio.foxglove.dev", "file://"};
+
+Result<StartSockets> loadSockets() {
+#ifdef RTSG_NO_WEB
+    return fail("live viewers are not served: this build leaves out WebSockets (RTSG_WEB=OFF)");
+#else
+    const auto symbol = loadModule("rtsg_web", RTSG_SOCKETS_SYMBOL, "serving live viewers needs");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<StartSockets (*)()>(*symbol)();
+#endif
+}
+
+void appendNumber(std::string& out, auto number) {
+    static_assert(std::endian::native == std::endian::little);
+    char bytes[sizeof(number)];
+    std::memcpy(bytes, &number, sizeof(number));
+    out.append(bytes, sizeof(number));
+}
+
+std::uint64_t nanosecondsOf(double time) {
+    constexpr double kNanoseconds = 1e9;
+    return static_cast<std::uint64_t>(std::llround(std::max(0., time) * kNanoseconds));
+}
+
+/// What a viewer asks for.
+struct ViewerRequest {
+    std::string op;
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> subscriptions;  // their numbers, and channels
+    std::vector<std::uint32_t> ended;
+};
+
+/// Reads the members of an object: `member(key)` reads each value.
+bool readObject(feeds::JsonScanner& in, const auto& member) {
+    std::string key;
+    if (!in.take('{')) return in.refuse("expected '{'");
+    if (in.take('}')) return true;
+    do {
+        if (!in.string(key) || !(in.take(':') || in.refuse("expected ':'")) || !member(key)) return false;
+    } while (in.take(','));
+    return in.take('}') || in.refuse("expected ',' or '}'");
+}
+
+bool readArray(feeds::JsonScanner& in, const auto& element) {
+    if (!in.take('[')) return in.refuse("expected '['");
+    if (in.take(']')) return true;
+    do {
+        if (!element()) return false;
+    } while (in.take(','));
+    return in.take(']') || in.refuse("expected ',' or ']'");
+}
+
+bool readId(feeds::JsonScanner& in, std::optional<std::uint32_t>& id) {
+    std::string_view word;
+    if (in.next() == '"' || in.next() == '[' || in.next() == '{') return in.refuse("expected a number");
+    if (!in.word(word)) return false;
+    std::uint32_t number = 0;
+    const auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), number);
+    if (problem != std::errc() || end != word.data() + word.size())
+        return in.refuse(fmt::format("{} is no number of a subscription or channel", word));
+    id = number;
+    return true;
+}
+
+Result<ViewerRequest> readRequest(std::string text) {
+    std::ranges::replace(text, '\n', ' ');  // the scanner is for lines
+    feeds::JsonScanner in(text);
+    ViewerRequest request;
+    const auto subscription = [&] {
+        std::optional<std::uint32_t> id, channel;
+        const bool read = readObject(in, [&](const std::string& key) {
+            return key == "id" ? readId(in, id) : key == "channelId" ? readId(in, channel) : in.skip();
+        });
+        if (read && (!id || !channel)) return in.refuse("a subscription has an id and a channelId");
+        if (read) request.subscriptions.emplace_back(*id, *channel);
+        return read;
+    };
+    const auto ended = [&] {
+        std::optional<std::uint32_t> id;
+        if (!readId(in, id)) return false;
+        request.ended.push_back(*id);
+        return true;
+    };
+    const bool whole = readObject(in, [&](const std::string& key) {
+        if (key == "op") return in.string(request.op);
+        if (key == "subscriptions") return readArray(in, subscription);
+        if (key == "subscriptionIds") return readArray(in, ended);
+        return in.skip();
+    });
+    if (whole && !in.atEnd()) in.refuse("more follows after the object");
+    if (in.failed()) return std::unexpected(in.problem());
+    if (request.op.empty()) return fail("a message has an op");
+    return request;
+}
+
+}  // namespace
+
+struct FoxgloveServer::State {
+    struct Subscription {
+        std::uint32_t id = 0;
+        bool needsWhole = true;
+    };
+    struct Topic {
+        std::string advertised;  // as JSON
+        bool isState = false;
+        std::map<std::uint64_t, Subscription> subscriptions;  // by client
+        ViewerClock::time_point nextWhole{};
+        std::size_t lastWhole = 0;  // its bytes
+    };
+    struct Client {
+        std::map<std::uint32_t, std::size_t> topics;  // by the number of the subscription
+        std::uint64_t missed = 0;                     // that it has not been told of
+    };
+
+    void say(std::uint64_t client, const std::string& json) {
+        (void)module->send(client, {}, std::make_shared<const std::string>(json), false);
+    }
+    void sayStatus(std::uint64_t client, int level, const std::string& text) {
+        say(client, fmt::format(R"({{"op":"status","level":{},"message":{}}})", level, jsonString(text)));
+    }
+    void meet(std::uint64_t client);
+    void hear(std::uint64_t client, const SocketNews& news);
+    void subscribe(std::uint64_t client, std::uint32_t id, std::uint32_t channel);
+    void unsubscribe(std::uint64_t client, std::uint32_t id);
+    void forget(std::uint64_t client);
+
+    FoxgloveOptions options;
+    std::string address;
+    std::vector<Topic> topics;  // channel n is the topic n - 1
+    std::map<std::uint64_t, Client> clients;
+    FoxgloveCounts counts;
+    std::vector<Diagnostic> diagnostics;
+    std::unique_ptr<SocketModule> module;
+};
+
+FoxgloveServer::FoxgloveServer(std::unique_ptr<State> state) : state_(std::move(state)) {}
+FoxgloveServer::~FoxgloveServer() = default;
+
+Result<std::unique_ptr<FoxgloveServer>> FoxgloveServer::start(FoxgloveOptions options) {
+    auto place = feeds::Place::ofPort(options.listen);
+    if (!place) return std::unexpected(place.error());
+    const auto startSockets = loadSockets();
+    if (!startSockets) return std::unexpected(startSockets.error());
+    auto listener = feeds::listenAt(*place, options.insecure);
+    if (!listener) return std::unexpected(listener.error());
+    SocketSettings settings;
+    settings.listener = ::dup(listener->get());
+    const auto real = feeds::findAddress(*place);
+    settings.loopback = real && real->isLoopback();
+    settings.anyOrigin = options.insecure;
+    settings.origins = kKnownPages;
+    settings.protocol = kProtocol;
+    settings.maximumConnections = kMostViewers;
+    settings.longestIncoming = kLongestSubscription;
+    settings.mostQueued = kMostQueued;
+    settings.requestTimeout = kHandshake;
+    settings.silence = kSilence;
+    settings.call = options.call;
+    auto state = std::make_unique<State>();
+    state->address = "ws" + place->text.substr(place->text.find("://"));
+    state->options = std::move(options);
+    std::string problem;
+    state->module = (*startSockets)(settings, problem);
+    if (!state->module) return fail(fmt::format("cannot serve viewers at {}: {}", place->text, problem));
+    return std::unique_ptr<FoxgloveServer>(new FoxgloveServer(std::move(state)));
+}
+
+std::uint16_t FoxgloveServer::addTopic(std::string_view topic, std::string_view schemaName, std::string_view schema,
+                                       bool isState) {
+    State::Topic& added = state_->topics.emplace_back();
+    added.isState = isState;
+    added.advertised = fmt::format(
+        R"({{"id":{},"topic":{},"encoding":"json","schemaName":{},"schema":{},"schemaEncoding":"jsonschema"}})",
+        state_->topics.size(), jsonString(topic), jsonString(schemaName), jsonString(schema));
+    return static_cast<std::uint16_t>(state_->topics.size() - 1);
+}
+
+/// A viewer has come.
+void FoxgloveServer::State::meet(std::uint64_t client) {
+    clients[client];
+    say(client, fmt::format(R"({{"op":"serverInfo","name":{},"capabilities":["time"],"metadata":{{}}}})",
+                            jsonString(options.name)));
+    std::string channels;
+    for (const Topic& topic : topics) channels += (channels.empty() ? "" : ",") + topic.advertised;
+    say(client, fmt::format(R"({{"op":"advertise","channels":[{}]}})", channels));
+}
+
+void FoxgloveServer::State::hear(std::uint64_t client, const SocketNews& news) {
+    const auto request = news.kind == SocketNews::Kind::text
+                             ? readRequest(news.text)
+                             : Result<ViewerRequest>(fail("nothing is published from here to the scene"));
+    const bool known = request && (request->op == "subscribe" || request->op == "unsubscribe");
+    if (!known) {
+        ++counts.garbage;
+        return sayStatus(client, 2,
+                         request ? fmt::format("{}: this server does not do that", request->op) : request.error().text);
+    }
+    for (const auto& [id, channel] : request->subscriptions) subscribe(client, id, channel);
+    for (const std::uint32_t id : request->ended) unsubscribe(client, id);
+}
+
+void FoxgloveServer::State::subscribe(std::uint64_t client, std::uint32_t id, std::uint32_t channel) {
+    const auto refuse = [&](const std::string& why) {
+        ++counts.garbage;
+        sayStatus(client, 1, fmt::format("subscription {}: {}", id, why));
+    };
+    if (channel == 0 || channel > topics.size()) return refuse(fmt::format("there is no channel {}", channel));
+    Topic& topic = topics[channel - 1];
+    if (clients.at(client).topics.contains(id)) return refuse("there is one with this id");
+    if (topic.subscriptions.contains(client)) return refuse(fmt::format("channel {} has one already", channel));
+    clients.at(client).topics[id] = channel - 1;
+    topic.subscriptions[client] = {id, topic.isState};
+}
+
+void FoxgloveServer::State::unsubscribe(std::uint64_t client, std::uint32_t id) {
+    auto& held = clients.at(client).topics;
+    const auto found = held.find(id);
+    if (found == held.end()) {
+        ++counts.garbage;
+        return sayStatus(client, 1, fmt::format("there is no subscription {}", id));
+    }
+    topics[found->second].subscriptions.erase(client);
+    held.erase(found);
+}
+
+void FoxgloveServer::State::forget(std::uint64_t client) {
+    const auto found = clients.find(client);
+    if (found == clients.end()) return;
+    for (const auto& [id, topic] : found->second.topics) topics[topic].subscriptions.erase(client);
+    clients.erase(found);
+}
+
+void FoxgloveServer::service() {
+    State& s = *state_;
+    using Kind = SocketNews::Kind;
+    for (const SocketNews& news : s.module->takeNews()) {
+        if (news.kind == Kind::refused) {
+            ++s.counts.refused;
+            s.diagnostics.push_back({Severity::warning, s.address, {}, news.text});
+        } else if (news.kind == Kind::came) {
+            s.meet(news.client);
+        } else if (news.kind == Kind::left) {
+            s.forget(news.client);
+        } else if (s.clients.contains(news.client)) {
+            s.hear(news.client, news);
+        }
+    }
+}
+
+bool FoxgloveServer::wants(std::uint16_t topic) const {
+    return !state_->topics[topic].subscriptions.empty();
+}
+
+bool FoxgloveServer::wantsWhole(std::uint16_t topic) const {
+    const State::Topic& all = state_->topics[topic];
+    if (all.subscriptions.empty() || ViewerClock::now() < all.nextWhole) return false;
+    return std::ranges::any_of(all.subscriptions, [&](const auto& one) {
+        return one.second.needsWhole && state_->module->hasRoom(one.first, all.lastWhole);
+    });
+}
+
+void FoxgloveServer::send(std::uint16_t topic, double time, std::string json, Reach reach) {
+    State& s = *state_;
+    State::Topic& all = s.topics[topic];
+    const auto body = std::make_shared<const std::string>(std::move(json));
+    if (all.isState && reach != Reach::change) {
+        all.lastWhole = body->size();
+        const std::chrono::duration<double> pause(static_cast<double>(body->size()) / double{kWholeRate});
+        all.nextWhole = ViewerClock::now() + std::max<ViewerClock::duration>(
+                                                 kLeastPause, std::chrono::duration_cast<ViewerClock::duration>(pause));
+    }
+    for (auto& [client, subscription] : all.subscriptions) {
+        if (subscription.needsWhole ? reach == Reach::change : reach == Reach::wholeForNew) continue;
+        std::string head(1, kMessageData);
+        appendNumber(head, subscription.id);
+        appendNumber(head, nanosecondsOf(time));
+        State::Client& to = s.clients.at(client);
+        if (!s.module->send(client, std::move(head), body, true)) {
+            ++s.counts.missed;
+            ++to.missed;
+            subscription.needsWhole = all.isState;
+            continue;
+        }
+        ++s.counts.messages;
+        subscription.needsWhole = false;
+        if (to.missed > 0)
+            s.sayStatus(client, 1, fmt::format("{} messages were left out, as nobody read them", to.missed));
+        to.missed = 0;
+    }
+}
+
+void FoxgloveServer::tellTime(double time) {
+    static const auto nothing = std::make_shared<const std::string>();
+    std::string head(1, kTimeData);
+    appendNumber(head, nanosecondsOf(time));
+    // A viewer without room hears a later one.
+    for (const auto& [client, state] : state_->clients) (void)state_->module->send(client, head, nothing, true);
+}
+
+const std::string& FoxgloveServer::address() const {
+    return state_->address;
+}
+
+FoxgloveCounts FoxgloveServer::counts() const {
+    FoxgloveCounts counts = state_->counts;
+    counts.clients = state_->clients.size();
+    return counts;
+}
+
+std::vector<Diagnostic> FoxgloveServer::takeDiagnostics() {
+    return std::exchange(state_->diagnostics, {});
+}
+
+}  // namespace rtsg

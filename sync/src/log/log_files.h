@@ -1,0 +1,55 @@
+// LogFiles: the bytes of a log, which may lie in several files: the pieces of a session.
+//
+// Invariant: the files are read as if they stood one after the other. All but the last are as long as they were at
+// first; what cannot be read of them, as when one has become another file, is zeros. At most two files are open.
+// Threading: one thread.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <sys/stat.h>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/sync/byte_buffer.h>
+
+namespace rtsg {
+
+class LogFiles {
+  public:
+    /// `name` as LogReader::open(). Errors: a file cannot be read, or is no regular one.
+    static Result<std::unique_ptr<LogFiles>> open(const std::filesystem::path& name);
+    ~LogFiles();
+    LogFiles(const LogFiles&) = delete;
+    LogFiles& operator=(const LogFiles&) = delete;
+
+    /// Where each file ends, as long as they were at first.
+    std::vector<std::uint64_t> ends() const;
+    /// The bytes that there are now.
+    std::uint64_t size() const;
+    /// Replaces `into` by the bytes from there on; there may be fewer.
+    void read(std::uint64_t offset, std::size_t length, ByteBuffer& into);
+    /// A writer has the last file open.
+    bool beingWritten() const;
+    /// " (byte 12 of a.0002.rlog)" if there are several files.
+    std::string placeOf(std::uint64_t offset) const;
+
+  private:
+    struct File {
+        std::filesystem::path name;
+        std::uint64_t from = 0, size = 0;
+        dev_t device = 0;
+        ino_t node = 0;
+    };
+    LogFiles() = default;
+    int descriptorOf(std::size_t file);
+
+    std::vector<File> files_;
+    std::size_t opened_ = 0;             // the file of which descriptor_ is
+    int descriptor_ = -1, newest_ = -1;  // that of the last file stays
+};
+
+}  // namespace rtsg
