@@ -9,6 +9,8 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 
+#include <rtsg/core/resource.h>
+
 #include "resource_url.h"
 
 namespace rtsg {
@@ -148,6 +150,9 @@ Result<WebAddress> WebAddress::parse(std::string_view text) {
 Result<WebAddress> WebAddress::resolve(std::string_view reference) const {
     reference = reference.substr(0, reference.find('#'));
     if (isWebAddress(reference)) return parse(reference);
+    const std::size_t colon = reference.find_first_of(":/?");
+    if (colon != reference.npos && colon > 1 && reference[colon] == ':')
+        return fail(fmt::format("'{}:' is neither http: nor https:", urlForMessage(reference.substr(0, colon))));
     if (reference.starts_with("//")) return parse((isSecure ? "https:" : "http:") + std::string(reference));
     if (reference.size() > kLongestAddress) return fail(fmt::format("it has more than {} bytes", kLongestAddress));
     WebAddress result = *this;

@@ -50,7 +50,7 @@ TEST(Spec, EveryTypeIsFoundByName) {
         EXPECT_FALSE(isAbstractType(type->name)) << type->name;
         for (const std::string& abstract : type->implements) EXPECT_TRUE(isAbstractType(abstract)) << abstract;
     }
-    EXPECT_EQ(names.size(), 266u);  // the 265 of X3D 4.1, and RtsgScene
+    EXPECT_EQ(names.size(), 267u);  // the 265 of X3D 4.1, RtsgScene and FetchedFile
     EXPECT_EQ(findBuiltinType("X3DNode"), nullptr);
     EXPECT_EQ(findBuiltinType(""), nullptr);
     EXPECT_TRUE(isAbstractType("X3DBoundedObject"));
