@@ -73,6 +73,7 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
     if (kind == std::end(kKinds)) return false;
     const std::string name(kind->name);
 #ifdef RTSG_NO_ASSIMP
+    (void)handler;
     diagnostics.error({}, "this build leaves " + name + " files out (libassimp-dev, RTSG_ASSIMP)",
                       DiagnosticCode("module"));
     return false;
