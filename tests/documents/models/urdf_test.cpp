@@ -426,12 +426,14 @@ std::vector<Odd> oddRobots() {
          "it mimics x, which is no joint that moves"},
         {"mimics itself", joint("name='j' type='continuous'", "<mimic joint='j'/>"), "it mimics in a circle"},
         {"a macro", "<robot name='r' xmlns:xacro='x'><xacro:include filename='a'/><link name='a'/></robot>",
-         "a macro that is not expanded yet", false},
-        {"an expression", "<robot name='${name}'><link name='a'/></robot>", "a macro that is not expanded yet", false},
+         "xacro:include: a macro that is not expanded; it is left out"},
+        {"macros alone", "<robot name='r' xmlns:xacro='x'><xacro:macro name='m'><link name='a'/></xacro:macro></robot>",
+         "xacro:macro: a macro that is not expanded", false},
+        {"an expression", "<robot name='${name}'><link name='a'/></robot>", "an expression of xacro", false},
         {"no geometry", inLink("<visual/>"), "visual: it has no geometry"},
         {"a geometry of its own", inLink("<visual><geometry><cone/></geometry></visual>"),
          "cone: no kind of geometry that is known"},
-        {"a box of nothing", inLink("<visual><geometry><box size='0 1 1'/></geometry></visual>"),
+        {"a box of nothing", inLink("<visual><geometry><box size='-1 1 1'/></geometry></visual>"),
          "sizes are greater than 0"},
         {"a box without size", inLink("<visual><geometry><box/></geometry></visual>"), "box: it has no size"},
         {"a mesh without a file", inLink("<visual><geometry><mesh/></geometry></visual>"), "mesh: it has no filename"},
@@ -449,6 +451,15 @@ TEST(Urdf, OddAndHostileRobotsAreToldAndTheRestIsThere) {
         EXPECT_THAT(robot.problems, HasSubstr("error")) << odd.what;
         EXPECT_EQ(robot.commands.contains("begin Transform DEF a"), odd.usable) << odd.what;
     }
+}
+
+TEST(Urdf, WhatFilesHaveAndMeansNothingIsNoError) {
+    const Imported robot(
+        "<robot name='r'><link name='a'><visual><geometry><box size='0 0 0'/></geometry></visual></link>"
+        "<link name='b'/><joint name='j' type='fixed'><parent link='a'/><child link='b'/>"
+        "<axis xyz='0 0 0'/></joint></robot>",
+        "4.1");
+    EXPECT_EQ(robot.problems, "test:1:56: warning: box: it has no size; it is left out [parse]\n");
 }
 
 TEST(Urdf, WhatIsNotMadeIsNamedOnce) {
