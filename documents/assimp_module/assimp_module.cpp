@@ -48,8 +48,8 @@ std::string withoutExtensions(std::string_view glb) {
 
 bool makeGlb(std::string_view bytes, const char* extension, std::string& result) {
     Assimp::Importer importer;
-    constexpr unsigned kSteps = aiProcess_ValidateDataStructure | aiProcess_Triangulate | aiProcess_SortByPType |
-                                aiProcess_JoinIdenticalVertices | aiProcess_LimitBoneWeights;
+    constexpr unsigned kSteps =
+        aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices | aiProcess_LimitBoneWeights;
     const aiScene* read = importer.ReadFileFromMemory(bytes.data(), bytes.size(), kSteps, extension);
     if (!read) {
         result = importer.GetErrorString();

@@ -35,33 +35,48 @@ class PlainMaterials final : public Filter {
     }
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         ++depth_;
+        if (left_ > 0) return;
+        if (isInMaterial(depth_ - 1) && isLeftOut(field)) {
+            left_ = depth_;
+            return;
+        }
+        field = fieldOf(field, depth_ - 1);
         if (type == "PhysicalMaterial" && material_ == 0) {
             material_ = depth_;
             type = "Material";
         }
-        if (material_ == depth_ - 1 && material_ > 0 && field == "baseTexture") field = "diffuseTexture";
         Filter::beginNode(type, def, field, where);
     }
     void endNode(SourceLocation where) override {
-        if (depth_-- == material_) material_ = 0;
-        Filter::endNode(where);
+        if (depth_ == material_) material_ = 0;
+        if (left_ == 0)
+            Filter::endNode(where);
+        else if (left_ == depth_)
+            left_ = 0;
+        --depth_;
     }
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
-        Filter::useNode(def, material_ == depth_ && material_ > 0 && field == "baseTexture" ? "diffuseTexture" : field,
-                        where);
+        if (left_ > 0 || (isInMaterial(depth_) && isLeftOut(field))) return;
+        Filter::useNode(def, fieldOf(field, depth_), where);
     }
     void setField(std::string_view name, Value value, SourceLocation where) override {
-        if (material_ == depth_ && material_ > 0) {
-            if (name == "metallic" || name == "roughness") return;
-            if (name == "baseColor") name = "diffuseColor";
-            if (name == "baseTextureMapping") name = "diffuseTextureMapping";
-        }
-        Filter::setField(name, std::move(value), where);
+        if (left_ > 0 || (isInMaterial(depth_) && isLeftOut(name))) return;
+        Filter::setField(fieldOf(name, depth_), std::move(value), where);
     }
 
   private:
-    std::string from_;
-    std::size_t depth_ = 0, material_ = 0;  // how deep the open PhysicalMaterial is; 0: none is
+    bool isInMaterial(std::size_t depth) const { return material_ > 0 && material_ == depth; }
+    static bool isLeftOut(std::string_view field) { return field.starts_with("metallic") || field == "roughness"; }
+    /// baseColor, baseTexture and baseTextureMapping are called diffuse in a Material.
+    std::string_view fieldOf(std::string_view field, std::size_t depth) {
+        constexpr std::string_view kBase = "base";
+        if (!isInMaterial(depth) || !field.starts_with(kBase)) return field;
+        return renamed_ = "diffuse" + std::string(field.substr(kBase.size()));
+    }
+
+    std::string from_, renamed_;
+    std::size_t depth_ = 0;
+    std::size_t material_ = 0, left_ = 0;  // how deep the open PhysicalMaterial is, and what is left out; 0: none is
 };
 
 }  // namespace
@@ -73,6 +88,7 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
     if (kind == std::end(kKinds)) return false;
     const std::string name(kind->name);
 #ifdef RTSG_NO_ASSIMP
+    (void)handler;
     diagnostics.error({}, "this build leaves " + name + " files out (libassimp-dev, RTSG_ASSIMP)",
                       DiagnosticCode("module"));
     return false;

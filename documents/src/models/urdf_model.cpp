@@ -53,7 +53,8 @@ class UrdfReader {
     }
     void countOthers(const XmlElement& parent, std::initializer_list<std::string_view> known) {
         for (const std::uint32_t child : parent.children)
-            if (const std::string& name = tree_.elements()[child].name; std::ranges::find(known, name) == known.end())
+            if (const std::string& name = tree_.elements()[child].name;
+                std::ranges::find(known, name) == known.end() && !name.starts_with("xacro:"))
                 ++others_[name];
     }
     void tellOthers() {
@@ -62,16 +63,25 @@ class UrdfReader {
             all += (all.empty() ? "" : ", ") + name + (count > 1 ? " (" + std::to_string(count) + ")" : "");
         if (!all.empty()) diagnostics_.warning({}, "left out, as nothing is made of it here: " + all);
     }
-    /// Whether the file has to go through xacro first.
+    /// Whether the file has to go through xacro first: its numbers are expressions. Elements of xacro alone are left
+    /// out.
     bool isUnexpanded() {
+        const XmlElement* macro = nullptr;
+        std::size_t count = 0;
         for (const XmlElement& e : tree_.elements()) {
-            bool isMacro = e.name.starts_with("xacro:");
-            for (const auto& [name, value] : e.attributes)
-                isMacro = isMacro || value.contains("${") || value.contains("$(");
-            if (!isMacro) continue;
-            error(e, "a macro that is not expanded yet: `xacro FILE > robot.urdf` makes a URDF file of this one");
-            return true;
+            const bool isExpression = std::ranges::any_of(e.attributes, [](const auto& attribute) {
+                return attribute.second.contains("${") || attribute.second.contains("$(");
+            });
+            if (isExpression) {
+                error(e, "an expression of xacro: `xacro FILE > robot.urdf` makes a URDF file of this one");
+                return true;
+            }
+            if (e.name.starts_with("xacro:") && count++ == 0) macro = &e;
         }
+        if (macro)
+            error(*macro, macro->name + ": a macro that is not expanded" +
+                              (count > 1 ? ", the first of " + std::to_string(count) : "") +
+                              "; it is left out, unless `xacro FILE > robot.urdf` makes a URDF file of this one");
         return false;
     }
 
@@ -149,7 +159,11 @@ class UrdfReader {
     }
     bool hasSize(const XmlElement& e, std::span<const double> numbers) {
         if (std::ranges::all_of(numbers, [](double n) { return n > 0; })) return true;
-        error(e, e.name + ": sizes are greater than 0; it is left out");
+        // Files have bodies of no size in place of none.
+        if (std::ranges::all_of(numbers, [](double n) { return n >= 0; }))
+            warning(e, e.name + ": it has no size; it is left out");
+        else
+            error(e, e.name + ": sizes are greater than 0; it is left out");
         return false;
     }
     /// False: nothing can be shown.
@@ -247,7 +261,7 @@ class UrdfReader {
     }
     void readAxis(const XmlElement& e, UrdfJoint& joint) {
         const XmlElement* axis = tree_.child(e, "axis");
-        if (!axis) return;
+        if (!axis || !joint.hasValue()) return;
         std::array<double, 3> given = joint.axis;
         read(*axis, "xyz", given);
         const double length = std::sqrt(given[0] * given[0] + given[1] * given[1] + given[2] * given[2]);

@@ -111,6 +111,24 @@ TEST_F(ResourceTest, OnlyRegularFilesAreOpened) {
     EXPECT_THAT(read("#part"), HasSubstr("names no file"));
 }
 
+TEST_F(ResourceTest, UrlsOfPackagesNameFilesInTheFoldersThatWereNamed) {
+    ResourcePolicy policy;
+    policy.roots = {root};
+    policy.packages = {{"arm", folder / "other"}};
+    const Resources resources(root, policy);
+    EXPECT_EQ(read(resources, "package://arm/secret.txt"), "secret");
+    EXPECT_EQ(read(resources, "PACKAGE://arm//secret.txt#part"), "secret");
+    EXPECT_EQ(read(resources, "model://arm/secret.txt"), "secret");
+    EXPECT_EQ(resources.folderBehind({}, "package://arm/meshes/a.dae"), folder / "other/meshes");
+    EXPECT_EQ(resources.folderBehind({}, "package://leg/meshes/a.dae"), "");
+    EXPECT_EQ(joinUrls("package://arm/meshes/a.dae", "b.png"), "package://arm/meshes/b.png");
+    EXPECT_THAT(read(resources, "package://leg/a.stl"), HasSubstr("--package leg=FOLDER"));
+    EXPECT_THAT(read(resources, "package://"), HasSubstr("nothing says where the package"));
+    EXPECT_THAT(read(resources, "package://arm/../rootless/x"), HasSubstr("outside"));
+    EXPECT_THAT(read(resources, "package://arm//etc/passwd"), HasSubstr("is not there"));
+    EXPECT_THAT(read(resources, "package://arm"), HasSubstr("not a file"));
+}
+
 TEST_F(ResourceTest, TheNetworkIsRefused) {
     for (const char* url : {"http://example.org/a.txt", "HTTPS://example.org/", "urn:web3d:media:a", "ftp://h/a",
                             "file://server/share/a.txt"})

@@ -312,6 +312,36 @@ TEST(Urdf, MeshesAreInlinedAndThoseWithoutMaterialsHaveTheRobots) {
     EXPECT_THAT(robot.commands, HasSubstr("begin Inline in children\nset url MFString [\"b.dae\"]"));
 }
 
+TEST(Urdf, TheAxesOfAColladaFileStayAsTheyAre) {
+    for (const char* up : {"X_UP", "Y_UP", "Z_UP"}) {
+        const test::TempFolder folder;
+        std::ofstream(folder / "lid.dae")
+            << "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'><asset><unit "
+               "meter='0.01'/>"
+               "<up_axis>"
+            << up
+            << "</up_axis></asset><library_geometries><geometry id='g'><mesh><source id='p'><float_array id='a' "
+               "count='9'>0 0 0 1 0 0 0 1 0</float_array><technique_common><accessor source='#a' count='3' stride='3'>"
+               "<param name='X' type='float'/><param name='Y' type='float'/><param name='Z' type='float'/></accessor>"
+               "</technique_common></source><vertices id='v'><input semantic='POSITION' source='#p'/></vertices>"
+               "<triangles count='1'><input semantic='VERTEX' source='#v' offset='0'/><p>0 1 2</p></triangles></mesh>"
+               "</geometry></library_geometries><library_visual_scenes><visual_scene id='s'><node id='lid' name='lid'>"
+               "<translate>10 20 30</translate><instance_geometry url='#g'/></node></visual_scene>"
+               "</library_visual_scenes><scene><instance_visual_scene url='#s'/></scene></COLLADA>";
+        std::ofstream(folder / "r.urdf") << inLink(
+            "<visual><geometry><mesh filename='lid.dae' scale='1 1 2'/></geometry></visual>");
+        Scene scene;
+        Diagnostics problems;
+        ASSERT_TRUE(loadFile(scene, folder / "r.urdf", problems));
+        EXPECT_EQ(test::allText(problems), "") << up;
+        // In the robot's frame it is at .1 .2 .6, in the scene's, where y points up, at .1 .6 -.2.
+        const glm::dmat4 lid = placesOf(scene).at("lid");
+        EXPECT_NEAR(lid[3][0], .1, 1e-6) << up;
+        EXPECT_NEAR(lid[3][1], .6, 1e-6) << up;
+        EXPECT_NEAR(lid[3][2], -.2, 1e-6) << up;
+    }
+}
+
 TEST(Urdf, CollisionsAreOneSwitchAway) {
     const test::TempFolder folder;
     std::ofstream(folder / "tile.stl")
@@ -426,12 +456,14 @@ std::vector<Odd> oddRobots() {
          "it mimics x, which is no joint that moves"},
         {"mimics itself", joint("name='j' type='continuous'", "<mimic joint='j'/>"), "it mimics in a circle"},
         {"a macro", "<robot name='r' xmlns:xacro='x'><xacro:include filename='a'/><link name='a'/></robot>",
-         "a macro that is not expanded yet", false},
-        {"an expression", "<robot name='${name}'><link name='a'/></robot>", "a macro that is not expanded yet", false},
+         "xacro:include: a macro that is not expanded; it is left out"},
+        {"macros alone", "<robot name='r' xmlns:xacro='x'><xacro:macro name='m'><link name='a'/></xacro:macro></robot>",
+         "xacro:macro: a macro that is not expanded", false},
+        {"an expression", "<robot name='${name}'><link name='a'/></robot>", "an expression of xacro", false},
         {"no geometry", inLink("<visual/>"), "visual: it has no geometry"},
         {"a geometry of its own", inLink("<visual><geometry><cone/></geometry></visual>"),
          "cone: no kind of geometry that is known"},
-        {"a box of nothing", inLink("<visual><geometry><box size='0 1 1'/></geometry></visual>"),
+        {"a box of nothing", inLink("<visual><geometry><box size='-1 1 1'/></geometry></visual>"),
          "sizes are greater than 0"},
         {"a box without size", inLink("<visual><geometry><box/></geometry></visual>"), "box: it has no size"},
         {"a mesh without a file", inLink("<visual><geometry><mesh/></geometry></visual>"), "mesh: it has no filename"},
@@ -449,6 +481,15 @@ TEST(Urdf, OddAndHostileRobotsAreToldAndTheRestIsThere) {
         EXPECT_THAT(robot.problems, HasSubstr("error")) << odd.what;
         EXPECT_EQ(robot.commands.contains("begin Transform DEF a"), odd.usable) << odd.what;
     }
+}
+
+TEST(Urdf, WhatFilesHaveAndMeansNothingIsNoError) {
+    const Imported robot(
+        "<robot name='r'><link name='a'><visual><geometry><box size='0 0 0'/></geometry></visual></link>"
+        "<link name='b'/><joint name='j' type='fixed'><parent link='a'/><child link='b'/>"
+        "<axis xyz='0 0 0'/></joint></robot>",
+        "4.1");
+    EXPECT_EQ(robot.problems, "test:1:50: warning: box: it has no size; it is left out [parse]\n");
 }
 
 TEST(Urdf, WhatIsNotMadeIsNamedOnce) {
