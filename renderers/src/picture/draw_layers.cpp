@@ -87,9 +87,9 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
     for (std::size_t i = 0; i < views.size() && !stats.cancelled; ++i) {
         const LayerView& view = views[i];
         std::vector<bool> outside = outsideOf(view.camera.layer, world);
-        const PixelRegion seen = partIn(view, region);
+        const PixelRegion shown = partIn(view, region);
         const bool isEmpty = i > 0 && outside.empty() && !active<SkyEntry>(state, view.camera.layer);
-        if (isEmpty || seen.empty()) {
+        if (isEmpty || shown.empty()) {
             if (trail) passOver(view, *trail);
             const double done = (static_cast<double>(i) + 1) / static_cast<double>(views.size());
             if (settings.progress && !settings.progress(done)) stats.cancelled = true;
@@ -97,7 +97,7 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
         }
         outside.resize(world.instances().size(), true);
         RenderSettings own = settings;
-        own.width = view.width, own.height = view.height, own.region = seen;
+        own.width = view.width, own.height = view.height, own.region = shown;
         if (settings.before && !isSameView(view.camera, camera))  // of other eyes nothing is known of the time before
             own.before = std::make_shared<const PictureBefore>(PictureBefore{settings.before->world, view.camera});
         if (settings.progress)
@@ -110,9 +110,9 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
                         .sight = seen.empty() ? nullptr : &seen[i]};
         RenderStats drawn;
         const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
-        const double share = double{1} * seen.width * seen.height / (double{1} * region.width * region.height);
+        const double share = double{1} * shown.width * shown.height / (double{1} * region.width * region.height);
         addStats(drawn, share, stats);
-        layOver(layer, view.left + seen.left - region.left, view.top + seen.top - region.top, picture);
+        layOver(layer, view.left + shown.left - region.left, view.top + shown.top - region.top, picture);
     }
     return picture;
 }
