@@ -86,8 +86,8 @@ TEST(WebAddress, Below) {
 }
 
 TEST(WebAddress, FoldersAndJoins) {
-    EXPECT_EQ(Resources::folderBehind({}, "https://h/a/b.x3d?c=/d#e"), "https://h/a");
-    EXPECT_EQ(Resources::folderBehind({}, "https://h"), "https://h");
+    EXPECT_EQ(Resources().folderBehind({}, "https://h/a/b.x3d?c=/d#e"), "https://h/a");
+    EXPECT_EQ(Resources().folderBehind({}, "https://h"), "https://h");
     EXPECT_EQ(Resources::folderBehind("https://h/a", "b/c.x3d"), "https://h/a/b");
     EXPECT_EQ(Resources::folderBehind("https://h/a", "/c.x3d"), "https://h");
     EXPECT_EQ(Resources::folderBehind("https://h/a", "file:///etc/c.x3d"), "");
