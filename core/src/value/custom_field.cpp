@@ -100,7 +100,7 @@ Result<std::shared_ptr<const CustomType>> CustomType::make(std::string_view name
     const std::string_view bare = isPrefixed ? name.substr(2) : std::string_view();
     if (!isName(bare)) return fail("'" + std::string(name.substr(0, 80)) + "' cannot name a field type of one's own");
     if (!isPossible(layout)) return fail(std::string(name) + ": a value has 1 to 1024 numbers, or up to 1024 bytes");
-    const auto type = std::make_shared<CustomType>();
+    auto type = std::make_shared<CustomType>();
     type->layout_ = layout;
     type->head_ = {static_cast<char>(layout.of), static_cast<char>(layout.count & 255),
                    static_cast<char>(layout.count >> 8), static_cast<char>(bare.size())};
@@ -112,7 +112,7 @@ std::shared_ptr<const CustomType> CustomType::ofBox(std::string_view box) {
     CustomLayout layout;
     const std::size_t end = headOf(box, layout);
     if (end == 0) return nullptr;
-    const auto type = std::make_shared<CustomType>();
+    auto type = std::make_shared<CustomType>();
     type->layout_ = layout;
     type->head_ = box.substr(0, end);
     return type;
@@ -384,7 +384,8 @@ std::optional<std::string> customText(const CustomValue& value) {
         if (readsAsNumbers(text, type->layout())) return std::nullopt;
         const auto back = customFromText(*type, text);
         if (back && *back == value) return text;
-    } catch (...) {  // code of others; the numbers say the same
+    } catch (...) {
+        return std::nullopt;  // code of others; the numbers say the same
     }
     return std::nullopt;
 }

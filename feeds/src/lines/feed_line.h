@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include <rtsg/core/custom_field.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <rtsg/core/custom_field.h>
 #include <rtsg/core/value.h>
 
 // SpiderMonkey's headers are not clean under our warnings.

@@ -1,7 +1,7 @@
 // Writes the primitives of the format, and the messages and records that a client sends (PROTOCOL.md, "Mirror").
 
 import {xxh64} from './xxh3.js';
-import {SFNODE, fixedSize, typeName} from './values.js';
+import {SFNODE, fixedSize, isCustom, typeName} from './values.js';
 
 const utf8 = new TextEncoder();
 const kStrings = 10, kImages = 18;  // value types of SFString and SFImage; MF types are one more
@@ -56,6 +56,7 @@ export function writeValue(w, type, value) {
   if (type === kStrings) return w.text(value);
   if (type === kStrings + 1) return w.texts(value);
   if (type === kImages || type === kImages + 1) throw new TypeError('images are not sent');
+  if (isCustom(type)) throw new TypeError('values of types from outside are not sent');
   const put = kNumber[type >> 1] ?? 'f32';
   const size = {u8: 1, i32: 4, u32: 4, f32: 4, f64: 8}[put];
   const numbers = Array.isArray(value) || ArrayBuffer.isView(value) ? value : [value];

@@ -3,6 +3,7 @@ import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import {test} from 'node:test';
 import {Replay} from '../src/index.js';
+import {editRecord} from '../src/writer.js';
 
 test('a value that was got stays as it was, however the scene goes on', () => {
   const replay = new Replay(new Uint8Array(readFileSync(new URL('../../../tests/sync/conformance/raw.rlog', import.meta.url))));
@@ -22,4 +23,8 @@ test('a value that was got stays as it was, however the scene goes on', () => {
     assert.ok(replay.equal);
   }
   assert.ok(moved > 0, 'something moves in that log');
+});
+
+test('values of types from outside are read, and not sent', () => {
+  for (const type of [42, 43]) assert.throws(() => editRecord([{node: 2, field: 0, type, value: [1]}]), TypeError);
 });
