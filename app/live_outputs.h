@@ -43,6 +43,7 @@ class LiveOutputs final : public OutputMaker {
     double elapsedAt(const WorldState& state, std::size_t& stretch) const;
     double dueAt(double elapsed) const;
     double lastDueAt(double elapsed) const;
+    Result<> presentHere(bool last);
     Result<> takePicture(const WorldState& state, bool last);
     Result<> hear(const WorldState& state);
     Result<> hearTo(const WorldState& state);
@@ -54,6 +55,7 @@ class LiveOutputs final : public OutputMaker {
     const OutputArguments arguments_;
     SharedWorld& world_;
     std::unique_ptr<LightRenderer> light_;
+    bool picturesHere_ = false, soundHere_ = false;  // on the scene's thread, where node renderers draw and voice
     std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LiveSound> device_;
     PictureFiles files_;
