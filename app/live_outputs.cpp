@@ -53,7 +53,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
         image.refine = true;
         image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
-        extensions().registerWith(*light_);
+        picturesHere_ = extensions().registerWith(*light_);
         if (!light_->attached()) return rtsg::fail(light_->failure());
     }
     if (!arguments_.listen.empty()) {
@@ -66,7 +66,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
             device_ = std::move(*device);
         } else {
             sound_ = std::make_unique<SoundRenderer>(world_, options);
-            extensions().registerWith(*sound_);
+            soundHere_ = extensions().registerWith(*sound_);
             if (!sound_->attached()) return rtsg::fail(sound_->failure());
         }
     }
@@ -74,8 +74,8 @@ Result<> LiveOutputs::start(const Resources& resources) {
         ++running_;
         threads_.emplace_back([this, present] { follow(present); });
     };
-    if (light_) run([this](const WorldState& state, bool last) { return takePicture(state, last); });
-    if (sound_) run([this](const WorldState& state, bool) { return hear(state); });
+    if (light_ && !picturesHere_) run([this](const WorldState& state, bool last) { return takePicture(state, last); });
+    if (sound_ && !soundHere_) run([this](const WorldState& state, bool) { return hear(state); });
     return {};
 }
 
@@ -146,6 +146,16 @@ double LiveOutputs::dueAt(double elapsed) const {
 /// The last due picture among those that are asked for.
 double LiveOutputs::lastDueAt(double elapsed) const {
     return std::min(dueAt(elapsed), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
+}
+
+/// On the scene's thread, where node renderers draw and voice.
+Result<> LiveOutputs::presentHere(bool last) {
+    if (!picturesHere_ && !soundHere_) return {};
+    const auto state = world_.present();
+    if (!state) return std::unexpected(state.error());
+    if (picturesHere_)
+        if (auto ok = takePicture(**state, last); !ok) return ok;
+    return soundHere_ ? hear(**state) : Result<>();
 }
 
 Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
@@ -227,6 +237,8 @@ Result<> LiveOutputs::frame() {
         abandoned_ = true;
     }
     noteTime();
+    if (!failed_ && !ending_)
+        if (auto ok = presentHere(false); !ok) fail(ok);
     if (device_) {
         device_->sendEvents();
         if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
@@ -238,6 +250,8 @@ Result<> LiveOutputs::frame() {
 
 Result<> LiveOutputs::finish() {
     if (arguments_.isCutShort()) abandoned_ = true;
+    if (!failed_ && !abandoned_)
+        if (auto ok = presentHere(true); !ok) fail(ok);
     if (running_ > 0) {
         const auto last = world_.present();
         if (!last) fail(std::unexpected(last.error()));

@@ -45,6 +45,7 @@ class LiveOutputs final : public OutputMaker {
     double elapsedAt(const WorldState& state, std::size_t& stretch) const;
     double dueAt(double elapsed) const;
     double lastDueAt(double elapsed) const;
+    Result<> presentHere(bool last);
     Result<> takePicture(const WorldState& state, bool last);
     Result<Picture> draw(const WorldState& state);
     Result<Picture> preview(const WorldState& state);
@@ -60,6 +61,7 @@ class LiveOutputs final : public OutputMaker {
     std::unique_ptr<LightRenderer> light_;
     PathPreview preview_;  // with --denoise: of the samples of light_'s last picture, which is refined_
     Picture refined_;
+    bool picturesHere_ = false, soundHere_ = false;  // on the scene's thread, where node renderers draw and voice
     std::unique_ptr<SoundRenderer> sound_;
     std::unique_ptr<LiveSound> device_;
     PictureFiles files_;

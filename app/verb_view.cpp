@@ -15,6 +15,7 @@
 #include <rtsg/haptics/haptic_renderer.h>
 #include <rtsg/window/scene_window.h>
 
+#include "extensions.h"
 #include "hand.h"
 #include "outputs.h"
 #include "view_recorder.h"
@@ -95,6 +96,7 @@ class Viewing {
         options.picture.toneMap = options_.picture.toneMap();
         options.picture.budget = 1 / options_.fps;
         options.picture.resources = source_->resources();
+        options.picture.prepare = [](Renderer& renderer) { return extensions().registerWith(renderer); };
         if (options.picture.settings.integrator == Integrator::path) options.picture.mostSamples = 1 << 14;
         options.overlay = overlay_;
         options.look = [this](NodeId viewpoint) { return source_->look(viewpoint); };

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/renderers/picture.h>
+
 #include "app/program.h"
 #include "test_plugins.h"
 
@@ -44,6 +46,35 @@ TEST_F(WithPlugins, NodesActAndHaveGeometry) {
     EXPECT_EQ(render.status, 0) << render.err;
     const Outcome without = rtsg({"info", own, "--json"});
     EXPECT_NE(without.err.find("unknown node type Spinner"), std::string::npos);
+}
+
+// A node renderer draws on the scene's thread, so pictures beside the scene are made there, too.
+TEST_F(WithPlugins, NodeRenderersDrawIntoLivePicturesAndTheWindow) {
+    writeFile(folder / "ball.x3dv", "#X3D V4.0 utf8\nShape { geometry Sphere { } }\n");
+    const std::string ball = folder / "ball.x3dv", drawing = plugin("drawing");
+    ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
+    const auto isGreen = [&](const char* name) {
+        const auto picture = readPicture(folder / name);
+        if (!picture) return testing::AssertionFailure() << picture.error().format();
+        const Vec4f& corner = picture->pixels[0];
+        return corner.g > .9f && corner.r < .1f && corner.b < .1f
+                   ? testing::AssertionSuccess()
+                   : testing::AssertionFailure() << name << ": " << corner.r << " " << corner.g << " " << corner.b;
+    };
+    const Outcome still = rtsg({"run", ball, "--plugin", drawing, "--for", "0.2s", "--live", "--render",
+                                folder / "still.png", "--size", "16x16"});
+    EXPECT_EQ(still.status, 0) << still.err;
+    EXPECT_TRUE(isGreen("still.png"));
+    const Outcome film = rtsg({"run", ball, "--plugin", drawing, "--for", "0.3s", "--live", "--fps", "10", "--render",
+                               folder / "film%d.png", "--size", "16x16"});
+    EXPECT_EQ(film.status, 0) << film.err;
+    EXPECT_TRUE(isGreen("film0.png"));
+    const Outcome view = rtsg({"view", ball, "--plugin", drawing, "--for", "0.5s", "--mute", "--screenshot",
+                               folder / "view.png", "--size", "32x32"});
+    if (view.err.find("built without a window") == view.err.npos) {
+        EXPECT_EQ(view.status, 0) << view.err;
+        EXPECT_TRUE(isGreen("view.png"));
+    }
 }
 
 TEST_F(WithPlugins, TablesAloneMakeTypesKnown) {

@@ -81,7 +81,8 @@ struct SoundRenderer::Impl {
     std::string refused;                         // why it could not be attached
     std::unique_ptr<AcousticRenderer> renderer;  // null if it could not be made
     ListenReport report;
-    std::size_t blockAt = 0;  // of report.sound.samples
+    std::thread::id scenesThread;  // that last told of changes
+    std::size_t blockAt = 0;       // of report.sound.samples
     double start = 0;
     std::size_t toldSealed = 0, toldLeaks = 0;
     bool hadSounds = false;
@@ -174,6 +175,7 @@ std::string SoundRenderer::failure() const {
 }
 
 Result<> SoundRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    impl_->scenesThread = std::this_thread::get_id();
     const Result<> applied = impl_->renderer->apply(scene, changes, delta);
     impl_->hadSounds = impl_->hadSounds || !impl_->renderer->scene().emitters().empty();
     return applied;
@@ -186,7 +188,8 @@ std::shared_ptr<const void> SoundRenderer::freezeTables() {
 Result<> SoundRenderer::renderFrame(const WorldState& state) {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
-    if (ownsNodes()) return fail("sound renderer: nodes that it voices itself are voiced on the scene's thread only");
+    if (ownsNodes() && std::this_thread::get_id() != s.scenesThread)
+        return fail("sound renderer: nodes that it voices itself are voiced on the scene's thread only");
     const auto tables = std::static_pointer_cast<const AcousticState>(begin(state));
     if (!tables || !state.rays) return fail("sound renderer: this state was made without it");
     const auto start = Clock::now();
@@ -195,7 +198,7 @@ Result<> SoundRenderer::renderFrame(const WorldState& state) {
     if (!s.options.sound) return {};
     if (auto rendered = s.renderer->render(*tables, *state.rays, state.time, sound); !rendered) return rendered;
     s.report.seconds += secondsSince(start);
-    return {};
+    return renderOwnNodes(kVoice);
 }
 
 Result<> SoundRenderer::renderFrame() {

@@ -69,8 +69,10 @@ void Extensions::registerWith(SharedWorld& world) const {
     for (const auto& [type, source] : meshSources_) world.setMeshSource(type, source);
 }
 
-void Extensions::registerWith(Renderer& renderer) const {
-    for (const auto& add : nodeRenderers_) add(renderer);
+bool Extensions::registerWith(Renderer& renderer) const {
+    bool any = false;
+    for (const auto& add : nodeRenderers_) any = add(renderer) || any;
+    return any;
 }
 
 Result<> Extensions::attachSubscribers(Scene& scene, Attached& attached) const {

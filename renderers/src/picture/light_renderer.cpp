@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <thread>
 #include <utility>
 
 #include <fmt/format.h>
@@ -27,7 +28,8 @@ struct LightRenderer::Impl {
     Options options;
     const RayWorld& rays;
     LightTracer tracer;
-    std::string refused;  // why it could not be attached
+    std::string refused;           // why it could not be attached
+    std::thread::id scenesThread;  // that last told of changes
     Picture frame;
     Camera camera;
     RenderStats stats;
@@ -108,6 +110,7 @@ LightRenderer::~LightRenderer() {
 }
 
 Result<> LightRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
+    impl_->scenesThread = std::this_thread::get_id();
     return impl_->tracer.apply(scene, changes, delta);
 }
 
@@ -306,7 +309,8 @@ Result<Picture> LightRenderer::nextPicture(const WorldState& state, const ImageO
 
 Result<> LightRenderer::makeOf(const WorldState& state, const ImageOptions& options, const OwnLook* look) {
     Impl& s = *impl_;
-    if (ownsNodes()) return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
+    if (ownsNodes() && std::this_thread::get_id() != s.scenesThread)
+        return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
     const auto tables = std::static_pointer_cast<const LightState>(begin(state));
     if (!tables || !state.rays) return fail("light renderer: this state was made without it");
     RenderSettings whole;
@@ -347,7 +351,8 @@ Result<> LightRenderer::makeOf(const WorldState& state, const ImageOptions& opti
     auto picture = eachEye(s.camera, options, settings, draw);
     s.before =
         asksForMotion(settings) ? std::make_shared<const PictureBefore>(PictureBefore{state.rays, s.camera}) : nullptr;
-    return take(std::move(picture), options.settings);
+    if (auto ok = take(std::move(picture), options.settings); !ok) return ok;
+    return renderOwnNodes(kDraw);
 }
 
 Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {

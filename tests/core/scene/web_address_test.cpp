@@ -88,10 +88,10 @@ TEST(WebAddress, Below) {
 TEST(WebAddress, FoldersAndJoins) {
     EXPECT_EQ(Resources().folderBehind({}, "https://h/a/b.x3d?c=/d#e"), "https://h/a");
     EXPECT_EQ(Resources().folderBehind({}, "https://h"), "https://h");
-    EXPECT_EQ(Resources::folderBehind("https://h/a", "b/c.x3d"), "https://h/a/b");
-    EXPECT_EQ(Resources::folderBehind("https://h/a", "/c.x3d"), "https://h");
-    EXPECT_EQ(Resources::folderBehind("https://h/a", "file:///etc/c.x3d"), "");
-    EXPECT_EQ(Resources::folderBehind("/x", "https://h/a/b.x3d"), "https://h/a");
+    EXPECT_EQ(Resources().folderBehind("https://h/a", "b/c.x3d"), "https://h/a/b");
+    EXPECT_EQ(Resources().folderBehind("https://h/a", "/c.x3d"), "https://h");
+    EXPECT_EQ(Resources().folderBehind("https://h/a", "file:///etc/c.x3d"), "");
+    EXPECT_EQ(Resources().folderBehind("/x", "https://h/a/b.x3d"), "https://h/a");
     EXPECT_EQ(Resources("https://h/a/").folder(), "https://h/a");
     EXPECT_EQ(Resources::ofFile("https://h/a/b.x3d").folder(), "https://h/a");
     EXPECT_EQ(joinUrls("https://h/a/b.x3d", "../c.x3d#d"), "https://h/c.x3d");

@@ -10,6 +10,7 @@
 #include <rtsg/renderers/surface_tables.h>
 
 #include "renderers/light/light_scene.h"
+#include "renderers/light/volume_scene.h"
 
 namespace rtsg {
 namespace {
@@ -138,6 +139,9 @@ TEST(PrimarySights, ColoursStayOnlyWhereRaysWouldAddNothing) {
           Case{ball(unlit("1 0 0")), true, Shadows::all}, Case{light + plain, false, Shadows::none, ColorSpace::linear},
           Case{ball(unlit("1 0 0")), false, Shadows::none, ColorSpace::linear},
           Case{"NavigationInfo { headlight TRUE }\n" + plain, true, Shadows::all},
+          Case{"Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 ] coord Coordinate { point [ -9 -9 "
+               "0, 9 -9 0, 0 9 0 ] } color ColorRGBA { color [ 1 0 0 .5, 1 0 0 .5, 1 0 0 .5 ] } } }\n",
+               false},
           Case{light + ball(mirror(".5")), false}, Case{light + ball(glass(1.5)), false},
           Case{light + ball("material Material { transparency .5 }"), false},
           Case{"NavigationInfo { headlight TRUE }\nGroup { children [ PointLight { global FALSE location 9 9 9 } " +
@@ -151,6 +155,24 @@ TEST(PrimarySights, ColoursStayOnlyWhereRaysWouldAddNothing) {
         EXPECT_EQ(drawn->at(24, 18) == kPainted, c.stays) << c.body;
         EXPECT_EQ(drawn->at(0, 0) == kPainted, c.space == ColorSpace::automatic) << c.body;
     }
+}
+
+// What is looked up about a depth is marched to from the eye, and so is the sky.
+TEST(PrimarySights, VolumesAreBeforeWhatWasSeen) {
+    Sighted s("Viewpoint { position 0 0 6 }\n" + volume(evenVoxels(120, 2, 2, 2)) +
+              at("0.6 0 -3", "Shape { appearance Appearance { " + unlit("1 0 0") + " } geometry Box { } }"));
+    PrimarySight sight = s.sight();
+    std::uint32_t box = kNoInstance;
+    for (const Instance& instance : s.world->flattener().instances())
+        if (instance.id && !instance.volume) box = instance.id.slot;
+    // The volume is no surface: a rasteriser sees the box behind it, or the sky.
+    for (std::uint32_t& instance : sight.instances)
+        if (instance != box) instance = kNoInstance;
+    const auto drawn = s.hybrid(sight);
+    ASSERT_TRUE(drawn);
+    const Picture traced = s.picture();
+    EXPECT_EQ(countOther(traced, *drawn), 0);
+    EXPECT_GT(glm::distance(traced.at(20, 18), traced.at(0, 0)), .05f) << "the volume is seen";
 }
 
 TEST(PrimarySights, SamplesLieWhereTheRasteriserHasThem) {

@@ -371,7 +371,7 @@ struct LivePicture::Impl {
                 if (made && changes == of && !isWhole)
                     news.wait_for(lock, std::chrono::duration<double>(options.restsAfter),
                                   [&] { return stop || changes != of; });
-            } else if (isWhole && samples() >= options.mostSamples) {
+            } else if (isGoodEnough()) {
                 rested = done = true;
                 news.wait(lock, [&] { return stop || changes != of; });
             } else {
@@ -382,6 +382,19 @@ struct LivePicture::Impl {
             }
             if (!made) return made;
         }
+        return {};
+    }
+
+    bool isGoodEnough() const { return isWhole && samples() >= options.mostSamples; }
+    /// Does one thing of what follow() does, on the scene's thread, where node renderers draw.
+    Result<> step() {
+        const std::uint64_t of = changes;
+        const Subject what = subject;
+        if (pictured != of) return coarse(what, of);
+        rested = true;
+        if (!isGoodEnough()) return refine(what, of);
+        const std::scoped_lock lock(mutex);
+        done = true;
         return {};
     }
 
@@ -403,6 +416,7 @@ struct LivePicture::Impl {
 
 LivePicture::LivePicture(SharedWorld& world, LivePictureOptions options)
     : impl_(std::make_unique<Impl>(world, std::move(options))) {
+    if (impl_->maker->ownsNodes()) return;
     impl_->thread = std::thread([i = impl_.get()] { i->run(); });
 }
 LivePicture::~LivePicture() = default;
@@ -413,14 +427,16 @@ Result<> LivePicture::show(const std::optional<Camera>& eye) {
     auto state = s.world.present();
     if (!state) return std::unexpected(state.error());
     if (!s.maker->renderer().tables(**state)) return fail(s.maker->renderer().failure());
-    const std::scoped_lock lock(s.mutex);
-    if (!s.failure.empty()) return fail(s.failure);
-    Impl::Subject next{std::move(*state), eye, s.subject.width, s.subject.height};
-    const bool changed = s.differs(next);
-    s.noteEye(next);
-    s.subject = std::move(next);
-    if (changed) s.change();
-    return {};
+    {
+        const std::scoped_lock lock(s.mutex);
+        if (!s.failure.empty()) return fail(s.failure);
+        Impl::Subject next{std::move(*state), eye, s.subject.width, s.subject.height};
+        const bool changed = s.differs(next);
+        s.noteEye(next);
+        s.subject = std::move(next);
+        if (changed) s.change();
+    }
+    return s.maker->ownsNodes() ? s.step() : Result<>();
 }
 
 void LivePicture::setSize(int width, int height) {

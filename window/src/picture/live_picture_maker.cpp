@@ -20,11 +20,12 @@ LightRenderer::Options rendererOptions(const LivePictureOptions& options) {
 class TracedPictures final : public LivePictureMaker {
   public:
     TracedPictures(SharedWorld& world, const LivePictureOptions& options)
-        : renderer_(world, rendererOptions(options)) {}
+        : renderer_(world, rendererOptions(options)), ownsNodes_(options.prepare && options.prepare(renderer_)) {}
     Result<> open() override { return {}; }
+    bool ownsNodes() const override { return ownsNodes_; }
     const WorldRenderer& renderer() const override { return renderer_; }
     bool differ(const WorldState& a, const WorldState& b) const override {
-        return a.rays != b.rays || LivePictureMaker::differ(a, b);
+        return a.rays != b.rays || LivePictureMaker::differ(a, b) || (ownsNodes_ && a.sequence != b.sequence);
     }
     bool keeps(const RenderSettings& settings) const override { return settings.integrator == Integrator::whitted; }
     Result<Camera> camera(const WorldState& state, double aspect) const override {
@@ -41,6 +42,7 @@ class TracedPictures final : public LivePictureMaker {
 
   private:
     LightRenderer renderer_;
+    const bool ownsNodes_;
 };
 
 class RasteredPictures final : public LivePictureMaker {

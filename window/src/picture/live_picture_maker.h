@@ -16,6 +16,8 @@ class LivePictureMaker {
     /// Error: what it needs is not there.
     virtual Result<> open() = 0;
     virtual const WorldRenderer& renderer() const = 0;
+    /// Whether node renderers draw into its pictures, on the scene's thread.
+    virtual bool ownsNodes() const { return false; }
     /// Whether pictures of two states may differ.
     virtual bool differ(const WorldState& a, const WorldState& b) const {
         return renderer().tables(a) != renderer().tables(b);

@@ -57,7 +57,9 @@ class Extensions {
     template <class R>
     void addNodeRenderer(std::string type, NodeRenderer renderer) {
         nodeRenderers_.push_back([type = std::move(type), renderer = std::move(renderer)](Renderer& one) {
-            if (dynamic_cast<R*>(&one)) one.registerNodeRenderer(type, renderer);
+            const bool suits = dynamic_cast<R*>(&one);
+            if (suits) one.registerNodeRenderer(type, renderer);
+            return suits;
         });
     }
     /// Follows each scene that a program runs.
@@ -70,7 +72,8 @@ class Extensions {
     /// The scene reads and writes the formats, files in it may name the node types, and its nodes act.
     void registerWith(Scene& scene) const;
     void registerWith(SharedWorld& world) const;
-    void registerWith(Renderer& renderer) const;
+    /// Whether it has node renderers of its own now.
+    bool registerWith(Renderer& renderer) const;
 
     /// The subscribers of one scene, which they follow until this is destroyed. The scene must outlive it.
     class Attached {
@@ -88,7 +91,7 @@ class Extensions {
     std::shared_ptr<const Dialect> dialect_;
     std::vector<std::pair<std::string, Behaviour>> behaviours_;
     std::vector<std::pair<std::string, MeshSource>> meshSources_;
-    std::vector<std::function<void(Renderer&)>> nodeRenderers_;
+    std::vector<std::function<bool(Renderer&)>> nodeRenderers_;
     std::vector<SubscriberMaker> subscribers_;
 };
 

@@ -5,7 +5,8 @@
 // Once all rests, one picture with all pixels is made, and then better ones: samples are added to those that are there
 // until each pixel has `mostSamples`; by path they are denoised wherever that is better (PathPreview). A change ends whatever is being made at rest. Invariant: a picture shows one
 // whole state. The scene's thread waits for nothing. Nothing is made while nothing changes and the picture is as good
-// as asked for. Threading: show() and the destructor on the scene's thread, the rest on any.
+// as asked for. With node renderers the scene waits. Threading: show() and the destructor on the scene's thread, the
+// rest on any.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +30,9 @@ struct LivePictureOptions {
     int mostSamples = 64;      // a pixel, at rest
     double restsAfter = 0.04;  // seconds without a change
     ToneMap toneMap;
+    /// Gets the renderer of rays as soon as it is there, to register node renderers with it, and says whether it has.
+    /// These draw on the scene's thread: pictures are then made in show(), which waits for them.
+    std::function<bool(Renderer&)> prepare;
     /// From the picture's thread: there is a new one to take, or it has failed.
     std::function<void()> wake;
 };
