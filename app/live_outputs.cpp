@@ -228,7 +228,7 @@ Result<> LiveOutputs::frame() {
     }
     noteTime();
     if (device_) {
-        device_->sendEvents();
+        if (arguments_.takesEvents) device_->sendEvents();
         if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
     }
     if (!failed_) return {};

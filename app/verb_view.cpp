@@ -167,7 +167,7 @@ class Viewing {
             time_ = t;
             if (!source_->advance(t, acts)) return;
             ++frames_;
-            if (sound_) sound_->sendEvents();
+            if (sound_ && source_->takesEvents()) sound_->sendEvents();
             if (touch_) feel();
             say();
             window_->lookFrom(source_->eye(kAnyAspect));
