@@ -150,9 +150,12 @@ def test_f1_shows_what_is_under_the_hand_and_its_panels_keep_their_clicks(user):
     user.path("touch.x3dv").write_text(TOUCH)
     with display():
         viewer = view(user, "touch.x3dv", "--screenshot", "end.png")
-        window_of(viewer)
+        found = window_of(viewer)
+        title = lambda: subprocess.run(["xdotool", "getwindowname", found], capture_output=True, text=True).stdout
+        check("F1 shows more" in title(), f"the title says so: {title()!r}")
         hand("key", "F1")
         check(is_shown(viewer), "there is a panel")
+        check(is_seen(lambda: "F1" not in title()), f"once is enough: {title()!r}")
         # The second viewpoint's line is somewhere below the figures: the box is small then.
         for y in range(120, 296, 6):
             hand("mousemove", 60, y, "click", 1)
