@@ -240,7 +240,7 @@ Result<> LiveOutputs::frame() {
     if (!failed_ && !ending_)
         if (auto ok = presentHere(false); !ok) fail(ok);
     if (device_) {
-        device_->sendEvents();
+        if (arguments_.takesEvents) device_->sendEvents();
         if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
     }
     if (!failed_) return {};

@@ -275,6 +275,7 @@ ListenOptions SoundArguments::parse() const {
 }
 
 void OutputArguments::addTo(Command& command, Options which) {
+    takesEvents = which == Options::ofRun;
     const Command::Section section(command, "What is made");
     command.addOption("--render", render,
                       "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");

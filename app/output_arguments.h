@@ -97,6 +97,7 @@ struct OutputArguments {
     /// Scene time to make pictures and sound of; set by the verb.
     double seconds = std::numeric_limits<double>::infinity();
     bool force = false, live = false, denoise = false;
+    bool takesEvents = false;  // the scene runs here, so its nodes may be told what is heard; set by addTo()
     /// No end was stated, so an interruption is the normal end. Set by the verb.
     bool endsByInterruption = false;
     PictureArguments picture;

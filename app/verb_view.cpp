@@ -171,7 +171,7 @@ class Viewing {
             time_ = t;
             if (!source_->advance(t, acts)) return;
             ++frames_;
-            if (sound_) sound_->sendEvents();
+            if (sound_ && source_->takesEvents()) sound_->sendEvents();
             if (touch_) feel();
             say();
             window_->lookFrom(source_->eye(kAnyAspect));
@@ -218,6 +218,9 @@ class Viewing {
         std::string status = source_->status();
         if (const std::string writes = recorder_.status(); !writes.empty())
             status += (status.empty() ? "" : ", ") + writes;
+        // Nobody would find it else.
+        knowsOverlay_ = knowsOverlay_ || window_->showsOverlay();
+        if (!knowsOverlay_) status += status.empty() ? "F1 shows more" : ", F1 shows more";
         if (status != status_)
             window_->setTitle(fmt::format("{} - {}{}rtsg", shown_.name, status, status.empty() ? "" : " - "));
         status_ = status;
@@ -304,7 +307,7 @@ class Viewing {
     std::unique_ptr<LiveSound> sound_;
     std::unique_ptr<HapticRenderer> touch_;
     ViewRecorder recorder_;
-    bool overlay_ = options_.overlay;
+    bool overlay_ = options_.overlay, knowsOverlay_ = false;
     std::string status_;
     double time_ = 0, told_ = 0;
     std::uint64_t frames_ = 0;

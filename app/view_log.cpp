@@ -30,8 +30,12 @@ class LogSource final : public ViewSource {
         extensions().registerWith(scene());
         scene().setScriptResources(std::make_shared<const Resources>(resources_));
         fetches_.emplace(scene(), resources_);
-        world_.emplace(scene(), resources_);
-        eye_.emplace(world_->get());
+        if (OwnScene::isNeeded(scene())) {
+            own_.emplace(scene());
+            extensions().registerWith(own_->scene());
+        }
+        world_.emplace(own_ ? own_->scene() : scene(), resources_);
+        eye_.emplace(world_->get(), own_ ? &*own_ : nullptr);
         return {};
     }
 
@@ -129,6 +133,7 @@ class LogSource final : public ViewSource {
     const Resources resources_;
     std::optional<FollowedFetches> fetches_;
     std::unique_ptr<LogPlayer> player_;
+    std::optional<OwnScene> own_;  // as this eye sees it; none where that makes no difference
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;
     LogNotes notes_;

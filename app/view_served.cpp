@@ -119,8 +119,12 @@ class ServedSource final : public ViewSource {
             if (!client_->refusal().empty()) return fail(fmt::format("refused: {}", client_->refusal()), {}, endpoint_);
             if (silence() > patience_) return fail(fmt::format("no server for {} s", patience_), {}, endpoint_);
         }
-        world_.emplace(replica_, resources_);
-        eye_.emplace(world_->get());
+        if (OwnScene::isNeeded(replica_)) {
+            own_.emplace(replica_);
+            extensions().registerWith(own_->scene());
+        }
+        world_.emplace(own_ ? own_->scene() : replica_, resources_);
+        eye_.emplace(world_->get(), own_ ? &*own_ : nullptr);
         return {};
     }
 
@@ -206,6 +210,7 @@ class ServedSource final : public ViewSource {
     Scene replica_;
     std::optional<MirrorOrigin> origin_;
     std::unique_ptr<MirrorClient> client_;
+    std::optional<OwnScene> own_;  // as this eye sees it; none where that makes no difference
     std::optional<WorldOnDemand> world_;
     std::optional<OwnEye> eye_;
     Clock::time_point heard_ = Clock::now();

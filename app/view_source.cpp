@@ -28,6 +28,7 @@ class RunningSource final : public ViewSource {
     Scene& scene() override { return running_.scene(); }
     SharedWorld& world() override { return running_.world().get(); }
     const Resources& resources() const override { return running_.resources(); }
+    bool takesEvents() const override { return !isPaused_; }
     /// Time that it stood still counts for nothing.
     bool advance(double t, bool acts) override {
         if (isPaused_) stood_ += t - last_;

@@ -36,6 +36,8 @@ class ViewSource {
     virtual Scene& scene() = 0;
     virtual SharedWorld& world() = 0;
     virtual const Resources& resources() const = 0;
+    /// Whether events for its nodes are taken up, since it runs here. In a scene that does not they would pile up.
+    virtual bool takesEvents() const { return false; }
     /// Brings the scene to `t` seconds after the start; `acts`: somebody has done something. False: it has ended.
     virtual bool advance(double t, bool acts) = 0;
     /// Nothing will change by itself before this time, in seconds from the start, as far as is known; or `wake` is

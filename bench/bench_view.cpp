@@ -1,6 +1,6 @@
 // The window in front of somebody who walks through the demo's hall, without a screen: how often it has a new picture,
-// how long a key takes until it is seen, and how long whoever stands still waits for the whole picture; and what a
-// picture is worth, by its resolution and samples.
+// how long a key takes until it is seen, how long whoever stands still waits for the whole picture, and, by path, for
+// one with little noise; and what a picture is worth, by its resolution and samples.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <fmt/format.h>
@@ -167,6 +168,70 @@ bool walked(const Report& report, const std::string& name, const std::string& fi
     return true;
 }
 
+/// What is shown of the hall by path while somebody stands still, with the seconds since.
+struct Noisy {
+    double seconds = 0, noise = 0, denoised = 0;
+    int samples = 0;
+};
+Result<std::vector<Noisy>> standStill(double most, int width, int height) {
+    Scene scene;
+    Diagnostics diagnostics;
+    if (!loadFile(scene, kSeenHall, diagnostics)) return fail("the scene cannot be read");
+    scene.newFrame(0);
+    SharedWorld world(scene);
+    LivePictureOptions options;
+    options.settings.integrator = Integrator::path;
+    options.settings.width = width, options.settings.height = height, options.settings.samplesPerPixel = 4;
+    options.resources = Resources::ofFile(kSeenHall);
+    options.mostSamples = 1 << 14;
+    std::vector<Noisy> all;
+    LivePicture pictures(world, std::move(options));
+    const Clock::time_point start = Clock::now();
+    if (auto ok = pictures.show(); !ok) return std::unexpected(ok.error());
+    while (passedSince(start) < most) {
+        std::this_thread::sleep_for(5ms);
+        const auto shown = pictures.take();
+        if (shown && shown->noise > 0)
+            all.push_back({passedSince(start), shown->noise, shown->denoised, shown->samples});
+    }
+    if (all.size() < 2) return fail("hardly any picture came");
+    return all;
+}
+/// The power of time by which noise falls, from the fifth of the pictures on.
+double powerOf(const std::vector<Noisy>& all) {
+    double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+    for (std::size_t i = std::min<std::size_t>(all.size() / 5, all.size() - 2); i < all.size(); ++i) {
+        const double u = std::log(all[i].seconds), v = std::log(all[i].noise);
+        n += 1, x += u, y += v, xx += u * u, xy += u * v;
+    }
+    return (n * xy - x * y) / (n * xx - x * x);
+}
+bool rested(const Report& report, bool quick) {
+    const std::string name = quick ? "hall by path, 160x90" : "hall by path, 1280x720";
+    const auto all = standStill(quick ? 3 : 160, quick ? 160 : 1280, quick ? 90 : 720);
+    if (!all) {
+        report({"view", name + ", " + all.error().text, "pictures", "0/1", 0, "", 0, "", 0});
+        return false;
+    }
+    const auto line = [&](const char* what, const char* unit, double value, const char* limit = "", double most = 0) {
+        report({"view", name, what, unit, value, "", 0, limit, most});
+    };
+    for (const double wanted : {.1, .05}) {
+        const auto found = std::ranges::find_if(*all, [&](const Noisy& one) { return one.noise <= wanted; });
+        const bool isTenth = wanted > .07;
+        line(isTenth ? "standing still until noise is 10 %" : "standing still until noise is 5 %", "s",
+             found == all->end() ? 0 : found->seconds, "asked", isTenth ? 30 : 150);
+    }
+    const auto at30 = std::ranges::find_if(*all, [](const Noisy& one) { return one.seconds >= 30; });
+    const Noisy& then = at30 == all->end() ? all->back() : *at30;
+    line("noise after 30 s", "%", 100 * then.noise, "asked", 10);
+    line("samples a pixel after 30 s", "", then.samples);
+    line("share denoised after 30 s", "%", 100 * then.denoised);
+    line("noise at the end", "%", 100 * all->back().noise, "asked", 5);
+    line("noise falls by time to the power of", "", powerOf(*all), "root", -.5);
+    return true;
+}
+
 }  // namespace
 
 bool view(const Report& report, bool quick) {
@@ -176,7 +241,8 @@ bool view(const Report& report, bool quick) {
         report({"view", fmt::format("{} is not below this folder", kSeenHall), "window", "0/1", 0, "", 0, "", 0});
         return false;
     }
-    return walked(report, "hall, 1280x720", kSeenHall, quick);
+    const bool walks = walked(report, "hall, 1280x720", kSeenHall, quick);
+    return rested(report, quick) && walks;
 }
 
 namespace {

@@ -244,7 +244,7 @@ struct LivePicture::Impl {
     }
 
     void publish(const Picture& picture, const Camera& camera, const Subject& what, int samples,
-                 Clock::time_point start, bool isMoving = false, double kept = 0, double denoised = 0) {
+                 Clock::time_point start, bool isMoving = false, double kept = 0) {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
@@ -254,7 +254,7 @@ struct LivePicture::Impl {
         next->whole = isWhole;
         next->isMoving = isMoving;
         next->kept = kept;
-        next->denoised = denoised;
+        if (isWhole && isPath()) next->denoised = path.denoised(), next->noise = path.noise();
         next->seconds = secondsSince(start);
         next->camera = camera;
         {
@@ -342,7 +342,7 @@ struct LivePicture::Impl {
         if (isPath()) {
             if (auto ok = path.add(std::move(one.picture), wish.samples); !ok) return ok;
             const Picture best = path.best([&] { return changes == of && others == 0; });
-            publish(best, one.camera, what, samples(), start, false, 0, path.denoised());
+            publish(best, one.camera, what, samples(), start);
         } else if (isFirst) {
             publish(one.picture, one.camera, what, 1, start);
         } else {

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include <rtsg/core/navigation.h>
-#include <rtsg/core/placement.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/world_queries.h>
@@ -48,21 +47,6 @@ class Walls final : public SpaceQueries {
     WorldQueries queries_;
 };
 
-/// What takes the coordinates around a node, by its first place in the hierarchy, to the world's.
-glm::dmat4 worldAroundNode(const Scene& scene, NodeId id) {
-    constexpr int kDeepest = 10'000;
-    glm::dmat4 world(1);
-    for (int depth = 0; depth < kDeepest; ++depth) {
-        const std::vector<ParentRef> parents = scene.parents(id);
-        const auto place = std::ranges::find_if(
-            parents, [&](const ParentRef& p) { return isPlace(scene.node(p.node).type(), p.field); });
-        if (place == parents.end()) break;
-        id = place->node;
-        world = parentFromLocal(scene, scene.node(id)) * world;
-    }
-    return world;
-}
-
 /// The node on top of a stack of the active layer, or of the root where there is none; null if it is empty.
 const Node* bound(const Scene& scene, std::string_view stack) {
     const Node& root = scene.node(scene.root());
@@ -77,13 +61,15 @@ const Node* bound(const Scene& scene, std::string_view stack) {
 }  // namespace
 
 struct OwnEye::Impl {
-    explicit Impl(SharedWorld& w) : world(w), walls(w), picture(w) {}
+    Impl(SharedWorld& w, OwnScene* o) : world(w), ownScene(o), walls(w), picture(w) {}
 
     SharedWorld& world;
+    OwnScene* const ownScene;
     Walls walls;
     WorldQueries picture;
     bool pressed = false;        // a button is
     std::optional<NodeId> over;  // the layer, other than the active one, that the pointer is over, or was when pressed
+    std::optional<NodeId> kept;  // the same of what is kept before this eye
     std::unique_ptr<Scene> own;  // null until it is moved
     double time = 0;
     double fieldOfView = 0.7854;
@@ -130,6 +116,17 @@ struct OwnEye::Impl {
         return std::nullopt;
     }
 
+    /// A ray that meets what is kept before this eye goes to where that is there.
+    PointerInput toKept(PointerInput ray, bool isFree) {
+        const auto hit = picture.firstHit(ray.origin, ray.direction);
+        const auto met = hit ? ownScene->keptOn(hit->path) : std::nullopt;
+        if (isFree) kept = met;
+        if (!kept) return ray;
+        if (met == kept)
+            ray.origin = glm::mix(hit->point, ray.origin, kBeforeIt);  // other things may lie before it there
+        return ownScene->asThere(ray, *kept);
+    }
+
     /// Whether such input moves a viewer that has not been moved yet.
     static bool moves(FieldIndex field, const Value& value) {
         if (field == Root::wheel.index) return true;
@@ -148,7 +145,7 @@ struct OwnEye::Impl {
     }
 };
 
-OwnEye::OwnEye(SharedWorld& world) : impl_(std::make_unique<Impl>(world)) {}
+OwnEye::OwnEye(SharedWorld& world, OwnScene* own) : impl_(std::make_unique<Impl>(world, own)) {}
 OwnEye::~OwnEye() = default;
 
 void OwnEye::take(FieldIndex field, const Value& value) {
@@ -181,6 +178,9 @@ void OwnEye::advance(double seconds) {
     Impl& s = *impl_;
     s.time = std::max(s.time, seconds);
     if (s.own) s.own->newFrame(s.time);
+    if (!s.ownScene) return;
+    const auto placed = s.ownScene->place(s.own ? std::optional(viewerPose(*s.own)) : std::nullopt);
+    if (!placed) s.world.scene().diagnostics().error({}, placed.error().text);
 }
 
 bool OwnEye::isMoving() const {
@@ -197,7 +197,8 @@ std::optional<Camera> OwnEye::camera(double aspect) const {
 PointerInput OwnEye::throughPicture(const PointerInput& input) {
     Impl& s = *impl_;
     if (input.kind != PointerInput::Kind::picture) return input;
-    if (!std::exchange(s.pressed, input.buttons != 0)) s.over = s.layerAt(input.x, input.y);
+    const bool isFree = !std::exchange(s.pressed, input.buttons != 0);
+    if (isFree) s.over = s.layerAt(input.x, input.y);
     PointerInput ray = input;
     ray.kind = PointerInput::Kind::ray;
     if (s.over)
@@ -211,7 +212,7 @@ PointerInput OwnEye::throughPicture(const PointerInput& input) {
     const Scene& scene = s.own ? *s.own : s.world.scene();
     const Bearing bearing = bearingThrough(scene, input.x, input.y, input.aspect);
     ray.origin = bearing.origin, ray.direction = bearing.direction;
-    return ray;
+    return s.ownScene ? s.toKept(ray, isFree) : ray;
 }
 
 }  // namespace rtsg

@@ -355,6 +355,7 @@ struct SceneWindow::Impl {
                 fmt::format("{} x {}{}", shown->width, shown->height,
                             shown->whole ? ", whole" : fmt::format(" of {} x {}", window->width(), window->height())));
             add("samples", fmt::format("{} a pixel, {:.0f} ms", shown->samples, 1e3 * shown->seconds));
+            if (shown->noise > 0) add("noise", fmt::format("{:.1f} % of the light", 100 * shown->noise));
             if (shown->denoised > 0) add("denoised", fmt::format("{:.0f} % of the pixels", 100 * shown->denoised));
             if (shown->kept > 0) add("kept", fmt::format("{:.0f} % of the pixels", 100 * shown->kept));
             add("drawn by", picture->renderer());

@@ -3,10 +3,10 @@
 // While what is seen changes, each picture has as many pixels as fit into a budget of time, and is meant to be
 // enlarged; while the eye rests, pixels that no change can have touched are taken over, so that there are more of them.
 // Once all rests, one picture with all pixels is made, and then better ones: samples are added to those that are there
-// until each pixel has `mostSamples`; by path they are denoised wherever that is better (PathPreview). A change ends whatever is being made at rest. Invariant: a picture shows one
-// whole state. The scene's thread waits for nothing. Nothing is made while nothing changes and the picture is as good
-// as asked for. With node renderers the scene waits. Threading: show() and the destructor on the scene's thread, the
-// rest on any.
+// until each pixel has `mostSamples`; by path they are denoised wherever that is better (PathPreview). A change ends
+// whatever is being made at rest. Invariant: a picture shows one whole state. The scene's thread waits for nothing.
+// Nothing is made while nothing changes and the picture is as good as asked for. With node renderers the scene waits.
+// Threading: show() and the destructor on the scene's thread, the rest on any.
 #pragma once
 
 #include <cstdint>
@@ -45,6 +45,7 @@ struct LivePictureShown {
     bool whole = false;                // it has all pixels
     bool isMoving = false;             // it was made because something had changed, not to be better
     double denoised = 0;               // the share of the picture that was denoised, since that is better
+    double noise = 0;                  // of the mean of the samples by path, over the mean; 0: not known
     double kept = 0;                   // the share of pixels that were taken over from the picture before
     double seconds = 0;                // that it took
     Camera camera;                     // it is seen from there

@@ -12,13 +12,15 @@
 #include <rtsg/core/device_input.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/window/own_scene.h>
 
 namespace rtsg {
 
 class OwnEye {
   public:
-    /// `world`: of the other scene, which must outlive this.
-    explicit OwnEye(SharedWorld& world);
+    /// `world`: of the other scene, which must outlive this; or of `own`, which keeps before this eye what a
+    /// ProximitySensor keeps before the other scene's viewer.
+    explicit OwnEye(SharedWorld& world, OwnScene* own = nullptr);
     ~OwnEye();
 
     /// What a device did, as an event for a field of a scene's root (key, wheel or pointer); others do nothing.
@@ -32,7 +34,8 @@ class OwnEye {
     /// Null until it has been moved. `aspect`: width / height.
     std::optional<Camera> camera(double aspect) const;
     /// A place in the picture as the ray through it, for scenes that do not know this eye; that of another layer's own
-    /// viewpoint where such a layer is in front, and until the buttons that were pressed there are let go.
+    /// viewpoint where such a layer is in front, and one to where a thing is there that is kept before this eye; each
+    /// until the buttons that were pressed there are let go.
     PointerInput throughPicture(const PointerInput& input);
 
   private:
