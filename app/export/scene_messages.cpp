@@ -1,6 +1,7 @@
 // Describes a scene as messages: frames, shapes, changes and fields, for viewers of robots' recordings.
 #include "scene_messages.h"
 
+#include <algorithm>
 #include <cmath>
 #include <unordered_map>
 #include <unordered_set>
@@ -364,7 +365,11 @@ struct SceneMessages::Impl : InstanceSubscriber {
     }
 
     Result<> writeFrames(double t) {
-        if (!sink.wants(frames)) return {};  // who wants them later is told of all
+        if (!sink.wants(frames)) {  // who wants them later is told of all
+            visit(shapes, movedShapes, &Thing::moved, false, [](const Thing&) {});
+            visit(placed, movedPlaced, &Thing::moved, false, [](const Thing&) {});
+            return {};
+        }
         const bool due = !movedShapes.empty() || !movedPlaced.empty(), wanted = sink.wantsWhole(frames);
         if (!due && !wanted) return {};
         const bool whole =
@@ -390,15 +395,14 @@ struct SceneMessages::Impl : InstanceSubscriber {
     Result<> writeScene(const Scene& scene, double t) {
         if (!sink.wants(entities)) {
             gone.clear();
+            changedShapes.clear();  // those with their mark are described when somebody wants all
             return {};
         }
         const bool due = !gone.empty() || !changedShapes.empty(), wanted = sink.wantsWhole(entities);
         if (!due && !wanted) return {};
-        for (const std::uint32_t slot : changedShapes)
-            if (const auto found = shapes.find(slot); found != shapes.end() && found->second.changed)
-                describe(scene, found->second);
         const bool whole = wanted || entityBytes <= kWholeSceneBytes || t - wholeScene >= kWholeSceneEvery;
         if (whole) wholeScene = t;
+        describeChanged(scene, whole);
         std::string text = R"({"deletions":[)";
         if (whole) gone.assign(1, "");
         for (std::size_t i = 0; i < gone.size(); ++i)
@@ -414,11 +418,26 @@ struct SceneMessages::Impl : InstanceSubscriber {
         return sink.write(entities, t, text + "]}", reachOf(whole, due));
     }
 
+    /// Describes the shapes on the list, or with `all` each that has changed since it was described.
+    void describeChanged(const Scene& scene, bool all) {
+        if (all) {
+            for (auto& [slot, thing] : shapes)
+                if (thing.changed) describe(scene, thing);
+            return;
+        }
+        for (const std::uint32_t slot : changedShapes)
+            if (const auto found = shapes.find(slot); found != shapes.end() && found->second.changed)
+                describe(scene, found->second);
+    }
+
     /// Fields that a set changes, and those of which somebody wants to know the value.
     Result<> writeFields(const Scene& scene, const ChangeSet& set, double t) {
         if (chosen.empty()) return {};
+        const auto mayMove = [](const Change& c) {
+            return c.kind == ChangeKind::createNode || c.kind == ChangeKind::setName;
+        };
+        if (std::ranges::any_of(set.changes, mayMove)) lookForFields(scene);
         for (const Change& change : set.changes) {
-            if (change.kind == ChangeKind::createNode || change.kind == ChangeKind::setName) lookForFields(scene);
             if (change.kind != ChangeKind::setField) continue;
             for (Chosen& one : chosen)
                 if (one.field.node == change.node && one.field.field == change.field) one.due = true;

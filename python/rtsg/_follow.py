@@ -12,7 +12,7 @@ class Follower(Following, _rtsg.Follower):
 
 
 def follow(endpoint, *, name="", keys="", parts=(), latency=0.0, base=""):
-    """Follows a scene that is served at a ZeroMQ endpoint: a Follower.
+    """Follows a scene that is served at a ZeroMQ endpoint, or that a NATS server passes on (nats://HOST:PORT/NAME): a Follower.
 
     `name`: the author of what it asks for. `keys`: a key file. `parts`: only these subtrees, or a region
     ("region:VIEWER,20"). `latency`: seconds by which frames are held back, so that they come as evenly as they were made.

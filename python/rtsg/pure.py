@@ -2044,4 +2044,6 @@ def follow(endpoint, *, name="", keys="", parts=(), latency=0.0, base=""):
     these subtrees, or a region. What else the extension takes raises NoExtension."""
     if keys or latency or base:
         raise NoExtension("keys, latency and base need the extension module rtsg._rtsg")
+    if endpoint.startswith(("nats://", "tls://")):
+        raise NoExtension("what a NATS server passes on needs the extension module rtsg._rtsg")
     return Follower(endpoint, name=name, parts=parts)

@@ -128,6 +128,36 @@ TEST_F(Foxglove, ASceneThatRestsIsShown) {
     EXPECT_NEAR(of(viewer, 2)[1].at("entities")[0].at("spheres")[0].at("size").at("x"), 4, 1e-6);
 }
 
+/// What changes while nobody wants it is there for who comes then.
+TEST_F(Foxglove, WhoComesLaterSeesWhatChangedBefore) {
+    writeFile(
+        file,
+        "#X3D V4.0 utf8\nPROFILE Immersive\nDEF BOX Transform { children Shape { geometry DEF S Sphere { } } }\n");
+    server = std::make_unique<Program>(
+        std::vector<std::string>{"serve", file, "--bind", "tcp://127.0.0.1:*", "--json", "--foxglove", "0", "--feed",
+                                 "tcp://127.0.0.1:0", "--publish", "tcp://127.0.0.1:0", "--fields", "BOX.scale"},
+        streams());
+    const json first = json::parse(server->firstLine());
+    Line feed(std::stoi(first.at("feeds")[0].get<std::string>().substr(16)));
+    Line published(std::stoi(first.at("published")[0].get<std::string>().substr(16)));
+    for (const int size : {1, 2, 3}) {
+        FoxgloveClient viewer(first.at("foxglove").get<std::string>());
+        ASSERT_TRUE(viewer.readUntil([&] { return !viewer.advertised.empty(); }));
+        viewer.subscribe(1, "/tf");
+        viewer.subscribe(2, "/scene");
+        ASSERT_TRUE(viewer.readUntil([&] { return viewer.messages.size() == 2; }));
+        EXPECT_NEAR(of(viewer, 2)[0].at("entities")[0].at("spheres")[0].at("size").at("x"), 2 * size, 1e-6);
+        EXPECT_EQ(of(viewer, 1)[0].at("transforms").size(), 1u);
+        viewer.ask(R"({"op":"unsubscribe","subscriptionIds":[1,2]})");
+        const std::string more = std::to_string(size + 1);
+        for (const std::string& text : {"0.5", more.c_str()}) {
+            published.heard.clear();
+            feed.say("BOX,scale," + text + " " + text + " " + text + "\n");
+            ASSERT_TRUE(published.hear([&] { return published.heard.find('\n') != std::string::npos; }));
+        }
+    }
+}
+
 TEST_F(Foxglove, AMirrorAndARunAreShown) {
     serve({}, "tcp://127.0.0.1:*");
     Program mirror({"mirror", endpoint, "--foxglove", "0", "--fields", "BOX.translation"}, streams());

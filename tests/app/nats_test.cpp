@@ -41,6 +41,42 @@ TEST_F(NatsOption, AServedSceneIsFollowedWithItsPasswordUnsaid) {
         EXPECT_THAT(*text, Not(HasSubstr("sesame")));
 }
 
+/// As mirrors do, by the same door.
+TEST_F(NatsOption, AWindowFollowsToo) {
+    NatsServer nats;
+    Program server({"serve", file, "--nats", nats.address(), "--json", "--for", "60s"}, streams());
+    (void)server.firstLine();
+    ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
+    const auto view = [&](const std::string& address) {
+        return rtsg({"view", address, "--for", "3s", "--wait", "1s", "--mute", "--json", "--size", "160x90"});
+    };
+    const Outcome shown = view(nats.address());
+    EXPECT_EQ(shown.status, 0) << shown.err;
+    EXPECT_GT(json::parse(shown.out).at("sequence"), 3) << shown.out;
+    const Outcome nobody = view(nats.address("nobody")), none = view("nats://127.0.0.1:1/hall"),
+                  wrong = view("nats://127.0.0.1:4222");
+    ::unsetenv("SDL_VIDEODRIVER");
+    EXPECT_EQ(nobody.status, 1);
+    EXPECT_THAT(nobody.err, HasSubstr("no server for 1 s"));
+    EXPECT_EQ(none.status, 1);
+    EXPECT_THAT(none.err, HasSubstr("no connection to the NATS server"));
+    EXPECT_EQ(wrong.status, 1);
+    EXPECT_THAT(wrong.err, HasSubstr("ends with /NAME"));
+}
+
+TEST_F(NatsOption, AStoredLogIsDescribedAndServed) {
+    NatsServer nats;
+    ASSERT_EQ(rtsg({"record", file, "-o", nats.address(), "--for", "1s"}).status, 0);
+    const Outcome info = rtsg({"info", nats.address(), "--json"});
+    EXPECT_EQ(info.status, 0) << info.err;
+    EXPECT_EQ(json::parse(info.out).at("frames"), 61);
+    Program server({"serve", nats.address(), "--json", "--loop", "--for", "60s"}, streams());
+    const Outcome mirror = rtsg({"mirror", json::parse(server.firstLine()).at("endpoint"), "--for", "0.5s", "--json"});
+    EXPECT_EQ(mirror.status, 0) << mirror.err;
+    EXPECT_TRUE(json::parse(lastLine(mirror.out)).at("equal"));
+    EXPECT_EQ(rtsg({"info", nats.address("nothing")}).status, 1);
+}
+
 TEST_F(NatsOption, WhatCannotBeIsRefused) {
     NatsServer nats;
     const auto said = [&](int status, const char* text, const std::vector<std::string>& arguments) {

@@ -1,6 +1,11 @@
 """Mirrors: followers in loops and with asyncio, edits, locks and undo upstream, servers."""
 import asyncio
+import os
+import shutil
+import socket
+import subprocess
 import threading
+import time
 
 import pytest
 
@@ -191,3 +196,41 @@ def test_a_scene_served_in_real_time(moving):
     endpoints = []
     rtsg.serve(moving, seconds=.3, fps=30, started=lambda server: endpoints.append(server.endpoint))
     assert endpoints[0].startswith("tcp://127.0.0.1:") and moving.now == pytest.approx(.3)
+
+
+def test_what_a_nats_server_passes_on_is_followed(tmp_path):
+    program, nats = os.environ.get("RTSG_PROGRAM"), shutil.which("nats-server", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/bin")
+    if not program or not nats:
+        pytest.skip("needs the program rtsg and nats-server")
+    with pytest.raises(rtsg.Error, match="ends with /NAME"):
+        rtsg.follow("nats://127.0.0.1:4222")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    scene, address = tmp_path / "moving.x3dv", f"nats://127.0.0.1:{port}/hall"
+    scene.write_text(MOVING)
+    running = [subprocess.Popen([nats, "-a", "127.0.0.1", "-p", str(port)], stderr=subprocess.DEVNULL)]
+    try:
+        for _ in range(600):
+            with socket.socket() as attempt:
+                if attempt.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            time.sleep(.05)
+        running.append(subprocess.Popen([program, "serve", scene, "--nats", address, "--json", "--for", "60s"], stdout=subprocess.PIPE, text=True))
+        first = running[1].stdout.readline()
+        if not first:
+            pytest.skip("built without libnats")
+        with rtsg.follow(address) as follower:
+            for count, _ in enumerate(follower):
+                if count == 20:
+                    break
+            assert follower.statistics["equal"] and follower.statistics["divergences"] == 0
+            assert follower.scene["BOX"].translation[0] > 0
+        with pytest.raises(rtsg.Error, match="keys are for ZeroMQ"):
+            keys = tmp_path / "keys"
+            subprocess.run([program, "keys", keys, "--client", tmp_path / "client"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            rtsg.follow(address, keys=str(tmp_path / "client"))
+    finally:
+        for process in reversed(running):
+            process.terminate()
+            process.wait()

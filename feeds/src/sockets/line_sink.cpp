@@ -5,6 +5,7 @@
 #include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -42,7 +43,8 @@ class Outlet {
     virtual std::size_t subscribers() const { return 0; }
     /// True while something waits to be sent.
     virtual bool waits() const { return false; }
-    /// Lines that waited for somebody and never will be sent, since this was last asked. `all`: nothing is sent any more.
+    /// Lines that waited for somebody and never will be sent, since this was last asked. `all`: nothing is sent any
+    /// more.
     virtual std::uint64_t lost(bool all) {
         (void)all;
         return 0;
@@ -67,6 +69,7 @@ class FileOutlet final : public Outlet {
             if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
             if (size < 0) {
                 problem = std::strerror(errno);
+                takeBack(done);
                 return 1;
             }
             done += static_cast<std::size_t>(size);
@@ -76,6 +79,13 @@ class FileOutlet final : public Outlet {
     }
 
   private:
+    /// A line of which a file has no room for the rest is not there at all.
+    void takeBack(std::size_t bytes) const {
+        struct stat status{};
+        if (bytes == 0 || ::fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode)) return;
+        (void)!::ftruncate(file_.get(), status.st_size - static_cast<off_t>(bytes));  // then it stays cut
+    }
+
     Descriptor file_;
     bool stuck_ = false;  // its reader reads nothing
 };

@@ -34,7 +34,6 @@ constexpr auto kJoinersGather = 50ms;                    // from one publication
 constexpr double kAnswersAtOnce = 128e6, kAnswersPerSecond = 32e6;  // bytes
 constexpr auto kSleep = 500ms;                                      // at most
 constexpr auto kFetchWithin = 10s;                                  // a keyframe
-constexpr auto kLastWords = 500ms;                                   // of a server that ends
 constexpr int kAtOnce = 256;                                        // messages of mirrors, before others get a turn
 constexpr std::size_t kMostDiagnostics = 100;
 
@@ -87,7 +86,6 @@ class NatsPublisher::Impl {
     }
     nats::ServerStream::Heard heardByStream();
     void run();
-    void hearTheEnd();
     bool turn();
     bool takeAsked();
     bool ask(const NatsMessage& message);
@@ -118,7 +116,6 @@ class NatsPublisher::Impl {
     SharedRecord fetched_;
     Clock::time_point fetchBegan_{}, statePublished_{};
     bool stateWanted_ = false;
-    bool left_ = false;  // the server has said goodbye
     double allowance_ = kAnswersAtOnce;  // bytes of answers to hellos
     Clock::time_point allowed_{};
     ByteBuffer message_, packet_;
@@ -149,7 +146,6 @@ nats::ServerStream::Heard NatsPublisher::Impl::heardByStream() {
     heard.record = [this](const SharedRecord& given) { record(given); };
     heard.other = [this](const Packet& packet) {
         if (packet.type == Message::ping || packet.type == Message::bye) publish(subjects_.live, packet.first);
-        left_ = left_ || packet.type == Message::bye;
         mirrors_.answered(packet);
     };
     heard.refused = [this](const std::string& why) { report(Severity::warning, "the server refuses us: " + why); };
@@ -160,20 +156,9 @@ void NatsPublisher::Impl::run() {
     ::pthread_setname_np(::pthread_self(), "rtsg nats");
     try {
         while (turn()) continue;
-        hearTheEnd();
         (void)link_->flush(1s);
     } catch (const std::exception& e) {
         report(Severity::error, fmt::format("nothing is published any more: {}", e.what()));
-    }
-}
-
-/// A server that has just ended has said its last records and its goodbye, which may still be on their way.
-void NatsPublisher::Impl::hearTheEnd() {
-    const Clock::time_point end = Clock::now() + kLastWords;
-    while (!left_ && Clock::now() < end) {
-        if (server_.receive()) continue;
-        pollfd item = {server_.descriptor(), POLLIN, 0};
-        (void)::poll(&item, 1, 10);
     }
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <fstream>
 #include <functional>
 #include <optional>
@@ -10,6 +11,7 @@
 #include <thread>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include "support/temp_folder.h"
 
@@ -76,6 +78,26 @@ TEST(LineSink, AFullDiskIsSaidAndItsLinesAreCounted) {
     sink->close();
     EXPECT_NE(sink->failure(), "");
     EXPECT_EQ(sink->counts().missed, 5u);
+}
+
+/// As on a disk that is full.
+TEST(LineSink, AFileThatMayNotGrowHasWholeLines) {
+    test::TempFolder folder;
+    const std::filesystem::path file = folder.path() / "lines";
+    rlimit before{};
+    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+    const rlimit limit{10'000, before.rlim_max};
+    const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+    const auto sink = sinkAt(file);
+    for (int i = 0; i < 20; ++i) sink->write(std::string(999, 'x') + std::to_string(i % 10) + "yyyyy");
+    sink->close();
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+    (void)std::signal(SIGXFSZ, handler);
+    const std::size_t lines = linesOf(file);
+    EXPECT_EQ(lines, 9u);
+    EXPECT_EQ(std::filesystem::file_size(file), lines * 1006);
+    EXPECT_EQ(sink->counts().missed, 20 - lines);
 }
 
 namespace {

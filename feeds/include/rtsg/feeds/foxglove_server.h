@@ -6,7 +6,7 @@
 // left out and counted. Viewers change nothing. Whole messages that viewers make necessary have at most kWholeRate
 // bytes a second for each topic. Pages of other sites may not connect, unless other machines may. Threading: a thread
 // of the module sends and hears; all calls on the scene's thread. Source: the WebSocket protocol foxglove.websocket.v1
-// (github.com/foxglove/ws-protocol, docs/spec.md).
+// (github.com/foxglove/ws-protocol).
 
 // Example:
 //     #include <rtsg/feeds/foxglove_server.h>
