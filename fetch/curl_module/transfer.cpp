@@ -217,6 +217,6 @@ constexpr TransferModule kModule{get, sha256};
 
 }  // namespace rtsg::fetch
 
-extern "C" __attribute__((visibility("default"))) const rtsg::fetch::TransferModule* rtsg_curl_transfer_1() {
+extern "C" __attribute__((visibility("default"))) const rtsg::fetch::TransferModule* rtsg_open_curl_1() {
     return &rtsg::fetch::kModule;
 }

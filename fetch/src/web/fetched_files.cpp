@@ -44,8 +44,7 @@ FetchedFile fileOf(const Node& node) {
 
 bool make(Scene& scene, const FetchedFile& file) {
     const NodeId made = scene.createNode(F::type);
-    constexpr std::size_t kMost = INT32_MAX;
-    const bool withBytes = file.hasBytes && file.bytes.size() <= kMost;
+    const bool withBytes = file.hasBytes && file.bytes.size() <= FetchedFiles::kMostBytes;
     return scene.set(made, F::_address, String(file.address)).has_value() &&
            scene.set(made, F::_source, String(file.source)).has_value() &&
            scene.set(made, F::_mediaType, String(file.mediaType)).has_value() &&

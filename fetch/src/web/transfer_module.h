@@ -42,7 +42,7 @@ struct TransferModule {
     std::string (*sha256)(std::string_view bytes);  // 64 hexadecimal digits
 };
 /// The one symbol of the module: a function without arguments that returns a const TransferModule*.
-#define RTSG_CURL_SYMBOL "rtsg_curl_transfer_1"
+#define RTSG_CURL_SYMBOL "rtsg_open_curl_1"
 
 /// Loads it, once. Errors: this build leaves it out; no such module.
 Result<const TransferModule*> transferModule();

@@ -185,6 +185,7 @@ struct WebFetcher::State {
             return heldContent(*old, address, known->mediaType, known->hash);
         }
         if (answer.status != 200) return fail(fmt::format("the server answers {}", answer.status));
+        if (auto ok = mayHold(content.file.size()); !ok) return std::unexpected(ok.error());
         const std::string bytes = content.file.bytes();
         content.mediaType = answer.mediaType;
         content.hash = module.sha256(bytes);

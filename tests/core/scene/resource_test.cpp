@@ -252,7 +252,7 @@ TEST(ResourceUrl, FoldersBehindUrls) {
     EXPECT_EQ(Resources().folderBehind("/at", "parts/a.x3d"), "/at/parts");
     EXPECT_EQ(Resources().folderBehind({}, "/far/a.x3d"), "/far");
     EXPECT_EQ(Resources().folderBehind({}, "parts/a.x3d"), "");
-    EXPECT_EQ(Resources().folderBehind("/at", "http://example.org/parts/a.x3d"), "");
+    EXPECT_EQ(Resources().folderBehind("/at", "http://example.org/parts/a.x3d"), "http://example.org/parts");
 }
 
 // ---- which folder a node's urls start from -----------------------------------------------------------------------

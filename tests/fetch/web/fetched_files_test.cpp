@@ -14,10 +14,8 @@ namespace {
 using test::LyingServer;
 using F = x3d::FetchedFile;
 
-constexpr std::uint64_t kMost = 1'000'000;
-
-std::string read(WebFetcher& fetcher, const std::string& address) {
-    auto content = fetcher.fetch(address, kMost);
+std::string textAt(WebFetcher& fetcher, const std::string& address) {
+    auto content = fetcher.fetch(address, 1000);
     if (!content) return "refused: " + content.error().text;
     std::string text(100, '\0');
     text.resize(static_cast<std::size_t>(std::max<ssize_t>(0, ::read(content->descriptor, text.data(), text.size()))));
@@ -46,7 +44,7 @@ class FetchedFilesTest : public testing::Test {
         FetchedFilesFollower follower(fetcher);
         const Attachment attachment = replica.bus().attach(follower);
         if (!replica.apply(std::make_shared<const ChangeSet>(scene.snapshot()))) return "no replica";
-        return read(fetcher, address);
+        return textAt(fetcher, address);
     }
 
     LyingServer server;
@@ -57,10 +55,10 @@ class FetchedFilesTest : public testing::Test {
 TEST_F(FetchedFilesTest, WithBytesAReplicaNeedsNothing) {
     FetchedFiles files(*origin, true);
     EXPECT_EQ(files.publish(scene), 0U);
-    EXPECT_EQ(read(*origin, server.address("/a")), "content of /a");
+    EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");
     EXPECT_EQ(files.publish(scene), 1U);
-    EXPECT_EQ(read(*origin, server.address("/b")), "content of /b");
-    EXPECT_EQ(read(*origin, server.address("/a")), "content of /a");
+    EXPECT_EQ(textAt(*origin, server.address("/b")), "content of /b");
+    EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");
     EXPECT_EQ(files.publish(scene), 1U);
     EXPECT_EQ(files.publish(scene), 0U);
     scene.seal();
@@ -74,12 +72,12 @@ TEST_F(FetchedFilesTest, WithBytesAReplicaNeedsNothing) {
     WebFetcher again(FetchSettings{});
     keepFetchedFiles(scene, again);
     EXPECT_TRUE(again.hasKeptBytes());
-    EXPECT_EQ(read(again, server.address("/a")), "content of /a");
+    EXPECT_EQ(textAt(again, server.address("/a")), "content of /a");
     EXPECT_EQ(FetchedFiles(again, true).publish(scene), 0U);
 }
 
 TEST_F(FetchedFilesTest, WithoutThemItKnowsTheHash) {
-    EXPECT_EQ(read(*origin, server.address("/a")), "content of /a");
+    EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");
     EXPECT_EQ(FetchedFiles(*origin, false).publish(scene), 1U);
     scene.seal();
     EXPECT_THAT(replicated(scene, server.address("/a")), testing::HasSubstr("--allow"));

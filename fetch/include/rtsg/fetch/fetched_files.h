@@ -17,6 +17,8 @@ namespace rtsg {
 
 class FetchedFiles {
   public:
+    /// Of a larger file the hash alone is published.
+    static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
     /// `withBytes`: they travel, too.
     FetchedFiles(WebFetcher& fetcher, bool withBytes) : fetcher_(fetcher), withBytes_(withBytes) {}
     /// Makes a node of each file that was opened since the last call, unless the scene has one of that address. Call it
