@@ -311,7 +311,8 @@ TEST(Urdf, BodiesAreX3dsWithTheirAxesAndMaterials) {
                                 "length='2'/></geometry><material name='blue'/></visual>"
                                 "<visual><geometry><box size='1 2 3'/></geometry><material name='blue'/></visual>"
                                 "<visual><geometry><sphere radius='4'/></geometry><material name='glass'><color "
-                                "rgba='1 1 1 0.25'/></material></visual>",
+                                "rgba='1 1 1 0.25'/></material></visual>"
+                                "<visual><geometry><sphere radius='1'/></geometry><material name='glass'/></visual>",
                                 "<material name='blue'><color rgba='0 0 1 1'/></material>"),
                          "4.1");
     EXPECT_EQ(robot.problems, "");
@@ -323,6 +324,7 @@ TEST(Urdf, BodiesAreX3dsWithTheirAxesAndMaterials) {
     EXPECT_THAT(robot.commands, HasSubstr("use blue in appearance\nbegin Box in geometry\nset size SFVec3f 1 2 3"));
     EXPECT_THAT(robot.commands, HasSubstr("set transparency SFFloat 0.75"));
     EXPECT_THAT(robot.commands, HasSubstr("begin Sphere in geometry\nset radius SFFloat 4"));
+    EXPECT_THAT(robot.commands, HasSubstr("use glass in appearance\nbegin Sphere in geometry\nset radius SFFloat 1"));
 }
 
 TEST(Urdf, MeshesAreInlinedAndThoseWithoutMaterialsHaveTheRobots) {
