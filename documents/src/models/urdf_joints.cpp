@@ -140,7 +140,10 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         field(Access::initializeOnly, FieldType::MFVec3f, "keyValue", Value(Array<Vec3f>()));
     } else {
         field(Access::initializeOnly, FieldType::SFRotation, "start", Value(Rotation()));
-        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(Array<Rotation>()));
+        Array<Rotation> turns;  // as many as the prototype itself has keys, about the z axis
+        if (isEndless)
+            for (const double angle : turningKeys(-kPi, kPi)) turns.push_back({0, 0, 1, inFloat(angle)});
+        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(std::move(turns)));
     }
     if (!isEndless) field(Access::initializeOnly, FieldType::MFFloat, "key", Value(Array<float>()));
     field(Access::inputOutput, FieldType::MFNode, "children", Value(Array<NodeId>()));

@@ -520,6 +520,14 @@ TEST(Urdf, WhatFilesHaveAndMeansNothingIsNoError) {
     EXPECT_EQ(robot.problems, "test:1:50: warning: box: it has no size; it is left out [parse]\n");
 }
 
+TEST(Urdf, PrototypesHaveAsManyValuesAsKeysByThemselves) {
+    std::string text(kElbow);
+    text.replace(text.find("revolute"), 8, "continuous");
+    const Imported robot(text, "4.1");
+    EXPECT_THAT(robot.commands, HasSubstr("MFRotation keyValue = [0 0 1 -3.1415927, 0 0 1 -1.5707964, 0 0 1 0, 0 0 1 "
+                                          "1.5707964, 0 0 1 3.1415927]"));
+}
+
 TEST(Urdf, WhatIsNotMadeIsNamedOnce) {
     const Imported robot(
         "<robot name='r'><gazebo/><link name='a'><inertial/></link><link name='b'><inertial/></link>"
