@@ -96,7 +96,7 @@ Extent extentOf(const UrdfModel& model) {
 }  // namespace
 
 void writeViewpoint(DocumentHandler& out, const UrdfModel& model) {
-    constexpr double kField = .785398, kMargin = 1.3, kLeast = .2, kUnknown = 1, kSide = .8, kAbove = .35;
+    constexpr double kField = .785398, kMargin = 1.15, kLeast = .2, kUnknown = 1, kSide = .8, kAbove = .35;
     const Extent extent = extentOf(model);
     double radius = extent.radius();
     if (!(radius > 0)) radius = kUnknown;

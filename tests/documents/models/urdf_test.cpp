@@ -293,7 +293,7 @@ TEST(Urdf, TheViewpointHasAllOfARobotInView) {
     EXPECT_NEAR(middle.y, 2.75, 1e-5);
     EXPECT_NEAR(middle.z, 0, 1e-5);
     const double half = std::sqrt(5.5 * 5.5 + 1 + 1) / 2, distance = glm::length(eye - middle);
-    EXPECT_NEAR(distance, 1.3 * half / std::sin(.785398 / 2), 1e-4);
+    EXPECT_NEAR(distance, 1.15 * half / std::sin(.785398 / 2), 1e-4);
     // It looks at the middle.
     const Rotation turn = view->get(x3d::Viewpoint::orientation);
     const Frame looks = turned({turn.x, turn.y, turn.z}, turn.angle);
