@@ -8,6 +8,7 @@
 #include "import/imported_names.h"
 #include "output_node.h"
 #include "urdf_joints.h"
+#include "urdf_view.h"
 
 namespace rtsg::detail {
 
@@ -30,6 +31,7 @@ class UrdfWriter {
         for (const Kind kind : {Kind::revolute, Kind::continuous, Kind::prismatic})
             if (std::ranges::any_of(model_.joints, [&](const UrdfJoint& joint) { return joint.kind == kind; }))
                 declareJoint(out_, kind);
+        writeViewpoint(out_, model_);
         const bool hasCollisions =
             std::ranges::any_of(model_.links, [](const UrdfLink& link) { return !link.collisions.empty(); });
         {

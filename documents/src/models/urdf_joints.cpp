@@ -34,20 +34,6 @@ Rotation about(const UrdfJoint& joint, double angle) {
     return {axis.x, axis.y, axis.z, inFloat(angle)};
 }
 
-/// Turns about the fixed axes x, y and z, in that order.
-Rotation urdfRotation(const std::array<double, 3>& rpy) {
-    const portable::SineCosine r = portable::sineCosine(rpy[0] / 2), p = portable::sineCosine(rpy[1] / 2),
-                               y = portable::sineCosine(rpy[2] / 2);
-    const double x = r.sine * p.cosine * y.cosine - r.cosine * p.sine * y.sine;
-    const double v = r.cosine * p.sine * y.cosine + r.sine * p.cosine * y.sine;
-    const double z = r.cosine * p.cosine * y.sine - r.sine * p.sine * y.cosine;
-    const double w = r.cosine * p.cosine * y.cosine + r.sine * p.sine * y.sine;
-    const double s = std::sqrt(x * x + v * v + z * z);
-    if (!(s > 0)) return {};
-    const double angle = 2 * portable::atan2(s, w);
-    return {inFloat(x / s), inFloat(v / s), inFloat(z / s), inFloat(angle)};
-}
-
 std::string_view protoName(Kind kind) {
     return kind == Kind::revolute ? "RevoluteJoint" : kind == Kind::continuous ? "ContinuousJoint" : "PrismaticJoint";
 }
@@ -119,6 +105,22 @@ void setKeys(DocumentHandler& out, const UrdfJoint& joint) {
 
 }  // namespace
 
+std::array<double, 4> quaternionOf(const std::array<double, 3>& rpy) {
+    const portable::SineCosine r = portable::sineCosine(rpy[0] / 2), p = portable::sineCosine(rpy[1] / 2),
+                               y = portable::sineCosine(rpy[2] / 2);
+    return {r.sine * p.cosine * y.cosine - r.cosine * p.sine * y.sine,
+            r.cosine * p.sine * y.cosine + r.sine * p.cosine * y.sine,
+            r.cosine * p.cosine * y.sine - r.sine * p.sine * y.cosine,
+            r.cosine * p.cosine * y.cosine + r.sine * p.sine * y.sine};
+}
+
+Rotation rotationOfTurns(const std::array<double, 3>& rpy) {
+    const std::array<double, 4> q = quaternionOf(rpy);
+    const double s = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
+    if (!(s > 0)) return {};
+    return {inFloat(q[0] / s), inFloat(q[1] / s), inFloat(q[2] / s), inFloat(2 * portable::atan2(s, q[3]))};
+}
+
 std::string_view valueField(Kind kind) {
     return kind == Kind::prismatic ? "position" : "angle";
 }
@@ -138,7 +140,10 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         field(Access::initializeOnly, FieldType::MFVec3f, "keyValue", Value(Array<Vec3f>()));
     } else {
         field(Access::initializeOnly, FieldType::SFRotation, "start", Value(Rotation()));
-        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(Array<Rotation>()));
+        Array<Rotation> turns;  // as many as the prototype itself has keys, about the z axis
+        if (isEndless)
+            for (const double angle : turningKeys(-kPi, kPi)) turns.push_back({0, 0, 1, inFloat(angle)});
+        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(std::move(turns)));
     }
     if (!isEndless) field(Access::initializeOnly, FieldType::MFFloat, "key", Value(Array<float>()));
     field(Access::inputOutput, FieldType::MFNode, "children", Value(Array<NodeId>()));
@@ -216,7 +221,7 @@ void writePose(DocumentHandler& out, const UrdfPose& pose) {
     if (std::ranges::any_of(pose.xyz, [](double n) { return n != 0; }))
         out.setField("translation", Value(urdfVector(pose.xyz)), {});
     if (std::ranges::any_of(pose.rpy, [](double n) { return n != 0; }))
-        out.setField("rotation", Value(urdfRotation(pose.rpy)), {});
+        out.setField("rotation", Value(rotationOfTurns(pose.rpy)), {});
 }
 
 }  // namespace rtsg::detail

@@ -25,6 +25,9 @@ void beginJoint(DocumentHandler& out, const UrdfJoint& joint, std::string_view d
 /// A ScalarInterpolator from the value of the joint that is mimicked to that of the one that mimics.
 void writeMimic(DocumentHandler& out, const UrdfJoint& leader, const UrdfJoint::Mimic& mimic, std::string_view def);
 
+/// Turns about the fixed axes x, y and z, in that order: x y z w, and as a rotation.
+std::array<double, 4> quaternionOf(const std::array<double, 3>& rpy);
+Rotation rotationOfTurns(const std::array<double, 3>& rpy);
 /// translation and rotation of a Transform, where they are not the defaults.
 void writePose(DocumentHandler& out, const UrdfPose& pose);
 bool isIdentity(const UrdfPose& pose);

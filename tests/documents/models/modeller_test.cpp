@@ -56,11 +56,8 @@ TEST(GuardedProcess, AFunctionThatBreaksIsAnError) {
             if (ends) return result = "never", true;
     };
     EXPECT_EQ(detail::runGuarded(endless, {kEnough, 1}).error().text, "it takes too long");
-    EXPECT_THAT(
-        detail::runGuarded([](std::string& result) { return result.assign(10'000'000, 'x'), true; }, {1'000'000})
-            .error()
-            .text,
-        testing::AnyOf(HasSubstr("more than 1000000 bytes"), HasSubstr("alloc")));
+    const auto large = [](std::string& result) { return result.assign(10'000'000, 'x'), true; };
+    EXPECT_FALSE(detail::runGuarded(large, {1'000'000}));
 }
 
 // ---- files

@@ -274,6 +274,32 @@ TEST(Urdf, WhereZeroIsBeyondTheLimitsTheNearestIsTheStartAndSoItIsForWhoMimics) 
         1e-6);
 }
 
+TEST(Urdf, TheViewpointHasAllOfARobotInView) {
+    Scene scene;
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(scene,
+                         "<robot name='r'><link name='a'/><link name='b'><visual><geometry><sphere radius='.5'/>"
+                         "</geometry></visual></link><joint name='j' type='fixed'><parent link='a'/><child link='b'/>"
+                         "<origin xyz='0 0 3' rpy='0 1.5707963267948966 0'/></joint><link name='c'><visual><geometry>"
+                         "<sphere radius='.5'/></geometry></visual></link><joint name='k' type='fixed'>"
+                         "<parent link='b'/><child link='c'/><origin xyz='-2 0 0'/></joint></robot>",
+                         problems));
+    const Node* view = nullptr;
+    scene.forEachNode([&](const Node& node) { view = node.is(x3d::Viewpoint::type) ? &node : view; });
+    ASSERT_TRUE(view);
+    // From the floor to half a metre above the upper ball, which is at 5: turned by a quarter, -x points up.
+    const Vec3f middle = view->get(x3d::Viewpoint::centerOfRotation), eye = view->get(x3d::Viewpoint::position);
+    EXPECT_NEAR(middle.x, 0, 1e-5);
+    EXPECT_NEAR(middle.y, 2.75, 1e-5);
+    EXPECT_NEAR(middle.z, 0, 1e-5);
+    const double half = std::sqrt(5.5 * 5.5 + 1 + 1) / 2, distance = glm::length(eye - middle);
+    EXPECT_NEAR(distance, 1.15 * half / std::sin(.785398 / 2), 1e-4);
+    // It looks at the middle.
+    const Rotation turn = view->get(x3d::Viewpoint::orientation);
+    const Frame looks = turned({turn.x, turn.y, turn.z}, turn.angle);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(eye[i] - distance * looks.m[i][2], middle[i], 1e-4) << i;
+}
+
 // ---- what it looks like ------------------------------------------------------------------------------------------
 
 std::string inLink(const std::string& content, const std::string& beside = {}) {
@@ -285,7 +311,8 @@ TEST(Urdf, BodiesAreX3dsWithTheirAxesAndMaterials) {
                                 "length='2'/></geometry><material name='blue'/></visual>"
                                 "<visual><geometry><box size='1 2 3'/></geometry><material name='blue'/></visual>"
                                 "<visual><geometry><sphere radius='4'/></geometry><material name='glass'><color "
-                                "rgba='1 1 1 0.25'/></material></visual>",
+                                "rgba='1 1 1 0.25'/></material></visual>"
+                                "<visual><geometry><sphere radius='1'/></geometry><material name='glass'/></visual>",
                                 "<material name='blue'><color rgba='0 0 1 1'/></material>"),
                          "4.1");
     EXPECT_EQ(robot.problems, "");
@@ -297,6 +324,7 @@ TEST(Urdf, BodiesAreX3dsWithTheirAxesAndMaterials) {
     EXPECT_THAT(robot.commands, HasSubstr("use blue in appearance\nbegin Box in geometry\nset size SFVec3f 1 2 3"));
     EXPECT_THAT(robot.commands, HasSubstr("set transparency SFFloat 0.75"));
     EXPECT_THAT(robot.commands, HasSubstr("begin Sphere in geometry\nset radius SFFloat 4"));
+    EXPECT_THAT(robot.commands, HasSubstr("use glass in appearance\nbegin Sphere in geometry\nset radius SFFloat 1"));
 }
 
 TEST(Urdf, MeshesAreInlinedAndThoseWithoutMaterialsHaveTheRobots) {
@@ -490,6 +518,14 @@ TEST(Urdf, WhatFilesHaveAndMeansNothingIsNoError) {
         "<axis xyz='0 0 0'/></joint></robot>",
         "4.1");
     EXPECT_EQ(robot.problems, "test:1:50: warning: box: it has no size; it is left out [parse]\n");
+}
+
+TEST(Urdf, PrototypesHaveAsManyValuesAsKeysByThemselves) {
+    std::string text(kElbow);
+    text.replace(text.find("revolute"), 8, "continuous");
+    const Imported robot(text, "4.1");
+    EXPECT_THAT(robot.commands, HasSubstr("MFRotation keyValue = [0 0 1 -3.1415927, 0 0 1 -1.5707964, 0 0 1 0, 0 0 1 "
+                                          "1.5707964, 0 0 1 3.1415927]"));
 }
 
 TEST(Urdf, WhatIsNotMadeIsNamedOnce) {
