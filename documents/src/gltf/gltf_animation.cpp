@@ -2,6 +2,7 @@
 #include "gltf_animation.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -12,6 +13,7 @@ using nlohmann::json;
 void GltfAnimations::write(std::string_view wanted) {
     const json& animations = GltfFile::list(file_.root(), "animations");
     std::string playing, names;
+    std::vector<std::pair<std::string, std::size_t>> clocks;
     for (std::size_t i = 0; i < animations.size(); ++i) {
         Clip clip = readTimes(animations[i], i);
         const std::string name = GltfFile::text(animations[i], "name");
@@ -20,7 +22,9 @@ void GltfAnimations::write(std::string_view wanted) {
         const bool isWanted = wanted.empty() || wanted == clip.clock || wanted == name;
         if (playing.empty() && isWanted) playing = clip.clock;
         writeClip(animations[i], clip);
+        clocks.push_back({clip.clock, i});
     }
+    stopEachOther(clocks);
     if (!playing.empty()) return startWithScene(playing);
     if (!wanted.empty())
         file_.fault(fmt::format("the glTF file has no clip {}{}", wanted,
@@ -83,6 +87,37 @@ void GltfAnimations::writeClip(const json& animation, Clip& clip) {
     }
 }
 
+/// Of clips that move the same node one plays at a time: the moment at which one starts is when the others stop. It
+/// goes by way of a clock that never runs, as a route from each clip to each other would be many.
+void GltfAnimations::stopEachOther(const std::vector<std::pair<std::string, std::size_t>>& clocks) {
+    const json& animations = GltfFile::list(file_.root(), "animations");
+    std::map<std::pair<std::size_t, std::string>, std::size_t> mover;  // of a node's path: the first clip
+    std::vector<std::size_t> first(clocks.size());
+    std::iota(first.begin(), first.end(), 0);
+    const auto root = [&](std::size_t i) {
+        while (first[i] != i) i = first[i] = first[first[i]];
+        return i;
+    };
+    for (std::size_t i = 0; i < clocks.size(); ++i)
+        for (const json& channel : GltfFile::list(animations[clocks[i].second], "channels")) {
+            const json& target = GltfFile::object(channel, "target");
+            const std::size_t node = GltfFile::index(target, "node").value_or(kNoIndex);
+            const auto [found, isNew] = mover.try_emplace({node, GltfFile::text(target, "path")}, i);
+            if (!isNew) first[root(i)] = root(found->second);
+        }
+    std::map<std::size_t, std::vector<std::string>> groups;
+    for (std::size_t i = 0; i < clocks.size(); ++i) groups[root(i)].push_back(clocks[i].first);
+    for (const auto& [head, group] : groups) {
+        if (group.size() < 2) continue;
+        const std::string hub = names_.take(group.front() + "_or_others");
+        GltfNode(out_, "TimeSensor", {}, hub).set("enabled", false);
+        for (const std::string& clock : group) {
+            out_.route(clock, "startTime", hub, "startTime", {});
+            out_.route(hub, "startTime", clock, "stopTime", {});
+        }
+    }
+}
+
 /// A box that holds every viewer is seen from the first moment on, which is when an Inline's clip begins, too. Unlike a
 /// ProximitySensor this one sends nothing while viewers move.
 void GltfAnimations::startWithScene(const std::string& clock) {
@@ -138,6 +173,7 @@ void GltfAnimations::writeWeights(const json& sampler, const Clip& clip, const s
         const std::string& points = names_.points(nodeIndex, part++);
         const Array<Vec3f> rest = meshes_.vectors(GltfFile::object(primitive, "attributes"), "POSITION", 0);
         constexpr std::size_t most = std::size_t{1} << 26;  // points in all keys
+        if (!meshes_.hasPoints(points)) continue;           // the primitive was left out
         if (rest.empty() || rest.size() > most / curve->times.size()) {
             file_.warn("animated weights of the glTF file move too many points; they rest");
             continue;

@@ -1,7 +1,8 @@
 // Animations of glTF 2.0 as TimeSensors with interpolators, routed to the nodes, joints and points that they move.
 //
 // They are clips, of which one plays: it begins when the scene does, or when its Inline is loaded. The others wait for
-// a set_startTime. Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.11.
+// a set_startTime, which stops what moves the same nodes. Threading: one thread an import. Source: glTF 2.0 (ISO/IEC
+// 12113:2022) 3.11.
 #pragma once
 
 #include <functional>
@@ -32,6 +33,8 @@ class GltfAnimations {
     Clip readTimes(const nlohmann::json& animation, std::size_t number);
     void writeClip(const nlohmann::json& animation, Clip& clip);
     void startWithScene(const std::string& clock);
+    /// Of clocks, with the numbers of their animations.
+    void stopEachOther(const std::vector<std::pair<std::string, std::size_t>>& clocks);
     void writeChannel(const GltfCurve& curve, double length, const std::string& path, const std::string& clock,
                       const std::string& wanted, const std::string& target, const GltfSkin::Joint* joint);
     /// Writes animated weights of morph targets as the points at each key; between keys, weights and points both change

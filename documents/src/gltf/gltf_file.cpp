@@ -168,13 +168,15 @@ constexpr std::string_view kReadExtensions[] = {"KHR_lights_punctual",
                                                 "EXT_texture_webp",
                                                 kDraco,
                                                 kMeshopt,
-                                                kMeshoptLater};
+                                                kMeshoptLater,
+                                                "KHR_materials_variants",
+                                                "EXT_mesh_gpu_instancing"};
 
 /// Whether an extension says how things look or what is known of them, and not where they are: without it a scene is
 /// there, in other colours.
 bool isOfLooks(std::string_view name) {
-    return name.contains("_materials_") || name.contains("_texture_") || name.contains("_lights_") ||
-           name.contains("_xmp");
+    return name.contains("_materials_") || name.contains("_technique") || name.contains("_texture_") ||
+           name.contains("_lights_") || name.contains("_xmp");
 }
 
 }  // namespace
@@ -577,6 +579,7 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
 /// Nothing stands for them in the file; but a mesh has bytes for each of its points, and so many morph targets of it.
 bool GltfFile::mayTakeZeros(const json& accessor, std::size_t count, std::size_t components) {
     constexpr std::size_t kOfByte = 16;
+    if (zeroed_.contains(&accessor)) return true;  // read once more
     bufferView(index(object(object(accessor, "sparse"), "indices"), "bufferView").value_or(SIZE_MAX));
     std::size_t bytes = input_.bytes.size();
     for (const auto& buffer : buffers_) bytes += buffer ? buffer->size() : 0;
@@ -587,6 +590,7 @@ bool GltfFile::mayTakeZeros(const json& accessor, std::size_t count, std::size_t
         return false;
     }
     zeros_ += count * components;
+    zeroed_.insert(&accessor);
     return true;
 }
 

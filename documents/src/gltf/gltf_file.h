@@ -9,6 +9,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -95,7 +96,8 @@ class GltfFile {
     nlohmann::json root_;
     std::string_view chunk_;  // of a GLB
     std::vector<std::optional<std::string>> buffers_;
-    std::size_t zeros_ = 0;  // floats of sparse accessors that no byte stands for
+    std::size_t zeros_ = 0;                   // floats of sparse accessors that no byte stands for
+    std::set<const nlohmann::json*> zeroed_;  // these accessors
     std::vector<std::string> warned_;
     UnpackDraco draco_ = nullptr;  // null: no file that needs it, or no module
     UnpackMeshopt meshopt_ = nullptr;

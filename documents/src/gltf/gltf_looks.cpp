@@ -43,13 +43,14 @@ Vec3d baseFactor(const json& material) {
 
 }  // namespace
 
-GltfOptics opticsOf(const json& material) {
+GltfOptics opticsOf(const json& material, double depth) {
     GltfOptics result;
     const auto extension = [&](const char* name) -> const json& { return GltfFile::extension(material, name); };
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
-    const double metallic = GltfFile::number(metal, "metallicFactor", 1);
+    // A texture says where it is metal; what is made of glass is none.
+    const double metallic =
+        metal.contains("metallicRoughnessTexture") ? 0 : GltfFile::number(metal, "metallicFactor", 1);
     const double factor = GltfFile::number(extension("KHR_materials_transmission"), "transmissionFactor", 0);
-    // A texture of metal says where it is metal; glass has none.
     result.transmission = std::clamp(factor * (1 - std::clamp(metallic, 0.0, 1.0)), 0.0, 1.0);
     const double ior = GltfFile::number(extension("KHR_materials_ior"), "ior", kIor);
     if (result.passes()) {
@@ -60,9 +61,10 @@ GltfOptics opticsOf(const json& material) {
             result.refractiveIndex = std::clamp(ior, 1.0, most);
             result.absorption = absorptionOf(colorOf(volume, "attenuationColor"),
                                              GltfFile::number(volume, "attenuationDistance", HUGE_VAL)) +
-                                absorptionOf(baseFactor(material), thickness);
+                                absorptionOf(baseFactor(material), std::max(thickness, depth));
         } else {
             result.reflectivity = mirrored(ior);
+            result.absorption = absorptionOf(baseFactor(material), 1);
         }
     }
     const json& coat = extension("KHR_materials_clearcoat");
@@ -73,8 +75,26 @@ GltfOptics opticsOf(const json& material) {
     return result;
 }
 
+std::vector<double> depthsOf(const GltfFile& file) {
+    std::vector<double> depths(GltfFile::list(file.root(), "materials").size(), 0);
+    const json& accessors = GltfFile::list(file.root(), "accessors");
+    for (const json& mesh : GltfFile::list(file.root(), "meshes"))
+        for (const json& primitive : GltfFile::list(mesh, "primitives")) {
+            const std::size_t material = GltfFile::index(primitive, "material").value_or(kNoIndex);
+            const std::size_t points =
+                GltfFile::index(GltfFile::object(primitive, "attributes"), "POSITION").value_or(kNoIndex);
+            if (material >= depths.size() || points >= accessors.size()) continue;
+            const auto low = GltfFile::numbers(accessors[points], "min", 3);
+            const auto high = GltfFile::numbers(accessors[points], "max", 3);
+            if (!low || !high) continue;
+            const double least = std::min({(*high)[0] - (*low)[0], (*high)[1] - (*low)[1], (*high)[2] - (*low)[2]});
+            if (std::isfinite(least)) depths[material] = std::max(depths[material], least);
+        }
+    return depths;
+}
+
 void writeOptics(DocumentHandler& out, const GltfOptics& optics) {
-    if (optics.refractiveIndex == 0 && optics.reflectivity == 0) return;
+    if (optics.refractiveIndex == 0 && optics.reflectivity == 0 && optics.absorption == Vec3d(0)) return;
     const GltfNode set(out, "MetadataSet", "metadata");
     out.setField("name", Value(String("RTSG")), {});
     const auto number = [&](const char* name, Array<float> value) {
@@ -147,10 +167,10 @@ constexpr Look kLooks[] = {
      [](const json& m, const json& its) {
          const json& metal = GltfFile::object(m, "pbrMetallicRoughness");
          return has(its, "transmissionFactor") &&
-                (its.contains("transmissionTexture") || GltfFile::number(metal, "roughnessFactor", 1) > .1 ||
-                 metal.contains("metallicRoughnessTexture"));
+                (its.contains("transmissionTexture") || metal.contains("baseColorTexture") ||
+                 GltfFile::number(metal, "roughnessFactor", 1) > .1 || metal.contains("metallicRoughnessTexture"));
      },
-     "what passes is neither blurred by roughness nor changed by a transmissionTexture"},
+     "what passes is neither blurred by roughness nor changed by textures"},
     {"KHR_materials_volume",
      [](const json& m, const json& its) { return isTransmissive(m) && its.contains("thicknessTexture"); },
      "a body is as thick as its mesh, whatever its thicknessTexture says"},

@@ -15,12 +15,16 @@ namespace rtsg::detail {
 struct GltfOptics {
     double transmission = 0;     // the share that passes, of what is not mirrored
     double refractiveIndex = 0;  // of a body; 0: it is none
-    Vec3d absorption{0};         // in a body, 1/m
+    Vec3d absorption{0};         // in a body, 1/m; of a pane, in all of it
     double reflectivity = 0;     // mirrored at every angle
 
     bool passes() const { return transmission > 0; }
 };
-GltfOptics opticsOf(const nlohmann::json& material);
+/// `depth`: how deep what is made of it is, which a thickness of the file may understate.
+GltfOptics opticsOf(const nlohmann::json& material, double depth);
+/// For each material of the file, the least extent of the boxes of the primitives that are made of it, and the largest
+/// of these; 0 if there are none.
+std::vector<double> depthsOf(const GltfFile& file);
 /// Writes what it has as the metadata of a PhysicalMaterial, if it has any.
 void writeOptics(DocumentHandler& out, const GltfOptics& optics);
 

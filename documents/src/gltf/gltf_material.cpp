@@ -89,6 +89,9 @@ void writeTransform(DocumentHandler& out, const GltfMapping& mapping, const char
 
 }  // namespace
 
+GltfMaterials::GltfMaterials(GltfFile& file, DocumentHandler& out, GltfNames& names)
+    : file_(file), out_(out), names_(names), depths_(depthsOf(file)) {}
+
 std::vector<GltfMapping> GltfMaterials::mappingsOf(const json* material) {
     std::vector<GltfMapping> result;
     if (!material) return result;
@@ -138,7 +141,8 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     static const json& kEmpty = lasting([] { return json::object(); });
     const json& it = material ? *material : kEmpty;
     const bool unlit = isUnlit(it);
-    const GltfOptics optics = unlit || strokes ? GltfOptics() : opticsOf(it);
+    const GltfOptics optics =
+        unlit || strokes ? GltfOptics() : opticsOf(it, number < depths_.size() ? depths_[number] : 0);
     // Glass is there wholly, and lets light through; X3D's OPAQUE would let none.
     const std::string mode = optics.passes() ? "BLEND" : GltfFile::text(it, "alphaMode");
     appearance.set("alphaMode", String(mode.empty() ? "OPAQUE" : mode));

@@ -29,7 +29,7 @@ struct GltfMapping {
 
 class GltfMaterials {
   public:
-    GltfMaterials(GltfFile& file, DocumentHandler& out, GltfNames& names) : file_(file), out_(out), names_(names) {}
+    GltfMaterials(GltfFile& file, DocumentHandler& out, GltfNames& names);
     /// Writes the Appearance of a material; for null, of the default material of glTF. `strokes`: of lines or points
     /// without normals, which are not lit and have no textures.
     void writeAppearance(std::size_t number, const nlohmann::json* material, bool strokes = false);
@@ -51,6 +51,7 @@ class GltfMaterials {
     GltfNames& names_;
     std::set<std::size_t> textureGiven_, materialGiven_;  // those that have a name to be used by
     std::map<std::size_t, std::string> strokeMaterials_;  // their names
+    std::vector<double> depths_;                          // of what is made of each material
 };
 
 }  // namespace rtsg::detail

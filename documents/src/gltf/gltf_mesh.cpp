@@ -83,19 +83,23 @@ void GltfMeshes::morph(const json& primitive, const char* name, const std::vecto
 }
 
 /// 3.7.2.1: tangents without normals are ignored; and they serve normal textures alone.
-bool GltfMeshes::usesTangents(const json& primitive) {
+bool GltfMeshes::usesTangents(const json& primitive, std::size_t material) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     if (!attributes.contains("TANGENT") || !attributes.contains("NORMAL")) return false;
     const json& materials = GltfFile::list(file_.root(), "materials");
-    const std::size_t material = GltfFile::index(primitive, "material").value_or(kNoIndex);
     return material < materials.size() && materials[material].is_object() &&
            materials[material].contains("normalTexture");
 }
 
 bool GltfMeshes::hasTangents() {
     for (const json& mesh : GltfFile::list(file_.root(), "meshes"))
-        for (const json& primitive : GltfFile::list(mesh, "primitives"))
-            if (usesTangents(primitive)) return true;
+        for (const json& primitive : GltfFile::list(mesh, "primitives")) {
+            const std::size_t own = GltfFile::index(primitive, "material").value_or(kNoIndex);
+            std::vector<std::size_t> choices = variantsOf(primitive, own);
+            choices.push_back(own);
+            for (const std::size_t material : choices)
+                if (usesTangents(primitive, material)) return true;
+        }
     return false;
 }
 
@@ -153,7 +157,78 @@ void GltfMeshes::warnOfTextures(const json* material) {
         file_.warn("lines and points of the glTF file have textures; they are drawn in the colour alone");
 }
 
+std::vector<std::size_t> GltfMeshes::variantsOf(const json& primitive, std::size_t material) {
+    const json& all = GltfFile::list(GltfFile::extension(file_.root(), "KHR_materials_variants"), "variants");
+    const json& mappings = GltfFile::list(GltfFile::extension(primitive, "KHR_materials_variants"), "mappings");
+    if (all.empty() || mappings.empty()) return {};
+    std::vector<std::size_t> result(all.size(), material);
+    for (const json& mapping : mappings)
+        for (const json& variant : GltfFile::list(mapping, "variants"))
+            if (variant.is_number_unsigned() && variant.get<std::size_t>() < result.size())
+                result[variant.get<std::size_t>()] = GltfFile::index(mapping, "material").value_or(material);
+    return result;
+}
+
+/// Each material of a primitive has points of its own, as textures may be looked up otherwise there.
+bool GltfMeshes::mayCopy(const json& primitive, const std::vector<std::size_t>& choices) {
+    const std::size_t position =
+        GltfFile::index(GltfFile::object(primitive, "attributes"), "POSITION").value_or(kNoIndex);
+    const json& accessors = GltfFile::list(file_.root(), "accessors");
+    const std::size_t points =
+        position < accessors.size() ? GltfFile::index(accessors[position], "count").value_or(0) : 0;
+    const std::size_t materials = std::set<std::size_t>(choices.begin(), choices.end()).size();
+    constexpr std::size_t most = std::size_t{1} << 24;  // points and choices in all
+    if (choices.size() > most - copied_ || points > (most - copied_ - choices.size()) / materials) return false;
+    copied_ += choices.size() + points * materials;
+    return true;
+}
+
 void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
+    const std::size_t own = GltfFile::index(primitive, "material").value_or(kNoIndex);
+    std::vector<std::size_t> choices = variantsOf(primitive, own);
+    if (!choices.empty() && (skinned || !form.points.empty())) {
+        file_.warn("variants of the glTF file change what moves by joints or weights; it keeps its own material");
+        choices.clear();
+    }
+    if (!choices.empty() && !mayCopy(primitive, choices)) {
+        file_.warn("variants of the glTF file's materials are too many; what has them keeps its own");
+        choices.clear();
+    }
+    if (choices.empty()) return writeShape(primitive, form, skinned, own, {});
+    choices.insert(choices.begin(), own);
+    switches_.push_back(names_.take("variants_of_" + std::to_string(switches_.size())));
+    GltfNode choice(out_, "Switch", "children", switches_.back());
+    choice.set("whichChoice", std::int32_t{0});
+    std::map<std::size_t, std::string> given;
+    for (const std::size_t material : choices) {
+        const auto [shape, isNew] = given.try_emplace(material);
+        if (!isNew) {
+            out_.useNode(shape->second, "children", {});
+            continue;
+        }
+        shape->second = names_.take(switches_.back() + "_shape" + std::to_string(given.size() - 1));
+        writeShape(primitive, form, skinned, material, shape->second);
+    }
+}
+
+void GltfMeshes::writeVariants() {
+    if (switches_.empty()) return;
+    const std::string hub = names_.take("variants");
+    GltfNode(out_, "Switch", {}, hub).set("whichChoice", std::int32_t{0});
+    std::int32_t number = 0;
+    for (const json& variant :
+         GltfFile::list(GltfFile::extension(file_.root(), "KHR_materials_variants"), "variants")) {
+        const std::string name = GltfFile::text(variant, "name");
+        const std::string def =
+            name.empty() ? names_.take("variant" + std::to_string(number)) : names_.take(name, "variant");
+        GltfNode(out_, "IntegerTrigger", {}, def).set("integerKey", ++number);
+        out_.route(def, "triggerValue", hub, "whichChoice", {});
+    }
+    for (const std::string& one : switches_) out_.route(hub, "whichChoice", one, "whichChoice", {});
+}
+
+void GltfMeshes::writeShape(const json& primitive, const GltfForm& form, bool skinned, std::size_t number,
+                            const std::string& def) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     ImportedMesh mesh;
     mesh.points = attribute<Vec3f>(attributes, "POSITION", 0);
@@ -176,14 +251,13 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
     const bool smooth = !mesh.normals.empty();
     // Moving meshes get no normals here: these follow from where their points are.
     if (skinned || !form.points.empty()) mesh.normals = {};
-    if (!mesh.normals.empty() && usesTangents(primitive)) {
+    if (!mesh.normals.empty() && usesTangents(primitive, number)) {
         mesh.tangents = attribute<Vec4f>(attributes, "TANGENT", count);
         morphTangents(primitive, form.weights, mesh.tangents);
     }
     mesh.smooth = smooth;  // without normals faces are flat
     mesh.pointsName = form.points;
     mesh.pointsGiven = skinned;
-    const std::size_t number = GltfFile::index(primitive, "material").value_or(kNoIndex);
     const json* material = file_.item("materials", number);
     mesh.solid = !(material && GltfFile::flag(*material, "doubleSided"));
     const bool strokes = mode <= 3 && mesh.normals.empty();
@@ -192,7 +266,8 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
         warnOfTextures(material);
     else
         takeTexCoords(attributes, material, mesh);
-    GltfNode shape(out_, "Shape", skinned ? "skin" : "children");
+    if (!form.points.empty()) points_.insert(form.points);
+    GltfNode shape(out_, "Shape", skinned ? "skin" : "children", def);
     materials_.writeAppearance(number, material, strokes);
     if (mode == 0) {
         mesh.faces = {};

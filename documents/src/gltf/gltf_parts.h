@@ -59,7 +59,7 @@ class GltfNames {
     /// The DEF of the points of a primitive, the `part`-th of its mesh, at that node.
     const std::string& points(std::size_t node, std::size_t part);
     /// For nodes that the file has no name for.
-    std::string take(std::string_view wanted) { return unique_.take(wanted); }
+    std::string take(std::string_view wanted, std::string_view kind = {}) { return unique_.take(wanted, kind); }
 
   private:
     struct Name {

@@ -69,6 +69,7 @@ class GltfImporter {
         GltfAnimations(file_, out_, names_, meshes_, figures_, [&](std::size_t node) {
             return node < given_.size() && given_[node];
         }).write(clip_);
+        meshes_.writeVariants();
         out_.endDocument();
         return true;
     }
@@ -163,8 +164,46 @@ class GltfImporter {
         // A figure stands where its joints are, wherever its node is.
         if (const auto skin = GltfFile::index(node, "skin"))
             skinned_.push_back({number, *mesh, *skin});
+        else if (const json& many = GltfFile::extension(node, "EXT_mesh_gpu_instancing"); !many.empty())
+            writeInstances(*mesh, node, number, GltfFile::object(many, "attributes"));
         else
             writeMeshNode(*mesh, node, number);
+    }
+    /// EXT_mesh_gpu_instancing: the mesh once for each element of the attributes, which all have as many.
+    void writeInstances(std::size_t mesh, const json& node, std::size_t number, const json& attributes) {
+        std::size_t count = 0;
+        const auto read = [&](const char* name, std::size_t size) {
+            std::vector<float> all;
+            std::size_t components = 0;
+            if (const auto accessor = GltfFile::index(attributes, name)) all = file_.floats(*accessor, components);
+            if (components != size) all.clear();
+            count = std::max(count, all.size() / size);
+            return all;
+        };
+        const auto places = read("TRANSLATION", 3), turns = read("ROTATION", 4), scales = read("SCALE", 3);
+        const bool fits = std::ranges::all_of(std::array{places.size() / 3, turns.size() / 4, scales.size() / 3},
+                                              [&](std::size_t its) { return its == 0 || its == count; });
+        const bool moves = morphed_.contains(number) || !GltfFile::list(node, "weights").empty();
+        if (!fits || count == 0 || moves) {
+            file_.warn(
+                "instances of the glTF file have places of different numbers, or weights of their own; the mesh "
+                "stands there once");
+            return writeMeshNode(mesh, node, number);
+        }
+        for (std::size_t i = 0; i < count; ++i) {
+            GltfNode place(out_, "Transform", "children");
+            const auto three = [&](const std::vector<float>& all) {
+                return Vec3f(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
+            };
+            if (!turns.empty()) {
+                const std::array<double, 4> q{double{turns[4 * i]}, double{turns[4 * i + 1]}, double{turns[4 * i + 2]},
+                                              double{turns[4 * i + 3]}};
+                place.set("rotation", rotationOf(q.data()));
+            }
+            if (!scales.empty()) place.set("scale", three(scales));
+            if (!places.empty()) place.set("translation", three(places));
+            writeMeshNode(mesh, node, number);
+        }
     }
 
     void writeCamera(std::size_t index, const std::string& name) {

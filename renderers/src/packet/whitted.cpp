@@ -7,6 +7,7 @@
 #include "seen_first.h"
 #include "surface/packet_kernels.h"
 #include "surface/surface_branches.h"
+#include "surface/surface_detail.h"
 #include "surface/surface_packet.h"
 #include "tile_rays.h"
 #include "trail.h"
@@ -266,7 +267,7 @@ class Tile {
         const PathTask& from = tasks ? tasks[lane] : fromEye_;
         Vec3f weight = from.weight;
         float fog = 1;
-        if (from.media) weight *= glm::exp(-media_.absorption(from.media) * t);
+        if (from.media) weight = darkened(pixel, weight, glm::exp(-media_.absorption(from.media) * t));
         if (marched_) weight *= left_[lane];
         if (scene_.fogs.any())
             fog = s.fogLeft(scene_, lane, packet.rays.at(lane, t), t + (tasks ? tasks[lane].line : 0));
@@ -277,6 +278,12 @@ class Tile {
             return;
         }
         branch(packet, s, lane, weight, fog);
+    }
+    /// What absorption leaves of a share. What it takes is dark, and not clear.
+    Vec3f darkened(std::uint16_t pixel, const Vec3f& share, const Vec3f& left) {
+        const Vec3f lost = share * (Vec3f(1) - left);
+        loop_.sumOf(pixel).a += (lost.x + lost.y + lost.z) / 3;
+        return share * left;
     }
     void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, std::uint32_t scope) {
         if (!(fog < 1)) return;
@@ -339,7 +346,8 @@ class Tile {
             else
                 cut(mirrored * fog);
         }
-        const Vec3f entering = weight * coverage * branches_.passing.get(lane) * (1 - opacity);
+        const Vec3f entering = darkened(pixel, weight * coverage * branches_.passing.get(lane) * (1 - opacity),
+                                        leftBySheet(*s.material[lane]));
         if (glass && entering != Vec3f(0)) {
             if (!deeper)
                 cut(entering * fog);

@@ -22,6 +22,7 @@
 #include "path_scatter.h"
 #include "path_wavefront.h"
 #include "surface/lanes.h"
+#include "surface/surface_detail.h"
 #include "surface/surface_packet.h"
 #include "texture/bsdf.h"
 #include "texture/bsdf8.h"
@@ -435,7 +436,7 @@ class Paths {
             mirrored += body * reflectance;
             body *= 1 - reflectance;
         }
-        const Vec3f entering = coverage * body * (1 - opacity);
+        const Vec3f entering = coverage * body * (1 - opacity) * leftBySheet(material);
         result.solid = coverage * body * opacity;
         result.share[mirror] = coverage * mirrored;
         result.share[enter] = glass ? entering : Vec3f(0);

@@ -35,6 +35,12 @@ inline float opacityOf(const Material& material, float opacity) {
     return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : share(opacity);
 }
 
+/// Of the light that goes straight through a surface, what its absorption leaves. In a body it counts along the way; a
+/// surface that bends nothing is a sheet.
+inline Vec3f leftBySheet(const Material& material) {
+    return material.refractiveIndex > 0 || material.absorption == Vec3f(0) ? Vec3f(1) : glm::exp(-material.absorption);
+}
+
 /// Applies the stages of a MultiTexture to a colour and to the material's alpha, `opacity`, with which the first stage
 /// begins (18.4.3).
 Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec3f& base, const Vec3f& specular,

@@ -410,7 +410,8 @@ namespace {
 /// `alpha`: of textures. `eta`: of what bends light.
 Vec3f throughPlain(const Material& material, float alpha, float opacity, float eta) {
     const float coverage = coverageOf(material, alpha, opacity);
-    Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
+    Vec3f through =
+        coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity) * leftBySheet(material);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
     if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, eta).mean();
     return Vec3f(1 - coverage) + through;

@@ -199,6 +199,101 @@ TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
     EXPECT_THAT(c, HasSubstr("route animation0_0_part0.value_changed node1_points0.point"));
 }
 
+// Of clips that move the same node one plays at a time; others go on beside it.
+TEST(ImportGltf, AClipThatStartsStopsThoseThatMoveTheSame) {
+    GltfParts parts;
+    const int times = parts.floats("SCALAR", 1, {0, 10});
+    const int values = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0});
+    const auto clip = [&](const char* name, int node) {
+        return fmt::format(
+            "{{\"name\":\"{}\",\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":{},\"path\":\"translation\"}}}}],"
+            "\"samplers\":[{{\"input\":{},\"output\":{}}}]}}",
+            name, node, times, values);
+    };
+    Scene scene;
+    Diagnostics problems("test");
+    ASSERT_TRUE(loadText(scene,
+                         parts.text(fmt::format("\"nodes\":[{{}},{{}}],\"animations\":[{},{},{}]", clip("walk", 0),
+                                                clip("run", 0), clip("blink", 1))),
+                         problems));
+    EXPECT_EQ(test::allText(problems), "");
+    const auto start = [&](const char* name, double time) {
+        const NodeId clock = scene.findName(name);
+        EXPECT_TRUE(scene.sendEvent(clock, scene.node(clock).type().findExact("startTime"), Value(Time{time})));
+        scene.newFrame(time);
+    };
+    const auto playing = [&] {
+        std::string result;
+        for (const char* name : {"walk", "run", "blink"})
+            if (scene.node(scene.findName(name)).get(x3d::TimeSensor::isActive)) result += std::string(name) + " ";
+        return result;
+    };
+    scene.newFrame(1);
+    start("walk", 2);
+    start("blink", 3);
+    EXPECT_EQ(playing(), "walk blink ");
+    start("run", 4);
+    EXPECT_EQ(playing(), "run blink ");
+    start("walk", 5);
+    scene.newFrame(6);
+    EXPECT_EQ(playing(), "walk blink ");
+}
+
+// Its zeros count once against what a file may hold, however often they are read; and no route leads to points of what
+// was left out.
+TEST(ImportGltf, AnimatedTargetsMayBeSparseAndMayBeMissing) {
+    GltfParts parts;
+    const std::size_t count = 300, keys = 200;
+    const int points = parts.floats("VEC3", 3, std::vector<float>(3 * count, 1));
+    std::vector<float> seconds, weights;
+    for (std::size_t i = 0; i < keys; ++i) seconds.push_back(static_cast<float>(i)), weights.push_back(.5f);
+    const int times = parts.floats("SCALAR", 1, seconds), values = parts.floats("SCALAR", 1, weights);
+    const int where = parts.accessor(5123, "SCALAR", 1, std::vector<std::uint16_t>{7});
+    const int what = parts.floats("VEC3", 3, {2, 0, 0});
+    const int target =
+        parts.view("", "",
+                   fmt::format("\"componentType\":5126,\"type\":\"VEC3\",\"count\":{},\"sparse\":{{\"count\":1,"
+                               "\"indices\":{{\"bufferView\":{},\"componentType\":5123}},\"values\":{{"
+                               "\"bufferView\":{}}}}}",
+                               count, where, what));
+    const auto file = [&](int indices) {
+        return Imported(
+            parts.text(fmt::format("\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":{}}},\"indices\":{},"
+                                   "\"targets\":[{{\"POSITION\":{}}}"
+                                   "]}}]}}],\"nodes\":[{{\"mesh\":0}}],\"animations\":[{{\"channels\":[{{\"sampler\":0,"
+                                   "\"target\":{{\"node\":0,"
+                                   "\"path\":\"weights\"}}}}],\"samplers\":[{{\"input\":{},\"output\":{}}}]}}]",
+                                   points, indices, target, times, values)));
+    };
+    const int good = parts.accessor(5123, "SCALAR", 1, std::vector<std::uint16_t>{0, 1, 7});
+    const int bad = parts.accessor(5123, "SCALAR", 1, std::vector<std::uint16_t>{0, 1, 400});
+    EXPECT_EQ(file(good).problems, "");
+    EXPECT_THAT(file(good).commands, HasSubstr("value_changed node0_points0.point"));
+    EXPECT_THAT(file(bad).problems, HasSubstr("indices beyond its points"));
+    EXPECT_THAT(file(bad).commands, Not(HasSubstr("node0_points0.point")));
+}
+
+TEST(ImportGltf, InstancesStandWhereTheirAttributesSay) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int places = parts.floats("VEC3", 3, {1, 2, 3, 4, 5, 6});
+    const int scales = parts.floats("VEC3", 3, {1, 1, 1, 2, 2, 2});
+    const auto file = [&](const std::string& attributes) {
+        return Imported(parts.text(fmt::format(
+            "\"extensionsRequired\":[\"EXT_mesh_gpu_instancing\"],\"meshes\":[{{\"primitives\":[{{\"attributes\":{{"
+            "\"POSITION\":{}}}}}]}}],\"nodes\":[{{\"mesh\":0,\"extensions\":{{\"EXT_mesh_gpu_instancing\":{{"
+            "\"attributes\":{{{}}}}}}}}}]",
+            points, attributes)));
+    };
+    const Imported two = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", places, scales));
+    EXPECT_EQ(two.problems, "");
+    EXPECT_THAT(two.commands, HasSubstr("begin Transform in children\nset scale SFVec3f 2 2 2\n"
+                                        "set translation SFVec3f 4 5 6\nuse mesh0 in children\nend"));
+    const Imported odd = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", places, points));
+    EXPECT_THAT(odd.problems, HasSubstr("instances of the glTF file have places of different numbers"));
+    EXPECT_THAT(odd.commands, HasSubstr("begin Group DEF mesh0"));
+}
+
 // 3.7.2.1: they serve normal textures alone, and only beside normals; targets move them.
 TEST(ImportGltf, TangentsAreTakenWhereNormalTexturesAre) {
     GltfParts parts;
@@ -569,6 +664,7 @@ TEST(ImportGltf, RequiredExtensionsOfLooksLeaveTheScene) {
     EXPECT_THAT(looks.commands, HasSubstr("begin Transform DEF n"));
     EXPECT_FALSE(file("\"EXT_mesh_of_tomorrow\"").good);
     EXPECT_EQ(file("\"EXT_texture_webp\"").problems, "");
+    EXPECT_TRUE(file("\"KHR_techniques_webgl\"").good);
 }
 
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.

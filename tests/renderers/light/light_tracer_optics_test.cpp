@@ -114,6 +114,40 @@ TEST(LightTracer, GlassAbsorbsByBeersLaw) {
     expectColor(s.center(), {std::exp(-0.75), std::exp(-1.5), std::exp(-3.0)}, 1e-4);
 }
 
+// What absorption takes is dark, and not clear: the picture's alpha is whole.
+TEST(LightTracer, WhatIsAbsorbedIsNotClear) {
+    LightScene s("Transform { translation 0 0 2 children Shape { appearance Appearance { " +
+                     glass(1.0001, "MetadataFloat { name \"absorption\" value [0.5 1 2] }") +
+                     " } geometry Box { size 8 8 1.5 } } }" + square(100, unlit("1 1 1")),
+                 9, 9);
+    const Picture p = s.picture();
+    EXPECT_NEAR(p.at(4, 4).a, 1, 1e-4);
+}
+
+// Without a refractive index a surface is a sheet, which takes the same of all light that passes.
+TEST(LightTracer, ASheetIsTintedByItsAbsorption) {
+    const std::string pane =
+        "Transform { translation 0 0 2 children " +
+        square(4,
+               "material Material { diffuseColor 0 0 0 transparency 1 metadata MetadataSet { name \"RTSG\" value "
+               "MetadataFloat { name \"absorption\" value [0.5 1 2] } } }") +
+        " }";
+    const Vec3d left(std::exp(-0.5), std::exp(-1.0), std::exp(-2.0));
+    for (const auto integrator : {Integrator::whitted, Integrator::path}) {
+        LightScene s(pane + square(100, unlit("1 1 1")), 9, 9);
+        s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        const Picture p = s.picture();
+        expectColor(Vec3f(p.at(4, 4)), left, 1e-3);
+        EXPECT_NEAR(p.at(4, 4).a, 1, 1e-4);
+    }
+    // The light of a lamp behind it, too.
+    LightScene s(
+        "DirectionalLight { direction 0 0 -1 } Viewpoint { position 0 0 1 } " + pane + square(100, matte("1 1 1")), 9,
+        9);
+    expectColor(s.center(), left, 1e-3);
+}
+
 // A slab at 45 degrees shifts the edge behind it by .329142 (n = 1.5, thickness 1).
 TEST(LightTracer, SlabDisplacesTheEdgeBehindIt) {
     const std::string slab =

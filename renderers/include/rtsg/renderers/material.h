@@ -6,7 +6,7 @@
 //   "reflectivity"     r or r g b: the share of light that is mirrored, whatever the angle
 //   "refractiveIndex"  n > 0: a smooth dielectric; the share mirrored follows Fresnel's equations, what enters is bent;
 //                      `transparency` is the share of it that passes, the rest meets the material's own colours
-//   "absorption"       a or r g b, 1/m: Beer's law inside
+//   "absorption"       a or r g b, 1/m: Beer's law inside; of a surface that bends nothing, what one metre would take
 //   "priority"         p >= 0, by default 0: of bodies with a refractive index that overlap, the one with the highest
 //   is
 //                      there, of these the one with the smallest box

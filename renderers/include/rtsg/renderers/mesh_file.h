@@ -2,8 +2,9 @@
 //
 // Invariant: what is written is what the flattener gives: every shape at every place where it is seen, in triangles,
 // one unit a metre. STL, OBJ and PLY have the corners in world space; a GLB has a mesh for each geometry and material,
-// shared by its places. Colours are the materials' own; lights, viewpoints and motion stay behind, and texts of
-// scripts. Threading: the scene's thread. Source: as documents/src/import/import.h.
+// shared by its places, with viewpoints, lights, and what clocks move by interpolators of Transforms. Colours are the
+// materials' own; texts of scripts stay behind. Threading: the scene's thread. Source: as
+// documents/src/import/import.h; glTF 2.0 (ISO/IEC 12113:2022).
 #pragma once
 
 #include <filesystem>
@@ -23,7 +24,7 @@ struct MeshFileContent {
 };
 
 /// Errors: a scene that shows no triangles, a file that cannot be written. `diagnostics` hears of geometry that has
-/// none.
+/// none, and of what moves and is none of glTF's here.
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
                                       Diagnostics& diagnostics, Existing existing = Existing::replace);
 

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <rtsg/core/field_text.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/mesh.h>
@@ -104,6 +105,93 @@ TEST(MeshFile, GlbSharesGeometryAndKeepsMaterials) {
     EXPECT_EQ(again.dump().find("baseColor 1 0.5 0.25") != std::string::npos, true);
     EXPECT_EQ(again.dump().find("transparency 0.5") != std::string::npos, true);
     std::filesystem::remove(file);
+}
+
+/// A scene written as GLB and read again, at its beginning.
+struct GlbAgain {
+    Scene scene, again;
+    std::string problems;
+
+    explicit GlbAgain(const std::string& body) {
+        Diagnostics reading("test"), writing("test");
+        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\n" + body, reading));
+        for (const Diagnostic& d : reading.all()) ADD_FAILURE() << d.format();
+        const std::string file =
+            (std::filesystem::path(testing::TempDir()) / (std::to_string(::getpid()) + "g.glb")).string();
+        EXPECT_TRUE(writeMeshFile(scene, file, MeshFormat::glb, writing));
+        for (const Diagnostic& d : writing.all()) problems += d.format() + "\n";
+        Diagnostics rereading(file);
+        EXPECT_TRUE(loadFile(again, file, rereading));
+        for (const Diagnostic& d : rereading.all()) ADD_FAILURE() << d.format();
+        std::filesystem::remove(file);
+    }
+    /// The value of a node's field as text.
+    std::string text(const char* name, const char* field) const {
+        const NodeId id = again.findName(name);
+        if (!id) return "no node is named " + std::string(name);
+        const Node& node = again.node(id);
+        return printFieldText(node.value(node.type().findExact(field)));
+    }
+};
+
+TEST(MeshFile, GlbHasViewpointsLightsAndWhatShines) {
+    const GlbAgain g(
+        "Transform { translation 1 2 3 children [\n"
+        "DEF V Viewpoint { position 0 0 4 fieldOfView .5 description \"front\" }\n"
+        "DEF P PointLight { location 0 1 0 color 1 .5 .25 intensity 3 radius 20 }\n"
+        "DEF D DirectionalLight { direction 1 0 0 intensity 2 }\n"
+        "DEF S SpotLight { direction 0 -1 0 beamWidth .25 cutOffAngle .5 } ] }\n"
+        "Shape { appearance Appearance { material DEF U UnlitMaterial { emissiveColor 1 .5 0 } } geometry Box { } }\n"
+        "Shape { appearance Appearance { material DEF L PhysicalMaterial { emissiveColor 8 4 0 } } geometry Sphere { } "
+        "}");
+    EXPECT_EQ(g.problems, "");
+    const std::string dump = g.again.dump();
+    EXPECT_THAT(dump, testing::HasSubstr("description \"front\""));
+    EXPECT_THAT(dump, testing::HasSubstr("fieldOfView 0.5"));
+    EXPECT_THAT(dump, testing::HasSubstr("PointLight"));
+    EXPECT_THAT(dump, testing::HasSubstr("radius 20"));
+    EXPECT_THAT(dump, testing::HasSubstr("cutOffAngle 0.5"));
+    EXPECT_EQ(g.text("U", "emissiveColor"), "1 0.5 0");
+    EXPECT_EQ(g.text("L", "emissiveColor"), "8 4 0");
+    EXPECT_EQ(g.text("V", "translation"), "1 2 7") << "the node of a camera stands where its eye is";
+    EXPECT_EQ(g.text("P", "translation"), "1 3 3");
+    // What shines along -z there shines along x here.
+    EXPECT_EQ(g.text("D", "rotation"), "0 -1 0 1.5707964");
+}
+
+TEST(MeshFile, GlbHasTheClipsOfTransforms) {
+    const std::string clip =
+        "DEF Swing TimeSensor { cycleInterval 2 loop TRUE }\n"
+        "DEF Turn OrientationInterpolator { key [0 1] keyValue [0 0 1 0, 0 0 1 1] }\n"
+        "DEF Step PositionInterpolator { key [0 .5 .5 1] keyValue [0 0 0, 0 0 0, 1 0 0, 1 0 0] }\n"
+        "DEF Paint ColorInterpolator { key [0 1] keyValue [0 0 0, 1 1 1] }\n"
+        "DEF Outer Transform { translation 5 0 0 children DEF Arm Transform { center 0 1 0 children [\n"
+        "  Transform { translation 0 3 0 children Shape { appearance Appearance { material DEF M Material { } } "
+        "geometry "
+        "Box { } } } DEF Eye Viewpoint { position 0 0 1 } ] } }\n"
+        "ROUTE Swing.fraction_changed TO Turn.set_fraction\nROUTE Turn.value_changed TO Arm.rotation\n"
+        "ROUTE Swing.fraction_changed TO Step.set_fraction\nROUTE Step.value_changed TO Arm.translation\n";
+    GlbAgain g(clip);
+    EXPECT_EQ(g.problems, "");
+    EXPECT_EQ(g.text("Swing", "cycleInterval"), "2");
+    EXPECT_EQ(g.text("Arm", "translation"), "0 1 0") << "its centre";
+    const Sum before = sumOf(g.scene), after = sumOf(g.again);
+    EXPECT_LT(glm::length(before.center - after.center), 1e-5);
+    // It moves as it did: three quarters of the way, by either scene's clock.
+    g.scene.newFrame(0), g.again.newFrame(0);
+    for (Scene* scene : {&g.scene, &g.again}) {
+        const NodeId clock = scene->findName("Swing");
+        EXPECT_TRUE(scene->sendEvent(clock, scene->node(clock).type().findExact("startTime"), Value(Time{10})));
+        scene->newFrame(10);
+        scene->newFrame(11.5);
+    }
+    const Sum moved = sumOf(g.scene), movedToo = sumOf(g.again);
+    EXPECT_GT(glm::length(moved.center - before.center), .5);
+    EXPECT_LT(glm::length(moved.center - movedToo.center), 1e-5);
+    const GlbAgain painted(clip +
+                           "ROUTE Swing.fraction_changed TO Paint.set_fraction\n"
+                           "ROUTE Paint.value_changed TO M.diffuseColor\n");
+    EXPECT_THAT(painted.problems, testing::HasSubstr("1 things that clocks move are none of glTF's here"));
 }
 
 TEST(MeshFile, ASceneWithoutTrianglesIsNoFile) {

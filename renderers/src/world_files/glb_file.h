@@ -1,0 +1,85 @@
+// A GLB file of what a scene shows: meshes, materials, viewpoints, lights and clips.
+//
+// A Transform that a clip moves is a node of its own, once for each path to it; all else stands by a matrix below the
+// nearest of these. Invariant: each node stands where the flattener has it. Threading: the scene's thread.
+// Source: glTF 2.0 (ISO/IEC 12113:2022); KHR_lights_punctual, KHR_materials_unlit, KHR_materials_emissive_strength.
+#pragma once
+
+#include <map>
+#include <set>
+
+#include "glb_clips.h"
+#include "shown_shapes.h"
+
+namespace rtsg::mesh_files {
+
+class GlbWriter {
+  public:
+    /// `diagnostics` hears of what moves and cannot be written so.
+    GlbWriter(const Scene& scene, const Shapes& shapes, Diagnostics& diagnostics);
+    void write(Output& out);
+    /// Lengths are numbers of 32 bits.
+    bool fits() const;
+
+  private:
+    struct GlbNode {
+        std::string members;  // without children
+        std::vector<std::size_t> children;
+    };
+    /// A list of JSON, and how many are in it.
+    struct List {
+        std::string text;
+        std::size_t count = 0;
+        /// Returns the number of what is added.
+        std::size_t add(const std::string& item) {
+            text += (count != 0 ? "," : "") + item;
+            return count++;
+        }
+    };
+    static constexpr std::size_t kRoot = SIZE_MAX;
+
+    void findMovers(Diagnostics& diagnostics);
+    void addShape(const Instance& instance);
+    void addPlaced(const Placed& placed);
+    void addCamera(const Placed& placed, const Node& node);
+    void addLight(const Placed& placed, const Node& node);
+    void addClips();
+
+    /// The node below which something is that stands at the end of a path, with its matrix there.
+    std::size_t placeOf(const std::vector<NodeId>& path, const WorldFromLocal& worldFromLocal, glm::dmat4& matrix);
+    std::size_t moverNode(std::size_t parent, const Node& transform, const std::vector<NodeId>& path);
+    std::size_t addNode(std::size_t parent, std::string members);
+    void addPlacedNode(const Placed& placed, const glm::dmat4& local, const std::string& members);
+
+    static void pad(std::string& bytes, char with) { bytes.resize((bytes.size() + 3) / 4 * 4, with); }
+    std::size_t accessor(const void* values, std::size_t bytes, std::size_t count, const char* type,
+                         std::size_t component, const std::string& more = {});
+    template <class T>
+    std::size_t accessor(const Array<T>& values, const char* type, std::size_t component,
+                         const std::string& more = {}) {
+        return accessor(values.data(), values.size() * sizeof(T), values.size(), type, component, more);
+    }
+    std::string primitiveOf(const Mesh& mesh, NodeId geometry);
+    std::size_t meshNumber(const Mesh& mesh, const Instance& instance);
+    std::size_t materialNumber(NodeId appearance, bool solid);
+    std::string texture(const Node* node, const char* name);
+    const Node* childOf(const Node* node, std::string_view name) const;
+    std::string nameOf(NodeId node) const;
+
+    const Scene& scene_;
+    const Shapes& shapes_;
+    std::vector<GlbClip> clips_;
+    std::set<NodeId> movers_;
+    std::map<std::vector<NodeId>, std::size_t> moverNodes_;  // by the path to each
+    std::multimap<NodeId, std::size_t> nodesOfMover_;
+    std::vector<GlbNode> nodes_;
+    std::vector<std::size_t> roots_;
+    List meshes_, accessors_, views_, materials_, images_, textures_, cameras_, lights_, animations_;
+    std::set<std::string> extensions_;
+    std::string binary_;
+    std::map<std::uint32_t, std::string> primitives_;
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> meshNumbers_;
+    std::map<std::pair<std::uint32_t, bool>, std::size_t> materialNumbers_;
+};
+
+}  // namespace rtsg::mesh_files
