@@ -1,8 +1,8 @@
 // Pictures of the program by the rasteriser: skipped where there is no display or no OGRE.
+#include <cstdlib>
+
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
-
-#include <rtsg/renderers/picture.h>
 
 #include "ogre/display.h"
 #include "program.h"
@@ -43,17 +43,20 @@ TEST_F(Raster, DrawsHybridPicturesInWhichNothingIsLeftOut) {
         EXPECT_TRUE(one.status == 0 || one.err.find("built without a rasteriser") != one.err.npos) << one.err;
         return one;
     };
-    const Outcome hybrid = drawn("hybrid", "hybrid%d.png");
+    const Outcome hybrid = drawn("hybrid", "hybrid%d.ppm");
     if (hybrid.status != 0) GTEST_SKIP() << hybrid.err;
-    EXPECT_EQ(hybrid.err, drawn("whitted", "rays%d.png").err);
+    EXPECT_EQ(hybrid.err, drawn("whitted", "rays%d.ppm").err);
     EXPECT_THAT(hybrid.out, HasSubstr("of drawing and tracing"));
+    constexpr std::size_t kBytes = std::size_t{64} * 36 * 3;  // at the end of such a file
     for (const char* number : {"0", "1"}) {
-        const auto a = readPicture(folder / (std::string("hybrid") + number + ".png"));
-        const auto b = readPicture(folder / (std::string("rays") + number + ".png"));
-        ASSERT_TRUE(a && b);
+        const std::string a = readFile(folder / (std::string("hybrid") + number + ".ppm"));
+        const std::string b = readFile(folder / (std::string("rays") + number + ".ppm"));
+        ASSERT_GT(a.size(), kBytes);
+        ASSERT_EQ(a.size(), b.size());
         double sum = 0;
-        for (std::size_t i = 0; i < a->pixels.size(); ++i) sum += glm::distance(a->pixels[i], b->pixels[i]);
-        EXPECT_LT(sum / static_cast<double>(a->pixels.size()), .01);
+        for (std::size_t i = a.size() - kBytes; i < a.size(); ++i)
+            sum += std::abs(static_cast<unsigned char>(a[i]) - static_cast<unsigned char>(b[i]));
+        EXPECT_LT(sum / kBytes, 1.5);
     }
 }
 
