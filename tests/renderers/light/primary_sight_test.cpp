@@ -142,6 +142,17 @@ TEST(PrimarySights, ColoursStayOnlyWhereRaysWouldAddNothing) {
           Case{"Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 ] coord Coordinate { point [ -9 -9 "
                "0, 9 -9 0, 0 9 0 ] } color ColorRGBA { color [ 1 0 0 .5, 1 0 0 .5, 1 0 0 .5 ] } } }\n",
                false},
+          Case{"TextureProjectorParallel { location 0 0 4 direction 0 0 -1 fieldOfView -3 -3 3 3 texture "
+               "PixelTexture { image 1 1 3 "
+               "0xFFFFFF } }\n" +
+                   plain,
+               false},
+          Case{
+              "Shape { appearance Appearance { material UnlitMaterial { } texture PixelTexture { image 1 1 3 0xFF0000 "
+              "} } "
+              "geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 ] coord Coordinate { point [ -9 -9 0, 9 -9 0, 0 9 0 ] } "
+              "texCoord TextureCoordinateGenerator { mode \"SPHERE\" } } }\n",
+              false},
           Case{light + ball(mirror(".5")), false}, Case{light + ball(glass(1.5)), false},
           Case{light + ball("material Material { transparency .5 }"), false},
           Case{"NavigationInfo { headlight TRUE }\nGroup { children [ PointLight { global FALSE location 9 9 9 } " +
