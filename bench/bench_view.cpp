@@ -188,7 +188,8 @@ Result<std::vector<Noisy>> standStill(double most, int width, int height) {
     LivePicture pictures(world, std::move(options));
     const Clock::time_point start = Clock::now();
     if (auto ok = pictures.show(); !ok) return std::unexpected(ok.error());
-    while (passedSince(start) < most) {
+    constexpr double kPatience = 120;  // a busy machine needs longer for the first two
+    while (passedSince(start) < most || (all.size() < 2 && passedSince(start) < kPatience)) {
         std::this_thread::sleep_for(5ms);
         const auto shown = pictures.take();
         if (shown && shown->noise > 0)
