@@ -292,6 +292,9 @@ void OutputArguments::addTo(Command& command, Options which) {
     command.addFlag("--denoise", denoise,
                     "of --live pictures by --integrator path: filters what few samples leave of noise; a preview");
     if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
+    if (which == Options::ofMirror)
+        command.addOption("--tiles", tiles,
+                          "draw tiles of its pictures for rtsg assemble --live at this address (tcp://HOST:PORT)");
     command.addOption("--save", save, "the last state as a scene file");
     addForce(command, force);
     resources.addTo(command);
@@ -323,6 +326,10 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
         throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+    if (!tiles.empty() && (!render.empty() || !listen.empty() || !save.empty() || isLive()))
+        throw UsageError("--tiles", "goes not together with other outputs than --record");
+    if (!tiles.empty() && (picture.shutter > 0 || !picture.tessellation.empty()))
+        throw UsageError("--tiles", "of live pictures are made without --shutter and --tessellation");
     if (denoise && !picture.tile.empty())
         throw UsageError("--denoise", "looks at pixels beyond a tile's edge: there is one of the two");
     if (denoise && picture.shutter > 0)
@@ -340,6 +347,17 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     std::vector<std::string> all = inputs;
     std::ranges::move(sound.files(), std::back_inserter(all));
     return checkFiles(all, more, force);
+}
+
+OutputArguments::SoundStretch OutputArguments::stretch(const ListenOptions& options) const {
+    const double rate = options.render.sampleRate;
+    const double first = static_cast<double>(only->first) / picturesPerSecond;
+    // Rooms in which something moves all the time are then traced at the same moments as in a run of all.
+    const auto block = static_cast<double>(options.render.blockSize);
+    const double step = block * std::ceil(options.render.retraceSeconds * rate / block);
+    const double before = std::max(0.0, std::floor((first - runUp) * rate / step)) * step;
+    return {std::llround(before), std::llround(first * rate),
+            std::llround(static_cast<double>(only->last + 1) / picturesPerSecond * rate)};
 }
 
 std::vector<OutputName> OutputArguments::names() const {

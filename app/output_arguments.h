@@ -88,10 +88,12 @@ struct PictureRange {
 
 struct OutputArguments {
     std::string render, listen, record, save, device;
+    std::string tiles;  // tcp://HOST:PORT of the program that joins tiles which are drawn here
     /// --frames of replay: only these of the pictures that a whole run would make, counted from `start`. Set by the
     /// verb.
     std::optional<PictureRange> only;
     double start = 0;  // on the scene's clock
+    double runUp = 0;  // seconds before the first picture's time from which on its sound has reflections
     ResourceArguments resources;
     double picturesPerSecond = 5;
     /// Scene time to make pictures and sound of; set by the verb.
@@ -112,7 +114,15 @@ struct OutputArguments {
     /// True if sound is played and not written.
     bool onDevice() const { return listen == "device"; }
     bool isLive() const { return live || onDevice(); }
-    bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
+    /// The sound of `only`, in samples since `start`: with reflections from `reflected` on, written from `begin` on, up
+    /// to `end`.
+    struct SoundStretch {
+        std::int64_t reflected = 0, begin = 0, end = 0;
+    };
+    SoundStretch stretch(const ListenOptions& options) const;
+    bool any() const {
+        return !render.empty() || !listen.empty() || !record.empty() || !save.empty() || !tiles.empty();
+    }
     std::vector<OutputName> names() const;
     /// The requested files, separated by commas.
     std::string written() const;

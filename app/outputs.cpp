@@ -33,8 +33,25 @@ void tellGain(const ListenReport& report) {
                    -20 * std::log10(static_cast<double>(report.gain)));
 }
 
+namespace {
+
+/// Writes the stretch as it is heard, since only all stretches together tell how loud the sound is.
+Result<double> writeStretch(ListenReport report, const OutputArguments& arguments) {
+    const auto stretch = arguments.stretch(arguments.sound.parse());
+    SoundBuffer& sound = report.sound;
+    const auto frames = std::min(static_cast<std::int64_t>(sound.frames()), stretch.end - stretch.begin);
+    sound.samples.resize(static_cast<std::size_t>(frames * sound.channels));
+    print(report.diagnostics);
+    if (frames == 0) return 0;
+    if (auto ok = writeWav(arguments.listen, sound, WavFormat::float32); !ok) return std::unexpected(ok.error());
+    return static_cast<double>(stretch.begin + frames) / sound.sampleRate;
+}
+
+}  // namespace
+
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments, PictureFiles& pictures) {
     ListenReport report = sound.finish();
+    if (arguments.only) return writeStretch(std::move(report), arguments);
     const double most = std::round(arguments.seconds * report.sound.sampleRate);
     if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
         report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
@@ -86,6 +103,14 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
+        if (arguments.only) {
+            const auto stretch = arguments.stretch(options);
+            const auto at = [&](std::int64_t sample) {
+                return arguments.start + static_cast<double>(sample) / options.render.sampleRate;
+            };
+            options.from = at(stretch.begin), options.render.reflectedFrom = at(stretch.reflected);
+            options.limited = false;
+        }
         options.render.given =
             arguments.sound.given.open(world.scene(), false, arguments.seconds, options.render.sampleRate);
         outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
@@ -271,7 +296,10 @@ OutputReport Outputs::report() const {
     const auto made = static_cast<double>(report.pictureStates.size());
     if (light_ && arguments_.animated() && made < pictures)
         report.addMissing(fmt::format("{} of {} pictures", pictures - made, pictures));
-    if (sound_) report.addMissingSound(report.soundSeconds, arguments_.seconds);
+    // The sound of the last picture's time ends with the log.
+    const double sound = arguments_.only ? static_cast<double>(arguments_.only->last) / arguments_.picturesPerSecond
+                                         : arguments_.seconds;
+    if (sound_) report.addMissingSound(report.soundSeconds, sound);
     return report;
 }
 

@@ -1,4 +1,5 @@
-// rtsg assemble: joins what several jobs made: tiles into pictures, pictures into a film; it says what is missing.
+// rtsg assemble: joins what several jobs made: tiles into pictures, pictures and stretches of sound into a film; it
+// says what is missing.
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -10,18 +11,21 @@
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/picture_tiles.h>
 
+#include "assemble_live.h"
 #include "cli.h"
 #include "files.h"
+#include "joined_sound.h"
 #include "output_arguments.h"
+#include "outputs.h"
 
 namespace rtsg::app {
 
 namespace {
 
 struct AssembleArguments {
-    std::string pictures, frames, tiles, out;
+    std::string pictures, frames, tiles, sound, out, live, duration;
     double fps = 25;
-    bool json = false;
+    bool json = false, insecure = false;
 };
 
 /// Numbers in a row, as "3,7-9".
@@ -113,11 +117,37 @@ JoinedTiles joinAllTiles(const AssembleArguments& options, const PictureRange& r
     return joined;
 }
 
+/// All of the sound, scaled as that of one run. Error: some of it is missing.
+Result<SoundBuffer> wholeSound(const AssembleArguments& options, const std::string& pattern,
+                               const PictureRange& range) {
+    auto joined = joinSound(pattern, range, options.fps);
+    if (!joined) return std::unexpected(joined.error());
+    Numbers missing;
+    for (const auto& [first, last] : joined->missing)
+        for (std::uint64_t number = first; number <= last; ++number) missing.add(number);
+    if (missing.count() > 0)
+        return fail(
+            fmt::format("missing: the sound of {} of {} pictures: {}", missing.count(), range.count(), missing.text()),
+            {}, pattern);
+    ListenReport report;
+    report.sound = std::move(joined->sound);
+    report.gain = normalise(report.sound);
+    tellGain(report);
+    return std::move(report.sound);
+}
+
 /// Reads all pictures, and writes the film unless there is none to write. Errors: one that cannot be read, or of
 /// another size.
 Result<> join(const AssembleArguments& options, const PictureRange& range) {
     std::optional<PictureFiles> film;
-    if (!options.out.empty()) film.emplace(options.out, options.fps);
+    SoundBuffer sound;
+    if (!options.sound.empty()) {
+        auto whole = wholeSound(options, options.sound, range);
+        if (!whole) return std::unexpected(whole.error());
+        sound = std::move(*whole);
+    }
+    const auto with = options.sound.empty() ? MovieWriter::Sound::none : MovieWriter::Sound::awaited;
+    if (!options.out.empty()) film.emplace(options.out, options.fps, ToneMap(), with);
     const Progress progress = progressBar("joining " + options.pictures);
     int width = 0, height = 0;
     for (std::uint64_t number = range.first; number <= range.last; ++number) {
@@ -134,7 +164,27 @@ Result<> join(const AssembleArguments& options, const PictureRange& range) {
             if (auto ok = film->add(std::move(*picture)); !ok) return ok;
         if (progress) progress(number - range.first + 1, range.count());
     }
+    if (film && !options.sound.empty())
+        if (auto ok = film->addSound(sound.samples, sound.sampleRate, sound.channels); !ok) return ok;
     return film ? film->finish() : Result<>();
+}
+
+bool isSound(const std::string& file) {
+    return lowerExtension(file) == ".wav";
+}
+
+int assembleSound(const AssembleArguments& options, const PictureRange& range) {
+    const auto sound = wholeSound(options, options.pictures, range);
+    const Result<> written = !sound                ? std::unexpected(sound.error())
+                             : options.out.empty() ? Result<>()
+                                                   : writeWav(options.out, *sound);
+    if (options.json)
+        fmt::print("{{\"seconds\":{:.6f},\"written\":{}}}\n", sound ? sound->seconds() : 0,
+                   written && !options.out.empty() ? jsonString(options.out) : "null");
+    else if (written)
+        fmt::print("{:g} s of sound{}\n", sound->seconds(), options.out.empty() ? ", all there" : " in " + options.out);
+    if (!written) printError(written.error());
+    return written ? kDone : kBad;
 }
 
 /// Throws UsageError for options that do not fit together.
@@ -148,7 +198,15 @@ PictureRange checkOptions(const AssembleArguments& options) {
         throw UsageError("PICTURES", options.pictures + ": expected a name with a place for numbers, such as %04d");
     if (numbered && options.frames.empty())
         throw UsageError("--frames", "says the numbers of all that there should be, such as 0-99");
-    if (!options.out.empty() && (!numbered || !PictureFiles(options.out, 1).together()))
+    if (!options.sound.empty() && (isSound(options.pictures) || !isSound(options.sound) ||
+                                   !numberedName(std::filesystem::path(options.sound).filename().string(), 0)))
+        throw UsageError("--sound", options.sound + ": expected stretches of sound beside pictures, such as %04d.wav");
+    if (!options.sound.empty() && !options.out.empty() && lowerExtension(options.out) != ".mp4")
+        throw UsageError("--sound", "goes into a .mp4");
+    if (isSound(options.pictures)) {
+        if (!options.out.empty() && !isSound(options.out))
+            throw UsageError("-o", options.out + ": stretches of sound are joined into a .wav");
+    } else if (!options.out.empty() && (!numbered || !PictureFiles(options.out, 1).together()))
         throw UsageError("-o", options.out + ": numbered pictures are joined into a .mp4 or .gif");
     return numbered ? PictureRange::parse(options.frames) : PictureRange();
 }
@@ -175,14 +233,25 @@ int tellJoined(const AssembleArguments& options, const PictureRange& range, cons
 }
 
 int assemble(const AssembleArguments& options) {
+    if (!options.live.empty()) {
+        if (!options.pictures.empty() || !options.frames.empty() || !options.sound.empty())
+            throw UsageError("--live", "goes together with --tiles, --for, --insecure and -o alone");
+        return assembleLive(
+            {options.live, options.tiles, options.out, options.duration, options.insecure, options.json});
+    }
+    if (options.pictures.empty()) throw UsageError("PICTURES", "says what is to be joined, such as out/%04d.png");
+    if (!options.duration.empty() || options.insecure)
+        throw UsageError(options.insecure ? "--insecure" : "--for", "goes with --live");
     const PictureRange range = checkOptions(options);
-    if (auto ok = checkFiles({}, {{"-o", options.out, OutputKind::picture}}, true); !ok)
-        return printError(ok.error()), kBad;
+    const OutputKind kind = isSound(options.pictures) ? OutputKind::sound : OutputKind::picture;
+    if (auto ok = checkFiles({}, {{"-o", options.out, kind}}, true); !ok) return printError(ok.error()), kBad;
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
+    if (isSound(options.pictures)) return assembleSound(options, range);
     const JoinedTiles tiles = options.tiles.empty() ? JoinedTiles() : joinAllTiles(options, range);
     const Numbers missing = missingOf(options, range);
     // Tiles that were joined just now have been read, and one picture is no film.
-    const bool reads = missing.count() == 0 && tiles.result && (options.tiles.empty() || !options.out.empty());
+    const bool more = options.tiles.empty() || !options.out.empty() || !options.sound.empty();
+    const bool reads = missing.count() == 0 && tiles.result && more;
     return tellJoined(options, range, tiles, missing, reads ? join(options, range) : Result<>());
 }
 
@@ -190,18 +259,28 @@ int assemble(const AssembleArguments& options) {
 
 Verb addAssemble(Command& program) {
     auto options = std::make_shared<AssembleArguments>();
-    Command* command = program.addVerb("assemble", "Join what several jobs made: tiles, pictures; say what is missing");
-    command->addOption("PICTURES", options->pictures, "their names, such as out/%04d.png; of tiles one alone, too")
-        ->required();
+    Command* command =
+        program.addVerb("assemble", "Join what several jobs made: tiles, pictures, sound; say what is missing");
+    command->addOption(
+        "PICTURES", options->pictures,
+        "their names, such as out/%04d.png; of tiles one alone, too; or those of stretches of sound, such "
+        "as out/%04d.wav");
     command->addOption("--frames", options->frames, "A-B: the numbers of all that there should be");
     command->addOption("--tiles", options->tiles,
                        "COLUMNS,ROWS: each picture is first joined of its tiles, where these are all there");
-    command->addOption("-o,--output", options->out, "film or GIF to write (.mp4, .gif); else they are only checked");
+    command->addOption("--sound", options->sound, "stretches of sound for the film, such as out/%04d.wav");
+    command->addOption("-o,--output", options->out,
+                       "film, GIF or sound to write (.mp4, .gif, .wav); else they are only checked");
     command->addOption("--fps", options->fps, "pictures a second")->preset()->range(1e-3, 1e3);
+    command->addOption("--live", options->live,
+                       "tcp://HOST:PORT: join pictures of a served scene of tiles that rtsg mirror --tiles draws");
+    command->addOption("--for", options->duration, "how long --live goes on; else until the mirrors go, or Ctrl-C");
+    command->addFlag("--insecure", options->insecure, "let mirrors on other machines in, without keys");
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(
         "Example: rtsg assemble out/%04d.png --frames 0-1 --fps 25 -o film.mp4\n"
         "Example: rtsg assemble out/%04d.png --frames 0-1 --tiles 2,2\n"
+        "Example: rtsg assemble out/%04d.wav --frames 0-1 --fps 25 -o sound.wav\n"
         "Exit status 1 where pictures are missing: their numbers are those that rtsg replay --frames takes.");
     return {command, [options] { return assemble(*options); }};
 }

@@ -25,6 +25,7 @@
 #include "requests.h"
 #include "say.h"
 #include "service_manager.h"
+#include "tile_outputs.h"
 
 namespace rtsg::app {
 
@@ -121,7 +122,8 @@ class Made {
     Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
         : replica_(replica),
           world_(replica, resources),
-          makesMore_(!arguments.render.empty() || !arguments.listen.empty() || !arguments.save.empty()) {
+          makesMore_(!arguments.render.empty() || !arguments.tiles.empty() || !arguments.listen.empty() ||
+                     !arguments.save.empty()) {
         if (!arguments.record.empty()) {
             LogOptions options;
             options.existing = existing(arguments.force);
@@ -132,6 +134,14 @@ class Made {
                 return;
             }
             log_ = std::move(*log);
+        }
+        if (!arguments.tiles.empty()) {
+            auto tiles = TileOutputs::attach(replica, arguments, resources);
+            if (tiles)
+                tiles_ = tiles->get(), outputs_ = std::move(*tiles);
+            else
+                problem_ = std::unexpected(tiles.error());
+            return;
         }
         if (!arguments.isLive() && (!arguments.render.empty() || !arguments.listen.empty())) {
             auto behind = std::make_unique<OutputsBehind>(replica, arguments, resources);
@@ -146,10 +156,11 @@ class Made {
             problem_ = std::unexpected(attached.error());
     }
     WorldOnDemand& world() { return world_; }
-    bool wantsSteps() const { return log_ || behind_; }
+    bool wantsSteps() const { return log_ || behind_ || tiles_; }
     void step(const RecordStep& step) {
         if (log_) log_->add(replica_, step);
         if (behind_) behind_->step(step);
+        if (tiles_) tiles_->step(replica_, step);
     }
     /// Called in every turn of the mirror's loop. One failure does not affect other outputs. Returns false if nothing
     /// that was asked for can still be made.
@@ -195,6 +206,7 @@ class Made {
     std::unique_ptr<RecordLog> log_;
     std::unique_ptr<OutputMaker> outputs_;
     OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that type
+    TileOutputs* tiles_ = nullptr;     // the same
 };
 
 class Mirroring {

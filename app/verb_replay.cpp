@@ -35,7 +35,7 @@ namespace {
 
 struct ReplayArguments {
     std::string log, seek, duration, diff, compact, exported, blamed, tabled, only, without, out, frames,
-        interval = "0s";
+        interval = "0s", runUp = "6s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -175,6 +175,12 @@ class Replaying {
         if (options.frames.empty()) return wanted;
         wanted.only = PictureRange::parse(options.frames);
         wanted.start = start;
+        wanted.runUp = parseSeconds(options.runUp);
+        if (!wanted.listen.empty()) {
+            const std::filesystem::path pattern = wanted.listen;
+            const auto number = static_cast<int>(wanted.only->first);
+            wanted.listen = pattern.parent_path() / *numberedName(pattern.filename().string(), number);
+        }
         wanted.seconds = static_cast<double>(wanted.only->last + 1) / wanted.picturesPerSecond;
         return wanted;
     }
@@ -191,14 +197,17 @@ class Replaying {
         return {};
     }
 
+    Result<> beginAtStart() {
+        more_ = true;
+        while (more_ && replayer_.frames() == 0) more_ = check_.step().value_or(true);
+        noteTime();
+        return {};
+    }
+
     Result<> begin() {
-        if (wanted_.only && wanted_.only->first > 0) return seekPicture();
-        if (!seeks()) {
-            more_ = true;
-            while (more_ && replayer_.frames() == 0) more_ = check_.step().value_or(true);
-            noteTime();
-            return {};
-        }
+        // How direct sound goes on depends on how it began.
+        if (wanted_.only && wanted_.only->first > 0 && wanted_.listen.empty()) return seekPicture();
+        if (!seeks()) return beginAtStart();
         const double from = seekOf(options_, start_);
         if (auto ok = replayer_.seek(start_ + from); !ok) return ok;
         noteTime();
@@ -262,7 +271,9 @@ class Replaying {
     }
 
     void step(OutputMaker& outputs) {
-        const double until = wanted_.only ? timeOfPicture(wanted_.only->last) : time() + length_;
+        const double until = !wanted_.only            ? time() + length_
+                             : wanted_.listen.empty() ? timeOfPicture(wanted_.only->last)
+                                                      : wanted_.seconds;
         const Progress progress = progressBar("replaying " + options_.log);
         const auto begun = std::chrono::steady_clock::now() - std::chrono::duration<double>(time());
         const bool looks = !options_.outputs.render.empty() || !options_.outputs.listen.empty();
@@ -387,7 +398,7 @@ const std::vector<ReplayMode>& replayModes() {
          true},
         {{},
          {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise", "--frames",
-          "--tile"},
+          "--tile", "--run-up"},
          true}};
     return modes;
 }
@@ -453,11 +464,18 @@ int makeTable(const ReplayArguments& options) {
 
 /// Throws UsageError for --frames that cannot be made, or together with what has a beginning or length of its own.
 void checkFrames(const OptionNames& given, const ReplayArguments& options) {
+    if (holds(given, "--run-up") && (options.frames.empty() || options.outputs.listen.empty()))
+        throw UsageError("--run-up", "goes with --frames and --listen");
     if (options.frames.empty()) return;
     (void)PictureRange::parse(options.frames);
-    if (PictureFiles(options.outputs.render, 1).together() || !options.outputs.animated())
+    const std::string &pictures = options.outputs.render, &sound = options.outputs.listen;
+    if ((pictures.empty() && sound.empty()) ||
+        (!pictures.empty() && (PictureFiles(pictures, 1).together() || !options.outputs.animated())))
         throw UsageError("--frames", "needs --render with a place for numbers in the name, such as %04d");
-    for (const std::string_view other : {"--seek", "--for", "--export", "--live", "--listen", "--save"})
+    if (!sound.empty() && (options.outputs.onDevice() || !checkSoundName(sound) ||
+                           !numberedName(std::filesystem::path(sound).filename().string(), 0)))
+        throw UsageError("--frames", "needs --listen with a place for a number in the name, such as %04d.wav");
+    for (const std::string_view other : {"--seek", "--for", "--export", "--live", "--save", "--microphone", "--stream"})
         if (holds(given, other)) throw UsageError("--frames", fmt::format("goes not together with {}", other));
 }
 
@@ -551,6 +569,11 @@ Verb addReplay(Command& program) {
         command->addOption(
             "--frames", options->frames,
             "A-B: only the pictures of these numbers, as a run of all makes them, into --render NAME%04d");
+        command
+            ->addOption("--run-up", options->runUp,
+                        "with --frames and --listen: so long before them reflections begin to be made; as long as the "
+                        "log: bit for bit the sound of one run")
+            ->preset();
         command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
         command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
     }

@@ -1,5 +1,6 @@
 // Pictures of a log, and tiles of them, by several jobs: numbers and bits as those of one run; what is missing is
 // named.
+#include <cmath>
 #include <random>
 
 #include "mirror_session.h"
@@ -77,6 +78,143 @@ TEST_F(Jobs, OptionsThatMakeNoSenseAreRefused) {
     EXPECT_EQ(rtsg({"replay", log, "--frames", "0-1", "--render", folder / "a.gif"}).status, 2);
 }
 
+/// A room in which something sounds, and moves if it is to.
+class Stretches : public CommandLine {
+  protected:
+    Stretches() { beginsAtZero = true; }
+    void record(bool moves) {
+        std::string text =
+            "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { position 0 1 3 }\n"
+            "Shape { geometry Box { size 9 4 8 solid FALSE } }\n"
+            "DEF SOURCE Transform { children Sound { maxFront 50 maxBack 50 source OscillatorSource { "
+            "frequency 330 } } }\n";
+        if (moves)
+            text +=
+                "DEF CLOCK TimeSensor { cycleInterval 2 loop TRUE }\nDEF PATH PositionInterpolator { key [ 0 .5 1 ] "
+                "keyValue [ -2 0 0, 2 1 -1, -2 0 0 ] }\nROUTE CLOCK.fraction_changed TO PATH.set_fraction\n"
+                "ROUTE PATH.value_changed TO SOURCE.set_translation\n";
+        else
+            text += "DEF CLOCK TimeSensor { loop TRUE }\n";
+        writeFile(folder / "room.x3dv", text);
+        ASSERT_EQ(rtsg({"record", folder / "room.x3dv", "-o", log, "--for", "4s", "--fps", "30"}).status, 0);
+    }
+    Outcome sound(const std::string& name, std::vector<std::string> more) {
+        std::vector<std::string> arguments{"replay", log,   "--listen", folder / name,
+                                           "--rays", "100", "--length", "0.3"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return rtsg(arguments);
+    }
+    void makeStretches(const std::vector<std::string>& how) {
+        for (const char* range : {"24-39", "0-0", "7-23", "1-6"}) {
+            std::vector<std::string> more = how;
+            more.insert(more.end(), {"--fps", "10", "--frames", range});
+            const Outcome job = sound("job%03d.wav", more);
+            ASSERT_EQ(job.status, 0) << range << job.err;
+        }
+    }
+    Outcome join(const std::string& name, const std::string& range = "0-39") {
+        return rtsg({"assemble", folder / "job%03d.wav", "--frames", range, "--fps", "10", "-o", folder / name});
+    }
+    /// Of a WAV file with 24 bits a sample, all channels.
+    std::vector<double> samplesOf(const std::string& name) {
+        const std::string all = readFile(folder / name);
+        const std::size_t first = all.find("data") + 8;
+        const auto byte = [&](std::size_t at) { return std::uint32_t{static_cast<unsigned char>(all[at])}; };
+        std::vector<double> samples;
+        for (std::size_t i = first; i + 2 < all.size(); i += 3)
+            samples.push_back(static_cast<std::int32_t>(byte(i) << 8 | byte(i + 1) << 16 | byte(i + 2) << 24) /
+                              2147483648.);
+        return samples;
+    }
+    bool isAsOneRun() { return readFile(folder / "one.wav") == readFile(folder / "joined.wav"); }
+
+    const std::string log = folder / "sound.rlog";
+};
+
+TEST_F(Stretches, WithARunUpFromTheStartHaveTheBitsOfOneRun) {
+    record(true);
+    ASSERT_EQ(sound("one.wav", {"--binaural"}).status, 0);
+    makeStretches({"--binaural"});
+    const Outcome joined = join("joined.wav");
+    ASSERT_EQ(joined.status, 0) << joined.err;
+    EXPECT_TRUE(isAsOneRun());
+}
+
+/// What sounded before is heard, and nothing of how a room is traced anew depends on when the first trace was.
+TEST_F(Stretches, OfWhatRestsHaveTheBitsOfOneRunAfterAShortRunUp) {
+    record(false);
+    ASSERT_EQ(sound("one.wav", {}).status, 0);
+    makeStretches({"--run-up", "1s"});
+    ASSERT_EQ(join("joined.wav").status, 0);
+    EXPECT_TRUE(isAsOneRun());
+}
+
+TEST_F(Stretches, JoinToTheSampleAndDifferLittleOtherwise) {
+    record(true);
+    ASSERT_EQ(sound("one.wav", {}).status, 0);
+    makeStretches({"--run-up", "1s"});
+    ASSERT_EQ(join("joined.wav").status, 0);
+    const std::vector<double> one = samplesOf("one.wav"), joined = samplesOf("joined.wav");
+    ASSERT_EQ(one.size(), joined.size());
+    double sum = 0, difference = 0;
+    for (std::size_t i = 0; i < one.size(); ++i)
+        sum += one[i] * one[i], difference += (one[i] - joined[i]) * (one[i] - joined[i]);
+    EXPECT_LT(10 * std::log10(difference / sum), -3) << "a hundred rays of others";
+}
+
+TEST_F(Stretches, ThatAreMissingOrOverlapAreNamed) {
+    record(false);
+    makeStretches({"--run-up", "0s"});
+    std::filesystem::remove(folder / "job007.wav");
+    const Outcome lacks = join("joined.wav");
+    EXPECT_EQ(lacks.status, 1);
+    EXPECT_NE(lacks.err.find("missing: the sound of 17 of 40 pictures: 7-23"), std::string::npos) << lacks.err;
+    EXPECT_FALSE(std::filesystem::exists(folder / "joined.wav"));
+    ASSERT_EQ(sound("job%03d.wav", {"--fps", "10", "--frames", "7-30", "--run-up", "0s"}).status, 0);
+    const Outcome overlaps = join("joined.wav");
+    EXPECT_EQ(overlaps.status, 1);
+    EXPECT_NE(overlaps.err.find("it overlaps with"), std::string::npos) << overlaps.err;
+    EXPECT_EQ(join("joined.wav", "0-20").status, 0) << "what is not asked for does not count";
+    ASSERT_EQ(sound("job%03d.wav", {"--fps", "10", "--frames", "7-23", "--run-up", "0s"}).status, 0);
+    EXPECT_EQ(rtsg({"assemble", folder / "job%03d.wav", "--frames", "0-39", "--fps", "7"}).status, 1);
+    writeFile(folder / "job024.wav", "no sound");
+    EXPECT_EQ(join("joined.wav").status, 1);
+    const Outcome behind = sound("job%03d.wav", {"--fps", "10", "--frames", "30-60"});
+    EXPECT_EQ(behind.status, 1);
+    EXPECT_NE(behind.err.find("missing: 2 of 6 s of sound"), std::string::npos) << behind.err;
+}
+
+TEST_F(Stretches, GoIntoTheFilm) {
+    record(true);
+    const std::vector<std::string> looks{"--fps", "10", "--size", "32x16", "--run-up", "9s"};
+    for (const char* range : {"0-9", "10-19"}) {
+        std::vector<std::string> more = looks;
+        more.insert(more.end(), {"--frames", range, "--render", folder / "job%03d.png"});
+        ASSERT_EQ(sound("job%03d.wav", more).status, 0);
+    }
+    const Outcome joined = rtsg({"assemble", folder / "job%03d.png", "--sound", folder / "job%03d.wav", "--frames",
+                                 "0-19", "--fps", "10", "-o", folder / "film.mp4"});
+    EXPECT_EQ(joined.status, 0) << joined.err;
+    EXPECT_GT(readFile(folder / "film.mp4").size(), 1000u);
+    std::filesystem::remove(folder / "job010.wav");
+    EXPECT_EQ(rtsg({"assemble", folder / "job%03d.png", "--sound", folder / "job%03d.wav", "--frames", "0-19", "--fps",
+                    "10", "-o", folder / "film.mp4"})
+                  .status,
+              1);
+}
+
+TEST_F(Stretches, OptionsThatMakeNoSenseAreRefused) {
+    record(false);
+    EXPECT_EQ(sound("a.wav", {"--frames", "0-1"}).status, 2);
+    EXPECT_EQ(sound("a%d.wav", {"--run-up", "1s"}).status, 2);
+    EXPECT_EQ(rtsg({"replay", log, "--listen", "device", "--frames", "0-1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a.wav", "--frames", "0-1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a%d.wav", "--frames", "0-1", "-o", folder / "a.mp4"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a%d.wav", "--frames", "0-1", "--tiles", "1,1"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a%d.png", "--frames", "0-1", "--sound", "a.wav", "-o", "a.mp4"}).status, 2);
+    EXPECT_EQ(rtsg({"assemble", folder / "a%d.png", "--frames", "0-1", "--sound", "a%d.wav", "-o", "a.gif"}).status, 2);
+}
+
 class Tiles : public Jobs {
   protected:
     static std::string tileName(const std::string& name, int number, int x, int y, int columns, int rows) {
@@ -152,7 +290,7 @@ TEST_F(Tiles, OfOnePictureHaveItsBits) {
 TEST_F(Tiles, ThatCannotBeAreRefused) {
     for (const char* tile :
          {"", "1", "0,0", "2,0/2,2", "0,2/2,2", "-1,0/2,2", "0,0/0,1", "0,0/2,2/3", "0,0/4,1", "a,b/c,d"})
-        EXPECT_EQ(pictures("job", {"--frames", "1-1", "--tile", tile}).status, *tile ? 2 : 0) << tile;
+        EXPECT_EQ(pictures("job", {"--frames", "1-1", "--tile", tile}).status, 2) << tile;
     EXPECT_EQ(rtsg({"replay", log, "--tile", "0,0/2,1"}).status, 2);
     EXPECT_EQ(rtsg({"replay", log, "--tile", "0,0/2,1", "--render", folder / "a.gif"}).status, 2);
     EXPECT_EQ(rtsg({"render", file, "--tile", "0,0/2,1", "-o", folder / "a.jpg"}).status, 2);

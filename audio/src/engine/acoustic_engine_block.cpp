@@ -248,7 +248,8 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
     if (options.reflections && sound.reflected) {
         // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
         // Who will be somewhere else when the frame ends is not there yet.
-        const bool there = !state.hasResponse || !(state.jumps || listenerJumps);
+        const bool there = (!state.hasResponse || !(state.jumps || listenerJumps)) &&
+                           start >= options.reflectedFrom * options.sampleRate - 0.5;
         if (audible && there) renew(emitter, state);
         noteWaiting(state, audible);
         renderLate(state, &emitter, to, crossfade, block);

@@ -83,6 +83,7 @@ struct SoundRenderer::Impl {
     ListenReport report;
     std::thread::id scenesThread;  // that last told of changes
     std::size_t blockAt = 0;       // of report.sound.samples
+    long long dropped = 0;         // frames before them
     double start = 0;
     std::size_t toldSealed = 0, toldLeaks = 0;
     bool hadSounds = false;
@@ -138,6 +139,18 @@ struct SoundRenderer::Impl {
             ears = std::make_unique<EarCorrelation>(head ? *head : *Hrtf::sphere(kRate, kHeadRadius, speedOfSound));
         }
         return *ears;
+    }
+
+    /// Drops what comes before ListenOptions::from.
+    void drop() {
+        if (!options.from) return;
+        SoundBuffer& sound = report.sound;
+        const auto all = std::llround((*options.from - start) * options.render.sampleRate);
+        const auto frames = std::min(all - dropped, static_cast<long long>(sound.frames()));
+        if (frames <= 0) return;
+        sound.samples.erase(sound.samples.begin(), sound.samples.begin() + frames * sound.channels);
+        dropped += frames;
+        blockAt = 0;
     }
 
     /// Tells what was found since the last call.
@@ -197,6 +210,7 @@ Result<> SoundRenderer::renderFrame(const WorldState& state) {
     s.blockAt = sound.samples.size();
     if (!s.options.sound) return {};
     if (auto rendered = s.renderer->render(*tables, *state.rays, state.time, sound); !rendered) return rendered;
+    s.drop();
     s.report.seconds += secondsSince(start);
     return renderOwnNodes(kVoice);
 }
@@ -211,6 +225,7 @@ Result<> SoundRenderer::renderFrame() {
     s.blockAt = sound.samples.size();
     if (!s.options.sound) return {};
     if (auto rendered = s.renderer->render(world().scene().now(), sound); !rendered) return rendered;
+    s.drop();
     s.report.seconds += secondsSince(start);
     return renderOwnNodes(kVoice);
 }
@@ -224,7 +239,7 @@ std::span<float> SoundRenderer::block() {
 }
 double SoundRenderer::blockStart() const {
     const std::size_t before = impl_->blockAt / static_cast<std::size_t>(std::max(1, channels()));
-    return impl_->start + static_cast<double>(before) / sampleRate();
+    return impl_->start + static_cast<double>(before + static_cast<std::size_t>(impl_->dropped)) / sampleRate();
 }
 int SoundRenderer::channels() const {
     return impl_->renderer ? impl_->renderer->channels() : 0;
@@ -466,7 +481,7 @@ RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate)
 
 ListenReport SoundRenderer::finish() {
     Impl& s = *impl_;
-    s.report.gain = normalise(s.report.sound);
+    if (s.options.limited) s.report.gain = normalise(s.report.sound);
     s.blockAt = 0;
     if (!s.renderer) return std::exchange(s.report, ListenReport());
     s.report.heard = s.renderer->heard();

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/output_file.h>
+#include <rtsg/renderers/picture_tiles.h>
 
 #include "image_files.h"
 
@@ -226,16 +227,11 @@ Result<Picture> readWrittenPng(const Bytes& bytes, const std::string& name) {
     if (!plain) return std::unexpected(plain.error());
     if (!(*plain)(bytes, request, read, refused) || !read.damage.empty() || read.bytes.empty() || read.channels < 3)
         return fail(!refused.empty() ? refused : "this is no .png as pictures are written, or it is damaged", {}, name);
-    Picture picture(read.width, read.height);
-    picture.space = ColorSpace::display;
+    const auto pixels = static_cast<std::size_t>(read.width) * static_cast<std::size_t>(read.height);
     const auto channels = static_cast<std::size_t>(read.channels);
-    for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
-        const std::uint8_t* source = &read.bytes[i * channels];
-        const float alpha = channels == 4 ? static_cast<float>(source[3]) / 255 : 1.0f;
-        const Vec3f color = Vec3f(source[0], source[1], source[2]) / 255.0f;
-        picture.pixels[i] = Vec4f(alpha > 0 ? color * alpha : color, alpha);
-    }
-    return picture;
+    Bytes rgba(4 * pixels, 255);
+    for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&read.bytes[i * channels], channels, &rgba[4 * i]);
+    return pictureOfBytes(rgba, read.width, read.height);
 }
 
 Result<Picture> readWrittenExr(const Bytes& bytes, const std::string& name) {

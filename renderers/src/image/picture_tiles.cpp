@@ -64,6 +64,17 @@ Result<> checkTileName(const std::filesystem::path& picture) {
     return fail("tiles are .png or .exr, which are joined without loss", {}, picture.string());
 }
 
+Picture pictureOfBytes(std::span<const std::uint8_t> rgba, int width, int height) {
+    Picture picture(width, height);
+    picture.space = ColorSpace::display;
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
+        const float alpha = static_cast<float>(rgba[4 * i + 3]) / 255;
+        const Vec3f color = Vec3f(rgba[4 * i], rgba[4 * i + 1], rgba[4 * i + 2]) / 255.0f;
+        picture.pixels[i] = Vec4f(alpha > 0 ? color * alpha : color, alpha);
+    }
+    return picture;
+}
+
 void layTile(const Picture& tile, int left, int top, Picture& whole) {
     const auto width = static_cast<std::size_t>(tile.width);
     for (int y = 0; y < tile.height; ++y) {

@@ -13,6 +13,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -60,6 +61,8 @@ struct AcousticOptions {
     double bodySize = 2.5;
     /// No reflections at all: direct sound only.
     bool reflections = true;
+    /// Scene time from which on there are reflections; before it direct sound is all that is made, quickly.
+    double reflectedFrom = -std::numeric_limits<double>::infinity();
     /// Rooms are traced on a thread of its own, and sound goes on with what was traced before; for renderLive() only.
     bool background = false;
     /// Keeps the sounds that StreamAudioDestinations receive, see AcousticEngine::streams().

@@ -23,7 +23,11 @@ struct ListenOptions {
     double seconds = 5;
     double framesPerSecond = 60;  // of the scene
     bool sound = true;            // render it
-    bool metrics = true;          // measure at the start
+    /// Scene time of the first sample that is kept, for stretches of a longer sound; what comes before is made and
+    /// dropped. None: all is kept.
+    std::optional<double> from;
+    bool limited = true;  // scaled down where it would clip
+    bool metrics = true;  // measure at the start
     /// Measuring is for impulse responses, too: a source that sends more to one side is then traced once more, as it
     /// sends. Figures are always of sources that send alike to all sides, as ISO 3382 has it.
     bool impulseResponses = true;

@@ -10,7 +10,9 @@
 //     std::cout << tile.of("a.png").string() << ' ' << tile.in(100, 50).left << '\n';  // a.tile-1-0-of-2-1.png 48
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -30,6 +32,9 @@ struct PictureTile {
 
 /// Whether tiles of this kind of file are joined without loss: .png and .exr.
 Result<> checkTileName(const std::filesystem::path& picture);
+
+/// The display picture of which toSrgb8() makes these bytes.
+Picture pictureOfBytes(std::span<const std::uint8_t> rgba, int width, int height);
 
 /// Copies all that a tile holds into a picture of the same layers. Precondition: it lies within.
 void layTile(const Picture& tile, int left, int top, Picture& whole);
