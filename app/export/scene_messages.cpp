@@ -490,7 +490,7 @@ SceneMessages::SceneMessages(std::unique_ptr<Impl> impl) : impl_(std::move(impl)
 SceneMessages::~SceneMessages() = default;
 
 Result<std::unique_ptr<SceneMessages>> SceneMessages::attach(SharedWorld& world, MessageSink& sink,
-                                                             std::vector<std::string> fields) {
+                                                             const std::vector<std::string>& fields) {
     auto impl = std::make_unique<Impl>(world, sink);
     const auto topic = [&](std::uint16_t& number, const std::string& name, const std::string& schemaName,
                            const std::string& schema, bool isState) {

@@ -50,7 +50,7 @@ class SceneMessages {
     /// Follows the world from its present state on; both must outlive this. `fields`: "DEF.field", or "DEF.*" for all
     /// fields of a node; of another world they are looked for again. Errors: no such node or field; what the sink says.
     static Result<std::unique_ptr<SceneMessages>> attach(SharedWorld& world, MessageSink& sink,
-                                                         std::vector<std::string> fields = {});
+                                                         const std::vector<std::string>& fields = {});
     ~SceneMessages();
 
     /// Gives all there is to a sink that wants it, while nothing changes.
