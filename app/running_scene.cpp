@@ -101,6 +101,12 @@ void RunningScene::followInlines() {
     }
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
+    // Whoever joins finds what the scene names at its beginning.
+    constexpr auto kLook = std::chrono::milliseconds(10);
+    const WebFetcher* const fetcher = webFetcher(resources_);
+    while (fetcher && fetcher->settings().inBackground && inlines_->fetchAhead() && !interrupted())
+        std::this_thread::sleep_for(kLook);
+    if (fetched_) fetched_->publish(scene_);
     queries_ = std::make_unique<WorldQueries>([this]() -> SharedWorld& { return world().get(); }, resources_);
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);

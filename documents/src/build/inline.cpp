@@ -347,6 +347,11 @@ void InlineLoader::measureTexts(TextMeasure measure, Texts which) {
     state_->sizes.askTexts(state_->scene, which == Texts::heard);
 }
 
+bool InlineLoader::fetchAhead() {
+    state_->ahead.answer(state_->scene, *state_->options.resources);
+    return state_->ahead.awaits();
+}
+
 bool InlineLoader::awaits() const {
     return !state_->changed.empty() || state_->ahead.awaits();
 }
@@ -386,7 +391,7 @@ std::size_t InlineLoader::update() {
         s.watchRefresh(s.scene.node(id));
     }
     count += s.refresh();
-    s.ahead.answer(s.scene, *s.options.resources);
+    count += s.ahead.answer(s.scene, *s.options.resources);
     count += s.fonts.answer(s.scene, *s.options.resources, s.diagnostics);
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength, s.diagnostics);

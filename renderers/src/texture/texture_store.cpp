@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/web_address.h>
 #include <rtsg/core/x3d.h>
 
 #include "image/color_profile.h"
@@ -178,6 +179,14 @@ void tellOfNone(const Scene& scene, const Node& node, const std::string& why, Di
 
 }  // namespace
 
+/// What is on the network may be there another time.
+bool TextureStore::mayComeLater(const Scene& scene, const Node& node, const Array<String>& urls) const {
+    if (!resources_.policy().fetcher) return false;
+    const auto folders = resources_.foldersOf(scene, node, node.type().findExact("url"));
+    return std::ranges::any_of(urls, [](const String& url) { return isWebAddress(url.view()); }) ||
+           std::ranges::any_of(folders, [](const auto& folder) { return isWebAddress(folder.native()); });
+}
+
 std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                                     Texture::Content content, Diagnostics& diagnostics) {
     if (urls.empty()) return nullptr;
@@ -203,6 +212,7 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
     tell("takes the colours of its picture for those of sRGB, though they are of another profile", list.profile);
     if (list.texture) return list.texture;
     tellOfNone(scene, node, list.why, diagnostics);
+    if (mayComeLater(scene, node, urls)) lists_.erase(place);
     return nullptr;
 }
 

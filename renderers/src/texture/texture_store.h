@@ -64,6 +64,7 @@ class TextureStore {
     std::shared_ptr<const SpaceTexture> blockOfPixels(const Scene& scene, const Node& node, Texture::Content content,
                                                       Diagnostics& diagnostics);
     /// One string for a node's url list and the folders it starts in.
+    bool mayComeLater(const Scene& scene, const Node& node, const Array<String>& urls) const;
     std::string listName(const Scene& scene, const Node& node, const Array<String>& urls,
                          Texture::Content content) const;
     /// Opens the urls in order until `take`(resource, why) has what it wants; else why not.

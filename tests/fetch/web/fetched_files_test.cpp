@@ -56,6 +56,7 @@ TEST_F(FetchedFilesTest, WithBytesAReplicaNeedsNothing) {
     FetchedFiles files(*origin, true);
     EXPECT_EQ(files.publish(scene), 0U);
     EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");
+    EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");
     EXPECT_EQ(files.publish(scene), 1U);
     EXPECT_EQ(textAt(*origin, server.address("/b")), "content of /b");
     EXPECT_EQ(textAt(*origin, server.address("/a")), "content of /a");

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <thread>
 
+#include <fcntl.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -63,6 +65,9 @@ TEST_F(WebFetcherTest, WhatIsAllowedComesOnceAndStays) {
     ASSERT_TRUE(content) << content.error().text;
     EXPECT_EQ(content->address, address);
     EXPECT_EQ(content->mediaType, "model/x3d+xml");
+    const int writing = ::open(fmt::format("/proc/self/fd/{}", content->descriptor).c_str(), O_RDWR | O_CLOEXEC);
+    EXPECT_LT(::write(writing, "x", 1), 0) << "nobody changes what others read";
+    ::close(writing);
     ::close(content->descriptor);
     server.file("/open/a.x3d", "another");
     EXPECT_EQ(read(fetcher, address), "<X3D/>");

@@ -102,6 +102,8 @@ class InlineLoader {
     /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
     /// or told something.
     std::size_t update();
+    /// Has fetched, at once, what nodes name by addresses. True as long as something is still to come: call it again.
+    bool fetchAhead();
     /// True if something is still to come, from the network say: another update() is due soon.
     bool awaits() const;
 
