@@ -73,6 +73,6 @@ bool makeGlb(std::string_view bytes, const char* extension, std::string& result)
 
 }  // namespace rtsg::detail
 
-extern "C" __attribute__((visibility("default"))) rtsg::detail::MakeGlb rtsg_assimp_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::detail::MakeGlb rtsg_start_assimp_1() {
     return rtsg::detail::makeGlb;
 }

@@ -84,6 +84,7 @@ class CountCheck {
         const auto* colors = node_.array<Color>(color);
         const auto* angles = node_.array<float>(angle);
         if (!colors && !angles) return;
+        if (node_.isConnected && (!colors || !angles)) return;  // the other may come by IS
         const std::size_t have = colors ? colors->size() : 1, between = angles ? angles->size() : 0;
         if (have == between + 1 || (have == 0 && between == 0) || (!colors && between == 0)) return;
         say(colors ? color : angle,

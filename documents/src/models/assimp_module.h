@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#define RTSG_ASSIMP_SYMBOL "rtsg_assimp_1"
+#define RTSG_ASSIMP_SYMBOL "rtsg_start_assimp_1"
 
 namespace rtsg::detail {
 

@@ -44,6 +44,9 @@ class UrdfWriter {
             for (const auto& [node, field] : shown_) out_.route(switchName_, "visible", node, field, {});
         }
         for (const std::uint32_t number : model_.mimicOrder) writeMimicOf(number);
+        // So that scenes which inline the robot may import its joints, and have routes to them.
+        for (std::size_t i = 0; i < model_.joints.size(); ++i)
+            if (model_.joints[i].kind != Kind::fixed) out_.exportNode(joints_[i], joints_[i], model_.joints[i].where);
         out_.endDocument();
     }
 

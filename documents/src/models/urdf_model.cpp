@@ -375,14 +375,14 @@ class UrdfReader {
             waiting.push_back(number);
         }
         for (UrdfJoint& joint : model_.joints) joint.start = clamped(joint, 0);
-        orderMimics(std::move(waiting));
+        orderMimics(waiting);
     }
     static double clamped(const UrdfJoint& joint, double value) {
         const auto [lower, upper] = rangeOf(joint);
         return std::clamp(value, lower, upper);
     }
     /// Those come first whose leaders are known; what is left over is a circle.
-    void orderMimics(std::vector<std::uint32_t> waiting) {
+    void orderMimics(const std::vector<std::uint32_t>& waiting) {
         std::vector<std::vector<std::uint32_t>> followers(model_.joints.size());
         std::vector<std::uint32_t> open;
         for (const std::uint32_t number : waiting) {

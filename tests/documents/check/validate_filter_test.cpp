@@ -107,6 +107,13 @@ TEST(ValidateFilter, KeysAndValues) {
                 HasSubstr("2 keys and 3 values"));
     EXPECT_THAT(problems("ScalarInterpolator { key [ 0 2 1 ] keyValue [ 0 1 2 ] }"), HasSubstr("do not ascend"));
     EXPECT_EQ(problems("PROTO P [ initializeOnly MFFloat k [ ] ] { ScalarInterpolator { key IS k } }"), "");
+    // A list that comes by IS is not none.
+    EXPECT_EQ(problems("PROTO P [ initializeOnly MFFloat v [ ] ] { ScalarInterpolator { key [ 0 1 ] keyValue IS v } }"),
+              "");
+    EXPECT_THAT(
+        problems("PROTO P [ initializeOnly MFFloat v [ ] ] { ScalarInterpolator { key [ 1 0 ] keyValue IS v } }"),
+        HasSubstr("do not ascend"));
+    EXPECT_EQ(problems("PROTO P [ initializeOnly MFColor c [ ] ] { Background { skyAngle [ 1 ] skyColor IS c } }"), "");
     EXPECT_THAT(problems("ElevationGrid { xDimension 3 zDimension 2 height [ 1 2 3 ] }"),
                 HasSubstr("has 3 heights for 6 points"));
 }

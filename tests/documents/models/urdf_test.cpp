@@ -574,6 +574,24 @@ TEST(Urdf, AChainOfAThousandLinksIsNoDeeperThanTheStack) {
     EXPECT_NEAR(placesOf(scene).at("l1000")[3][1], 10, 1e-4);
 }
 
+TEST(Urdf, AScenesRoutesReachTheJointsOfARobotThatItInlines) {
+    const test::TempFolder folder;
+    std::ofstream(folder / "r.urdf") << kElbow;
+    Scene scene;
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nDEF R Inline { url \"r.urdf\" }\nIMPORT R.elbow AS E\n"
+                         "DEF S ScalarInterpolator { key [ 0 1 ] keyValue [ 0.5 1 ] }\n"
+                         "ROUTE S.value_changed TO E.angle\n",
+                         problems, folder.path()));
+    EXPECT_EQ(test::allText(problems), "");
+    scene.newFrame(0);
+    send(scene, "S.set_fraction", 0);
+    scene.newFrame(1);
+    const Frame wanted = turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, .5);
+    EXPECT_LT(distance(wanted, placesOf(scene).at("b")), 1e-6);
+}
+
 TEST(Urdf, WhatIsWrittenAsX3dIsTheSameRobot) {
     for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::json}) {
         std::string text;
