@@ -22,7 +22,7 @@ void GltfAnimations::write(std::string_view wanted) {
         const bool isWanted = wanted.empty() || wanted == clip.clock || wanted == name;
         if (playing.empty() && isWanted) playing = clip.clock;
         writeClip(animations[i], clip);
-        clocks.push_back({clip.clock, i});
+        clocks.emplace_back(clip.clock, i);
     }
     stopEachOther(clocks);
     if (!playing.empty()) return startWithScene(playing);
