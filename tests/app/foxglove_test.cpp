@@ -150,7 +150,7 @@ TEST_F(Foxglove, WhoComesLaterSeesWhatChangedBefore) {
         EXPECT_EQ(of(viewer, 1)[0].at("transforms").size(), 1u);
         viewer.ask(R"({"op":"unsubscribe","subscriptionIds":[1,2]})");
         const std::string more = std::to_string(size + 1);
-        for (const std::string& text : {"0.5", more.c_str()}) {
+        for (const std::string& text : {std::string("0.5"), more}) {
             published.heard.clear();
             feed.say("BOX,scale," + text + " " + text + " " + text + "\n");
             ASSERT_TRUE(published.hear([&] { return published.heard.find('\n') != std::string::npos; }));
