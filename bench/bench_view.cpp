@@ -219,9 +219,10 @@ bool rested(const Report& report, bool quick) {
     };
     for (const double wanted : {.1, .05}) {
         const auto found = std::ranges::find_if(*all, [&](const Noisy& one) { return one.noise <= wanted; });
+        if (found == all->end()) continue;  // it takes longer than this looked on
         const bool isTenth = wanted > .07;
-        line(isTenth ? "standing still until noise is 10 %" : "standing still until noise is 5 %", "s",
-             found == all->end() ? 0 : found->seconds, "asked", isTenth ? 30 : 150);
+        line(isTenth ? "standing still until noise is 10 %" : "standing still until noise is 5 %", "s", found->seconds,
+             "asked", isTenth ? 30 : 150);
     }
     const auto at30 = std::ranges::find_if(*all, [](const Noisy& one) { return one.seconds >= 30; });
     const Noisy& then = at30 == all->end() ? all->back() : *at30;
