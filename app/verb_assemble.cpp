@@ -53,7 +53,7 @@ class Numbers {
 
 std::filesystem::path pictureOf(const AssembleArguments& options, std::uint64_t number) {
     const std::filesystem::path pattern = options.pictures;
-    if (options.frames.empty()) return pattern;
+    if (options.frames.empty()) return options.pictures;
     return pattern.parent_path() / *numberedName(pattern.filename().string(), static_cast<int>(number));
 }
 

@@ -28,7 +28,7 @@ NOT_RUN = {
     "house.rlog": "is the log of such a scene; app.NetworkOptions has one",
     "top": "looks at a program that runs; app.Operating has one",
     "assemble": "joins what jobs have made; app.Jobs has some",
-    "--tiles tcp://": "needs a program that joins tiles; app.LiveTiles has one",
+    "--tiles": "needs a program that joins tiles; app.LiveTiles has one",
     "ogre": "needs a display; users.window has one",
     "udp:5571": "waits for a driver; app.Touch has one",
 }
