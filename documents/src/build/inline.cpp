@@ -391,7 +391,7 @@ std::size_t InlineLoader::update() {
         s.watchRefresh(s.scene.node(id));
     }
     count += s.refresh();
-    count += s.ahead.answer(s.scene, *s.options.resources);
+    s.ahead.answer(s.scene, *s.options.resources);
     count += s.fonts.answer(s.scene, *s.options.resources, s.diagnostics);
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength, s.diagnostics);

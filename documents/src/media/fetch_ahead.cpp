@@ -20,11 +20,6 @@ bool isLeftAlone(const Node& node) {
            node.is(x3d::InlineGeometry::type);
 }
 
-/// A Script would begin anew, and a sound start again.
-bool isPicture(const NodeType& type) {
-    return type.isA("X3DTextureNode") || type.isA("X3DBackgroundNode");
-}
-
 bool hasFiles(const Node& node) {
     return !isLeftAlone(node) && std::ranges::any_of(node.type().fields, namesFiles);
 }
@@ -61,26 +56,16 @@ void FetchAhead::note(const Scene& scene, const ChangeSet& set) {
     }
 }
 
-std::size_t FetchAhead::answer(Scene& scene, const Resources& resources) {
-    std::size_t count = 0;
+void FetchAhead::answer(const Scene& scene, const Resources& resources) {
     for (const std::uint32_t number : std::exchange(asked_, {})) {
         const Node* node = resources.policy().fetcher ? scene.find(NodeId{number}) : nullptr;
         if (!node) continue;
         const FieldIndex load = node->type().findExact("load");
         const bool isBool = load != kNoField && node->type().fields[load].type == FieldType::SFBool;
         if (isBool && !node->get(Field<bool>{load})) continue;
-        for (FieldIndex i = 0; i < node->type().fields.size(); ++i) {
-            if (!namesFiles(node->type().fields[i])) continue;
-            if (awaitsUrls(scene, *node, i, resources)) {
-                asked_.insert(number);
-                awaited_.emplace(number, i);
-            } else if (awaited_.erase({number, i}) > 0 && isPicture(node->type())) {
-                const Field<Array<String>> urls{i};
-                if (scene.set(node->id(), urls, Array<String>(node->get(urls)))) ++count;
-            }
-        }
+        for (FieldIndex i = 0; i < node->type().fields.size(); ++i)
+            if (namesFiles(node->type().fields[i]) && awaitsUrls(scene, *node, i, resources)) asked_.insert(number);
     }
-    return count;
 }
 
 }  // namespace rtsg

@@ -21,9 +21,7 @@ class FetchAhead {
     /// Looks at all nodes first, in answer().
     explicit FetchAhead(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
-    /// Gives a picture's url once more to its node when it has come after a while, so that all who follow the scene,
-    /// who may have found nothing there, look again. Returns the number of edits.
-    std::size_t answer(Scene& scene, const Resources& resources);
+    void answer(const Scene& scene, const Resources& resources);
     /// Whether something is being fetched.
     bool awaits() const { return !asked_.empty(); }
 
@@ -31,7 +29,6 @@ class FetchAhead {
     void noteNode(const Node& node);
 
     std::set<std::uint32_t> asked_;
-    std::set<std::pair<std::uint32_t, FieldIndex>> awaited_;
     std::map<const NodeType*, bool> types_;  // whether their nodes name files
 };
 
