@@ -5,7 +5,7 @@ In docs/accuracy-and-speed.md every table with a column headed "line of `rtsg be
 line there, as `bench: metric`, or a test, as `Suite.Name`, `Suite` or `tests/FILE`. The benches' sources have to report that metric under
 that bench, the tests' sources have to have that test. A metric that is put together, such as "primary rays, {}", counts as what stands
 before the first brace. On other pages each paragraph with a measured
-time, rate or size names a line in the same way; pages in SETTINGS hold limits that are set, not measured.
+time, rate or size names a line in the same way, or a script, `bench/FILE.py`; pages in SETTINGS hold limits that are set, not measured.
 Exit status 1, a line for each row or paragraph at fault.
 """
 import pathlib
@@ -17,6 +17,7 @@ HEADING = "line of `rtsg bench`"
 SETTINGS = {"security.md", "charts.md", "diagnostics.md", "accuracy-and-speed.md"}
 MEASURED = re.compile(r"\d (?:µs|ns|ms|MB|GB|MB/s|GB/s|Mrays/s|M/s)\b")
 NAMED = re.compile(r"`([a-z_]+): ([^`]+)`")
+SCRIPT = re.compile(r"`(bench/\w+\.py)`")
 TEST = re.compile(r"`([A-Z]\w+(?:\.\w+)?|tests/[\w./]+)`")
 
 
@@ -91,7 +92,8 @@ def main():
         for number, paragraph in paragraphs(page):
             names = NAMED.findall(paragraph)
             missing = [f"there is no line `{b}: {m}`" for b, m in names if b in benches and not exists(benches, b, m)]
-            if MEASURED.search(paragraph) and not any(exists(benches, b, m) for b, m in names):
+            measures = any(exists(benches, b, m) for b, m in names) or any((ROOT / name).exists() for name in SCRIPT.findall(paragraph))
+            if MEASURED.search(paragraph) and not measures:
                 missing.append(f"a measured figure ({MEASURED.search(paragraph).group()}) without a line of `rtsg bench`")
             for problem in missing:
                 print(f"{page.relative_to(ROOT)}:{number}: {problem}")
