@@ -94,7 +94,7 @@ int run(int argc, char** argv) {
     Command program("rtsg",
                     "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
                     "A SCENE is a file (X3D in XML, ClassicVRML or JSON, VRML97, also gzipped; .rtsgb, glTF, STL,\n"
-                    "OBJ, PLY) or - for standard input.",
+                    "OBJ, PLY, URDF, Collada), the address of one that --allow lets it fetch, or - for standard input.",
                     RTSG_VERSION);
     const std::vector<Verb> verbs = addVerbs(program);
     if (argc < 2) {

@@ -75,7 +75,7 @@ PictureTile parseTileGrid(const std::string& text) {
 }
 
 void PictureArguments::addTileTo(Command& command) {
-    const Command::Section section(command, "Pictures");
+    const Command::Section section(command, "By many jobs");
     command.addOption("--tile", tile,
                       "X,Y/COLUMNS,ROWS: only this tile of the picture, with the bits that it has there, into "
                       "NAME.tile-X-Y-of-COLUMNS-ROWS (.png, .exr); rtsg assemble joins them");

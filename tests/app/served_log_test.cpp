@@ -461,7 +461,7 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_THAT(last.out, HasSubstr("a piece that begins "));
     EXPECT_GE(json::parse(rtsg({"replay", log, "--json"}).out).at("before_s"), 1.4);
     EXPECT_EQ(json::parse(rtsg({"replay", folder / "turning.0001.rlog", "--json"}).out).at("before_s"), 0);
-    EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("cat "));
+    EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("to have it as one: " + folder / "turning.0001.rlog" + ","));
     EXPECT_EQ(rtsg({"replay", folder / "turning.0001.rlog"}).err, "");
     const std::string first = readFile(folder / "turning.0001.rlog"), second = readFile(folder / "turning.0002.rlog");
     writeFile(folder / "cut.rlog", first + second);

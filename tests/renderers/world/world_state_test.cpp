@@ -365,7 +365,7 @@ TEST(WorldState, ThePictureOfAStateIsThatOfTheScenesThread) {
     reader.join();
     EXPECT_NE(pictures[0].pixels, pictures[1].pixels);
     there.registerNodeRenderer("Box", {});
-    EXPECT_FALSE(there.renderFrame(*states[0])) << "its own nodes need the scene's thread";
+    std::thread([&] { EXPECT_FALSE(there.renderFrame(*states[0])) << "its own nodes need the scene's thread"; }).join();
     LightRenderer late(world, small());
     EXPECT_FALSE(late.renderFrame(*states[0])) << "it was not there";
 }
