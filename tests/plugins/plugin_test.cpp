@@ -318,7 +318,7 @@ TEST(Plugins, ReadersOfNonsenseAreReportedAndTheRestIsKept) {
     EXPECT_FALSE(loadText(scene, "nonsense throw", diagnostics) && diagnostics.errors() == 0);
     const std::string said = complaints(diagnostics);
     for (const char* part :
-         {"ends a node that it has not begun", "sets a field of no node", "gives 'a name' as a name",
+         {"ends a node that it has not begun", "sets a field of no node", "gives 'a\tname' as a name",
           "gives field 'radius' of Sphere a value of type SFVec3f; it is of type SFFloat",
           "sets 'size', which is no field", "ends a prototype that it has not begun", "ends its document within a node",
           "goes on behind the end", "1 numbers of the nonsense file are not finite",

@@ -14,7 +14,7 @@ namespace {
     using rtsg::Value;
     handler.endNode({});
     handler.setField("point", Value(true), {});
-    handler.beginNode("Shape", "a name", {}, {});
+    handler.beginNode("Shape", "a\tname", {}, {});
     handler.beginNode("Box", {}, "geometry", {});
     handler.endNode({});
     handler.endNode({});
