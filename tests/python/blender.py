@@ -101,7 +101,8 @@ def main():
     if not blender:
         print("skipped: Blender is not installed (blender)")
         return 77
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
+    # Debian's Blender uses the system's Python, and looks for the libraries of the first python3 in the path.
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "PYTHONDONTWRITEBYTECODE": "1", "PATH": "/usr/bin:/bin"}
     asked = subprocess.run([blender, "-b", "--python-use-system-env", "--python-exit-code", "3", "--python-expr", "import zmq, numpy"],
                            capture_output=True, text=True, env=environment, timeout=300)
     if asked.returncode != 0:
