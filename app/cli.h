@@ -70,7 +70,8 @@ bool interrupted();
 /// no TERM=dumb) and the work takes over a second.
 Progress progressBar(std::string label);
 
-/// --base, --allow, --package and --limit: the files and addresses that the urls of a document may open, and their size.
+/// --base, --allow, --package and --limit: the files and addresses that the urls of a document may open, and their
+/// size.
 struct ResourceArguments {
     std::string base;
     std::vector<std::string> allow, packages, limits, networks;
@@ -80,7 +81,8 @@ struct ResourceArguments {
 
     void addTo(Command& command);
     /// Resources for a scene or log that the user named: files below its own folder, the working folder, --base,
-    /// --allow and --package. An address that the user named may be fetched, with what is in its folder. Throws UsageError.
+    /// --allow and --package. An address that the user named may be fetched, with what is in its folder. Throws
+    /// UsageError.
     Resources ofFile(const std::string& file) const;
     /// Resources for a scene that others send: files below --base and --allow, of packages, and no others.
     Resources ofReplica() const;

@@ -186,7 +186,9 @@ int convert(const ConvertArguments& options) {
 Verb addConvert(Command& program) {
     auto options = std::make_shared<ConvertArguments>();
     Command* command = program.addVerb("convert", "Convert between encodings, streaming, without building a scene");
-    command->addOption("IN", options->in, "scene file (X3D, VRML97, JSON, .rtsgb, glTF, STL, OBJ, PLY, URDF, Collada), or -")
+    command
+        ->addOption("IN", options->in,
+                    "scene file (X3D, VRML97, JSON, .rtsgb, glTF, STL, OBJ, PLY, URDF, Collada), or -")
         ->required();
     command
         ->addOption("OUT", options->out,

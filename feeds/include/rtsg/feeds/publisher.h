@@ -70,7 +70,8 @@ class Publisher {
     void expect(double t);
     /// Call it after the frame at `t`, in seconds since the start: sends what waited for its turn.
     void frame(double t);
-    /// Sends what waits, for its turn too, for half a second at most; the counts are final then. Nothing is sent after it.
+    /// Sends what waits, for its turn too, for half a second at most; the counts are final then. Nothing is sent after
+    /// it.
     void close();
     /// When the next value that waits is due; infinity if there is none.
     double nextAt() const;
