@@ -79,18 +79,21 @@ def distribution():
 
 
 def root_of(where, cache, log):
-    """The distribution's root, made if need be; whole, as what was begun has another name."""
+    """The distribution's root, made if need be, and anew for other packages; whole, as what was begun has another name."""
     need("debootstrap")
     if os.geteuid() != 0:
         raise CannotRun("debootstrap and chroot need root")
-    root = cache / where
-    if root.exists():
-        return root
     suite, scripts = SUITES[where]
+    packages = ",".join([*TOOLS, scripts, *LIBRARIES])
+    root, made_of = cache / where, cache / f"{where}.packages"
+    if root.exists() and made_of.exists() and made_of.read_text() == packages:
+        return root
     begun = cache / f"{where}.begun"
-    shutil.rmtree(begun, ignore_errors=True)
-    run(["debootstrap", "--variant=minbase", f"--include={','.join([*TOOLS, scripts, *LIBRARIES])}", suite, begun, MIRROR], log, "debootstrap")
+    for old in (root, begun):
+        shutil.rmtree(old, ignore_errors=True)
+    run(["debootstrap", "--variant=minbase", f"--include={packages}", suite, begun, MIRROR], log, "debootstrap")
     begun.rename(root)
+    made_of.write_text(packages)
     return root
 
 
