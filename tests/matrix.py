@@ -165,6 +165,11 @@ def check(row, cache, jobs):
                 script = 'mkdir -p "$0/source" "$0/build" && mount --bind -o ro "$1" "$0/source" && mount --bind "$2" "$0/build" && shift 2 && exec chroot "$0" "$@"'
                 before = ["unshare", "-m", "sh", "-c", script, root, SOURCE, build]
                 source, folder = "/source", "/build"
+        made_of = build / "CMakeCache.txt"
+        if made_of.exists() and f"CMAKE_HOME_DIRECTORY:INTERNAL={source}\n" not in made_of.read_text():  # of a clone elsewhere
+            for old in build.iterdir():
+                if old.name != "arm64.cmake":
+                    shutil.rmtree(old) if old.is_dir() else old.unlink()
         run([*before, "cmake", "-G", "Ninja", "-S", source, "-B", folder, *options], log, "configure")
         run([*before, "cmake", "--build", folder, "--parallel", jobs, "--target", "states" if row.part == "states" else "rtsg"], log, "build")
         if row.part == "states":

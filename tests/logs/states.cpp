@@ -48,6 +48,12 @@ std::string hashAfter(const fs::path& file, int frames) {
     return scene.hash().hex();
 }
 
+bool hasScriptNodes(const fs::path& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.view().contains("Script {");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -71,7 +77,13 @@ int main(int argc, char** argv) {
     std::ifstream in(table);
     std::ostringstream out;
     std::string scene, hash;
-    for (int frames = 0; in >> scene >> frames >> hash; ++states) {
+    for (int frames = 0; in >> scene >> frames >> hash;) {
+        if (!hasScripts && hasScriptNodes(folder / scene)) {
+            std::cout << scene << ": left out, as it has Scripts\n";
+            out << scene << ' ' << frames << ' ' << hash << '\n';
+            continue;
+        }
+        ++states;
         const std::string found = hashAfter(folder / scene, frames);
         out << scene << ' ' << frames << ' ' << found << '\n';
         goodStates += found == hash;
