@@ -11,13 +11,14 @@
 #include <thread>
 #include <vector>
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
+
+#include "support/loopback_listener.h"
 
 namespace rtsg::test {
 
@@ -38,22 +39,12 @@ class LyingServer {
     using Answer = std::function<void(const Asked&)>;
 
     LyingServer() {
-        listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        socklen_t size = sizeof address;
-        EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&address), size), 0);
-        EXPECT_EQ(::listen(listener_, 64), 0);
-        ::getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size);
-        port_ = ntohs(address.sin_port);
         accepting_ = std::thread([this] { accept(); });
     }
     ~LyingServer() {
         over_ = true;
         accepting_.join();
         for (std::thread& one : connections_) one.join();
-        ::close(listener_);
     }
     LyingServer(const LyingServer&) = delete;
     LyingServer& operator=(const LyingServer&) = delete;
@@ -75,17 +66,17 @@ class LyingServer {
     }
 
     std::string address(const std::string& path = "/", const std::string& host = "127.0.0.1") const {
-        return fmt::format("http://{}:{}{}", host, port_, path);
+        return fmt::format("http://{}:{}{}", host, listener_.port(), path);
     }
-    int port() const { return port_; }
+    int port() const { return listener_.port(); }
     int asked() const { return asked_; }
 
   private:
     void accept() {
         while (!over_) {
-            pollfd waiting{listener_, POLLIN, 0};
+            pollfd waiting{listener_.get(), POLLIN, 0};
             if (::poll(&waiting, 1, 10) <= 0) continue;
-            const int one = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+            const int one = ::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC);
             if (one >= 0) connections_.emplace_back([this, one] { answer(one); });
         }
     }
@@ -127,7 +118,7 @@ class LyingServer {
         ::close(socket);
     }
 
-    int listener_ = -1, port_ = 0;
+    LoopbackListener listener_{64};
     std::atomic<bool> over_ = false;
     std::atomic<int> asked_ = 0;
     std::mutex mutex_;

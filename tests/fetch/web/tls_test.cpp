@@ -7,7 +7,6 @@
 #include <memory>
 #include <thread>
 
-#include <arpa/inet.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <openssl/ec.h>
@@ -18,6 +17,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "support/loopback_listener.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {
@@ -56,34 +56,26 @@ class TlsServer {
     explicit TlsServer(const Pair& pair) : context_(SSL_CTX_new(TLS_server_method()), SSL_CTX_free) {
         SSL_CTX_use_certificate(context_.get(), pair.certificate.get());
         SSL_CTX_use_PrivateKey(context_.get(), pair.key.get());
-        listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        socklen_t size = sizeof address;
-        EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&address), size), 0);
-        EXPECT_EQ(::listen(listener_, 8), 0);
-        ::getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size);
-        port_ = ntohs(address.sin_port);
         thread_ = std::thread([this] { serve(); });
     }
     ~TlsServer() {
         over_ = true;
         thread_.join();
-        ::close(listener_);
     }
     TlsServer(const TlsServer&) = delete;
     TlsServer& operator=(const TlsServer&) = delete;
 
-    std::string address(const std::string& host) const { return fmt::format("https://{}:{}/a", host, port_); }
+    std::string address(const std::string& host) const {
+        return fmt::format("https://{}:{}/a", host, listener_.port());
+    }
     int answered() const { return answered_; }
 
   private:
     void serve() {
         while (!over_) {
-            pollfd waiting{listener_, POLLIN, 0};
+            pollfd waiting{listener_.get(), POLLIN, 0};
             if (::poll(&waiting, 1, 10) <= 0) continue;
-            const int one = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+            const int one = ::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC);
             if (one < 0) continue;
             SSL* const session = SSL_new(context_.get());
             SSL_set_fd(session, one);
@@ -100,7 +92,7 @@ class TlsServer {
     }
 
     std::unique_ptr<SSL_CTX, decltype(&SSL_CTX_free)> context_;
-    int listener_ = -1, port_ = 0;
+    test::LoopbackListener listener_{8};
     std::atomic<bool> over_ = false;
     std::atomic<int> answered_ = 0;
     std::thread thread_;
