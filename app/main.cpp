@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 #include <malloc.h>
+#include <rtsg/core/processor.h>
 
 #include "cli.h"
 #include "command_table.h"
@@ -103,6 +104,9 @@ int run(int argc, char** argv) {
     }
     if (!isVerbOrOption(program, argv[1])) return kUsage;
     try {
+        if (!simd::isMaxInstructionSetKnown())
+            throw UsageError(
+                fmt::format("RTSG_MAX_ISA is \"{}\"; it may be sse2, avx2 or avx512", simd::maxInstructionSetName()));
         if (const auto status = program.parse(argc, argv)) return *status == 0 ? kDone : kUsage;
         for (const Verb& verb : verbs)
             if (verb.command->parsed()) return loadExtensions(*verb.command), verb.run();

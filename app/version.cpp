@@ -12,6 +12,7 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 #include <link.h>
+#include <rtsg/core/processor.h>
 
 namespace rtsg::app {
 namespace {
@@ -66,16 +67,6 @@ std::string compiledFor(const std::vector<fs::path>& files) {
 #endif
 }
 
-bool hasAvx512() {
-#if defined(__x86_64__)
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-           __builtin_cpu_supports("avx512cd");
-#else
-    return false;
-#endif
-}
-
 bool loads(const std::string& module) {
     return ::dlopen(fmt::format("librtsg_{}.so", module).c_str(), RTLD_NOW | RTLD_LOCAL) != nullptr;
 }
@@ -106,7 +97,7 @@ std::string versionAsJson() {
         "{{\"version\":\"{}\",\"commit\":\"{}\",\"compiler\":\"{}\",\"features\":{},\"modules\":{},"
         "\"kernels\":{{\"compiled_for\":\"{}\",\"avx512\":{}}},\"libraries\":{}}}",
         RTSG_VERSION, RTSG_COMMIT, RTSG_COMPILER, object(features, truth), object(modules, truth), compiledFor(files),
-        truth(hasAvx512()), object(librariesOf(files), text));
+        truth(simd::hasAvx512()), object(librariesOf(files), text));
 }
 
 }  // namespace rtsg::app

@@ -33,6 +33,7 @@ class Row:
     compiler: str = "g++"
     options: tuple = ()
     part: str = "states"  # or "program"
+    emulator: tuple = ()
 
 
 BASELINE, NATIVE = ("-DRTSG_ARCH=",), ("-DRTSG_ARCH=native",)
@@ -44,6 +45,7 @@ ROWS = [
     Row("debian13-clang", "debian13", "clang++-19", BASELINE),
     Row("debian13-native", "debian13", options=NATIVE),
     Row("arm64", "arm64", options=BASELINE),
+    Row("old-processor", "here", options=BASELINE, emulator=("qemu-x86_64-static", "-cpu", "Nehalem")),  # of 2008: SSE4.2 at most
     Row("no-scripts", "here", options=(*BASELINE, "-DRTSG_SCRIPTS=OFF")),
     Row("no-images", "here", options=(*BASELINE, "-DRTSG_IMAGES=OFF"), part="program"),
     Row("no-sound", "here", options=(*BASELINE, "-DRTSG_SOUND_DEVICE=OFF", "-DRTSG_SOFA=OFF"), part="program"),
@@ -152,7 +154,9 @@ def check(row, cache, jobs):
         options = ["-DCMAKE_BUILD_TYPE=Release", "-DRTSG_PCH=ON", "-DRTSG_TESTS=OFF", "-DRTSG_EXAMPLES=OFF", "-DRTSG_BENCH=OFF", "-DRTSG_WEB=OFF", *row.options]
         if row.part == "states":
             options.append("-DRTSG_STATE_ALONE=ON")
-        emulator = []
+        emulator = list(row.emulator)
+        if emulator:
+            need(emulator[0])
         if row.where == "arm64":
             root = arm64_root(cache, log)
             options.append(f"-DCMAKE_TOOLCHAIN_FILE={toolchain(root, build)}")

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <tuple>
 
+#include <rtsg/core/processor.h>
+
 namespace rtsg {
 namespace {
 
@@ -79,9 +81,7 @@ __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"))) voi
     Nearest& nearest) {
     findNearest(planes, triangles, rays, nearest);
 }
-const bool kWideFew =
-    __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-const FindNearest kFindNearest = kWideFew ? findNearestAvx512 : findNearestAnywhere;
+const FindNearest kFindNearest = simd::hasAvx512() ? findNearestAvx512 : findNearestAnywhere;
 #else
 const FindNearest kFindNearest = findNearestAnywhere;
 #endif

@@ -30,15 +30,15 @@ struct Device::Watch {
 
 namespace {
 
-RTCDevice newDevice() {
+RTCDevice loadedDevice() {
     if (const auto loaded = delayed::embree.load(); !loaded) throw std::runtime_error(loaded.error().text);
-    return rtcNewDevice(nullptr);  // one of fewer threads would take them from all else in the program
+    return newDevice();
 }
 
 }  // namespace
 
 Device::Device(unsigned buildThreads, bool robust)
-    : watch_(std::make_unique<Watch>()), handle_(newDevice()), buildThreads_(buildThreads), robust_(robust) {
+    : watch_(std::make_unique<Watch>()), handle_(loadedDevice()), buildThreads_(buildThreads), robust_(robust) {
     if (!handle_)
         throw std::runtime_error("Embree gave no device, error " + std::to_string(rtcGetDeviceError(nullptr)));
     rtcSetDeviceErrorFunction(handle_.get(), &Watch::onError, watch_.get());

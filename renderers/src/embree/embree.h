@@ -6,7 +6,10 @@
 
 #include <cstddef>
 #include <cstring>
+#include <string>
 #include <type_traits>
+
+#include <rtsg/core/processor.h>
 
 #if RTSG_EMBREE >= 4
 #include <embree4/rtcore.h>
@@ -16,12 +19,19 @@
 
 namespace rtsg::bvh {
 
+/// A device that uses no higher instruction sets than the kernels here, so that its packets are as wide as theirs. It
+/// has all threads: one of fewer would take them from all else in the program.
+inline RTCDevice newDevice() {
+    const std::string highest = simd::isMaxInstructionSetKnown() ? simd::maxInstructionSetName() : "";
+    return rtcNewDevice(highest.empty() ? nullptr : ("max_isa=" + highest).c_str());
+}
+
 /// Rays in the widest packets that Embree has on this machine: 16 with AVX-512, 8 with AVX, else 4. Embree 3 takes
 /// wider ones as a stream, which knows of no valid lanes (what lies in the others is traced, and may never end), Embree
 /// 4 as one ray after the other.
 inline int packetWidth() {
     static const int answer = [] {
-        const RTCDevice device = rtcNewDevice(nullptr);  // one of fewer threads would take them from all others
+        const RTCDevice device = newDevice();
         const bool by16 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
         const bool by8 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0;
         rtcReleaseDevice(device);

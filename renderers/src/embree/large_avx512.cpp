@@ -2,8 +2,9 @@
 #include "large_triangles.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+#include <rtsg/core/processor.h>
+
 #include "large_kernels_impl.h"
-#include "mesh/avx512.h"
 #include "mesh/lanes16.h"
 
 namespace rtsg::bvh {

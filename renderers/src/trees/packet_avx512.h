@@ -6,7 +6,8 @@
 // functions that others use, too, or the linker might give everyone its version. Threading: none of its own.
 #pragma once
 
-#include "mesh/avx512.h"
+#include <rtsg/core/processor.h>
+
 #include "tree_view.h"
 
 namespace rtsg::bvh::avx512 {
