@@ -1,3 +1,7 @@
+if(BUILD_SHARED_LIBS)
+  find_package(Python3 REQUIRED COMPONENTS Interpreter)  # which says what they export
+endif()
+
 # rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are
 # rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on, and the others of
 # what it names among its INSIDES: that is how the arrows are enforced.
@@ -19,7 +23,14 @@ function(rtsg_library name)
   set_target_properties(rtsg_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON DEFINE_SYMBOL "" VERSION ${PROJECT_VERSION}
                                                 SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
   if(BUILD_SHARED_LIBS)
-    target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/exported.map")
+    set(map "${CMAKE_CURRENT_BINARY_DIR}/exported.map")
+    set(maker "${PROJECT_SOURCE_DIR}/cmake/exported_names.py")
+    set(insides "${PROJECT_SOURCE_DIR}/$<IF:$<BOOL:${RTSG_TESTS}>,tests,cmake>/insides.txt")
+    add_custom_command(TARGET rtsg_${name} PRE_LINK VERBATIM
+      COMMAND Python3::Interpreter "${maker}" "${map}" ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR} "${CMAKE_NM}" "${PROJECT_BINARY_DIR}"
+              "${insides}" "$<TARGET_OBJECTS:rtsg_${name}>" COMMAND_EXPAND_LISTS)
+    target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${map}")
+    set_property(TARGET rtsg_${name} APPEND PROPERTY LINK_DEPENDS "${maker}" "${insides}")
     # A library finds the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
     set_target_properties(rtsg_${name} PROPERTIES INSTALL_RPATH "$ORIGIN/rtsg;$ORIGIN/../../rtsg")
   endif()
