@@ -27,7 +27,7 @@ install(TARGETS rtsg_plugin EXPORT rtsgTargets)  # what plug-ins are compiled wi
 install(TARGETS rtsg EXPORT rtsgTargets RUNTIME)
 get_property(module_targets GLOBAL PROPERTY RTSG_MODULE_TARGETS)
 # For tests/exported_symbols.py: what there is, and whose objects use the libraries' insides.
-set(exports "")
+set(exports "insides ${RTSG_INSIDES}\n")
 foreach(target IN LISTS library_targets)
   string(APPEND exports "library $<TARGET_FILE:${target}>\n")
 endforeach()

@@ -1,5 +1,10 @@
+# What libraries export besides what public headers declare (exported_names.py): tests look at all of it.
+set(RTSG_INSIDES "${PROJECT_SOURCE_DIR}/cmake/insides.txt")
 if(BUILD_SHARED_LIBS)
-  find_package(Python3 REQUIRED COMPONENTS Interpreter)  # which says what they export
+  find_package(Python3 REQUIRED COMPONENTS Interpreter)
+  if(RTSG_TESTS)
+    set(RTSG_INSIDES "${PROJECT_SOURCE_DIR}/tests/insides.txt")
+  endif()
 endif()
 
 # rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are
@@ -25,12 +30,11 @@ function(rtsg_library name)
   if(BUILD_SHARED_LIBS)
     set(map "${CMAKE_CURRENT_BINARY_DIR}/exported.map")
     set(maker "${PROJECT_SOURCE_DIR}/cmake/exported_names.py")
-    set(insides "${PROJECT_SOURCE_DIR}/$<IF:$<BOOL:${RTSG_TESTS}>,tests,cmake>/insides.txt")
     add_custom_command(TARGET rtsg_${name} PRE_LINK VERBATIM
       COMMAND Python3::Interpreter "${maker}" "${map}" ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR} "${CMAKE_NM}" "${PROJECT_BINARY_DIR}"
-              "${insides}" "$<TARGET_OBJECTS:rtsg_${name}>" COMMAND_EXPAND_LISTS)
+              "${RTSG_INSIDES}" "$<TARGET_OBJECTS:rtsg_${name}>" COMMAND_EXPAND_LISTS)
     target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${map}")
-    set_property(TARGET rtsg_${name} APPEND PROPERTY LINK_DEPENDS "${maker}" "${insides}")
+    set_property(TARGET rtsg_${name} APPEND PROPERTY LINK_DEPENDS "${maker}" "${RTSG_INSIDES}")
     # A library finds the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
     set_target_properties(rtsg_${name} PROPERTIES INSTALL_RPATH "$ORIGIN/rtsg;$ORIGIN/../../rtsg")
   endif()

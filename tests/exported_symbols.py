@@ -59,12 +59,12 @@ def needed(libraries, users, api, insides):
 
 def main():
     build = pathlib.Path(sys.argv[1])
-    api, insides = exported_names.declared(build), exported_names.Insides(ROOT / "cmake/insides.txt")
-    has = {"module": [], "library": [], "user": []}
+    has = {"insides": [], "module": [], "library": [], "user": []}
     for line in (build / "exports.txt").read_text().splitlines():
         kind, _, file = line.partition(" ")
         if not file.endswith(".gch"):  # an object to CMake, when sources are compiled with it
             has[kind].append(pathlib.Path(file))
+    api, insides = exported_names.declared(build), exported_names.Insides(has["insides"][0])
     faults, counts = [], [0, 0]
     shared = [library for library in has["library"] if library.suffix != ".a"]
     for library in shared:
