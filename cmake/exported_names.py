@@ -16,7 +16,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?!\w)|//[^\n]*|/\*.*?\*/|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*', re.S | re.M)
 OPERATOR = re.compile(r"\boperator\b\s*(\(\s*\)|\[\s*\]|<=>|<<=?|>>=?|->\*?|[-+*/%^&|~!=<>,]=?|&&|\|\||\+\+|--|\w)")
 SCOPE = re.compile(r"(?:inline\s+)?(namespace|class|struct|union|enum(?:\s+class)?)\b(?:\s*alignas\s*\([^()]*\))?\s*([\w:]*)[^()=]*$")
-NO_NAME = re.compile(r"(?:using|typedef|static_assert|friend\s+(?:class|struct)|(?:class|struct|union|enum)\s[^()=]*$)\b|[,:]|$")
+NO_NAME = re.compile(r"(?:using|typedef|static_assert|friend\s+(?:class|struct)|(?:class|struct|union|enum)\s[^()=]*$)\b|[^\w~]|$")
 TABLE = re.compile(r"(?:vtable|typeinfo name|typeinfo|VTT) for ")
 BESIDE = re.compile(r"(?:guard variable|TLS init function|TLS wrapper function|(?:non-)?virtual thunk|covariant return thunk)(?: for| to) ")
 
@@ -65,14 +65,12 @@ class Declared:
     def __init__(self, texts):
         self.types, self.names = set(), set()
         for text in texts:
-            self.read(SKIPPED.sub(" ", re.sub(r"(?<=\d)'(?=\d)", "", text)))
+            self.read(SKIPPED.sub(" ", text))
 
     def read(self, text):
-        scopes, head, parentheses, rest = [], "", 0, False  # scopes: names, or None inside of functions and initial values
+        scopes, head = [], ""  # scopes: names, or None inside of functions and initial values
         for c in text:
-            if c in "()":
-                parentheses += 1 if c == "(" else -1
-            if parentheses or c not in "{};":
+            if c not in "{};":
                 head += c
                 continue
             if None not in scopes:
@@ -82,15 +80,12 @@ class Declared:
                     scopes.append(tuple(part for part in opened.group(2).split("::") if part))
                     if opened.group(1) != "namespace":
                         self.types.add(self.inside(scopes))
-                        scopes[-1:] = [None] if opened.group(1).startswith("enum") else scopes[-1:]
-                    head, rest = "", False
+                    head = ""
                     continue
-                isVariable = not OPERATOR.search(head) and ("(" not in head or "=" in plain(head))
-                if c != "}" and not rest and not NO_NAME.match(head):
+                if c != "}" and not NO_NAME.match(head):
                     self.names.add(self.inside(scopes[:1] if head.startswith("friend") else scopes) + path(head))
-                if rest or isVariable:
+                if "(" not in head or "=" in plain(head):  # more variables of the type
                     self.names |= {self.inside(scopes) + (name,) for name in re.findall(r",\s*(\w+)\s*=", head)}
-                rest = c == "{" and isVariable  # the initial value, or the next variable, goes on behind the braces
             if c == "{":
                 scopes.append(() if head.startswith("extern") else None)
             elif c == "}" and scopes:
@@ -105,7 +100,7 @@ class Declared:
         """Whether a demangled symbol is declared: a name, a type's table, or what a compiler makes by itself for a type."""
         if TABLE.match(symbol):
             return "(" not in symbol and path(TABLE.sub("", symbol)) in self.types
-        if "{lambda" in symbol:
+        if "{lambda" in symbol:  # each who compiles the function has one
             return False
         name = path(BESIDE.sub("", symbol))
         if name in self.names:
