@@ -236,7 +236,8 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
 }
 
 void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
-    if (decoder_.originHash().value_or(scene_->hash()) == header.hash) {
+    const Hash128 hash = decoder_.originHash().value_or(scene_->hash());
+    if (hash == header.hash) {
         ++verified_;
         return;
     }
@@ -270,7 +271,7 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
                                "tells which",
                                set.changes.size());
     }
-    found.text += fmt::format(" (hash {}, recorded {})", scene_->hash().hex(), header.hash.hex());
+    found.text += fmt::format(" (hash {}, recorded {})", hash.hex(), header.hash.hex());
     divergence_ = std::move(found);
 }
 

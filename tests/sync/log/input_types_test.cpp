@@ -201,6 +201,29 @@ TEST_F(InputTypes, WhatTheCascadeWritesToFieldsThatTheWriterLackedIsNotCounted) 
     }
 }
 
+/// The hash that is told is the one that was compared.
+TEST_F(InputTypes, ADivergenceTellsTheHashAsTheWriterCountsIt) {
+    const OtherTypes types = otherTypes([](NodeType& type) {
+        if (type.name == "TimeSensor")
+            std::erase_if(type.fields, [](const FieldDef& def) { return def.name == "elapsedTime"; });
+        return true;
+    });
+    Scene origin;
+    OtherLog other(file, origin, types, Mode::input);
+    loadMoving(origin);
+    origin.newFrame(10);
+    const auto counted = [&] {
+        const NodeId clock = origin.findName("CLOCK");
+        return minus(origin.hash(), termOf(origin, clock, x3d::TimeSensor::elapsedTime.index));
+    };
+    other.add(origin.snapshot(), minus(origin.hash(), counted()));
+    const auto set = origin.newFrame(11);
+    other.add(*set, Hash128{1, 0});
+    ASSERT_TRUE(other.log->close());
+    const std::string expected = "hash " + counted().hex() + ", recorded " + minus(origin.hash(), Hash128{1, 0}).hex();
+    EXPECT_NE(problemOf(file).find(expected), std::string::npos) << problemOf(file);
+}
+
 TEST_F(InputTypes, DefaultsOfTheWriterCount) {
     const OtherTypes types = otherTypes([](NodeType& type) {
         if (type.name == "Shape")
