@@ -70,8 +70,20 @@ class Renumbered {
         ChangeSet set = from;
         translate(set.types);
         translate(set.changes);
-        if (!set.input) return set;
-        auto input = std::make_shared<FrameInput>(*set.input);
+        if (set.input) set.input = translated(*set.input);
+        if (!set.authors) return set;
+        auto authors = std::make_shared<std::vector<Authored>>(*set.authors);
+        for (Authored& one : *authors) one.field = theirs(one.node, one.field);
+        set.authors = std::move(authors);
+        return set;
+    }
+    FieldIndex field(std::string_view type, std::string_view name) const {
+        return types_[numberOf(types_, type)]->findExact(name);
+    }
+
+  private:
+    std::shared_ptr<const FrameInput> translated(const FrameInput& from) {
+        auto input = std::make_shared<FrameInput>(from);
         translate(input->types);
         translate(input->edits);
         translate(input->events);
@@ -85,14 +97,8 @@ class Renumbered {
             translate(state->behaviours);
             input->runState = std::move(state);
         }
-        set.input = std::move(input);
-        return set;
+        return input;
     }
-    FieldIndex field(std::string_view type, std::string_view name) const {
-        return types_[numberOf(types_, type)]->findExact(name);
-    }
-
-  private:
     const NodeType& ours(NodeId node) const {
         return node.value == 1 ? scene_.node(scene_.root()).type() : scene_.type(TypeIndex{typeOf_.at(node.value)});
     }

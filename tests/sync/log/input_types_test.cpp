@@ -201,6 +201,34 @@ TEST_F(InputTypes, WhatTheCascadeWritesToFieldsThatTheWriterLackedIsNotCounted) 
     }
 }
 
+TEST_F(InputTypes, AuthorsOfFieldsAreThoseOfTheFieldsHere) {
+    const OtherTypes types = turnedRound();
+    Scene origin;
+    std::shared_ptr<const std::vector<Authored>> authors;
+    {
+        OtherLog other(file, origin, types, Mode::input);
+        loadMoving(origin);
+        origin.newFrame(0);
+        other.add(origin.snapshot());
+        const NodeId thing = origin.findName("THING"), fresh = origin.createNode(x3d::Group::type);
+        ASSERT_TRUE(origin.set(thing, x3d::Transform::scale, Vec3f(2)));
+        origin.attribute("Ann", thing, x3d::Transform::scale.index);
+        origin.attribute("Ben", fresh);
+        const auto set = origin.newFrame(1);
+        authors = set->authors;
+        other.add(*set);
+        ASSERT_TRUE(other.log->close());
+    }
+    ASSERT_TRUE(authors);
+    ASSERT_EQ(authors->size(), 2u);
+    auto replayer = Replayer::open(file);
+    ASSERT_TRUE(replayer);
+    while (*(*replayer)->step()) {
+    }
+    ASSERT_TRUE((*replayer)->lastSet().authors);
+    EXPECT_EQ(*(*replayer)->lastSet().authors, *authors);
+}
+
 /// The hash that is told is the one that was compared.
 TEST_F(InputTypes, ADivergenceTellsTheHashAsTheWriterCountsIt) {
     const OtherTypes types = otherTypes([](NodeType& type) {
