@@ -19,15 +19,18 @@ SENT = {
     "scripts": ["SUM.set_pitch=0.83@0.5", "SUM.set_pitch=1.21@1.3"],
     "mesh": ["CLOCK.enabled=FALSE@0.9", "CLOCK.enabled=TRUE@1.2"],
 }
-LOGS = {  # name: the scene, how it is recorded, and whether it can be run again
+LOGS = {  # name: the scene, how it is recorded (None: by an earlier build, once and for all), and whether it can be run again
     "animation_state": ("animation", ["--inputs"], True),
     "animation_compact": ("animation", ["--inputs", "--coding", "compact", "--keyframe-bytes", "8000"], True),
     "animation_input": ("animation", ["--mode", "input"], True),
+    "animation_input_fewer_types": ("animation", None, True),
     "animation_lossy": ("animation", ["--mode", "lossy", "--error", "0.01"], False),
     "scripts_state": ("scripts", ["--inputs", "--coding", "smallest"], True),
     "scripts_input": ("scripts", ["--mode", "input"], True),
+    "scripts_input_fewer_types": ("scripts", None, True),
     "mesh_state": ("mesh", ["--inputs", "--coding", "smallest"], True),
     "mesh_input": ("mesh", ["--mode", "input"], True),
+    "mesh_input_fewer_types": ("mesh", None, True),
     "mesh_lossy": ("mesh", ["--mode", "lossy", "--coding", "smallest", "--error", "0.005"], False),
 }
 
@@ -58,9 +61,11 @@ def main():
     parser.add_argument("--record", action="store_true")
     parser.add_argument("names", nargs="*", metavar="NAME")
     arguments = parser.parse_args()
-    names = arguments.names or list(LOGS)
+    names = arguments.names or [name for name in LOGS if not arguments.record or LOGS[name][1] is not None]
     if unknown := [name for name in names if name not in LOGS]:
         parser.error(f"there is no log {unknown[0]}, only {', '.join(LOGS)}")
+    if arguments.record and (kept := [name for name in names if LOGS[name][1] is None]):
+        parser.error(f"{kept[0]} is what an earlier build wrote: it is not recorded anew")
     done = [(record if arguments.record else check)(arguments.program, name) for name in names]
     files = sorted(FOLDER.glob("*.rlog"))
     size = sum(path.stat().st_size for path in files)

@@ -491,7 +491,6 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         refusal_ = ok.error().text;
         return;
     }
-    inputsFit_ = inputDecoder_.setHead(*head).has_value();  // if they do not fit, the server sends none
     if (decoder_.exact()) dictionaryHash_ = decoder_.localHash();
     originTypes_ = head->dictionaryHash;
     const auto misfits = [&](const Request& request) { return request.types != originTypes_; };

@@ -174,7 +174,6 @@ class MirrorClient::Impl {
     std::size_t applied_ = 0;  // sets applied in this poll()
     std::function<void(const RecordStep&)> onStep_;
 
-    bool inputsFit_ = false;      // inputs are of this program's node types
     bool running_ = false;        // it has a run state, so inputs can be run
     unsigned inputTroubles_ = 0;  // after some of these, inputs are not asked for any more
     static constexpr unsigned kMostInputTroubles = 3;

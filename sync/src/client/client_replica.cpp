@@ -258,7 +258,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
         ++statistics_.gaps;
         return hello(false);
     }
-    if (!inputsFit_) return garbage("an input for other node types than ours");
+    if (!decoder_.exact()) return garbage("an input for other node types than ours");
     const std::shared_ptr<ChangeSet> set = freshSet();
     if (auto ok = inputDecoder_.decode(bytes, *set); !ok) {
         garbage("an input that makes no sense: " + ok.error().text);

@@ -72,7 +72,7 @@ void readDescriptions(Reader& in, std::size_t count, TypeMapping* mapping, Origi
     for (std::size_t i = 0; i < count && !in.problem; ++i) {
         const std::uint64_t number = in.bounded(0xFFFF);
         const std::shared_ptr<const NodeType> type = wire::readType(in);
-        if (type && !mapping->describe(static_cast<std::uint16_t>(number), *type))
+        if (type && !mapping->describe(static_cast<std::uint16_t>(number), type))
             in.refuse("description of what is no built-in type");
         else if (type && hash)
             hash->describe(static_cast<std::uint16_t>(number), type);
@@ -461,7 +461,7 @@ Result<> ChangeDecoder::setHead(const StreamHead& head) {
     if (std::exchange(stream_, stream) == stream && counts == (origin_ != nullptr)) return {};
     mapping_.reset();
     origin_.reset();
-    if (head.dictionaryHash != localHash_) mapping_ = std::make_unique<TypeMapping>(local_, head.builtinTypes);
+    if (head.dictionaryHash != localHash_) mapping_ = std::make_shared<TypeMapping>(local_, head.builtinTypes);
     if (counting_ && (mapping_ || head.formatVersion < kFormatVersion))
         origin_ = std::make_unique<OriginHash>(head, mapping_ ? TypeTable() : local_);
     return {};
@@ -473,6 +473,20 @@ FieldIndex ChangeDecoder::fieldAtWriter(NodeId node, FieldIndex field) const {
 
 std::optional<Hash128> ChangeDecoder::originHash() const {
     return origin_ ? std::optional(origin_->value()) : std::nullopt;
+}
+
+void ChangeDecoder::countRun(const ChangeSet& set) {
+    if (!origin_) return;
+    if (!mapping_) return origin_->follow(set);
+    const ChangeSet there = mapping_->toOrigin(set);
+    for (const Change& change : there.changes)  // whose types the inputs may have described
+        if (change.kind == ChangeKind::createNode && mapping_->isBuiltin(change.index))
+            origin_->describe(static_cast<std::uint16_t>(change.index), mapping_->description(change.index));
+    origin_->follow(there);
+}
+
+std::string ChangeDecoder::lackingHere() const {
+    return mapping_ ? mapping_->lackingHere() : std::string();
 }
 
 void ChangeDecoder::goOnFrom(const ChangeDecoder& other) {
@@ -535,7 +549,7 @@ void ChangeDecoder::readSceneStart(Reader& in) {
     if (version != wire::kSceneVersion) return in.refuse("version unknown to this reader");
     StreamHead head;
     head.builtinTypes = builtins;
-    mapping_ = std::make_unique<TypeMapping>(local_, builtins);
+    mapping_ = std::make_shared<TypeMapping>(local_, builtins);
     origin_ = counting_ ? std::make_unique<OriginHash>(head, TypeTable()) : nullptr;
     if (!describeFromCatalogue(root, *in.budget)) in.refuse("a root whose type is not in the catalogue");
 }
@@ -543,7 +557,7 @@ void ChangeDecoder::readSceneStart(Reader& in) {
 /// Returns false if this program has no such entry.
 bool ChangeDecoder::describeFromCatalogue(std::uint16_t number, wire::Budget& budget) {
     const std::shared_ptr<const NodeType> type = wire::catalogueType(number);
-    if (!type || !budget.take(wire::costOf(*type)) || !mapping_->describe(number, *type)) return false;
+    if (!type || !budget.take(wire::costOf(*type)) || !mapping_->describe(number, type)) return false;
     if (origin_) origin_->describe(number, type);
     return true;
 }
@@ -594,13 +608,13 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     if (isScene) {
         if (auto ok = describeTypesOf(set, budget); !ok) return ok;
         if (mapping_->sameHere()) {
-            const std::unique_ptr<TypeMapping> mapping = std::exchange(mapping_, nullptr);
+            const std::shared_ptr<TypeMapping> mapping = std::exchange(mapping_, nullptr);
             origin_.reset();
             return mapping->renumber(set);
         }
     }
     if (origin_) origin_->follow(set);
-    return mapping_ ? mapping_->toLocal(set, budget, losses_) : Result<>{};
+    return mapping_ ? mapping_->toLocal(set, budget, refusing_ ? nullptr : &losses_) : Result<>{};
 }
 
 }  // namespace rtsg

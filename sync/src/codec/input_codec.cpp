@@ -12,6 +12,7 @@
 
 #include "columns/blocks.h"
 #include "columns/wire.h"
+#include "type_mapping.h"
 
 namespace rtsg {
 
@@ -186,12 +187,16 @@ bool needsState(const ChangeSet& set) {
 // ---- writing -----------------------------------------------------------------------------------------------------
 
 struct InputEncoder::Parts {
-    std::unique_ptr<ChangeEncoder> encoder = std::make_unique<ChangeEncoder>();
+    explicit Parts(TypeTable table) : types(table) { restart(); }
+    void restart() { encoder = std::make_unique<ChangeEncoder>(StreamMode(), types); }
+
+    TypeTable types;
+    std::unique_ptr<ChangeEncoder> encoder;
     ChangeSet edits;
     std::uint32_t nextId = 0;  // the next id as a reader counts it
 };
 
-InputEncoder::InputEncoder() : parts_(std::make_unique<Parts>()) {}
+InputEncoder::InputEncoder(TypeTable types) : parts_(std::make_unique<Parts>(types)) {}
 InputEncoder::~InputEncoder() = default;
 
 void InputEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
@@ -234,7 +239,7 @@ Result<> InputEncoder::encodeRunState(const ChangeSet& set, ByteBuffer& record) 
     if (!set.input || !set.input->runState)
         return fail(fmt::format("state {} comes without what it takes to run on from it", set.to));
     const RunState& state = *set.input->runState;
-    parts_->encoder = std::make_unique<ChangeEncoder>();
+    parts_->restart();
     parts_->nextId = state.nextId;
     record.clear();
     record.room(kRecordHeaderSize);
@@ -259,15 +264,12 @@ Result<> InputEncoder::encodeRunState(const ChangeSet& set, ByteBuffer& record) 
 
 // ---- reading -----------------------------------------------------------------------------------------------------
 
-InputDecoder::InputDecoder() : changes_(builtinTypes()) {}
-InputDecoder::~InputDecoder() = default;
-
-Result<> InputDecoder::setHead(const StreamHead& head) {
-    if (auto ok = changes_.setHead(head); !ok) return ok;
-    if (!changes_.exact())
-        return fail("the stream was written with other built-in node types: its inputs cannot be run here");
-    return {};
+InputDecoder::InputDecoder(const ChangeDecoder* states)
+    : states_(states),
+      changes_(states ? ChangeDecoder(builtinTypes(), states->localHash()) : ChangeDecoder(builtinTypes())) {
+    changes_.refuseUnknown(true);
 }
+InputDecoder::~InputDecoder() = default;
 
 namespace {
 
@@ -377,6 +379,7 @@ Result<> InputDecoder::decode(std::span<const std::byte> record, ChangeSet& set)
     auto state = isRunState ? std::make_shared<RunState>() : nullptr;
     input->ran = !isRunState;
     input->complete = !isRunState;
+    if (states_) changes_.mapping_ = states_->mapping_;
     wire::Budget budget(header->size());
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     in.budget = &budget;
@@ -384,6 +387,8 @@ Result<> InputDecoder::decode(std::span<const std::byte> record, ChangeSet& set)
     if (auto ok = readBlocks(in, header->time, *input, state.get(), ownBlocks); !ok) return ok;
     if (ownBlocks > 0)
         if (auto ok = decodeEdits(record.subspan(0, kRecordHeaderSize + ownBlocks), *input, set); !ok) return ok;
+    if (changes_.mapping_)
+        if (auto ok = changes_.mapping_->toLocal(*input, state.get()); !ok) return ok;
     set.clear();
     set.from = header->from;
     set.to = header->to;

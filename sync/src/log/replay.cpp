@@ -86,18 +86,16 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     head_ = std::move(*head);
     if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
     const bool runs = head_.mode.mode == Mode::input;
-    const Result<> fit = inputDecoder_.setHead(head_);
-    if (runs && !fit) return failed(fit.error());
+    decoder_.refuseUnknown(runs);  // where frames are run, nothing may be missing
     if (runs && head_.formatVersion < kFormatVersion)
         return fail(fmt::format("a log in input mode of format {}: only the program that wrote it can run it",
                                 head_.formatVersion),
                     {}, log_.file().string());
-    inputsFit_ = fit.has_value();
     if (!runs) {
         runner_.reset();
         scene_->setBehavioursEnabled(false);
     } else if (!runner_) {
-        runner_ = std::make_unique<InputReplica>(*scene_);
+        runner_ = std::make_unique<InputReplica>(*scene_, &decoder_);
     }
     headed_ = true;
     return {};
@@ -204,7 +202,7 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
     const RecordHeader& header = record.header;
     const bool isRunState = header.from == header.to;
     if (headed_ && lost_ && runner_ && !isRunState) missFrames();
-    if (!headed_ || lost_ || !inputsFit_ ||
+    if (!headed_ || lost_ || head_.formatVersion < kFormatVersion ||
         (isRunState ? !runner_ || header.to != scene_->sequence() : header.to <= scene_->sequence()))
         return false;
     if (header.from != scene_->sequence()) {
@@ -229,6 +227,7 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
         return false;
     }
     set_ = std::move(input);
+    if (decoder_.originHash()) set_->hash = scene_->hash();
     ++frames_;
     noteTime(header);
     check(header, *set_);
@@ -237,7 +236,8 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
 }
 
 void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
-    if (decoder_.originHash().value_or(scene_->hash()) == header.hash) {
+    const Hash128 hash = decoder_.originHash().value_or(scene_->hash());
+    if (hash == header.hash) {
         ++verified_;
         return;
     }
@@ -256,6 +256,8 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
     } else if (runner_) {
         if (!adopt(compareAtNextKeyframe(), "at the next keyframe"))
             found.text = "run again from its input, the frame comes out otherwise";
+        if (const std::string lacking = decoder_.lackingHere(); !lacking.empty())
+            found.text += fmt::format("; it was written by a program with {}, which this one lacks", lacking);
     } else if (!adopt(compareWithRerun(header, set), "by running the frame again from its input") &&
                !adopt(compareAtNextKeyframe(), "at the next keyframe") && !set.changes.empty()) {
         const auto first = std::ranges::find_if(set.changes, [](const Change& c) {
@@ -269,7 +271,7 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
                                "tells which",
                                set.changes.size());
     }
-    found.text += fmt::format(" (hash {}, recorded {})", scene_->hash().hex(), header.hash.hex());
+    found.text += fmt::format(" (hash {}, recorded {})", hash.hex(), header.hash.hex());
     divergence_ = std::move(found);
 }
 

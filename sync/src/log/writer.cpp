@@ -64,7 +64,11 @@ bool lockForWriting(int descriptor, const std::filesystem::path& file) {
 }  // namespace
 
 LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
-    : file_(std::move(file)), types_(types), options_(std::move(options)), encoder_(options_.mode, types) {}
+    : file_(std::move(file)),
+      types_(types),
+      options_(std::move(options)),
+      encoder_(options_.mode, types),
+      inputs_(types) {}
 
 Diagnostic LogWriter::failure(std::string_view what, int error) const {
     return {Severity::error, file_.string(), {}, fmt::format("{}: {}", what, std::strerror(error))};

@@ -14,22 +14,13 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "support/temp_folder.h"
+#include "sync/other_types.h"
 
 namespace rtsg {
 namespace {
 
-std::unique_ptr<NodeType> copyOf(const NodeType& type) {
-    auto copy = std::make_unique<NodeType>();
-    copy->name = type.name;
-    copy->component = type.component;
-    copy->level = type.level;
-    copy->kind = type.kind;
-    copy->containerField = type.containerField;
-    copy->implements = type.implements;
-    copy->fields = type.fields;
-    copy->internal = type.internal;
-    return copy;
-}
+using test::copyOf;
+using test::numberOf;
 
 /// This program's types as another version has them: Transform has one field more in front, Box one less, one type is
 /// new and one is gone.
@@ -58,12 +49,6 @@ std::vector<std::unique_ptr<NodeType>> otherVersion() {
         types.push_back(std::move(copy));
     }
     return types;
-}
-
-std::uint32_t numberOf(TypeTable types, std::string_view name) {
-    for (std::size_t i = 0; i < types.size(); ++i)
-        if (types[i]->name == name) return static_cast<std::uint32_t>(i);
-    return 0xFFFF;
 }
 
 /// A document of a Transform over a Shape with a box, in the numbers of `types`; then it moves.
@@ -221,57 +206,30 @@ TEST_P(Versions, ALogOfAnotherVersionIsReplayedButForWhatIsUnknown) {
 class ForeignLog {
   public:
     ForeignLog(const std::filesystem::path& file, const Scene& scene, TypeTable types)
-        : out_(file, std::ios::binary), scene_(scene), types_(types), encoder_({}, types) {
+        : out_(file, std::ios::binary), renumbered_(scene, types), encoder_({}, types) {
         ByteBuffer record;
         encodeHead(7, "another version", types, {}, record);
         write(record);
     }
     /// `extra`: changes that this program's types cannot hold, and what they add to the hash.
     void add(const ChangeSet& from, std::span<const Change> extra = {}, Hash128 terms = {}) {
-        ChangeSet set = from;
-        for (const Change& change : set.changes)
-            if (change.kind == ChangeKind::createNode) typeOf_[change.node.value] = change.index;
-        std::erase_if(set.changes, [](const Change& c) { return c.kind == ChangeKind::defineType; });
-        set.types.clear();
-        for (Change& change : set.changes) translate(change);
+        ChangeSet set = renumbered_(from);
         set.changes.insert(set.changes.end(), extra.begin(), extra.end());
         set.hash = set.hash + terms;
         ByteBuffer record;
         encoder_.encode(set, record);
         write(record);
     }
-    FieldIndex field(std::string_view type, std::string_view name) const {
-        return types_[numberOf(types_, type)]->findExact(name);
-    }
+    FieldIndex field(std::string_view type, std::string_view name) const { return renumbered_.field(type, name); }
 
   private:
-    const NodeType& ours(NodeId node) const {
-        return node.value == 1 ? scene_.node(scene_.root()).type()
-                               : scene_.type(TypeIndex{static_cast<std::uint16_t>(typeOf_.at(node.value))});
-    }
-    FieldIndex theirs(NodeId node, FieldIndex index) const {
-        const NodeType& type = ours(node);
-        return field(type.name, type.fields[index].name);
-    }
-    void translate(Change& change) {
-        if (change.kind == ChangeKind::createNode) {
-            change.index = numberOf(types_, ours(change.node).name);
-        } else if (change.kind == ChangeKind::addRoute || change.kind == ChangeKind::removeRoute) {
-            change.index = theirs(change.other, change.field2());
-            change.field = theirs(change.node, change.field);
-        } else if (change.kind != ChangeKind::setName && change.kind != ChangeKind::destroyNode) {
-            change.field = theirs(change.node, change.field);
-        }
-    }
     void write(const ByteBuffer& record) {
         out_.write(reinterpret_cast<const char*>(record.data()), std::streamsize(record.size()));
     }
 
     std::ofstream out_;
-    const Scene& scene_;
-    TypeTable types_;
+    test::Renumbered renumbered_;
     ChangeEncoder encoder_;
-    std::map<std::uint32_t, std::uint32_t> typeOf_;
 };
 
 constexpr const char* kMoving = R"(#X3D V4.0 utf8

@@ -13,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <rtsg/core/change.h>
@@ -84,6 +85,11 @@ class ChangeDecoder {
     void countOriginHash() { counting_ = true; }
     /// The writer's state hash after the last record. Empty if a scene here must have the record's hash itself.
     std::optional<Hash128> originHash() const;
+    /// Takes a frame into originHash() that a scene here has computed from the stream's input, in the numbers here.
+    void countRun(const ChangeSet& set);
+    /// Says whether records are refused that need a type or field which this program lacks. If not, such fields are
+    /// left out, and such types are defined.
+    void refuseUnknown(bool on) { refusing_ = on; }
     /// `record` must be an intact frame, keyframe or scene (checkRecord); a scene needs no head. Reuses the memory of
     /// `set`. Errors name the byte, counted from the record's start; `set` is then unspecified.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
@@ -100,8 +106,12 @@ class ChangeDecoder {
     /// such field.
     FieldIndex fieldAtWriter(NodeId node, FieldIndex field) const;
     const DecoderLosses& losses() const { return losses_; }
+    /// Names fields that the writer's types have, as far as they are described, and this program's lack: "Box.solid".
+    /// Empty if there are none.
+    std::string lackingHere() const;
 
   private:
+    friend class InputDecoder;
     wire::ColumnReader* columnsFor(const RecordHeader& header);
     void readSceneStart(wire::Reader& in);
     bool describeFromCatalogue(std::uint16_t number, wire::Budget& budget);
@@ -111,9 +121,9 @@ class ChangeDecoder {
     TypeTable local_;
     std::uint64_t localHash_ = 0;
     std::array<std::uint64_t, 4> stream_{};  // epoch, dictionary hash, built-in types and version of the last head
-    std::unique_ptr<TypeMapping> mapping_;   // only for streams of another build
+    std::shared_ptr<TypeMapping> mapping_;   // only for streams of another build; the inputs' decoder has it, too
     std::unique_ptr<OriginHash> origin_;
-    bool counting_ = false;
+    bool counting_ = false, refusing_ = false;
     std::unique_ptr<wire::ColumnReader> columns_;
     DecoderLosses losses_;
 };

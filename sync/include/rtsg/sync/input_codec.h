@@ -23,7 +23,8 @@ bool needsState(const ChangeSet& set);
 
 class InputEncoder {
   public:
-    InputEncoder();
+    /// `types` are the scene's built-in types and must outlive the encoder.
+    explicit InputEncoder(TypeTable types = builtinTypes());
     ~InputEncoder();
     /// Encodes the frame as an input record. Precondition: !needsState(set).
     void encode(const ChangeSet& set, ByteBuffer& record);
@@ -39,17 +40,19 @@ class InputEncoder {
 
 class InputDecoder {
   public:
-    InputDecoder();
+    /// `states` decodes the states of the same stream, in which inputs have their places. It must outlive this. Without
+    /// it the stream must come from the same build.
+    explicit InputDecoder(const ChangeDecoder* states = nullptr);
     ~InputDecoder();
-    /// Error: the stream has another build's node types, so its cascade cannot be run here.
-    Result<> setHead(const StreamHead& head);
     /// `record` must be an intact input record (checkRecord). The set has an input and no changes; a run state has from
-    /// == to.
+    /// == to. Types of another build are mapped by name. Error: among others, the input needs a type or a field that
+    /// this program lacks, which the error names.
     Result<> decode(std::span<const std::byte> record, ChangeSet& set);
 
   private:
     Result<> decodeEdits(std::span<const std::byte> blocks, FrameInput& input, ChangeSet& set);
 
+    const ChangeDecoder* states_ = nullptr;
     ChangeDecoder changes_;
     ByteBuffer scratch_;
 };

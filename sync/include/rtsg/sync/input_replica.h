@@ -1,8 +1,8 @@
 // InputReplica: a scene that gets only the input of each frame of another scene, and computes the rest itself.
 //
-// Invariant: while it is exact() the scene is in a state of the origin, with the same hash. A frame that comes out
-// different is noticed at once. Inputs are then refused until a snapshot and its run state repair the scene.
-// Threading: one thread, which owns the scene.
+// Invariant: while it is exact() the scene is in a state of the origin, with the same hash, which is counted with the
+// node types of the stream's writer if they are others. A frame that comes out different is noticed at once. Inputs are
+// then refused until a snapshot and its run state repair the scene. Threading: one thread, which owns the scene.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <rtsg/core/change.h>
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/sync/change_codec.h>
 
 namespace rtsg {
 
@@ -19,8 +20,9 @@ class InputReplica {
   public:
     /// `scene` must be empty or in the state from which the stream goes on, and must outlive the replica. Its
     /// behaviours are switched on. The application's deterministic behaviours must be registered with it as with the
-    /// origin; others need not be.
-    explicit InputReplica(Scene& scene);
+    /// origin; others need not be. `states` decodes the stream's states. It must outlive the replica, and is needed if
+    /// the stream may be of another build: it then counts the origin's hash.
+    explicit InputReplica(Scene& scene, ChangeDecoder* states = nullptr);
 
     /// Takes the next set of the stream, decoded or from the origin's bus: an input, a run state (from == to), or
     /// changes. True if the scene is now in the set's state with its hash; if it is false, why() gives the reason. An
@@ -42,8 +44,10 @@ class InputReplica {
     Result<bool> run(const ChangeSet& set);
     Result<bool> applyChanges(std::shared_ptr<const ChangeSet> set);
     bool lost(std::string why);
+    Hash128 hashAtWriter() const;
 
     Scene& scene_;
+    ChangeDecoder* states_ = nullptr;
     bool exact_ = false;
     std::string why_;
     Statistics statistics_;

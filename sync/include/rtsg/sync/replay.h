@@ -135,11 +135,10 @@ class Replayer {
     LogReader log_;
     StreamHead head_, first_;  // of the present session, and of the first one in the log
     ChangeDecoder decoder_;
-    InputDecoder inputDecoder_;
+    InputDecoder inputDecoder_{&decoder_};
     std::unique_ptr<Scene> scene_;
     std::unique_ptr<InputReplica> runner_;  // computes the frames in input mode
     std::shared_ptr<ChangeSet> input_;      // otherwise: the input of the frame that follows in the log
-    bool inputsFit_ = false;                // the inputs are of this program's node types
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
     bool told_ = false;                     // missing frames have been reported until then
