@@ -1,10 +1,13 @@
 // Writes pictures as TileAssembler joins them, and tells how many there were.
 #include "assemble_live.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -21,7 +24,8 @@ namespace {
 
 using Clock = TileAssembler::Clock;
 
-constexpr double kPatience = 10, kGone = 1;  // seconds without a mirror: at first, and once there were some
+constexpr double kPatience = 10, kGone = 1;         // seconds without a mirror: at first, and once there were some
+constexpr std::chrono::milliseconds kLongestWait{2000};  // a signal may come just before a wait, and is seen after it
 
 double since(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
@@ -47,12 +51,12 @@ class LiveAssembling {
         tell(options_.json ? fmt::format("{{\"endpoint\":{}}}", jsonString(assembler_.address()))
                            : "joins tiles at " + assembler_.address());
         while (!interrupted() && problem_ && !isOver()) {
-            const auto joined = assembler_.turn(std::chrono::milliseconds(50));
+            const auto joined = assembler_.turn(untilDue());
             for (const std::string& why : assembler_.takeProblems()) printError(why);
-            if (assembler_.counts().mirrors > 0) heard_ = Clock::now();
+            if (std::exchange(hears_, assembler_.counts().mirrors > 0) || hears_) heard_ = Clock::now();
             if (joined) problem_ = add(*joined);
         }
-        if (problem_ && files_) problem_ = files_->finish();
+        if (problem_ && files_) problem_ = files_->finish(skippedBefore(assembler_.counts().newest + 1));
         if (!problem_) printError(problem_.error());
         if (states_.empty() && problem_)
             printError("no picture was joined: no mirror drew tiles (rtsg mirror --tiles)");
@@ -61,9 +65,20 @@ class LiveAssembling {
     }
 
   private:
-    bool isOver() const {
-        if (!states_.empty() && since(first_) >= duration_) return true;
-        return since(heard_) > (assembler_.counts().mostMirrors > 0 ? kGone : kPatience);
+    /// Seconds until the end if no mirror says anything.
+    double left() const {
+        const double gone = (assembler_.counts().mostMirrors > 0 ? kGone : kPatience) - since(heard_);
+        const double end = states_.empty() ? INFINITY : duration_ - since(first_);
+        return std::min(hears_ ? INFINITY : gone, end);
+    }
+    bool isOver() const { return left() <= 0; }
+    std::chrono::milliseconds untilDue() const {
+        const std::chrono::duration<double> most = kLongestWait;
+        return std::chrono::ceil<std::chrono::milliseconds>(std::min(most, std::chrono::duration<double>(left())));
+    }
+    /// Pictures since the last one that was joined, which look as it does.
+    std::uint64_t skippedBefore(std::uint64_t number) const {
+        return number_ > 0 && number > number_ ? number - number_ - 1 : 0;
     }
     /// Pictures may be on standard output.
     void tell(const std::string& line) const {
@@ -76,7 +91,7 @@ class LiveAssembling {
         last_ = Clock::now();
         states_.push_back(joined.sequence), times_.push_back(joined.time);
         delay_ += joined.seconds;
-        const std::uint64_t skipped = number_ > 0 && joined.number > number_ ? joined.number - number_ - 1 : 0;
+        const std::uint64_t skipped = skippedBefore(joined.number);
         number_ = joined.number;
         if (options_.out.empty()) return {};
         if (options_.out == "-") return stream(joined);
@@ -107,6 +122,7 @@ class LiveAssembling {
     const double duration_;
     std::optional<PictureFiles> files_;
     Result<> problem_;
+    bool hears_ = false;  // there are mirrors
     Clock::time_point heard_ = Clock::now(), first_, last_;
     std::vector<std::uint64_t> states_;
     std::vector<double> times_;

@@ -112,6 +112,17 @@ bool interrupted() {
     return installed && signalled;
 }
 
+void sleepUntil(std::chrono::steady_clock::time_point until) {
+    using Clock = std::chrono::steady_clock;
+    constexpr std::chrono::milliseconds kLongest{2000};
+    while (!interrupted() && Clock::now() < until) {
+        const auto left = std::min<Clock::duration>(until - Clock::now(), kLongest);
+        const auto whole = std::chrono::floor<std::chrono::seconds>(left);
+        const timespec most = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
+        (void)::nanosleep(&most, nullptr);
+    }
+}
+
 Progress progressBar(std::string label) {
     const auto set = [](const char* name) { return std::string_view(std::getenv(name) ? std::getenv(name) : ""); };
     if (!isatty(STDERR_FILENO) || !set("NO_COLOR").empty() || set("TERM") == "dumb") return {};

@@ -2,6 +2,7 @@
 // subcommand and says what to run.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <source_location>
 #include <string>
@@ -65,6 +66,8 @@ Diagnostic namingOptions(Diagnostic why, std::string_view option, const std::str
 /// After the first call SIGINT, SIGTERM and SIGHUP only make this true, so that a verb can end in order. A second
 /// signal kills.
 bool interrupted();
+/// On the main thread: until then, or until a signal has come. A signal just before is noticed within two seconds.
+void sleepUntil(std::chrono::steady_clock::time_point until);
 
 /// A progress bar with the remaining time on stderr. Shown if stderr is a terminal that moves its cursor (no NO_COLOR,
 /// no TERM=dumb) and the work takes over a second.

@@ -36,6 +36,8 @@ class Foxglove {
     void after();
     /// "ws://127.0.0.1:8765"; empty if nobody is served.
     std::string address() const { return server_ ? server_->address() : std::string(); }
+    /// True if a viewer waits for what had no room yet, or came too soon: after() may tell it soon.
+    bool owes() const { return server_ && server_->owesWhole(); }
     FoxgloveCounts counts() const { return server_ ? server_->counts() : FoxgloveCounts(); }
     /// Says goodbye. Error: why the scene was not followed to its end.
     Result<> end();

@@ -18,7 +18,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr milliseconds kNoNews{50};  // between looks at a world whose scene rests
+constexpr milliseconds kNoNews{1000};  // between looks at a world whose scene rests
 
 }  // namespace
 
@@ -80,7 +80,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
 }
 
 LiveOutputs::~LiveOutputs() {
-    abandoned_ = true;
+    tell(abandoned_);
     threads_.clear();  // joins the threads
 }
 
@@ -109,13 +109,30 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
         if ((*state)->moment == moment && !last) {
             std::unique_lock lock(mutex_);
             const auto most = ending ? milliseconds(1) : kNoNews;
-            news_.wait_for(lock, most, [&] { return !ending && ((*state)->sequence != stateNow_ || ending_); });
+            const std::uint64_t known = newsTold_;
+            ++resting_;
+            news_.wait_for(lock, most,
+                           [&] { return abandoned_ || (!ending && ((*state)->sequence != stateNow_ || ending_)); });
+            if (known == newsTold_) --resting_;
             continue;
         }
         moment = (*state)->moment;
         if (auto ok = present(**state, last); !ok) return fail(ok);
         if (last) return;
     }
+}
+
+void LiveOutputs::tell(std::atomic<bool>& whatIsTrue) {
+    {
+        const std::lock_guard lock(mutex_);
+        whatIsTrue = true;
+    }
+    news_.notify_all();
+}
+
+bool LiveOutputs::rests() const {
+    const std::lock_guard lock(mutex_);
+    return resting_ == running_;
 }
 
 /// On the scene's thread: notes that time has gone on or back.
@@ -127,7 +144,9 @@ void LiveOutputs::noteTime() {
         statesBefore_ += stateNow_ - firstState_ + 1;
         firstState_ = scene_.sequence();
     }
-    if (std::exchange(stateNow_, scene_.sequence()) != scene_.sequence()) news_.notify_all();
+    if (std::exchange(stateNow_, scene_.sequence()) == scene_.sequence()) return;
+    ++newsTold_, resting_ = 0;
+    news_.notify_all();
 }
 
 /// The state's time in seconds from the start. The state may be from before the scene's time went back, and cannot be
@@ -234,7 +253,7 @@ Result<> LiveOutputs::hearTo(const WorldState& state) {
 Result<> LiveOutputs::frame() {
     if (auto ok = world_.update(); !ok) {
         fail(ok);
-        abandoned_ = true;
+        tell(abandoned_);
     }
     noteTime();
     if (!failed_ && !ending_)
@@ -249,7 +268,7 @@ Result<> LiveOutputs::frame() {
 }
 
 Result<> LiveOutputs::finish() {
-    if (arguments_.isCutShort()) abandoned_ = true;
+    if (arguments_.isCutShort()) tell(abandoned_);
     if (!failed_ && !abandoned_)
         if (auto ok = presentHere(true); !ok) fail(ok);
     if (running_ > 0) {
@@ -258,7 +277,7 @@ Result<> LiveOutputs::finish() {
         lastMoment_ = last ? (*last)->moment : 0;
     }
     afterInterruption_ = interrupted();  // the signal that ended the run does not end the last outputs
-    ending_ = true;
+    tell(ending_);
     const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
     while (running_ > 0) {
         (void)frame();  // whoever asks gets the last state

@@ -31,6 +31,7 @@ class LiveOutputs final : public OutputMaker {
     ~LiveOutputs() override;
 
     Result<> frame() override;
+    bool rests() const override;
     bool failed() const override { return failed_; }
     /// Completes the picture in progress, hears the last state, and pictures it if only one picture was asked for.
     Result<> finish() override;
@@ -52,6 +53,7 @@ class LiveOutputs final : public OutputMaker {
     Result<> hear(const WorldState& state);
     Result<> hearTo(const WorldState& state);
     void fail(const Result<>& why);
+    void tell(std::atomic<bool>& whatIsTrue);
     Result<> write();
     std::uint64_t heardAt(double elapsed) const;
 
@@ -79,8 +81,11 @@ class LiveOutputs final : public OutputMaker {
     std::atomic<std::uint64_t> lastMoment_{0};    // valid after ending_
     std::atomic<int> running_{0};
     mutable std::mutex mutex_;
-    std::condition_variable news_;  // signals a new state of the scene
-    Result<> problem_;              // the first one
+    std::condition_variable news_;  // signals a new state of the scene, and the end
+    // Guarded by mutex_: how often there was a new state, and the threads that have waited since the last one.
+    std::uint64_t newsTold_ = 0;
+    int resting_ = 0;
+    Result<> problem_;  // the first one
     ElapsedTime time_;
     double elapsed_ = 0;  // from time_ when last looked at
     /// The starts from which times are counted: before time went back for the first time, for the second, and so on.

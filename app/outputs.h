@@ -80,6 +80,8 @@ class OutputMaker {
     /// Call it when every set of the scene's present time has come: makes what is due. Calling it again at the same
     /// time, and while nothing comes, does no harm.
     virtual Result<> frame() = 0;
+    /// True if frame() has nothing to do until something comes.
+    virtual bool rests() const { return true; }
     /// True if it no longer follows the scene, so going on is useless. finish() tells the reason.
     virtual bool failed() const = 0;
     /// Makes the rest, and writes the files that are written at the end. If all was cut short

@@ -1,11 +1,12 @@
 // Plays a log to mirrors in real time, and carries out commands.
 #include "serve_log.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
-#include <thread>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -25,9 +26,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Sleeps: while the log plays; while it is paused and standard input may have lines; otherwise until mirrors send
-/// something.
-constexpr std::chrono::milliseconds kPlaying{2}, kLines{50}, kStanding{500};
+/// The shortest wait for the next state, and the longest one for that, what mirrors send and lines of standard input.
+constexpr std::chrono::milliseconds kShortestRest{2}, kLongestRest{2000};
 
 /// Reads whole lines of standard input as they come, without waiting.
 class Lines {
@@ -43,7 +43,7 @@ class Lines {
                 break;
             }
             text_.append(buffer, static_cast<std::size_t>(count));
-            if (text_.size() > kLongest) text_.clear();  // no command is that long
+            if (text_.size() > kLongestLine) text_.clear();  // no command is that long
         }
         for (std::size_t end; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
             lines.push_back(text_.substr(0, end));
@@ -52,8 +52,11 @@ class Lines {
         return lines;
     }
 
+    /// What is readable when lines may have come; -1: none will.
+    int descriptor() const { return ended_ ? -1 : STDIN_FILENO; }
+
   private:
-    static constexpr std::size_t kLongest = 1 << 16;
+    static constexpr std::size_t kLongestLine = 1 << 16;
     std::string text_;
     bool ended_ = false;
 };
@@ -82,8 +85,8 @@ class Playing {
             tellOfLacks();
             last = now;
             for (const Diagnostic& d : server_.takeDiagnostics()) say(d);
-            const bool stands = player_.paused() || player_.ended();
-            server_.wait(now + (!stands ? kPlaying : control ? kLines : kStanding));
+            const double left = seconds - std::chrono::duration<double>(now - start).count();
+            wait(std::min(player_.dueIn(), left), control ? lines.descriptor() : -1);
         }
         played_ = std::chrono::duration<double>(Clock::now() - start).count();
     }
@@ -102,6 +105,14 @@ class Playing {
     }
 
   private:
+    /// Until the next state, or until mirrors or lines ask for something.
+    void wait(double seconds, int lines) const {
+        const std::chrono::duration<double> shortest = kShortestRest, longest = kLongestRest;
+        const auto most = std::clamp(std::chrono::duration<double>(seconds), shortest, longest);
+        pollfd items[] = {{server_.callDescriptor(), POLLIN, 0}, {lines, POLLIN, 0}};
+        (void)::poll(items, std::size(items),
+                     static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(most).count()));
+    }
     void tellOfLack(const Diagnostic& what) {
         say(what);
         lacks_ = true;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cstring>
 #include <utility>
 
@@ -31,7 +32,9 @@ std::optional<TileAssembler::Joined> TileAssembler::turn(std::chrono::millisecon
         items.push_back(
             {mirror.link.descriptor(), static_cast<short>(POLLIN | (mirror.link.waitsToSend() ? POLLOUT : 0)), 0});
     const bool whole = !work_.empty() && work_.front().left == 0;
-    (void)::poll(items.data(), items.size(), whole ? 0 : static_cast<int>(most.count()));
+    const auto rest = std::chrono::ceil<std::chrono::milliseconds>(lateAt_ - Clock::now());
+    const auto wait = whole ? std::chrono::milliseconds(0) : std::clamp(rest, std::chrono::milliseconds(0), most);
+    (void)::poll(items.data(), items.size(), static_cast<int>(wait.count()));
     while (auto link = door_.accept()) mirrors_.emplace_back(std::move(*link));
     for (auto it = mirrors_.begin(); it != mirrors_.end();) {
         hear(*it);
@@ -73,8 +76,11 @@ void TileAssembler::take(Mirror& mirror, const TileLink::Message& message) {
     if (what == "have") {
         const std::uint64_t have = message.number(1);
         // A scene that begins anew, as a log that is played again.
-        if (have < mirror.have) mirror.lost.clear(), last_ = std::min(last_, have);
+        const bool again = have < mirror.have;
+        if (again) mirror.lost.clear(), last_ = std::min(last_, have), anew_ = true;
+        counts_.newest = again ? have : std::max(counts_.newest, have);
         mirror.have = have;
+        mirror.since = message.number(2);
     } else if (what == "gone") {
         mirror.asked = std::max(mirror.asked - 1, 0);
         mirror.lost.insert(message.number(1));
@@ -158,12 +164,14 @@ bool TileAssembler::begin() {
         return std::ranges::any_of(work.tiles, [](const Tile& tile) { return !tile.done && tile.of.empty(); });
     });
     if (waiting) return false;
-    std::uint64_t newest = 0, all = UINT64_MAX;
+    std::uint64_t newest = 0, since = 0, all = UINT64_MAX;
     for (const Mirror& mirror : mirrors_)
-        if (mirror.known) newest = std::max(newest, mirror.have);
+        if (mirror.known) newest = std::max(newest, mirror.have), since = std::max(since, mirror.since);
     for (const Mirror& mirror : mirrors_)
         if (mirror.known && mirror.have + kLagging >= newest) all = std::min(all, mirror.have);
     if (newest == 0 || all == UINT64_MAX || all <= last_) return false;
+    if (last_ >= since && !anew_) return false;
+    anew_ = false;
     Work work;
     work.number = work.joined.number = last_ = all;
     work.begun = Clock::now();
@@ -187,15 +195,22 @@ TileAssembler::Tile* TileAssembler::next(const Mirror& mirror, std::uint64_t& nu
             number = work.number;
             for (Tile& tile : work.tiles) {
                 if (tile.done || std::ranges::find(tile.of, &mirror) != tile.of.end()) continue;
-                const bool isLate = !tile.of.empty() && &work == &work_.front() &&
-                                    passedSince(tile.since) > std::max(kLeastLate, kLate * usual_);
-                if (late ? isLate : tile.of.empty()) return &tile;
+                if (!late && tile.of.empty()) return &tile;
+                if (!late || tile.of.empty() || &work != &work_.front()) continue;
+                if (Clock::now() >= tile.since + patience()) return &tile;
+                lateAt_ = std::min(lateAt_, tile.since + patience());
             }
         }
     return nullptr;
 }
 
+TileAssembler::Clock::duration TileAssembler::patience() const {
+    const std::chrono::duration<double> seconds(std::max(kLeastLate, kLate * usual_));
+    return std::chrono::duration_cast<Clock::duration>(seconds);
+}
+
 void TileAssembler::ask() {
+    lateAt_ = Clock::time_point::max();
     for (int owed = 0; owed < kAsked; ++owed)
         for (Mirror& mirror : mirrors_) {
             if (!mirror.known || mirror.asked > owed) continue;
@@ -216,7 +231,7 @@ void TileAssembler::giveUp() {
         const bool possible = work.left == 0 || std::ranges::any_of(mirrors_, [&](const Mirror& mirror) {
                                   return mirror.known && !mirror.lost.contains(work.number);
                               });
-        if (!possible) ++counts_.given;
+        if (!possible) ++counts_.given, anew_ = true;
         return !possible;
     });
 }

@@ -1,8 +1,8 @@
 // TileAssembler: joins tiles that many mirrors draw of the same states of a served scene.
 //
 // A picture is asked for once all mirrors have its state, of two or three at a time, each tile of whoever has nothing
-// to do. Tiles of a mirror that goes, or that is late, are given to another. Invariant: all tiles of a picture are of
-// one state, by its number and hash. Threading: one thread.
+// to do. Tiles of a mirror that goes, or that is late, are given to another. Nothing is drawn while nothing changes.
+// Invariant: all tiles of a picture are of one state, by its number and hash. Threading: one thread.
 #pragma once
 
 #include <chrono>
@@ -38,12 +38,15 @@ class TileAssembler {
         std::uint64_t again = 0;  // tiles that were asked of another mirror
         std::uint64_t given = 0;  // pictures that were given up, since nobody had the state any longer
         std::size_t mirrors = 0, mostMirrors = 0;
+        /// The last picture whose state a mirror has. If none is in work, it looks as the last one that was joined.
+        std::uint64_t newest = 0;
     };
 
     TileAssembler(TileDoor door, int columns, int rows) : door_(std::move(door)), columns_(columns), rows_(rows) {}
 
     const std::string& address() const { return door_.address(); }
-    /// Waits for news for so long at most. Returns a picture that is whole, in order.
+    /// Waits for so long at most: until mirrors say something, or a tile is late. Returns a picture that is whole, in
+    /// order.
     std::optional<Joined> turn(std::chrono::milliseconds most);
     double picturesPerSecond() const { return picturesPerSecond_; }
     const Counts& counts() const { return counts_; }
@@ -56,6 +59,7 @@ class TileAssembler {
         TileLink link;
         bool known = false;
         std::uint64_t have = 0;
+        std::uint64_t since = 0;       // the first of the pictures that look as the last one
         int asked = 0;                 // tiles that it owes
         std::set<std::uint64_t> lost;  // pictures whose states it no longer has
     };
@@ -86,6 +90,7 @@ class TileAssembler {
     void ask();
     Tile* next(const Mirror& mirror, std::uint64_t& number);
     void giveUp();
+    Clock::duration patience() const;
 
     TileDoor door_;
     const int columns_, rows_;
@@ -95,7 +100,9 @@ class TileAssembler {
     std::list<Mirror> mirrors_;
     std::deque<Work> work_;  // by number
     std::uint64_t last_ = 0;
-    double usual_ = 0;  // seconds that a tile takes, of late
+    bool anew_ = false;                                    // what was begun last may not show what is there
+    Clock::time_point lateAt_ = Clock::time_point::max();  // when a tile is late that somebody could draw
+    double usual_ = 0;                                     // seconds that a tile takes, of late
     Counts counts_;
     std::vector<std::string> problems_;
 };

@@ -131,7 +131,8 @@ TileOutputs::TileOutputs(const OutputArguments& arguments, const Resources& reso
       resources_(resources),
       link_(std::move(link)),
       wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
-      last_(-INFINITY) {}
+      last_(-INFINITY),
+      changed_(-INFINITY) {}
 
 Result<std::unique_ptr<TileOutputs>> TileOutputs::attach(const Scene& scene, const OutputArguments& arguments,
                                                          const Resources& resources) {
@@ -139,7 +140,7 @@ Result<std::unique_ptr<TileOutputs>> TileOutputs::attach(const Scene& scene, con
     if (!link) return std::unexpected(link.error());
     std::unique_ptr<TileOutputs> outputs(new TileOutputs(arguments, resources, std::move(*link)));
     (void)outputs->queue_.add(scene.snapshot());
-    outputs->last_ = scene.now();
+    outputs->last_ = outputs->changed_ = scene.now();
     outputs->thread_ = std::thread([o = outputs.get()] { o->run(); });
     return outputs;
 }
@@ -158,11 +159,19 @@ void TileOutputs::wake() const {
 
 void TileOutputs::step(const Scene& scene, const RecordStep& step) {
     (void)queue_.add(step);
-    if (scene.now() == last_) return;
-    // All sets of the time before have come.
-    have_ = static_cast<std::uint64_t>(std::max(0.0, std::floor((last_ + kRounding) * arguments_.picturesPerSecond)));
-    last_ = scene.now();
-    wake();
+    const auto pictureAt = [this](double time) {
+        return static_cast<std::uint64_t>(std::max(0.0, std::floor((time + kRounding) * arguments_.picturesPerSecond)));
+    };
+    const bool passes = scene.now() != last_;
+    if (passes) {
+        // All sets of the time before have come.
+        since_ = pictureAt(changed_) + 1;
+        have_ = pictureAt(last_);
+        last_ = scene.now();
+    }
+    // A scene that rests tells its time now and then.
+    if (!step.set || step.set->isSnapshot() || !step.set->changes.empty()) changed_ = last_;
+    if (passes) wake();
 }
 
 /// Draws what is asked for.
@@ -209,7 +218,8 @@ Result<> TileOutputs::follow() {
         link_.read();
         auto message = link_.receive();
         do {
-            if (const std::uint64_t have = have_; have != said) link_.send(fmt::format("have {}", said = have));
+            if (const std::uint64_t have = have_; have != said)
+                link_.send(fmt::format("have {} {}", said = have, since_.load()));
             if (!message) break;
             if (auto ok = answer(drawer, *message); !ok) return ok;
             message = link_.receive();

@@ -42,10 +42,12 @@ class TileOutputs final : public OutputMaker {
     OutputArguments arguments_;
     Resources resources_;
     RecordQueue queue_;
-    TileLink link_;                       // the thread's
-    int wake_;                            // an eventfd
-    double last_;                         // the scene's time before the last step
-    std::atomic<std::uint64_t> have_{0};  // the last picture whose state is whole
+    TileLink link_;                        // the thread's
+    int wake_;                             // an eventfd
+    double last_;                          // the scene's time before the last step
+    double changed_;                       // the scene's time at the last step that changed more than that
+    std::atomic<std::uint64_t> have_{0};   // the last picture whose state is whole
+    std::atomic<std::uint64_t> since_{0};  // the first picture of a state after changed_; set before have_
     std::atomic<bool> failed_{false}, stop_{false};
     Result<> result_;  // the thread's until it has ended
     std::thread thread_;

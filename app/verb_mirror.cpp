@@ -8,6 +8,9 @@
 #include <optional>
 #include <utility>
 
+#include <sys/eventfd.h>
+#include <unistd.h>
+
 #include <fmt/format.h>
 
 #include <rtsg/documents/loader.h>
@@ -156,6 +159,7 @@ class Made {
             problem_ = std::unexpected(attached.error());
     }
     WorldOnDemand& world() { return world_; }
+    bool rests() const { return !outputs_ || outputs_->rests(); }
     bool wantsSteps() const { return log_ || behind_ || tiles_; }
     void step(const RecordStep& step) {
         if (log_) log_->add(replica_, step);
@@ -207,6 +211,23 @@ class Made {
     std::unique_ptr<OutputMaker> outputs_;
     OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that type
     TileOutputs* tiles_ = nullptr;     // the same
+};
+
+/// Ends a wait for what the server sends when others want something.
+class Call {
+  public:
+    Call() = default;
+    ~Call() { ::close(descriptor_); }
+    Call(const Call&) = delete;
+    Call& operator=(const Call&) = delete;
+    int descriptor() const { return descriptor_; }
+    void clear() const {
+        std::uint64_t ignored = 0;
+        (void)!::read(descriptor_, &ignored, sizeof(ignored));
+    }
+
+  private:
+    const int descriptor_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
 };
 
 class Mirroring {
@@ -302,6 +323,7 @@ class Mirroring {
     MirrorStatistics last_;
     Extensions::Attached subscribers_;  // of plug-ins
     std::unique_ptr<Made> made_;
+    Call viewers_;  // of foxglove_
     Foxglove foxglove_;
     std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when --for was over
@@ -328,13 +350,15 @@ bool Mirroring::join() {
     arguments.endsByInterruption = options_.duration.empty();
     subscribers_ = attachSubscribers(replica_);
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
-    auto foxglove = Foxglove::start(options_.foxglove, options_.fields, made_->world(), {options_.insecure});
+    auto foxglove =
+        Foxglove::start(options_.foxglove, options_.fields, made_->world(), {options_.insecure, viewers_.descriptor()});
     if (!foxglove) {
         printError(foxglove.error());
         status_ = kBad;
         return false;
     }
     foxglove_ = std::move(*foxglove);
+    if (options_.foxglove.wanted()) client_->wakeBy(viewers_.descriptor());
     if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
     tellServiceManager("READY=1");
     if (auto ok = requests_.parse(replica_); !ok) {
@@ -402,8 +426,8 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
 /// How long to wait if the clock needs nothing: until something comes.
 std::chrono::milliseconds Mirroring::longestPoll() const {
     constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
-    const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
-                       controls_ < options_.control.size() || options_.foxglove.wanted() || client_->originLost() ||
+    const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || !made_->rests() ||
+                       controls_ < options_.control.size() || foxglove_.owes() || client_->originLost() ||
                        !client_->inStep();
     if (waits) return kOften;
     const double left = std::min(duration_ - reached(), duration_ - secondsSince(joinedAt_));
@@ -430,6 +454,7 @@ void Mirroring::follow() {
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
+        viewers_.clear();
         if (joined()) foxglove_.after();
         if (joined()) requests_.turn(client, reached(), replica_.now());
         if (joined()) control(client);

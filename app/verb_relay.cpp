@@ -1,4 +1,5 @@
 // rtsg relay: passes a served session on to mirrors of its own, with requests and verdicts.
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <memory>
@@ -41,8 +42,8 @@ void printNews(Source& source) {
         if (d.severity != Severity::note) say(d);
 }
 
-/// The wait between two looks at what to report, if nothing comes.
-constexpr std::chrono::milliseconds kTurn{500};
+/// The waits between two looks at what to report, if nothing comes: while the origin is heard, and else.
+constexpr std::chrono::milliseconds kWhileHeard{2000}, kWhileLost{500};
 
 class Relaying {
   public:
@@ -96,8 +97,8 @@ class Relaying {
     }
 
     void turn() {
-        const bool before = relay_->server() != nullptr;
-        if (const auto applied = relay_->poll(kTurn); !applied) {
+        const bool before = relay_->server() != nullptr, heard = !relay_->client().originLost();
+        if (const auto applied = relay_->poll(longest()); !applied) {
             serves_ = relay_->server() != nullptr;
             return fail(namingOptions(applied.error(), "--serve-key", options_.serveKey));
         }
@@ -106,13 +107,18 @@ class Relaying {
         printNews(from_);
         if (relay_->server()) printNews(*relay_->server());
         if (!before && relay_->server()) sayEndpoint();
-        if (!client.originLost()) heard_ = Clock::now();
+        if (heard || !client.originLost()) heard_ = Clock::now();
         const bool left = client.serverLeft(), refused = !client.refusal().empty() && !client.turnedAway();
         if (refused) fail(fmt::format("{} refused: {}", options_.origin, client.refusal()));
         if (left) over_ = true;  // the origin has ended in order, so the relay does
         if (!over_ && seconds(heard_) > patience_)
             fail(client.turnedAway() ? fmt::format("{} refused: {}", options_.origin, client.refusal())
                                      : fmt::format("{}: no origin for {} s", options_.origin, patience_));
+    }
+    std::chrono::milliseconds longest() const {
+        if (!relay_->server() || relay_->client().originLost()) return kWhileLost;
+        const std::chrono::duration<double> left(duration_ - seconds(start_)), most = kWhileHeard;
+        return std::chrono::ceil<std::chrono::milliseconds>(std::clamp(left, 0 * most, most));
     }
     void sayEndpoint() const {
         if (options_.json)

@@ -302,9 +302,11 @@ class Replaying {
     /// Waits until that time. Nothing comes meanwhile, so whoever asks gets the newest state.
     template <class Moment>
     static void wait(OutputMaker& outputs, Moment until) {
-        while (!interrupted() && outputs.frame() && std::chrono::steady_clock::now() < until)
-            std::this_thread::sleep_for(std::min<std::chrono::duration<double>>(
-                std::chrono::milliseconds(20), until - std::chrono::steady_clock::now()));
+        using Clock = std::chrono::steady_clock;
+        constexpr std::chrono::milliseconds kOften{20};
+        const auto end = std::chrono::ceil<Clock::duration>(until);
+        while (!interrupted() && outputs.frame() && Clock::now() < end)
+            sleepUntil(outputs.rests() ? end : std::min(end, Clock::now() + kOften));
     }
 
     /// Names the log's format if it is not this program's own, because hashes are then compared in that format.

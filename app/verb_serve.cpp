@@ -353,8 +353,7 @@ void Session::run() {
         lookAtLog();
         if (progress) progress(slot, last + 1);
         slot = rest(std::max(slot + 1, slotNow()), last);
-        while (!interrupted() && Clock::now() < dueAt(slot))
-            std::this_thread::sleep_until(std::min(dueAt(slot), Clock::now() + std::chrono::milliseconds(50)));
+        sleepUntil(dueAt(slot));
     }
     if (progress) progress(1, 1);
     seconds_ = std::chrono::duration<double>(Clock::now() - start_).count();

@@ -148,10 +148,7 @@ int top(const TopArguments& options) {
         std::fflush(stdout);
         if (options.once) return kDone;
         before = std::move(now);
-        const auto until = Clock::now() + std::chrono::duration<double>(interval);
-        while (!interrupted() && Clock::now() < until)
-            std::this_thread::sleep_for(std::min<Clock::duration>(
-                std::chrono::milliseconds(50), std::chrono::ceil<Clock::duration>(until - Clock::now())));
+        sleepUntil(Clock::now() + std::chrono::ceil<Clock::duration>(std::chrono::duration<double>(interval)));
     }
     return kDone;
 }

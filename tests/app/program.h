@@ -100,6 +100,21 @@ class Program {
                 readFile(streams_ + ".err")};
     }
 
+    /// How often its threads have waited and gone on; of those that there are now.
+    std::uint64_t wakeUps() const {
+        constexpr std::string_view kCount = "\nvoluntary_ctxt_switches:";
+        std::uint64_t all = 0;
+        std::error_code ended;
+        for (const auto& thread :
+             std::filesystem::directory_iterator("/proc/" + std::to_string(pid_) + "/task", ended)) {
+            const std::string status = readFile(thread.path() / "status");
+            if (const auto at = status.find(kCount); at != std::string::npos)
+                all += std::stoull(status.substr(at + kCount.size()));
+        }
+        EXPECT_FALSE(ended) << "it has ended: " << said();
+        return all;
+    }
+
     /// What is on standard error as yet.
     std::string said() const { return readFile(streams_ + ".err"); }
     /// The first line on standard output, once it is there.

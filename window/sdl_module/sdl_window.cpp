@@ -1,8 +1,11 @@
 // A window by SDL 2. The processor writes its pixels, so it needs no graphics card.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <cstring>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -39,7 +42,8 @@ class SdlWindow final : public WindowModule {
         if (SDL_Init(SDL_INIT_VIDEO) != 0) return problem = SDL_GetError(), false;
         // Without a display SDL uses an invisible one. That is only wanted if the user asks for it.
         const std::string driver = SDL_GetCurrentVideoDriver();
-        if ((driver == "offscreen" || driver == "dummy") && !SDL_getenv("SDL_VIDEODRIVER"))
+        isUnseen_ = driver == "offscreen" || driver == "dummy";
+        if (isUnseen_ && !SDL_getenv("SDL_VIDEODRIVER"))
             return problem = "there is no display (SDL_VIDEODRIVER=offscreen does without one)", false;
         const Uint32 flags = SDL_WINDOW_RESIZABLE | (settings.fullscreen ? Uint32{SDL_WINDOW_FULLSCREEN_DESKTOP} : 0U);
         window_ = SDL_CreateWindow(settings.title.c_str(), SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
@@ -62,9 +66,9 @@ class SdlWindow final : public WindowModule {
         if (SDL_PollEvent(&event)) return translated(event);
         if (milliseconds <= 0) return {};
         // Who holds a gamepad is heard as often as pictures are made.
-        if (!pad_) return SDL_WaitEventTimeout(&event, milliseconds) ? translated(event) : WindowEvent{};
+        if (!pad_) return wait(event, milliseconds) ? translated(event) : WindowEvent{};
         for (int left = milliseconds; left > 0; left -= kPadEvery) {
-            if (SDL_WaitEventTimeout(&event, std::min(left, kPadEvery))) return translated(event);
+            if (wait(event, std::min(left, kPadEvery))) return translated(event);
             SDL_GameControllerUpdate();
         }
         return SDL_PollEvent(&event) ? translated(event) : WindowEvent{};
@@ -118,9 +122,25 @@ class SdlWindow final : public WindowModule {
         std::memset(&event, 0, sizeof(event));
         event.type = woken_;
         SDL_PushEvent(&event);
+        const std::scoped_lock lock(mutex_);
+        isWoken_ = true;
+        called_.notify_one();
     }
 
   private:
+    /// Where nobody sees the window only wake() brings events, and SDL would look for them a thousand times a second.
+    bool wait(SDL_Event& event, int milliseconds) {
+        if (!isUnseen_) return SDL_WaitEventTimeout(&event, milliseconds) != 0;
+        const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(milliseconds);
+        for (bool isOver = false; !isOver;) {
+            if (SDL_PollEvent(&event)) return true;
+            std::unique_lock lock(mutex_);
+            isOver = !called_.wait_until(lock, end, [this] { return isWoken_; });
+            isWoken_ = false;
+        }
+        return SDL_PollEvent(&event) != 0;
+    }
+
     /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would be an error,
     /// which ends the process; where the display has answered, it has read what was sent by others before.
     void letWakesArrive() {
@@ -352,6 +372,10 @@ class SdlWindow final : public WindowModule {
     SDL_Window* window_ = nullptr;
     SDL_GameController* pad_ = nullptr;  // the first that came
     Uint32 woken_ = 0, buttons_ = 0;
+    bool isUnseen_ = false;
+    std::mutex mutex_;
+    std::condition_variable called_;
+    bool isWoken_ = false;  // guarded by mutex_
     bool inScene_ = false;  // the pointer, as was told last
 #ifdef RTSG_HAS_OVERLAY
     std::unique_ptr<Overlay> overlay_;

@@ -295,6 +295,12 @@ bool FoxgloveServer::wantsWhole(std::uint16_t topic) const {
     });
 }
 
+bool FoxgloveServer::owesWhole() const {
+    return std::ranges::any_of(state_->topics, [](const State::Topic& topic) {
+        return std::ranges::any_of(topic.subscriptions, [](const auto& one) { return one.second.needsWhole; });
+    });
+}
+
 void FoxgloveServer::send(std::uint16_t topic, double time, std::string json, Reach reach) {
     State& s = *state_;
     State::Topic& all = s.topics[topic];

@@ -46,6 +46,10 @@ Result<bool> LogPlayer::one() {
     return more;
 }
 
+double LogPlayer::timeOf(double next) {
+    return reached() + std::max(next - scene().now(), 0.0);
+}
+
 Result<> LogPlayer::advance(double seconds) {
     if (paused_) return {};
     if (ended_ && loop_)
@@ -58,8 +62,7 @@ Result<> LogPlayer::advance(double seconds) {
             ended_ = true;
             break;
         }
-        // Another session may begin with an earlier time; it follows at once.
-        if (reached() + std::max(*next - scene().now(), 0.0) > until) break;
+        if (timeOf(*next) > until) break;
         if (const Result<bool> more = one(); !more) return std::unexpected(more.error());
         if (std::chrono::steady_clock::now() - began > kLongestStep) {
             clock_ = std::max(clock_, reached());
@@ -68,6 +71,12 @@ Result<> LogPlayer::advance(double seconds) {
     }
     clock_ = ended_ ? length_ : until;
     return {};
+}
+
+double LogPlayer::dueIn() {
+    if (paused_ || ended()) return std::numeric_limits<double>::infinity();
+    const std::optional<double> next = ended_ ? std::nullopt : replayer_->nextTime();
+    return next ? std::max(0.0, (timeOf(*next) - clock_) / rate_) : 0;
 }
 
 Result<> LogPlayer::seek(double time) {

@@ -25,6 +25,7 @@ Result<std::unique_ptr<MirrorRelay>> MirrorRelay::connect(Scene& replica, const 
 
 Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
     const auto end = std::chrono::steady_clock::now() + timeout;
+    const bool lost = client_->originLost();
     std::size_t applied = 0;
     while (true) {
         const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
@@ -43,7 +44,7 @@ Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
             server_->setOriginLost(client_->originLost());
             server_->service();
         }
-        if (applied > 0 || std::chrono::steady_clock::now() >= end) return applied;
+        if (applied > 0 || client_->originLost() != lost || std::chrono::steady_clock::now() >= end) return applied;
     }
 }
 

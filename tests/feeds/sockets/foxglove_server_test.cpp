@@ -64,9 +64,11 @@ TEST_F(FoxgloveServing, AViewerIsToldTopicsAndGetsWhatItSubscribesTo) {
     EXPECT_FALSE(server->wants(events));
     // Before a whole one it gets no changes.
     EXPECT_TRUE(server->wantsWhole(state));
+    EXPECT_TRUE(server->owesWhole());
     server->send(state, .5, "1", Reach::change);
     server->send(state, 1.5, "2", Reach::wholeForNew);
     EXPECT_FALSE(server->wantsWhole(state));
+    EXPECT_FALSE(server->owesWhole());
     server->send(state, 2, "3", Reach::wholeForNew);
     server->send(state, 2.5, "4", Reach::change);
     server->tellTime(2.5);

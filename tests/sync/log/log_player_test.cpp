@@ -1,6 +1,8 @@
 // A log played in time: every state once, at its time; paused, stepped, sought, looped; and what is not understood.
 #include <rtsg/sync/log_player.h>
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "support/log_support.h"
@@ -55,6 +57,25 @@ TEST_F(LogPlayers, EveryStateComesAtItsTime) {
     for (std::size_t i = 0; i < states.seen.size(); ++i) EXPECT_EQ(states.seen[i], first + 1 + i);
     EXPECT_TRUE(player->ended());
     EXPECT_EQ(player->time(), player->length());
+}
+
+TEST_F(LogPlayers, ItSaysWhenTheNextStateIsDue) {
+    EXPECT_NEAR(player->dueIn(), .1, 1e-9);
+    ASSERT_TRUE(player->advance(.03));
+    EXPECT_NEAR(player->dueIn(), .07, 1e-9);
+    ASSERT_TRUE(player->advance(player->dueIn() + 1e-9));
+    EXPECT_NEAR(player->scene().now(), .1, 1e-9);
+    player->setRate(4);
+    ASSERT_TRUE(player->seek(.55));
+    EXPECT_NEAR(player->dueIn(), .05 / 4, 1e-9);
+    player->pause(true);
+    EXPECT_TRUE(std::isinf(player->dueIn()));
+    player->pause(false);
+    ASSERT_TRUE(player->advance(1));
+    EXPECT_TRUE(player->ended());
+    EXPECT_TRUE(std::isinf(player->dueIn()));
+    player->setLoop(true);
+    EXPECT_EQ(player->dueIn(), 0);
 }
 
 TEST_F(LogPlayers, ItDoesWhatItIsTold) {

@@ -70,6 +70,8 @@ class FoxgloveServer {
     bool wants(std::uint16_t topic) const;
     /// True if somebody who has subscribed waits for a whole message, and has room for it.
     bool wantsWhole(std::uint16_t topic) const;
+    /// True if somebody waits for a whole message of any topic, whether or not there is room.
+    bool owesWhole() const;
     enum class Reach : std::uint8_t {
         change,       // what has changed: for those who have had a whole one
         wholeForAll,  // all there is

@@ -47,6 +47,8 @@ class LogPlayer {
     /// a second a call; the player's clock then waits. Errors: as Replayer::step(); after one, play goes on at the next
     /// keyframe.
     Result<> advance(double seconds);
+    /// Seconds of the player's own time until advance() has something to do; infinite if it is paused, or at its end.
+    double dueIn();
     /// Goes to the last state that is not after `time`, which is from 0 to length().
     Result<> seek(double time);
     /// Pauses, and goes on by `states` states.
@@ -62,6 +64,8 @@ class LogPlayer {
     explicit LogPlayer(std::unique_ptr<Replayer> replayer) : replayer_(std::move(replayer)) {}
     Result<bool> one();
     double reached() const { return replayer_->time() - start_; }
+    /// Of the next state, whose scene time is given. Another session may begin with an earlier one; it follows at once.
+    double timeOf(double next);
 
     std::unique_ptr<Replayer> replayer_;
     double start_ = 0, length_ = 0, clock_ = 0, rate_ = 1;
