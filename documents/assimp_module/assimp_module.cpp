@@ -8,8 +8,10 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include <assimp/DefaultLogger.hpp>
 #include <assimp/Exporter.hpp>
 #include <assimp/Importer.hpp>
+#include <assimp/LogStream.hpp>
 
 namespace rtsg::detail {
 
@@ -46,13 +48,30 @@ std::string withoutExtensions(std::string_view glb) {
     return result;
 }
 
-bool makeGlb(std::string_view bytes, const char* extension, std::string& result) {
+/// Keeps the errors that libassimp goes on after: it takes another point for one that is not there, say.
+class Faults final : public Assimp::LogStream {
+  public:
+    explicit Faults(std::string& to) : to_(to) {}
+    void write(const char* message) override {
+        constexpr std::size_t most = 4096;  // bytes
+        if (to_.size() < most) to_ += message;
+    }
+
+  private:
+    std::string& to_;
+};
+
+bool makeGlb(std::string_view bytes, const char* extension, std::string& result, std::string& faults) {
+    Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
+    // The logger ends with this process.
+    Assimp::DefaultLogger::get()->attachStream(new Faults(faults), Assimp::Logger::Err);
     Assimp::Importer importer;
     constexpr unsigned kSteps =
         aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_JoinIdenticalVertices | aiProcess_LimitBoneWeights;
     const aiScene* read = importer.ReadFileFromMemory(bytes.data(), bytes.size(), kSteps, extension);
     if (!read) {
         result = importer.GetErrorString();
+        if (result.find("bad_alloc") != result.npos) result = "what it counts takes more memory than may be had";
         return false;
     }
     if (read->mNumMeshes == 0) {
@@ -73,6 +92,6 @@ bool makeGlb(std::string_view bytes, const char* extension, std::string& result)
 
 }  // namespace rtsg::detail
 
-extern "C" __attribute__((visibility("default"))) rtsg::detail::MakeGlb rtsg_start_assimp_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::detail::MakeGlb rtsg_start_assimp_2() {
     return rtsg::detail::makeGlb;
 }

@@ -11,6 +11,9 @@ namespace rtsg::detail {
 using nlohmann::json;
 
 void GltfAnimations::write(std::string_view wanted) {
+    for (const GltfFigure& figure : figures_)
+        for (std::size_t j = 0; j < figure.joints.size(); ++j)
+            joints_.emplace(figure.skin.joints()[j].node, std::pair(&figure, j));
     const json& animations = GltfFile::list(file_.root(), "animations");
     std::string playing, names;
     std::vector<std::pair<std::string, std::size_t>> clocks;
@@ -40,7 +43,12 @@ GltfAnimations::Clip GltfAnimations::readTimes(const json& animation, std::size_
         std::size_t components = 0;
         std::vector<float> keys =
             file_.floats(GltfFile::index(samplers[*sampler], "input").value_or(kNoIndex), components);
-        if (components != 1 || keys.empty()) continue;
+        if (keys.empty()) continue;  // which has been told
+        if (components != 1 || !std::ranges::is_sorted(keys)) {
+            file_.fault(fmt::format(
+                "animation {} of the glTF file has keys that do not ascend in time; they are left out", number));
+            continue;
+        }
         clip.length = std::max(clip.length, static_cast<double>(keys.back()));
         clip.times.emplace(*sampler, std::move(keys));
     }
@@ -79,11 +87,12 @@ void GltfAnimations::writeClip(const json& animation, Clip& clip) {
         const auto curve = readCurve(file_, samplers[*sampler], times, path == "rotation" ? 4 : 3, tolerance);
         if (!curve) continue;
         writeChannel(*curve, clip.length, path, clip.clock, def, names_.of(GltfNames::List::nodes, *node), nullptr);
-        for (const GltfFigure& figure : figures_)
-            for (std::size_t j = 0; j < figure.joints.size(); ++j)
-                if (figure.skin.joints()[j].node == *node)
-                    writeChannel(*curve, clip.length, path, clip.clock, def + "_" + figure.joints[j], figure.joints[j],
-                                 &figure.skin.joints()[j]);
+        const auto [first, last] = joints_.equal_range(*node);
+        for (auto at = first; at != last; ++at) {
+            const auto& [figure, j] = at->second;
+            writeChannel(*curve, clip.length, path, clip.clock, def + "_" + figure->joints[j], figure->joints[j],
+                         &figure->skin.joints()[j]);
+        }
     }
 }
 
@@ -130,6 +139,7 @@ void GltfAnimations::startWithScene(const std::string& clock) {
 void GltfAnimations::writeChannel(const GltfCurve& curve, double length, const std::string& path,
                                   const std::string& clock, const std::string& wanted, const std::string& target,
                                   const GltfSkin::Joint* joint) {
+    if (!file_.mayMake(sizeof(float) * (1 + curve.size) * curve.times.size())) return;
     const bool turns = path == "rotation";
     Array<float> keys;
     Array<Rotation> rotations;
@@ -163,21 +173,28 @@ void GltfAnimations::writeWeights(const json& sampler, const Clip& clip, const s
                                   const std::string& def, std::size_t nodeIndex) {
     const json* node = file_.item("nodes", nodeIndex);
     const json* mesh = node ? file_.item("meshes", GltfFile::index(*node, "mesh").value_or(kNoIndex)) : nullptr;
-    if (!mesh) return;
+    if (!mesh)
+        return file_.fault(
+            fmt::format("weights of node {} of the glTF file are animated, and it has no mesh", nodeIndex));
     constexpr double tolerance = 1e-3;  // each key holds all points
     const auto curve = readCurve(file_, sampler, times, 0, tolerance);
     if (!curve) return;
     std::size_t part = 0;
     for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
+        constexpr std::uint64_t bytes = 256;  // of its nodes
+        if (!file_.mayMake(bytes)) return;
+        if (curve->size != GltfFile::list(primitive, "targets").size())
+            return file_.fault(def + ": an animation of the glTF file has another number of weights than targets");
         const std::string name = names_.take(def + "_part" + std::to_string(part));
         const std::string& points = names_.points(nodeIndex, part++);
         const Array<Vec3f> rest = meshes_.vectors(GltfFile::object(primitive, "attributes"), "POSITION", 0);
         constexpr std::size_t most = std::size_t{1} << 26;  // points in all keys
         if (!meshes_.hasPoints(points)) continue;           // the primitive was left out
         if (rest.empty() || rest.size() > most / curve->times.size()) {
-            file_.warn("animated weights of the glTF file move too many points; they rest");
+            file_.fault("animated weights of the glTF file move too many points; they rest");
             continue;
         }
+        if (!file_.mayMake(sizeof(Vec3f) * rest.size() * curve->times.size())) return;
         Array<float> keys;
         Array<Vec3f> values;
         for (std::size_t i = 0; i < curve->times.size(); ++i) {

@@ -48,6 +48,7 @@ class GltfAnimations {
     GltfMeshes& meshes_;
     const std::vector<GltfFigure>& figures_;
     std::function<bool(std::size_t)> isGiven_;
+    std::multimap<std::size_t, std::pair<const GltfFigure*, std::size_t>> joints_{};  // by their nodes
 };
 
 }  // namespace rtsg::detail

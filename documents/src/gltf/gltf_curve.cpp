@@ -99,7 +99,8 @@ std::optional<GltfCurve> readCurve(GltfFile& file, const json& sampler, const st
     const bool any = size == 0 && components == 1 && groups != 0 && numbers.size() % groups == 0;
     if (any) size = numbers.size() / groups;
     if (size == 0 || (!any && components != size) || numbers.size() != groups * size || times.empty()) {
-        file.warn("an animation of the glTF file has another number of values than keys; it is left out");
+        if (!numbers.empty())
+            file.fault("an animation of the glTF file has another number of values than keys; it is left out");
         return std::nullopt;
     }
     if (cubic) return Splines(numbers, times, size).lines(tolerance);

@@ -52,7 +52,7 @@ void writeFigure(GltfFile& file, DocumentHandler& out, GltfMeshes& meshes, const
                  const json& primitive, const GltfForm& form) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     Array<Vec3f> points = meshes.vectors(attributes, "POSITION", 0);
-    if (points.empty()) return file.warn("a primitive of the glTF file has no positions; it is left out");
+    if (points.empty()) return meshes.tellWithoutPoints(attributes);
     const auto influences = figure.skin.influences(file, attributes, points.size());
     meshes.morph(primitive, "POSITION", form.weights, points);
     GltfNode humanoid(out, "HAnimHumanoid", "children", figure.name);

@@ -10,12 +10,12 @@ namespace rtsg::detail {
 
 /// A skin's joints, and what they are called.
 struct GltfFigure {
-    GltfFigure(GltfSkin itsSkin, std::string itsName, GltfNames& names)
-        : skin(std::move(itsSkin)), name(names.take(itsName)) {
+    GltfFigure(const GltfSkin& itsSkin, std::string_view itsName, GltfNames& names)
+        : skin(itsSkin), name(names.take(itsName)) {
         for (std::size_t i = 0; i < skin.joints().size(); ++i)
             joints.push_back(names.take(name + "_joint" + std::to_string(i)));
     }
-    GltfSkin skin;
+    const GltfSkin& skin;
     std::string name;
     std::vector<std::string> joints;
 };

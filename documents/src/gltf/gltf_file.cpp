@@ -7,7 +7,9 @@
 #include <set>
 
 #include <rtsg/core/memory.h>
+#include <rtsg/core/portable_math.h>
 
+#include "gltf_check.h"
 #include "gltf_looks.h"
 #include "text/text_position.h"
 
@@ -150,8 +152,14 @@ bool GltfFile::open() {
                                                : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
         return false;
     }
-    if (!readExtensions() || !loadModule({kDraco}, dracoModule, draco_) ||
-        !loadModule({kMeshopt, kMeshoptLater}, meshoptModule, meshopt_))
+    if (const std::string least = GltfFile::text(object(root_, "asset"), "minVersion");
+        !least.empty() && least != "2.0") {
+        diagnostics_.error({}, "the glTF file needs a reader of glTF " + least.substr(0, 20) + "; 2.0 is read");
+        return false;
+    }
+    checkGltf(root_, diagnostics_);
+    if (!readExtensions() || !loadModule(text, {kDraco}, dracoModule, draco_) ||
+        !loadModule(text, {kMeshopt, kMeshoptLater}, meshoptModule, meshopt_))
         return false;
     findPacked();
     return true;
@@ -210,15 +218,16 @@ bool GltfFile::lists(const char* key, std::string_view extension) const {
         list(root_, key), [&](const json& name) { return name.is_string() && name.get<std::string>() == extension; });
 }
 
-/// Loads what unpacks data, if the file has such. False if it requires it, and it cannot be had.
+/// Loads what unpacks data, if the file has such, be it listed or not. False if it requires it, and it cannot be had.
 template <class Function>
-bool GltfFile::loadModule(std::initializer_list<std::string_view> extensions, Result<Function> (*module)(),
-                          Function& into) {
+bool GltfFile::loadModule(std::string_view text, std::initializer_list<std::string_view> extensions,
+                          Result<Function> (*module)(), Function& into) {
     const auto isIn = [&](const char* key) {
         return std::ranges::any_of(extensions, [&](std::string_view name) { return lists(key, name); });
     };
     const bool isRequired = isIn("extensionsRequired");
-    if (!isRequired && !isIn("extensionsUsed")) return true;
+    if (!isRequired && std::ranges::none_of(extensions, [&](std::string_view name) { return text.contains(name); }))
+        return true;
     if (auto found = module()) {
         into = *found;
         return true;
@@ -244,9 +253,9 @@ std::string GltfFile::extensions(const char* key, const std::function<bool(std::
 
 /// 12 bytes of head, then chunks of length, kind and content.
 bool GltfFile::openBinary(std::string_view& text) {
-    const std::string_view all = input_.bytes;
-    const auto broken = [&](const char* why) {
-        diagnostics_.error({}, std::string("the GLB file is damaged: ") + why);
+    std::string_view all = input_.bytes;
+    const auto broken = [&](const std::string& why) {
+        diagnostics_.error({}, "the GLB file is damaged: " + why);
         return false;
     };
     if (all.size() < 20) return broken("it is too short");
@@ -255,11 +264,19 @@ bool GltfFile::openBinary(std::string_view& text) {
                                    (version == 1 ? " (version 1 is that of glTF 1.0)" : ""));
         return false;
     }
+    const std::size_t length = at<std::uint32_t>(all.data() + 8);
+    if (length > all.size())
+        return broken("its head counts " + std::to_string(length) + " bytes, and it has " + std::to_string(all.size()));
+    if (length < all.size())
+        warn("bytes behind the end of the GLB file, which its head counts, are left out: " +
+             std::to_string(all.size() - length));
+    all = all.substr(0, length);
     text = {};
     for (std::size_t i = 12; i + 8 <= all.size();) {
         const std::size_t size = at<std::uint32_t>(all.data() + i), rest = all.size() - i - 8;
         const auto kind = at<std::uint32_t>(all.data() + i + 4);
-        if (size > rest) return broken("a chunk is longer than the file");
+        if (size > rest)
+            return broken("the chunk at its byte " + std::to_string(i) + " is longer than the rest of the file");
         if (kind == 0x4E4F534A && text.empty()) text = all.substr(i + 8, size);
         if (kind == 0x004E4942 && chunk_.empty()) chunk_ = all.substr(i + 8, size);
         i += 8 + size;
@@ -269,10 +286,7 @@ bool GltfFile::openBinary(std::string_view& text) {
 
 const json* GltfFile::item(const char* list, std::size_t index) {
     const json& all = GltfFile::list(root_, list);
-    if (index < all.size() && all[index].is_object()) return &all[index];
-    if (index != SIZE_MAX)
-        warn("the glTF file names number " + std::to_string(index) + " of its " + list + ", which is not there");
-    return nullptr;
+    return index < all.size() && all[index].is_object() ? &all[index] : nullptr;
 }
 
 std::optional<std::size_t> GltfFile::index(const json& object, const char* key) {
@@ -322,20 +336,42 @@ void GltfFile::makeFinite(std::vector<float>& numbers) {
     std::size_t changed = 0;
     for (float& number : numbers)
         if (!std::isfinite(number)) number = 0, ++changed;
-    if (changed) warn("numbers of the glTF file are not finite; 0 is taken instead");
+    if (changed) fault("numbers of the glTF file are not finite; 0 is taken instead");
 }
 
 void GltfFile::warn(std::string text) {
-    if (std::ranges::find(warned_, text) != warned_.end()) return;
-    warned_.push_back(text);
-    diagnostics_.warning({}, std::move(text));
+    if (told_.insert(text).second) diagnostics_.warning({}, std::move(text));
+}
+
+void GltfFile::fault(std::string text) {
+    if (isFull_) return;  // what is left out then has been told
+    if (told_.insert(text).second) diagnostics_.error({}, std::move(text));
+}
+
+bool GltfFile::mayMake(std::uint64_t bytes) {
+    if (isFull_) return false;
+    made_ += std::min(bytes, input_.maximumBytes);
+    if (made_ <= input_.maximumBytes) return true;
+    isFull_ = true;
+    diagnostics_.error({},
+                       "what the glTF file describes takes more than " + std::to_string(input_.maximumBytes) +
+                           " bytes, as it uses its data again and again; the rest is left out, unless --limit bytes=N "
+                           "raises this",
+                       DiagnosticCode("memory"));
+    return false;
 }
 
 std::string_view GltfFile::buffer(std::size_t index) {
     const json* object = item("buffers", index);
     if (!object) return {};
     const std::string uri = text(*object, "uri");
-    if (uri.empty()) return index == 0 ? chunk_ : std::string_view();
+    const auto whole = [&](std::string_view bytes) {
+        if (const std::size_t wanted = GltfFile::index(*object, "byteLength").value_or(0); bytes.size() < wanted)
+            fault("buffer " + std::to_string(index) + " of the glTF file has " + std::to_string(bytes.size()) +
+                  " bytes; its byteLength counts " + std::to_string(wanted));
+        return bytes;
+    };
+    if (uri.empty()) return whole(index == 0 ? chunk_ : std::string_view());
     buffers_.resize(std::max(buffers_.size(), index + 1));
     if (!buffers_[index]) {
         buffers_[index].emplace();
@@ -345,7 +381,7 @@ std::string_view GltfFile::buffer(std::size_t index) {
             if (bytes)
                 *buffers_[index] = std::move(*bytes);
             else
-                diagnostics_.error({}, "a buffer of the glTF file is no base64 text");
+                fault("buffer " + std::to_string(index) + " of the glTF file is no base64 text");
         } else {
             auto bytes = input_.open ? input_.open(uri) : fail("no other file may be opened");
             if (bytes)
@@ -353,6 +389,7 @@ std::string_view GltfFile::buffer(std::size_t index) {
             else
                 diagnostics_.error({}, "the buffer " + uri.substr(0, 80) + ": " + bytes.error().text);
         }
+        if (!buffers_[index]->empty()) whole(*buffers_[index]);
     }
     return *buffers_[index];
 }
@@ -373,7 +410,7 @@ std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
     const std::size_t size = GltfFile::index(*view, "byteLength").value_or(0);
     if (stride) *stride = GltfFile::index(*view, "byteStride").value_or(0);
     if (offset > all.size() || size > all.size() - offset) {
-        warn("a buffer view of the glTF file reaches beyond its buffer; it is left out");
+        fault("buffer view " + std::to_string(index) + " of the glTF file reaches beyond its buffer; it is left out");
         return {};
     }
     return all.substr(offset, size);
@@ -474,7 +511,7 @@ void GltfFile::unpackMesh(json& primitive) {
     const auto give = [&](std::size_t accessor, std::string bytes, std::size_t componentType) {
         all[accessor].erase("byteOffset");
         all[accessor].erase("bufferView");
-        if (why) return;
+        if (why) return void(all[accessor]["count"] = 0);
         const std::size_t view = list(root_, "bufferViews").size() + accessor;
         unpackedViews_[view] = std::move(bytes);
         all[accessor]["bufferView"] = view;
@@ -487,6 +524,26 @@ void GltfFile::unpackMesh(json& primitive) {
     primitive["mode"] = triangleList;
 }
 
+Vec3f GltfFile::shown(const Vec3f& light) const {
+    if (input_.displayColors) return light;
+    Vec3f result;
+    for (int c = 0; c < 3; ++c) {
+        // IEC 61966-2-1
+        constexpr double linear = .0031308, slope = 12.92, scale = 1.055, offset = .055, power = 1 / 2.4;
+        const double value = std::max(0.0, double{light[c]});
+        result[c] = static_cast<float>(value <= linear ? slope * value : scale * portable::pow(value, power) - offset);
+    }
+    return result;
+}
+
+/// What messages call it.
+std::string GltfFile::nameOf(const json& accessor) const {
+    const json& all = list(root_, "accessors");
+    const std::less<const json*> before;
+    if (all.empty() || before(&accessor, &all.front()) || before(&all.back(), &accessor)) return "a sparse accessor";
+    return "accessor " + std::to_string(&accessor - &all.front());
+}
+
 /// The elements of an accessor in their buffer; nothing if they do not fit.
 std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std::size_t components) {
     const auto view = index(accessor, "bufferView");
@@ -496,7 +553,13 @@ std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std
     const std::string_view bytes = view ? bufferView(*view, &stride) : std::string_view();
     const std::size_t offset = index(accessor, "byteOffset").value_or(0);
     if (stride == 0) stride = size;
-    const bool fits = size != 0 && count != 0 && offset <= bytes.size() && size <= bytes.size() - offset &&
+    if (count == 0 || size == 0) return std::nullopt;  // which has been told
+    const auto leftOut = [&](const char* why) -> std::optional<Elements> {
+        fault(nameOf(accessor) + " of the glTF file " + why + "; it is left out");
+        return std::nullopt;
+    };
+    if (stride < size) return leftOut("has elements that lie in each other, by the byteStride of its buffer view");
+    const bool fits = offset <= bytes.size() && size <= bytes.size() - offset &&
                       (count - 1) <= (bytes.size() - offset - size) / stride;
     constexpr std::size_t kLarge = std::size_t{1} << 20;
     if (fits && count * components > kLarge && !mayHold(2 * sizeof(float) * count * components)) {
@@ -504,10 +567,8 @@ std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std
                            DiagnosticCode("memory"));
         return std::nullopt;
     }
-    if (!fits) {
-        warn("an accessor of the glTF file reaches beyond its buffer view; it is left out");
-        return std::nullopt;
-    }
+    if (!fits) return leftOut("reaches beyond its buffer view");
+    if (!mayMake(sizeof(float) * count * components)) return std::nullopt;
     return Elements{bytes.data() + offset, count, stride, size, type, flag(accessor, "normalized")};
 }
 
@@ -568,7 +629,7 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
     } else {
         // Zeros, of which a sparse accessor replaces some.
         const std::size_t count = index(*accessor, "count").value_or(0);
-        if (!accessor->contains("sparse") || !mayTakeZeros(*accessor, count, components)) return {};
+        if (!mayTakeZeros(*accessor, count, components) || !mayMake(sizeof(float) * count * components)) return {};
         result.resize(count * components);
     }
     if (accessor->contains("sparse") && !sparse(*accessor, components, result)) return {};
@@ -585,8 +646,8 @@ bool GltfFile::mayTakeZeros(const json& accessor, std::size_t count, std::size_t
     for (const auto& buffer : buffers_) bytes += buffer ? buffer->size() : 0;
     const std::size_t left = kOfByte * bytes - std::min(zeros_, kOfByte * bytes);
     if (count > left / components) {
-        warn("a sparse accessor of the glTF file counts " + std::to_string(count) +
-             " elements, more than there can be; it is left out");
+        fault(nameOf(accessor) + " of the glTF file counts " + std::to_string(count) +
+              " elements, more than there can be without bytes of their own; it is left out");
         return false;
     }
     zeros_ += count * components;
@@ -601,15 +662,19 @@ bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<
     where["count"] = values["count"] = count;
     values["componentType"] = index(accessor, "componentType").value_or(0);
     values["normalized"] = flag(accessor, "normalized");
+    if (index(where, "componentType") == 5126) return false;
     std::vector<std::size_t> places;
     if (!forEach(where, 1, [&](const char* p, std::size_t type, bool) {
             places.push_back(static_cast<std::size_t>(component(p, type, false)));
         }))
         return false;
+    if (std::ranges::any_of(places, [&](std::size_t place) { return place >= into.size() / components; })) {
+        fault(nameOf(accessor) + " of the glTF file is sparse, with indices beyond its elements; it is left out");
+        return false;
+    }
     std::size_t i = 0;
     return forEach(values, components, [&](const char* p, std::size_t type, bool normalized) {
-        const std::size_t place = places[i / components] * components + i % components;
-        if (place < into.size()) into[place] = static_cast<float>(component(p, type, normalized));
+        into[places[i / components] * components + i % components] = static_cast<float>(component(p, type, normalized));
         ++i;
     });
 }
@@ -618,8 +683,10 @@ Array<std::int32_t> GltfFile::indices(std::size_t number) {
     Array<std::int32_t> result;
     const json* accessor = accessorOf(number);
     const std::size_t kind = accessor ? index(*accessor, "componentType").value_or(0) : 0;
-    if (!accessor || text(*accessor, "type") != "SCALAR" || (kind != 5121 && kind != 5123 && kind != 5125)) {
-        warn("an accessor of the glTF file is no list of indices; what it is for is left out");
+    if (!accessor || index(*accessor, "count").value_or(0) == 0) return result;
+    if (text(*accessor, "type") != "SCALAR" || (kind != 5121 && kind != 5123 && kind != 5125) ||
+        !accessor->contains("bufferView") || accessor->contains("sparse")) {
+        fault(nameOf(*accessor) + " of the glTF file is no plain list of indices; what it is for is left out");
         return result;
     }
     constexpr std::size_t u32 = 5125;

@@ -25,7 +25,7 @@ class GltfFile {
     /// False if it is no glTF 2.0.
     bool open();
 
-    /// The object `index` of a list of the root; null, with a report, if there is none. SIZE_MAX asks for none.
+    /// The object `index` of a list of the root; null if there is none, which has been told.
     const nlohmann::json* item(const char* list, std::size_t index);
     const nlohmann::json& root() const { return root_; }
     /// An index or another count of an object; nothing if it is absent or negative.
@@ -52,18 +52,26 @@ class GltfFile {
     std::optional<Array<T>> floatArray(std::size_t accessor);
     Array<std::int32_t> indices(std::size_t accessor);
     std::string_view bufferView(std::size_t index, std::size_t* stride = nullptr);
-    /// Each text once.
+    /// Each text once. A fault is one of the file; a warning tells of what is not read here.
     void warn(std::string text);
-    void fault(std::string text) { diagnostics_.error({}, std::move(text)); }
+    void fault(std::string text);
+    /// Counts what is made of the file beside its bytes; false, and reported once, if it is more than may be. A file
+    /// that uses its data again and again would become any size.
+    bool mayMake(std::uint64_t bytes);
+    /// Light as an UnlitMaterial has it, whose colours are those of a screen (sRGB).
+    Vec3f shown(const Vec3f& light) const;
+    /// What messages call an accessor.
+    std::string nameOf(const nlohmann::json& accessor) const;
 
   private:
     bool openBinary(std::string_view& json);
     bool readExtensions();
     bool lists(const char* key, std::string_view extension) const;
     template <class Function>
-    bool loadModule(std::initializer_list<std::string_view> extensions, Result<Function> (*module)(), Function& into);
+    bool loadModule(std::string_view text, std::initializer_list<std::string_view> extensions,
+                    Result<Function> (*module)(), Function& into);
     void findPacked();
-    /// The accessor of that number, unpacked if Draco has packed it; null, with a report, if there is none.
+    /// The accessor of that number, unpacked if Draco has packed it; null if there is none.
     const nlohmann::json* accessorOf(std::size_t number);
     void unpackMesh(nlohmann::json& primitive);
     const std::string& unpackView(std::size_t number, const nlohmann::json& packed);
@@ -98,7 +106,9 @@ class GltfFile {
     std::vector<std::optional<std::string>> buffers_;
     std::size_t zeros_ = 0;                   // floats of sparse accessors that no byte stands for
     std::set<const nlohmann::json*> zeroed_;  // these accessors
-    std::vector<std::string> warned_;
+    std::set<std::string> told_;
+    std::uint64_t made_ = 0;
+    bool isFull_ = false;
     UnpackDraco draco_ = nullptr;  // null: no file that needs it, or no module
     UnpackMeshopt meshopt_ = nullptr;
     std::map<std::size_t, nlohmann::json*> packedBy_;     // accessors that Draco has packed: the primitive of each

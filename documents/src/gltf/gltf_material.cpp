@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include <rtsg/core/lasting.h>
 #include <rtsg/core/portable_math.h>
 
@@ -14,10 +16,6 @@ namespace rtsg::detail {
 using nlohmann::json;
 
 namespace {
-
-bool isUnlit(const json& material) {
-    return GltfFile::object(material, "extensions").contains("KHR_materials_unlit");
-}
 
 const json& glossTexture(const json& material) {
     return GltfFile::object(GltfFile::extension(material, "KHR_materials_pbrSpecularGlossiness"), "diffuseTexture");
@@ -30,7 +28,7 @@ struct TextureReference {
 std::vector<TextureReference> texturesOf(const json& material) {
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
     const json& base = glossOf(material) ? glossTexture(material) : GltfFile::object(metal, "baseColorTexture");
-    if (isUnlit(material)) return {{base, "emissiveTexture"}};
+    if (GltfMaterials::isUnlit(material)) return {{base, "emissiveTexture"}};
     return {{base, "baseTexture"},
             {GltfFile::object(metal, "metallicRoughnessTexture"), "metallicRoughnessTexture"},
             {GltfFile::object(material, "emissiveTexture"), "emissiveTexture"},
@@ -87,10 +85,37 @@ void writeTransform(DocumentHandler& out, const GltfMapping& mapping, const char
     if (translation != Vec2d(0)) node.set("translation", Vec2f(translation));
 }
 
+/// Repetition that mirrors, and pixels that are seen as squares, take TextureProperties.
+void writeSampler(DocumentHandler& out, const json& sampler, GltfNode& texture) {
+    constexpr std::size_t clamp = 33071, mirror = 33648, nearest = 9728, nearestOfNearest = 9984, nearestOfTwo = 9986;
+    const std::size_t s = GltfFile::index(sampler, "wrapS").value_or(0),
+                      t = GltfFile::index(sampler, "wrapT").value_or(0);
+    const std::size_t close = GltfFile::index(sampler, "magFilter").value_or(0);
+    const std::size_t far = GltfFile::index(sampler, "minFilter").value_or(0);
+    const char* small = far == nearest            ? "NEAREST_PIXEL"
+                        : far == nearestOfNearest ? "NEAREST_PIXEL_NEAREST_MIPMAP"
+                        : far == nearestOfTwo     ? "NEAREST_PIXEL_AVG_MIPMAP"
+                                                  : nullptr;
+    if (s == clamp) texture.set("repeatS", false);
+    if (t == clamp) texture.set("repeatT", false);
+    if (s != mirror && t != mirror && close != nearest && !small) return;
+    GltfNode properties(out, "TextureProperties", "textureProperties");
+    const auto wrap = [](std::size_t how) {
+        return String(how == clamp ? "CLAMP_TO_EDGE" : how == mirror ? "MIRRORED_REPEAT" : "REPEAT");
+    };
+    properties.set("boundaryModeS", wrap(s)).set("boundaryModeT", wrap(t));
+    if (close == nearest) properties.set("magnificationFilter", String("NEAREST_PIXEL"));
+    if (small) properties.set("minificationFilter", String(small)).set("generateMipMaps", far != nearest);
+}
+
 }  // namespace
 
 GltfMaterials::GltfMaterials(GltfFile& file, DocumentHandler& out, GltfNames& names)
     : file_(file), out_(out), names_(names), depths_(depthsOf(file)) {}
+
+bool GltfMaterials::isUnlit(const json& material) {
+    return GltfFile::object(material, "extensions").contains("KHR_materials_unlit");
+}
 
 std::vector<GltfMapping> GltfMaterials::mappingsOf(const json* material) {
     std::vector<GltfMapping> result;
@@ -161,7 +186,8 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     if (!def.empty() && !materialGiven_.insert(number).second) return out_.useNode(def, "material", {});
     const ColorRGBA base = baseColor(material);
     GltfNode out(out_, unlit ? "UnlitMaterial" : "PhysicalMaterial", "material", def);
-    out.set(unlit ? "emissiveColor" : "baseColor", Color{base.r, base.g, base.b});
+    const Vec3f color = unlit ? file_.shown({base.r, base.g, base.b}) : Vec3f(base.r, base.g, base.b);
+    out.set(unlit ? "emissiveColor" : "baseColor", Color{color.x, color.y, color.z});
     const auto passing = static_cast<float>(optics.transmission);
     if (base.a < 1 || optics.passes()) out.set("transparency", std::max(1 - base.a, passing));
     if (!unlit) {
@@ -174,9 +200,10 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
 }
 
 /// glTF 2.0, 3.9.6 (Point and Line Materials): the sum of base colour and emission.
-void GltfMaterials::writeStrokes(const json* material, GltfNode& out) {
+void GltfMaterials::writeStrokes(const json* material, GltfNode& out) const {
     const ColorRGBA base = baseColor(material);
-    const Vec3f sum = Vec3f(base.r, base.g, base.b) + (material && isUnlit(*material) ? Vec3f(0) : emission(material));
+    const Vec3f sum =
+        file_.shown(Vec3f(base.r, base.g, base.b) + (material && isUnlit(*material) ? Vec3f(0) : emission(material)));
     out.set("emissiveColor", Color{sum.x, sum.y, sum.z});
     if (base.a < 1) out.set("transparency", 1 - base.a);
 }
@@ -205,7 +232,7 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
     const auto mapping = std::ranges::find(mappings, lookupOf(reference), &GltfMapping::lookup);
     if (mapping != mappings.end()) material.set(field + "Mapping", String(mapping->name));
     const json* texture = file_.item("textures", *index);
-    if (!texture) return file_.warn("a texture of the glTF file has no picture; it is left out");
+    if (!texture) return;  // which has been told
     const std::string& def = names_.of(GltfNames::List::textures, *index);
     if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
     auto source = GltfFile::index(*texture, "source");
@@ -214,19 +241,24 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
         if (!source)
             source = GltfFile::index(GltfFile::object(GltfFile::object(*texture, "extensions"), other), "source");
     const json* image = file_.item("images", source.value_or(kNoIndex));
-    if (!image) return file_.warn("a texture of the glTF file has no picture; it is left out");
+    if (!image) {
+        if (!source) file_.warn("a texture of the glTF file has no picture; it is left out");
+        return;
+    }
     std::string url = GltfFile::text(*image, "uri");
     if (url.empty()) {
-        const std::string_view bytes = file_.bufferView(GltfFile::index(*image, "bufferView").value_or(kNoIndex));
+        const auto view = GltfFile::index(*image, "bufferView");
+        if (!view) return file_.fault(fmt::format("image {} of the glTF file has neither uri nor bufferView", *source));
+        const std::string_view bytes = file_.bufferView(*view);
+        if (bytes.empty()) return;  // which has been told
         const std::string type = GltfFile::text(*image, "mimeType");
+        if (!file_.mayMake(bytes.size() / 3 * 4)) return;
         url = "data:" + (type.empty() ? std::string("image/png") : type) + ";base64," + toBase64(bytes);
     }
     textureGiven_.insert(*index);
     GltfNode out(out_, "ImageTexture", field, def);
     const json* sampler = file_.item("samplers", GltfFile::index(*texture, "sampler").value_or(kNoIndex));
-    constexpr std::size_t clamp = 33071;
-    if (sampler && GltfFile::index(*sampler, "wrapS") == clamp) out.set("repeatS", false);
-    if (sampler && GltfFile::index(*sampler, "wrapT") == clamp) out.set("repeatT", false);
+    if (sampler) writeSampler(out_, *sampler, out);
     out.set("url", Array<String>{String(url)});
 }
 

@@ -36,6 +36,7 @@ class GltfMaterials {
     /// The base colour, which colours of points are multiplied by, and what shines beside it (red, green, blue).
     static ColorRGBA baseColor(const nlohmann::json* material);
     static Vec3f emission(const nlohmann::json* material);
+    static bool isUnlit(const nlohmann::json& material);
     /// Those of a material, or of null; none where all textures take the first set as it is.
     static std::vector<GltfMapping> mappingsOf(const nlohmann::json* material);
 
@@ -43,7 +44,7 @@ class GltfMaterials {
     void writeTexture(const nlohmann::json& reference, const std::string& field,
                       const std::vector<GltfMapping>& mappings, GltfNode& material);
     static void writePhysical(const nlohmann::json& material, GltfNode& out);
-    static void writeStrokes(const nlohmann::json* material, GltfNode& out);
+    void writeStrokes(const nlohmann::json* material, GltfNode& out) const;
     void writeTransforms(const std::vector<GltfMapping>& mappings);
 
     GltfFile& file_;

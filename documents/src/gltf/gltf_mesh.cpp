@@ -53,12 +53,24 @@ template <class T>
 Array<T> GltfMeshes::attribute(const json& attributes, const char* name, std::size_t points) {
     const auto accessor = GltfFile::index(attributes, name);
     if (!accessor) return {};
-    if (std::optional<Array<T>> direct = file_.floatArray<T>(*accessor))
-        return points != 0 && direct->size() != points ? Array<T>() : *std::move(direct);
+    const auto leftOut = [&](const std::string& why) {
+        file_.fault(fmt::format("accessor {} of the glTF file, for {}, {}; it is left out", *accessor, name, why));
+        return Array<T>();
+    };
+    const auto matching = [&](Array<T> all) {
+        if (points == 0 || all.empty() || all.size() == points) return all;
+        return leftOut(fmt::format("has {} elements where there are {} points", all.size(), points));
+    };
+    if (std::optional<Array<T>> direct = file_.floatArray<T>(*accessor)) return matching(*std::move(direct));
     std::size_t stride = 0;
     const std::vector<float> numbers = file_.floats(*accessor, stride);
+    if (numbers.empty()) return {};  // which has been told
+    constexpr std::size_t size = sizeof(T) / sizeof(float);
+    constexpr bool isColor = std::is_same_v<T, ColorRGBA>;
+    if (stride != size && !(isColor && stride == 3))
+        return leftOut(fmt::format("has elements of {} numbers instead of {}", stride, size));
     Array<T> result;
-    if constexpr (std::is_same_v<T, ColorRGBA>) {
+    if constexpr (isColor) {
         result.resize(stride >= 3 ? numbers.size() / stride : 0);
         for (std::size_t i = 0; i < result.size(); ++i)
             result.mutableData()[i] = {numbers[i * stride], numbers[i * stride + 1], numbers[i * stride + 2],
@@ -66,13 +78,13 @@ Array<T> GltfMeshes::attribute(const json& attributes, const char* name, std::si
     } else {
         result = elements<T>(numbers, stride);
     }
-    if (points != 0 && result.size() != points) return {};
-    return result;
+    return matching(std::move(result));
 }
 
 void GltfMeshes::morph(const json& primitive, const char* name, const std::vector<double>& weights,
                        Array<Vec3f>& values) {
     const json& targets = GltfFile::list(primitive, "targets");
+    if (weights.size() > targets.size()) file_.fault("a mesh of the glTF file has more weights than targets");
     for (std::size_t t = 0; t < std::min(targets.size(), weights.size()); ++t) {
         if (weights[t] == 0 || values.empty()) continue;
         const Array<Vec3f> moves = attribute<Vec3f>(targets[t], name, values.size());
@@ -145,11 +157,18 @@ void GltfMeshes::takeColors(const json& attributes, const json* material, bool s
     if (mesh.colors.empty()) return;
     const ColorRGBA base = GltfMaterials::baseColor(material);
     const Vec3f more = strokes ? GltfMaterials::emission(material) : Vec3f(0);
-    if (base == ColorRGBA{1, 1, 1, 1} && more == Vec3f(0)) return;
+    const bool isShown = strokes || (material && GltfMaterials::isUnlit(*material));
+    if (base == ColorRGBA{1, 1, 1, 1} && more == Vec3f(0) && !isShown) return;
     ColorRGBA* const colors = mesh.colors.mutableData();
-    for (std::size_t i = 0; i < mesh.colors.size(); ++i)
-        colors[i] = {colors[i].r * base.r + more.x, colors[i].g * base.g + more.y, colors[i].b * base.b + more.z,
-                     colors[i].a * base.a};
+    for (std::size_t i = 0; i < mesh.colors.size(); ++i) {
+        const Vec3f light = Vec3f(colors[i].r * base.r, colors[i].g * base.g, colors[i].b * base.b) + more;
+        const Vec3f color = isShown ? file_.shown(light) : light;
+        colors[i] = {color.x, color.y, color.z, colors[i].a * base.a};
+    }
+}
+
+void GltfMeshes::tellWithoutPoints(const json& attributes) {
+    if (!attributes.contains("POSITION")) file_.warn("a primitive of the glTF file has no positions; it is left out");
 }
 
 void GltfMeshes::warnOfTextures(const json* material) {
@@ -184,6 +203,8 @@ bool GltfMeshes::mayCopy(const json& primitive, const std::vector<std::size_t>& 
 }
 
 void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
+    constexpr std::uint64_t bytes = 1024;  // of its nodes
+    if (!file_.mayMake(bytes)) return;
     const std::size_t own = GltfFile::index(primitive, "material").value_or(kNoIndex);
     std::vector<std::size_t> choices = variantsOf(primitive, own);
     if (!choices.empty() && (skinned || !form.points.empty())) {
@@ -233,7 +254,7 @@ void GltfMeshes::writeShape(const json& primitive, const GltfForm& form, bool sk
     ImportedMesh mesh;
     mesh.points = attribute<Vec3f>(attributes, "POSITION", 0);
     const std::size_t count = mesh.points.size();
-    if (count == 0) return file_.warn("a primitive of the glTF file has no positions; it is left out");
+    if (count == 0) return tellWithoutPoints(attributes);
     morph(primitive, "POSITION", form.weights, mesh.points);
     Array<std::int32_t> indices;
     if (const auto accessor = GltfFile::index(primitive, "indices")) {
@@ -244,8 +265,12 @@ void GltfMeshes::writeShape(const json& primitive, const GltfForm& form, bool sk
     }
     std::uint32_t most = 0;  // negative ones are large
     for (const std::int32_t i : indices) most = std::max(most, static_cast<std::uint32_t>(i));
-    if (most >= count) return file_.warn("a primitive of the glTF file has indices beyond its points; it is left out");
+    if (most >= count) return file_.fault("a primitive of the glTF file has indices beyond its points; it is left out");
     const std::size_t mode = GltfFile::index(primitive, "mode").value_or(4);
+    if (mode > 6) return;  // which has been told
+    constexpr std::size_t lines = 1, triangleList = 4;
+    if ((mode == triangleList && indices.size() % 3 != 0) || (mode == lines && indices.size() % 2 != 0))
+        file_.fault("a primitive of the glTF file has another number of indices than its triangles or lines need");
     mesh.normals = attribute<Vec3f>(attributes, "NORMAL", count);
     morph(primitive, "NORMAL", form.weights, mesh.normals);
     const bool smooth = !mesh.normals.empty();

@@ -37,6 +37,9 @@ class GltfMeshes {
     void morph(const nlohmann::json& primitive, const char* name, const std::vector<double>& weights,
                Array<Vec3f>& values);
 
+    /// Of points that cannot be had that has been told.
+    void tellWithoutPoints(const nlohmann::json& attributes);
+
   private:
     /// Of a primitive, with a material that may be another than its own.
     void writeShape(const nlohmann::json& primitive, const GltfForm& form, bool skinned, std::size_t material,

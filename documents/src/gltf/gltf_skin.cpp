@@ -80,45 +80,71 @@ GltfSkin::GltfSkin(GltfFile& file, std::size_t skin, const std::vector<std::size
     std::size_t components = 0;
     if (const auto accessor = GltfFile::index(*it, "inverseBindMatrices")) inverse = file.floats(*accessor, components);
     const json& list = GltfFile::list(*it, "joints");
+    if (list.empty()) {
+        file.fault("skin " + std::to_string(skin) + " of the glTF file has no joints");
+        return;
+    }
     if (!inverse.empty() && (components != 16 || inverse.size() < 16 * list.size())) {
-        file.warn("a skin of the glTF file has too few matrices; it is left out");
+        file.fault("skin " + std::to_string(skin) +
+                   " of the glTF file has matrices of another kind or number than joints; it is left out");
         return;
     }
     for (const json& one : list) {
         const std::size_t node = one.is_number_unsigned() ? one.get<std::size_t>() : kNone;
         if (node >= above.size()) {
             joints_.clear();
-            file.warn("a skin of the glTF file names joints that there are not; it is left out");
-            return;
+            return;  // which has been told
         }
         Joint joint;
         joint.node = node;
         if (!inverse.empty()) {
             const glm::dmat4 m(glm::make_mat4(inverse.data() + 16 * joints_.size()));
             const double size = std::abs(glm::determinant(m));
-            if (size > 0 && std::isfinite(size)) joint.bound = glm::inverse(m);
+            if (size > 0 && std::isfinite(size))
+                joint.bound = glm::inverse(m);
+            else
+                file.fault("skin " + std::to_string(skin) + " of the glTF file has a matrix that has no inverse");
         }
         joints_.push_back(joint);
     }
-    findAbove(file, above);
+    if (!findAbove(file, above)) {
+        joints_.clear();
+        file.fault("skin " + std::to_string(skin) +
+                   " of the glTF file names a joint twice, or joints that are below each other; it is left out");
+    }
 }
 
-void GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) {
+bool GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) {
     std::unordered_map<std::size_t, std::size_t> byNode;
     for (std::size_t i = 0; i < joints_.size(); ++i) byNode.emplace(joints_[i].node, i);
-    for (std::size_t i = 0; i < joints_.size(); ++i) {
-        Joint& joint = joints_[i];
-        // Nodes between two joints, and above the first, keep the places that they have in the file.
-        std::size_t steps = 0;
-        for (std::size_t node = above[joint.node]; node != kNone && steps <= above.size();
-             node = above[node], ++steps) {
-            if (const auto found = byNode.find(node); found != byNode.end()) {
-                joint.above = found->second;
-                break;
-            }
-            if (const json* between = file.item("nodes", node))
-                joint.outside = placeOf(*between).matrix() * joint.outside;
+    if (byNode.size() != joints_.size()) return false;
+    // Nodes between two joints, and above the first, keep the places that they have in the file. Each is passed once,
+    // however many joints are below it.
+    struct Between {
+        glm::dmat4 outside{1};  // from here to the joint above
+        std::size_t joint = kNone;
+    };
+    std::unordered_map<std::size_t, Between> passed;
+    std::vector<std::size_t> way;
+    for (Joint& joint : joints_) {
+        way.clear();
+        std::size_t node = above[joint.node];
+        for (; node != kNone && !byNode.contains(node) && !passed.contains(node); node = above[node]) {
+            way.push_back(node);
+            if (way.size() > above.size()) return false;
         }
+        Between end;
+        if (const auto known = passed.find(node); known != passed.end())
+            end = known->second;
+        else if (node != kNone)
+            end.joint = byNode.at(node);
+        for (; !way.empty(); way.pop_back()) {
+            if (const json* between = file.item("nodes", way.back()))
+                end.outside = end.outside * placeOf(*between).matrix();
+            passed.emplace(way.back(), end);
+        }
+        joint.above = end.joint;
+        joint.outside = end.outside;
         if (joint.above != kNone) joint.outside = joints_[joint.above].bound * joint.outside;
     }
     for (std::size_t i = 0; i < joints_.size(); ++i) {
@@ -131,6 +157,20 @@ void GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) 
         joint.center = Vec3f(bound.translation);
         joint.scaleOrientation = rotationOf(bound.rotation);
     }
+    return areBelowRoots();
+}
+
+bool GltfSkin::areBelowRoots() const {
+    std::vector<std::size_t> open;
+    for (std::size_t i = 0; i < joints_.size(); ++i)
+        if (joints_[i].above == kNone) open.push_back(i);
+    std::size_t count = 0;
+    for (; !open.empty(); ++count) {
+        const Joint& joint = joints_[open.back()];
+        open.pop_back();
+        open.insert(open.end(), joint.below.begin(), joint.below.end());
+    }
+    return count == joints_.size();
 }
 
 std::vector<GltfSkin::Influence> GltfSkin::influences(GltfFile& file, const json& attributes,
@@ -139,16 +179,23 @@ std::vector<GltfSkin::Influence> GltfSkin::influences(GltfFile& file, const json
     for (int set = 0; set < 4; ++set) {
         const auto j = GltfFile::index(attributes, ("JOINTS_" + std::to_string(set)).c_str());
         const auto w = GltfFile::index(attributes, ("WEIGHTS_" + std::to_string(set)).c_str());
-        if (!j || !w) break;
+        if (!j && !w) break;
+        if (!j || !w) {
+            file.fault("a primitive of the glTF file has joints without weights, or weights without joints");
+            break;
+        }
         std::size_t jointsEach = 0, weightsEach = 0;
         const std::vector<float> joints = file.floats(*j, jointsEach), weights = file.floats(*w, weightsEach);
         if (jointsEach != 4 || weightsEach != 4 || joints.size() != 4 * points || weights.size() != joints.size()) {
-            file.warn("a primitive of the glTF file has another number of weights than points");
+            file.fault("a primitive of the glTF file has another number of joints and weights than points");
             break;
         }
         for (std::size_t i = 0; i < joints.size(); ++i) {
-            if (!(weights[i] > 0) || !(joints[i] >= 0) || static_cast<std::size_t>(joints[i]) >= joints_.size())
+            if (!(weights[i] > 0) || joints_.empty()) continue;
+            if (!(joints[i] >= 0) || static_cast<std::size_t>(joints[i]) >= joints_.size()) {
+                file.fault("a primitive of the glTF file has weights of joints that its skin does not have");
                 continue;
+            }
             Influence& one = result[static_cast<std::size_t>(joints[i])];
             one.points.push_back(static_cast<std::int32_t>(i / 4));
             one.weights.push_back(weights[i]);

@@ -56,7 +56,9 @@ class GltfSkin {
     std::vector<Influence> influences(GltfFile& file, const nlohmann::json& attributes, std::size_t points) const;
 
   private:
-    void findAbove(GltfFile& file, const std::vector<std::size_t>& above);
+    /// False: a joint is there twice, or below itself.
+    bool findAbove(GltfFile& file, const std::vector<std::size_t>& above);
+    bool areBelowRoots() const;
     std::vector<Joint> joints_;
 };
 

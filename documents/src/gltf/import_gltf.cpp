@@ -2,7 +2,10 @@
 // are lights, skins are HAnimHumanoids, and animations are TimeSensors with interpolators.
 #include <array>
 #include <cmath>
+#include <memory>
 #include <set>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/portable_math.h>
 
@@ -15,7 +18,7 @@ using nlohmann::json;
 namespace {
 
 /// The rotation of a matrix of three unit columns, as a quaternion (Shepperd 1978: the largest component first).
-std::array<double, 4> quaternionOf(const double (&m)[3][3]) {
+std::array<double, 4> quaternionOfAxes(const double (&m)[3][3]) {
     const double trace = m[0][0] + m[1][1] + m[2][2];
     std::array<double, 4> q{};
     int most = 3;
@@ -39,6 +42,8 @@ std::array<double, 4> quaternionOf(const double (&m)[3][3]) {
     for (double& one : q) one /= length;
     return q;
 }
+
+constexpr std::uint64_t kPart = 256, kJoint = 1024;  // bytes of the nodes of a primitive, and of a joint
 
 class GltfImporter {
     using Names = GltfNames::List;
@@ -64,6 +69,8 @@ class GltfImporter {
         } else {
             for (std::size_t i = 0; i < nodes; ++i)
                 if (!isChild_.contains(i)) writeTree(i);
+            if (std::ranges::find(given_, false) != given_.end())
+                file_.fault("the glTF file's nodes are no tree; those that are below themselves are left out");
         }
         for (const auto& [node, mesh, skin] : skinned_) writeFigures(node, mesh, skin);
         GltfAnimations(file_, out_, names_, meshes_, figures_, [&](std::size_t node) {
@@ -106,14 +113,17 @@ class GltfImporter {
         std::vector<Open> open;
         const auto begin = [&](std::size_t index) {
             const json* node = file_.item("nodes", index);
-            if (!node || given_[index]) return file_.warn("the glTF file's nodes are no tree; some are left out");
+            if (!node) return;  // which has been told
+            if (given_[index])
+                return file_.fault(fmt::format(
+                    "node {} of the glTF file is there twice, as nodes are no tree; it is given once", index));
             given_[index] = true;
             const bool inside = !open.empty();
             out_.beginNode(
                 "Transform",
                 animated_.contains(index) ? names_.of(Names::nodes, index) : names_.authored(Names::nodes, index),
                 inside ? "children" : "", {});
-            writeTransform(*node);
+            writeTransform(*node, index);
             writeContent(*node, index);
             open.push_back({node, 0});
         };
@@ -130,12 +140,37 @@ class GltfImporter {
             if (child.is_number_unsigned()) begin(child.get<std::size_t>());
         }
     }
-    void writeTransform(const json& node) {
+    void writeTransform(const json& node, std::size_t number) {
         const auto set = [&](const char* field, Value value) { out_.setField(field, std::move(value), {}); };
-        if (const auto m = GltfFile::numbers(node, "matrix", 16)) return writeMatrix(*m);
-        if (const auto r = GltfFile::numbers(node, "rotation", 4)) set("rotation", Value(rotationOf(r->data())));
+        if (const auto m = GltfFile::numbers(node, "matrix", 16)) {
+            if (!isPlain(*m))
+                file_.fault(fmt::format(
+                    "node {} of the glTF file has a matrix that is no translation, rotation and scale; what "
+                    "is nearest to it is taken",
+                    number));
+            return writeMatrix(*m);
+        }
+        if (const auto r = GltfFile::numbers(node, "rotation", 4)) {
+            if (std::ranges::all_of(*r, [](double one) { return one == 0; }))
+                file_.fault(
+                    fmt::format("node {} of the glTF file has a rotation of length 0; it does not turn", number));
+            set("rotation", Value(rotationOf(r->data())));
+        }
         if (const auto s = GltfFile::numbers(node, "scale", 3)) set("scale", Value(vectorOf(*s)));
         if (const auto t = GltfFile::numbers(node, "translation", 3)) set("translation", Value(vectorOf(*t)));
+    }
+    /// Whether its columns are at right angles, and its last row is 0 0 0 1.
+    static bool isPlain(const std::vector<double>& m) {
+        constexpr double most = 1e-3;
+        for (std::size_t a = 0; a < 3; ++a) {
+            const double* const p = m.data() + 4 * a;
+            const double* const q = m.data() + 4 * ((a + 1) % 3);
+            const double dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+            const double lengths =
+                (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
+            if (dot * dot > most * most * lengths || p[3] != 0) return false;
+        }
+        return m[15] == 1;
     }
     /// A matrix by columns that is a translation, a rotation and a scale; glTF allows no other.
     void writeMatrix(const std::vector<double>& m) {
@@ -149,7 +184,7 @@ class GltfImporter {
         if (good) {
             for (std::size_t r = 0; r < 3; ++r)
                 for (std::size_t c = 0; c < 3; ++c) axes[r][c] = m[4 * c + r] / length[c];
-            const std::array<double, 4> q = quaternionOf(axes);
+            const std::array<double, 4> q = quaternionOfAxes(axes);
             out_.setField("rotation", Value(rotationOf(q.data())), {});
         }
         out_.setField("scale", Value(vectorOf({length[0], length[1], length[2]})), {});
@@ -185,12 +220,14 @@ class GltfImporter {
                                               [&](std::size_t its) { return its == 0 || its == count; });
         const bool moves = morphed_.contains(number) || !GltfFile::list(node, "weights").empty();
         if (!fits || count == 0 || moves) {
-            file_.warn(
-                "instances of the glTF file have places of different numbers, or weights of their own; the mesh "
-                "stands there once");
+            file_.fault(
+                fmt::format("instances at node {} of the glTF file have places of different numbers or none, or "
+                            "weights of their own; the mesh stands there once",
+                            number));
             return writeMeshNode(mesh, node, number);
         }
-        for (std::size_t i = 0; i < count; ++i) {
+        constexpr std::uint64_t bytes = 512;  // of its nodes
+        for (std::size_t i = 0; i < count && file_.mayMake(bytes); ++i) {
             GltfNode place(out_, "Transform", "children");
             const auto three = [&](const std::vector<float>& all) {
                 return Vec3f(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
@@ -213,6 +250,10 @@ class GltfImporter {
         const std::string description = own.empty() ? name : own;
         const bool flat = GltfFile::text(*camera, "type") == "orthographic";
         const json& lens = GltfFile::object(*camera, flat ? "orthographic" : "perspective");
+        const double near = GltfFile::number(lens, "znear", -1), far = GltfFile::number(lens, "zfar", -1);
+        if (lens.empty() || (far > 0 && far <= near))
+            return file_.fault(fmt::format("camera {} of the glTF file has {}", index,
+                                           lens.empty() ? "no lens of its type" : "its zfar before its znear"));
         GltfNode view(out_, flat ? "OrthoViewpoint" : "Viewpoint", "children",
                       names_.authoredOnce(Names::cameras, index));
         view.set("position", Vec3f(0, 0, 0));
@@ -225,13 +266,14 @@ class GltfImporter {
             // X3D's angle is that of the shorter side.
             const double vertical = GltfFile::number(lens, "yfov", .7854);
             const double aspect = GltfFile::number(lens, "aspectRatio", 1);
+            constexpr double half = 3.14159265358979;
+            if (vertical >= half || !(vertical > 0))
+                return file_.fault(fmt::format("camera {} of the glTF file sees no angle below half a turn", index));
             const double angle = aspect < 1 ? 2 * portable::atan(portable::tan(vertical / 2) * aspect) : vertical;
             view.set("fieldOfView", static_cast<float>(angle));
         }
-        if (const double near = GltfFile::number(lens, "znear", -1); near > 0)
-            view.set("nearDistance", static_cast<float>(near));
-        if (const double far = GltfFile::number(lens, "zfar", -1); far > 0)
-            view.set("farDistance", static_cast<float>(far));
+        if (near > 0) view.set("nearDistance", static_cast<float>(near));
+        if (far > 0) view.set("farDistance", static_cast<float>(far));
     }
     void writeLight(std::size_t index) {
         const json& all = GltfFile::list(
@@ -257,8 +299,13 @@ class GltfImporter {
         out.set("radius", static_cast<float>(GltfFile::number(light, "range", everywhere)));
         if (type != "spot") return;
         const json& cone = GltfFile::object(light, "spot");
-        out.set("beamWidth", static_cast<float>(GltfFile::number(cone, "innerConeAngle", 0)));
-        out.set("cutOffAngle", static_cast<float>(GltfFile::number(cone, "outerConeAngle", .785398)));
+        const double inner = GltfFile::number(cone, "innerConeAngle", 0);
+        const double outer = GltfFile::number(cone, "outerConeAngle", .785398);
+        if (inner < 0 || inner > outer)
+            file_.fault(
+                fmt::format("light {} of the glTF file has an inner cone that is not within its outer one", index));
+        out.set("beamWidth", static_cast<float>(inner));
+        out.set("cutOffAngle", static_cast<float>(outer));
     }
 
     // ---- meshes
@@ -280,8 +327,10 @@ class GltfImporter {
         }
         GltfNode group(out_, "Group", "children", def);
         std::size_t part = 0;
-        for (const json& primitive : GltfFile::list(*mesh, "primitives"))
+        for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
+            if (!file_.mayMake(kPart)) break;
             meshes_.writePrimitive(primitive, formOf(*mesh, node, number, part++));
+        }
     }
     GltfForm formOf(const json& mesh, const json& node, std::size_t number, std::size_t part) {
         GltfForm form;
@@ -302,8 +351,10 @@ class GltfImporter {
         const GltfNode group(out_, "Group", {}, names_.authoredOnce(Names::meshes, meshIndex));
         std::size_t part = 0;
         for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
-            GltfFigure figure(GltfSkin(file_, skinIndex, above_),
-                              names_.of(Names::nodes, node) + "_figure" + std::to_string(part), names_);
+            const auto [skin, isNew] = skins_.try_emplace(skinIndex, nullptr);
+            if (isNew) skin->second = std::make_unique<GltfSkin>(file_, skinIndex, above_);
+            if (!file_.mayMake(kJoint * (1 + skin->second->joints().size()))) break;
+            GltfFigure figure(*skin->second, names_.of(Names::nodes, node) + "_figure" + std::to_string(part), names_);
             GltfForm form = formOf(*mesh, *it, node, part);
             form.points = names_.points(node, part++);
             writeFigure(file_, out_, meshes_, figure, primitive, form);
@@ -320,6 +371,7 @@ class GltfImporter {
     std::map<std::size_t, std::string> meshGiven_;  // the DEFs of those that can be used again
     std::vector<std::size_t> above_;                // each node's, or kNoIndex
     std::vector<Skinned> skinned_;
+    std::map<std::size_t, std::unique_ptr<GltfSkin>> skins_;  // by their numbers
     std::vector<GltfFigure> figures_;
     std::set<std::size_t> morphed_, animated_, isChild_;
 };

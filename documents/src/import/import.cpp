@@ -189,7 +189,8 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
     }
     if (const FileKind kind = kindOfOthers(head, size); kind != FileKind::document) return kind;
     if (!strange(head).empty()) return FileKind::notRead;
-    const std::size_t start = head.find_first_not_of(" \t\r\n");
+    const bool isMarked = head.starts_with("\xEF\xBB\xBF{");
+    const std::size_t start = isMarked ? 3 : head.find_first_not_of(" \t\r\n");
     if (start == head.npos || head[start] == '<') return FileKind::document;
     if (head[start] == '{') return kindOfJson(head.substr(start), size);
     const std::string_view text = head.substr(start);

@@ -32,6 +32,7 @@ struct ImportInput {
     std::uint64_t maximumBytes = std::uint64_t{4}
                                  << 30;  // of memory for what is made of the bytes before it is a scene
     std::string_view clip{};             // the animation that plays, of files that have several; empty: the first
+    bool displayColors = false;          // colours of a glTF file are those of a screen, and not light
 };
 
 /// Each gives a whole document, from beginDocument to endDocument; false if nothing was usable (then there may be

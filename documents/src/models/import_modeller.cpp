@@ -79,6 +79,13 @@ class PlainMaterials final : public Filter {
     std::size_t material_ = 0, left_ = 0;  // how deep the open PhysicalMaterial is, and what is left out; 0: none is
 };
 
+/// The first of its lines, without what kind of a message it is.
+std::string_view lineOf(std::string_view messages) {
+    const std::string_view line = messages.substr(0, messages.find('\n'));
+    const std::size_t colon = line.find(": ");  // "Error, T1: "
+    return line.starts_with("Error") && colon != line.npos ? line.substr(colon + 2) : line;
+}
+
 }  // namespace
 
 bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
@@ -100,14 +107,32 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
     }
     const MakeGlb make = reinterpret_cast<MakeGlb (*)()>(*symbol)();
     constexpr std::uint64_t kMost = std::uint64_t{4} << 30;
-    const auto glb = runGuarded([&](std::string& result) { return make(input.bytes, kind->extension, result); },
-                                {std::min(input.maximumBytes, kMost)});
-    if (!glb) {
-        diagnostics.error({}, "the " + name + " file cannot be read: " + glb.error().text);
+    // One text comes back: how long the library's faults are, these, and the GLB.
+    const auto made = runGuarded(
+        [&](std::string& result) {
+            std::string glb, faults;
+            if (!make(input.bytes, kind->extension, glb, faults)) return result = std::move(glb), false;
+            result = std::to_string(faults.size()) + ' ' + faults + glb;
+            return true;
+        },
+        {std::min(input.maximumBytes, kMost)});
+    if (!made) {
+        diagnostics.error({}, "the " + name + " file cannot be read: " + made.error().text);
         return false;
     }
+    const std::size_t blank = made->find(' ');
+    std::string_view glb = std::string_view(*made).substr(blank + 1);
+    std::string_view faults = glb.substr(0, std::stoul(made->substr(0, blank)));
+    glb.remove_prefix(faults.size());
+    while (!faults.empty()) {
+        // What has no material gets one that is grey, as here.
+        if (const std::string_view one = lineOf(faults); !one.contains("default material"))
+            diagnostics.error({}, "the " + name + " file is damaged: " + std::string(one));
+        const std::size_t end = faults.find('\n');
+        faults.remove_prefix(end == faults.npos ? faults.size() : end + 1);
+    }
     PlainMaterials plain(handler, name);
-    return importGltf({*glb, input.open, input.maximumBytes, input.clip}, plain, diagnostics);
+    return importGltf({glb, input.open, input.maximumBytes, input.clip, true}, plain, diagnostics);
 #endif
 }
 

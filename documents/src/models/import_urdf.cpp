@@ -145,13 +145,13 @@ class UrdfWriter {
     void writeAppearance(const UrdfShape& shape, bool isCollision) {
         UrdfMaterial look = shape.material.value_or(UrdfMaterial());
         if (isCollision) look = {std::string(kSwitch), std::array<double, 4>{1, .5, 0, .4}, {}};
-        const auto known = std::ranges::find(looks_, look, &std::pair<UrdfMaterial, std::string>::first);
-        if (known != looks_.end()) return out_.useNode(known->second, "appearance", shape.where);
+        if (const auto known = looks_.find(look); known != looks_.end())
+            return out_.useNode(known->second, "appearance", shape.where);
         const std::string def = names_.take(isCollision         ? "collision"
                                             : look.name.empty() ? "material"
                                                                 : look.name,
                                             "material");
-        looks_.emplace_back(look, def);
+        looks_.emplace(look, def);
         OutputNode appearance(out_, "Appearance", "appearance", def, shape.where);
         {
             OutputNode material(out_, "Material", "material");
@@ -249,9 +249,9 @@ class UrdfWriter {
     std::vector<std::string> joints_, links_;  // their DEFs
     std::string robotName_, switchName_;
     std::vector<std::pair<std::string, std::string>> shown_;  // fields that are true where collisions are seen
-    std::vector<std::pair<UrdfMaterial, std::string>> looks_;
-    std::map<std::string, Rotation> axes_;  // of Collada files, by their urls
-    std::map<std::string, bool> plain_;     // files without materials, by their urls
+    std::map<UrdfMaterial, std::string> looks_;               // their DEFs
+    std::map<std::string, Rotation> axes_;                    // of Collada files, by their urls
+    std::map<std::string, bool> plain_;                       // files without materials, by their urls
 };
 
 }  // namespace

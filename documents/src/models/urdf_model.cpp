@@ -134,6 +134,8 @@ class UrdfReader {
         if (const XmlElement* color = tree_.child(e, "color")) {
             std::array<double, 4> rgba{0, 0, 0, 1};
             if (read(*color, "rgba", rgba)) material.color = rgba;
+            if (std::ranges::any_of(rgba, [](double n) { return n < 0 || n > 1; }))
+                warning(*color, "color: its numbers are from 0 to 1; what is beyond is taken as that");
         }
         if (const XmlElement* texture = tree_.child(e, "texture"))
             if (const std::string* file = texture->attribute("filename")) material.texture = *file;
@@ -186,7 +188,8 @@ class UrdfReader {
             return false;
         }
         shape.kind = UrdfShape::Kind::mesh;
-        read(e, "scale", shape.size);
+        if (read(e, "scale", shape.size) && std::ranges::any_of(shape.size, [](double n) { return n == 0; }))
+            error(e, "mesh: its scale has a 0, so that nothing of it is seen");
         const std::string* file = e.attribute("filename");
         if (!file || file->empty()) return isIncomplete(e, "filename");
         shape.mesh = *file;

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -26,7 +27,7 @@ struct UrdfMaterial {
     std::string name;
     std::optional<std::array<double, 4>> color;  // red, green, blue, opacity
     std::string texture;                         // a url
-    bool operator==(const UrdfMaterial&) const = default;
+    auto operator<=>(const UrdfMaterial&) const = default;
 };
 
 /// A visual or a collision.

@@ -273,9 +273,16 @@ Result<Picture> readPicture(const std::filesystem::path& file) {
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     FilePixels pixels;
-    if (const std::string error = (*files)->readFile(file.string(), {.asFloats = true, .check = {}}, pixels);
-        !error.empty())
-        return fail(error, {}, file.string());
+    const auto read = [&](bool straight) {
+        pixels = {};
+        return (*files)->readFile(file.string(), {.asFloats = true, .straight = straight, .check = {}}, pixels);
+    };
+    std::string error = read(false);
+    const auto hasAlpha = [&] { return pixels.channels == 2 || pixels.channels == 4; };
+    // Alpha is multiplied in behind decoding.
+    const bool multiplies = error.empty() && pixels.encoded && hasAlpha();
+    if (multiplies) error = read(true);
+    if (!error.empty()) return fail(error, {}, file.string());
     Picture picture(pixels.width, pixels.height, Vec4f(0, 0, 0, 1));
     const auto channels = static_cast<std::size_t>(pixels.channels);
     for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
@@ -285,7 +292,9 @@ Result<Picture> readPicture(const std::filesystem::path& file) {
             const float value = source[channels < 3 ? 0 : c];
             pixel[c] = pixels.encoded ? linearFromSrgb(value) : value;
         }
-        if (channels == 2 || channels == 4) pixel.a = source[channels - 1];
+        if (!hasAlpha()) continue;
+        pixel.a = source[channels - 1];
+        if (multiplies) pixel = Vec4f(Vec3f(pixel) * pixel.a, pixel.a);
     }
     return picture;
 }

@@ -10,6 +10,7 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/placement.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/color.h>
 
 namespace rtsg::mesh_files {
 
@@ -58,6 +59,12 @@ bool areAlike(const glm::dmat4& a, const glm::dmat4& b) {
     return apart <= 1e-6 * size;
 }
 
+/// A texture's member with a number in it.
+std::string numbered(std::string texture, const char* name, float value) {
+    if (!texture.empty() && value != 1) texture.insert(texture.size() - 1, fmt::format(R"(,"{}":{})", name, value));
+    return texture;
+}
+
 /// Whether a translation, a rotation and a scale say what a Transform does.
 bool isPlain(const Node& transform) {
     using T = x3d::Transform;
@@ -67,13 +74,14 @@ bool isPlain(const Node& transform) {
 
 }  // namespace
 
-GlbWriter::GlbWriter(const Scene& scene, const Shapes& shapes, Diagnostics& diagnostics)
-    : scene_(scene), shapes_(shapes) {
+GlbWriter::GlbWriter(const Scene& scene, const Shapes& shapes, const Resources& pictures, Diagnostics& diagnostics)
+    : scene_(scene), shapes_(shapes), pictures_(pictures), diagnostics_(diagnostics), textureStore_(pictures) {
     findMovers(diagnostics);
     for (const Instance* instance : shapes.instances) addShape(*instance);
     for (const Placed& placed : shapes.flattener.placed())
         if (placed.id) addPlaced(placed);
     addClips();
+    tellLeftOut();
 }
 
 bool GlbWriter::fits() const {
@@ -264,10 +272,40 @@ std::size_t GlbWriter::accessor(const void* values, std::size_t bytes, std::size
                                       component, count, type, more));
 }
 
-std::string GlbWriter::primitiveOf(const Mesh& mesh, NodeId geometry) {
-    auto& known = primitives_[geometry.value];
+namespace {
+
+constexpr const char* kElsewhere = "textures that are moved or looked up otherwise than the first of their material";
+
+/// The texture whose coordinates a mesh is written with: the base's, or the first that there is.
+const TextureUse* leadOf(const Material& look) {
+    if (look.texture(TextureRole::base)) return &look.texture(TextureRole::base);
+    const auto found = std::ranges::find_if(look.textures, [](const TextureUse& use) { return bool(use); });
+    return found == look.textures.end() ? nullptr : &*found;
+}
+
+std::size_t channelOf(const Mesh& mesh, const String& mapping) {
+    const auto found = std::ranges::find(mesh.texCoords, mapping, &TexCoords::mapping);
+    return found == mesh.texCoords.end() ? 0 : static_cast<std::size_t>(found - mesh.texCoords.begin());
+}
+
+Color lightOf(const Material& look, const ColorRGBA& color) {
+    if (look.model == ShadingModel::physical) return {color.r, color.g, color.b};
+    return {linearFromSrgb(color.r), linearFromSrgb(color.g), linearFromSrgb(color.b)};
+}
+
+}  // namespace
+
+std::string GlbWriter::primitiveOf(const Mesh& mesh, NodeId geometry, const Material& look) {
+    const TextureUse* lead = leadOf(look);
+    const std::size_t channel = lead ? channelOf(mesh, lead->mapping) : 0;
+    const TextureMatrix moved = lead ? lead->matrix : TextureMatrix();
+    const bool isLight = look.model == ShadingModel::physical;
+    auto& known = primitives_[{geometry.value, fmt::format("{} {} {} {} {} {} {} {}", isLight, channel, moved.s.x,
+                                                           moved.s.y, moved.s.z, moved.t.x, moved.t.y, moved.t.z)}];
     if (!known.empty()) return known;
-    VertexArrays arrays = vertexArrays(mesh);
+    if (lead && channel < mesh.texCoords.size() && mesh.texCoords[channel].generator != TexCoords::Generator::none)
+        leaveOut("texture coordinates that depend on the viewer");
+    VertexArrays arrays = vertexArrays(mesh, channel);
     Bounds bounds;
     for (const Vec3f& p : arrays.positions) bounds.extend(p);
     const std::string limits = fmt::format(R"(,"min":[{},{},{}],"max":[{},{},{}])", bounds.min.x, bounds.min.y,
@@ -276,11 +314,21 @@ std::string GlbWriter::primitiveOf(const Mesh& mesh, NodeId geometry) {
     if (!arrays.normals.empty())
         attributes += fmt::format(R"(,"NORMAL":{})", accessor(arrays.normals, "VEC3", kFloats));
     if (!arrays.texCoords.empty()) {
-        Array<Vec2f> flipped = arrays.texCoords;  // pictures begin at their upper left corner there
-        for (std::size_t i = 0; i < flipped.size(); ++i) flipped.mutableData()[i].y = 1 - flipped.mutableData()[i].y;
-        attributes += fmt::format(R"(,"TEXCOORD_0":{})", accessor(flipped, "VEC2", kFloats));
+        Array<Vec2f> coords = arrays.texCoords;  // pictures begin at their upper left corner there
+        for (std::size_t i = 0; i < coords.size(); ++i) {
+            const Vec2f st = moved.apply(coords[i]);
+            coords.mutableData()[i] = {st.x, 1 - st.y};
+        }
+        attributes += fmt::format(R"(,"TEXCOORD_0":{})", accessor(coords, "VEC2", kFloats));
     }
-    if (!arrays.colors.empty()) attributes += fmt::format(R"(,"COLOR_0":{})", accessor(arrays.colors, "VEC4", kFloats));
+    if (!arrays.colors.empty()) {
+        Array<ColorRGBA> colors = arrays.colors;
+        for (std::size_t i = 0; i < colors.size(); ++i) {
+            const Color light = lightOf(look, colors[i]);
+            colors.mutableData()[i] = {light.r, light.g, light.b, colors[i].a};
+        }
+        attributes += fmt::format(R"(,"COLOR_0":{})", accessor(colors, "VEC4", kFloats));
+    }
     known =
         fmt::format(R"("attributes":{{{}}},"indices":{})", attributes, accessor(arrays.triangles, "SCALAR", kIntegers));
     return known;
@@ -290,54 +338,133 @@ std::size_t GlbWriter::meshNumber(const Mesh& mesh, const Instance& instance) {
     const auto [found, isNew] =
         meshNumbers_.try_emplace({instance.geometry.value, instance.appearance.value}, meshes_.count);
     if (isNew)
-        meshes_.add(fmt::format(R"({{"primitives":[{{{},"material":{}}}]}})", primitiveOf(mesh, instance.geometry),
-                                materialNumber(instance.appearance, mesh.solid)));
+        meshes_.add(fmt::format(R"({{"primitives":[{{{},"material":{}}}]}})",
+                                primitiveOf(mesh, instance.geometry, lookOf(instance.appearance)),
+                                materialNumber(instance.appearance, mesh)));
     return found->second;
 }
 
 const Node* GlbWriter::childOf(const Node* node, std::string_view name) const {
     const NodeId id = fieldOf(node, name, NodeId{});
-    return id ? scene_.find(id) : nullptr;
+    return id ? scene_.effectiveNode(id) : nullptr;
 }
 
-std::string GlbWriter::texture(const Node* node, const char* name) {
-    const Array<String> urls = fieldOf(node, "url", Array<String>());
-    if (!node || urls.empty()) return {};
-    const std::size_t image = images_.add(fmt::format(R"({{"uri":{}}})", jsonString(urls[0].view())));
-    return fmt::format(R"(,"{}":{{"index":{}}})", name, textures_.add(fmt::format(R"({{"source":{}}})", image)));
-}
-
-std::size_t GlbWriter::materialNumber(NodeId appearanceId, bool solid) {
-    const auto [found, isNew] = materialNumbers_.try_emplace({appearanceId.value, solid}, materials_.count);
+const Material& GlbWriter::lookOf(NodeId appearance) {
+    const auto [found, isNew] = looks_.try_emplace(appearance.value);
     if (!isNew) return found->second;
-    const Node* appearance = appearanceId ? scene_.find(appearanceId) : nullptr;
+    Material& look = found->second = readMaterial(scene_, appearance, textureStore_, diagnostics_);
+    if (!look.stages.empty()) leaveOut("MultiTextures but for their first picture");
+    if (look.back) leaveOut("materials of backs");
+    if (look.hatching.present) leaveOut("FillProperties");
+    if (look.reflectivity != Vec3f(0) || look.refractiveIndex != 0 || look.absorption != Vec3f(0))
+        leaveOut("mirrors and glass of metadata");
+    if (look.specular != Vec3f(0)) leaveOut("highlights of Materials");
+    const TextureUse* lead = leadOf(look);
+    for (const TextureRole role : {TextureRole::specular, TextureRole::ambient, TextureRole::shininess})
+        if (look.texture(role)) leaveOut("textures of highlights and ambient light");
+    for (const TextureUse& use : look.textures)
+        if (use && (use.matrix != lead->matrix || use.mapping != lead->mapping || use.matrix3)) leaveOut(kElsewhere);
+    return look;
+}
+
+/// The number of a picture of glTF, with its bytes in the file.
+std::string GlbWriter::image(const Node& node) {
+    const auto [found, isNew] = imageNumbers_.try_emplace(node.id().value);
+    if (!isNew) return found->second;
+    const FieldIndex field = node.type().findExact("url");
+    if (!node.is(x3d::ImageTexture::type)) {
+        leaveOut(node.type().name + "s");
+        return {};
+    }
+    for (const String& url : node.get(x3d::ImageTexture::url)) {
+        auto opened = pictures_.open(scene_, node, field, url.view());
+        const auto bytes = opened ? opened->read() : Result<std::string>(std::unexpected(opened.error()));
+        if (!bytes) continue;  // the texture's reader says why, if there is no other
+        const bool isPng = bytes->starts_with("\x89PNG"), isJpeg = bytes->starts_with("\xFF\xD8\xFF");
+        if (!isPng && !isJpeg) {
+            leaveOut("pictures that are neither PNG nor JPEG");
+            return {};
+        }
+        pad(binary_, '\0');
+        const std::size_t view =
+            views_.add(fmt::format(R"({{"buffer":0,"byteOffset":{},"byteLength":{}}})", binary_.size(), bytes->size()));
+        binary_ += *bytes;
+        return found->second = std::to_string(images_.add(
+                   fmt::format(R"({{"bufferView":{},"mimeType":"image/{}"}})", view, isPng ? "png" : "jpeg")));
+    }
+    return {};
+}
+
+/// The member that names how pixels are repeated and mixed; nothing for glTF's own way.
+std::string GlbWriter::sampler(const TextureAccess& access) {
+    const auto wrap = [](TextureWrap how) {
+        constexpr int repeat = 10497, clamp = 33071, mirror = 33648;
+        return how == TextureWrap::repeat ? repeat : how == TextureWrap::mirror ? mirror : clamp;
+    };
+    for (const TextureWrap how : {access.wrapS, access.wrapT})
+        if (how == TextureWrap::border) leaveOut("borders of textures");
+    constexpr int nearest = 9728, linear = 9729, mipmaps = 9984;  // of four; the first: nearest in both
+    const int far = access.levels == TextureLevels::finest
+                        ? (access.smoothFar ? linear : nearest)
+                        : mipmaps + (access.smoothFar ? 1 : 0) + (access.levels == TextureLevels::mixed ? 2 : 0);
+    const std::string text = fmt::format(R"({{"wrapS":{},"wrapT":{},"magFilter":{},"minFilter":{}}})",
+                                         wrap(access.wrapS), wrap(access.wrapT), access.smooth ? linear : nearest, far);
+    const auto [found, isNew] = samplerNumbers_.try_emplace(text, samplers_.count);
+    if (isNew) samplers_.add(text);
+    return fmt::format(R"(,"sampler":{})", found->second);
+}
+
+std::string GlbWriter::texture(const Node* node, const TextureUse& use, const char* name) {
+    if (!node || !use) return {};
+    if (node->is(x3d::MultiTexture::type))
+        for (const NodeId inner : node->get(x3d::MultiTexture::texture))
+            if (const Node* first = scene_.effectiveNode(inner)) {
+                node = first;
+                break;
+            }
+    const std::string source = image(*node);
+    if (source.empty()) return {};
+    return fmt::format(R"(,"{}":{{"index":{}}})", name,
+                       textures_.add(fmt::format(R"({{"source":{}{}}})", source, sampler(use.access))));
+}
+
+std::size_t GlbWriter::materialNumber(NodeId appearanceId, const Mesh& mesh) {
+    // Colours of points take the place of the material's, and their alpha, if they have one, that of its transparency.
+    const int colored = mesh.colors.present() ? mesh.colors.components() : 0;
+    const auto [found, isNew] =
+        materialNumbers_.try_emplace({appearanceId.value, mesh.solid, colored}, materials_.count);
+    if (!isNew) return found->second;
+    const Node* appearance = appearanceId ? scene_.effectiveNode(appearanceId) : nullptr;
     const Node* material = childOf(appearance, "material");
-    const bool physical = material && material->is(x3d::PhysicalMaterial::type);
-    const bool unlit = !material || material->is(x3d::UnlitMaterial::type);
-    const Color color = fieldOf(material,
-                                unlit      ? "emissiveColor"
-                                : physical ? "baseColor"
-                                           : "diffuseColor",
-                                Color{1, 1, 1});
-    const Color glow = unlit ? Color{0, 0, 0} : fieldOf(material, "emissiveColor", Color{0, 0, 0});
-    const float strength = std::max({glow.r, glow.g, glow.b, 1.0f});
-    const float opacity = 1 - fieldOf(material, "transparency", 0.0f);
+    const Material& look = lookOf(appearanceId);
+    const bool physical = look.model == ShadingModel::physical, unlit = look.model == ShadingModel::unlit;
+    const Vec3f color = colored ? Vec3f(1) : look.linear.base;
+    const Vec3f glow = unlit ? Vec3f(0) : look.linear.emissive;
+    const float strength = std::max({glow.x, glow.y, glow.z, 1.0f});
+    const float opacity = colored > 3 ? 1 : look.opacity;
     const Node* base = childOf(material, physical ? "baseTexture" : unlit ? "emissiveTexture" : "diffuseTexture");
     if (!base) base = childOf(appearance, "texture");
-    const std::string mode = fieldOf(appearance, "alphaMode", String("AUTO")).str();
+    const bool isClear = opacity < 1 || colored > 3 || look.texture(TextureRole::base).hasAlpha();
+    const char* mode = look.alphaMode == AlphaMode::mask                 ? "MASK"
+                       : look.alphaMode == AlphaMode::opaque || !isClear ? "OPAQUE"
+                                                                         : "BLEND";
+    const auto textureOf = [&](const char* field, TextureRole role, const char* name) {
+        return texture(childOf(material, field), look.texture(role), name);
+    };
     std::string text = fmt::format(
         R"({{"pbrMetallicRoughness":{{"baseColorFactor":[{},{},{},{}],"metallicFactor":{},"roughnessFactor":{}{}{}}},)"
         R"("emissiveFactor":[{},{},{}],"doubleSided":{},"alphaMode":"{}")",
-        color.r, color.g, color.b, opacity, physical ? fieldOf(material, "metallic", 1.0f) : 0.0f,
-        physical ? fieldOf(material, "roughness", 1.0f) : 1.0f, texture(base, "baseColorTexture"),
-        texture(childOf(material, "metallicRoughnessTexture"), "metallicRoughnessTexture"), glow.r / strength,
-        glow.g / strength, glow.b / strength, !solid,
-        mode == "MASK" || mode == "BLEND" || mode == "OPAQUE" ? mode
-        : opacity < 1                                         ? "BLEND"
-                                                              : "OPAQUE");
-    text += texture(childOf(material, "normalTexture"), "normalTexture");
-    text += texture(childOf(material, "occlusionTexture"), "occlusionTexture");
-    if (!unlit) text += texture(childOf(material, "emissiveTexture"), "emissiveTexture");
+        color.x, color.y, color.z, opacity, physical ? look.metallic : 0.0f, physical ? look.roughness : 1.0f,
+        texture(base, look.texture(TextureRole::base), "baseColorTexture"),
+        textureOf("metallicRoughnessTexture", TextureRole::metallicRoughness, "metallicRoughnessTexture"),
+        glow.x / strength, glow.y / strength, glow.z / strength, !mesh.solid, mode);
+    if (look.alphaMode == AlphaMode::mask) text += fmt::format(R"(,"alphaCutoff":{})", look.alphaCutoff);
+    if (!unlit) {
+        text += numbered(textureOf("normalTexture", TextureRole::normal, "normalTexture"), "scale", look.normalScale);
+        text += numbered(textureOf("occlusionTexture", TextureRole::occlusion, "occlusionTexture"), "strength",
+                         look.occlusionStrength);
+        text += textureOf("emissiveTexture", TextureRole::emissive, "emissiveTexture");
+    }
     if (unlit) {
         text += R"(,"extensions":{"KHR_materials_unlit":{}})";
         extensions_.insert("KHR_materials_unlit");
@@ -349,6 +476,13 @@ std::size_t GlbWriter::materialNumber(NodeId appearanceId, bool solid) {
     if (material) text += nameOf(material->id());
     materials_.add(text + "}");
     return found->second;
+}
+
+void GlbWriter::tellLeftOut() {
+    std::string all;
+    for (const auto& [what, count] : leftOut_)
+        all += fmt::format("{}{}{}", all.empty() ? "" : ", ", what, count > 1 ? fmt::format(" ({})", count) : "");
+    if (!all.empty()) diagnostics_.warning({}, "left out of the GLB file, whose materials have none of these: " + all);
 }
 
 // ---- the file ------------------------------------------------------------------------------------------------------
@@ -366,9 +500,9 @@ void GlbWriter::write(Output& out) {
         R"({{"asset":{{"version":"2.0","generator":"RTSG"}},"scene":0,"scenes":[{{"nodes":{}}}],"buffers":[{{"byteLength":{}}}])",
         listOf(roots_), binary_.size());
     const std::pair<const char*, const List*> lists[] = {
-        {"nodes", &nodes},        {"meshes", &meshes_},       {"accessors", &accessors_},
-        {"bufferViews", &views_}, {"materials", &materials_}, {"images", &images_},
-        {"textures", &textures_}, {"cameras", &cameras_},     {"animations", &animations_}};
+        {"nodes", &nodes},          {"meshes", &meshes_},        {"accessors", &accessors_}, {"bufferViews", &views_},
+        {"materials", &materials_}, {"images", &images_},        {"textures", &textures_},   {"samplers", &samplers_},
+        {"cameras", &cameras_},     {"animations", &animations_}};
     for (const auto& [name, list] : lists)
         if (list->count != 0) json += fmt::format(R"(,"{}":[{}])", name, list->text);
     if (lights_.count != 0)

@@ -7,16 +7,21 @@
 
 #include <map>
 #include <set>
+#include <tuple>
+
+#include <rtsg/core/resource.h>
+#include <rtsg/renderers/material.h>
 
 #include "glb_clips.h"
 #include "shown_shapes.h"
+#include "texture/texture_store.h"
 
 namespace rtsg::mesh_files {
 
 class GlbWriter {
   public:
-    /// `diagnostics` hears of what moves and cannot be written so.
-    GlbWriter(const Scene& scene, const Shapes& shapes, Diagnostics& diagnostics);
+    /// `pictures`: what urls of textures may open. `diagnostics` hears of what cannot be written as it is.
+    GlbWriter(const Scene& scene, const Shapes& shapes, const Resources& pictures, Diagnostics& diagnostics);
     void write(Output& out);
     /// Lengths are numbers of 32 bits.
     bool fits() const;
@@ -59,27 +64,41 @@ class GlbWriter {
                          const std::string& more = {}) {
         return accessor(values.data(), values.size() * sizeof(T), values.size(), type, component, more);
     }
-    std::string primitiveOf(const Mesh& mesh, NodeId geometry);
+    std::string primitiveOf(const Mesh& mesh, NodeId geometry, const Material& look);
     std::size_t meshNumber(const Mesh& mesh, const Instance& instance);
-    std::size_t materialNumber(NodeId appearance, bool solid);
-    std::string texture(const Node* node, const char* name);
+    /// What the renderer reads of an Appearance.
+    const Material& lookOf(NodeId appearance);
+    std::size_t materialNumber(NodeId appearance, const Mesh& mesh);
+    /// The member of that name; nothing if the texture has no picture that glTF knows, which is told.
+    std::string texture(const Node* node, const TextureUse& use, const char* name);
+    std::string image(const Node& node);
+    std::string sampler(const TextureAccess& access);
+    void tellLeftOut();
+    void leaveOut(const std::string& what) { ++leftOut_[what]; }
     const Node* childOf(const Node* node, std::string_view name) const;
     std::string nameOf(NodeId node) const;
 
     const Scene& scene_;
     const Shapes& shapes_;
+    const Resources& pictures_;
+    Diagnostics& diagnostics_;
+    TextureStore textureStore_;
+    std::map<std::uint32_t, Material> looks_;
+    std::map<std::string, std::size_t> leftOut_;         // of materials: what, and how often
+    std::map<std::uint32_t, std::string> imageNumbers_;  // by the textures' nodes; empty: it has none
+    std::map<std::string, std::size_t> samplerNumbers_;
     std::vector<GlbClip> clips_;
     std::set<NodeId> movers_;
     std::map<std::vector<NodeId>, std::size_t> moverNodes_;  // by the path to each
     std::multimap<NodeId, std::size_t> nodesOfMover_;
     std::vector<GlbNode> nodes_;
     std::vector<std::size_t> roots_;
-    List meshes_, accessors_, views_, materials_, images_, textures_, cameras_, lights_, animations_;
+    List meshes_, accessors_, views_, materials_, images_, textures_, samplers_, cameras_, lights_, animations_;
     std::set<std::string> extensions_;
     std::string binary_;
-    std::map<std::uint32_t, std::string> primitives_;
+    std::map<std::pair<std::uint32_t, std::string>, std::string> primitives_;  // by geometry and texture transform
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::size_t> meshNumbers_;
-    std::map<std::pair<std::uint32_t, bool>, std::size_t> materialNumbers_;
+    std::map<std::tuple<std::uint32_t, bool, int>, std::size_t> materialNumbers_;
 };
 
 }  // namespace rtsg::mesh_files

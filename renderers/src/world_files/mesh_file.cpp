@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "glb_file.h"
+#include "left_out.h"
 #include "shown_shapes.h"
 
 namespace rtsg {
@@ -130,11 +131,12 @@ bool meshFormatFromName(const std::filesystem::path& file, MeshFormat& format) {
 }
 
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
-                                      Diagnostics& diagnostics, Existing existing) {
+                                      Diagnostics& diagnostics, Existing existing, const Resources& pictures) {
     const Shapes shapes(scene);
     diagnostics.append(shapes.flattener.diagnostics());
     if (shapes.content.triangles == 0) return fail("the scene shows no triangles", {}, file.string());
     if (shapes.content.triangles > 0x7FFFFFFF / 3) return fail("the scene has too many triangles", {}, file.string());
+    mesh_files::tellLeftOut(scene, shapes, format == MeshFormat::glb, diagnostics);
     auto created = OutputFile::create(file, existing);
     if (!created) return std::unexpected(created.error());
     Output out(*created);
@@ -145,7 +147,7 @@ Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem:
     } else if (format == MeshFormat::obj) {
         writeObj(scene, shapes, out);
     } else {
-        mesh_files::GlbWriter writer(scene, shapes, diagnostics);
+        mesh_files::GlbWriter writer(scene, shapes, pictures, diagnostics);
         if (!writer.fits()) return fail("a GLB file has at most 4 GiB", {}, file.string());
         writer.write(out);
     }

@@ -150,7 +150,7 @@ std::string variants(const std::string& mappings, const std::string& more = {}) 
 TEST(GltfLooks, VariantsAreChosenByTheirNames) {
     const std::string text = variants("{\"material\":1,\"variants\":[1,7]}");
     const Imported file(text);
-    EXPECT_EQ(file.problems, "");
+    EXPECT_THAT(file.problems, HasSubstr("variants/1: it names number 7 of its variants, which is not there"));
     EXPECT_THAT(file.commands, HasSubstr("begin Switch DEF variants_of_0 in children\nset whichChoice SFInt32 0\n"
                                          "begin Shape DEF variants_of_0_shape0 in children\n"));
     Scene scene;

@@ -181,6 +181,16 @@ TEST(ImportModeller, WhatIsBrokenIsAnErrorAndNoMore) {
     }
 }
 
+// libassimp goes on with another point, or dies of what it counts.
+TEST(ImportModeller, WhatTheLibraryTakesForSomethingElseIsTold) {
+    const Imported beyond("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n");
+    EXPECT_THAT(beyond.problems, HasSubstr("test: error: the OFF file is damaged: "));
+    EXPECT_THAT(beyond.problems, HasSubstr("index"));
+    EXPECT_THAT(beyond.commands, HasSubstr("begin IndexedTriangleSet"));
+    EXPECT_THAT(Imported("OFF\n2000000000 2000000000 0\n0 0 0\n").problems,
+                HasSubstr("what it counts takes more memory than may be had"));
+}
+
 TEST(ImportModeller, AFileThatIsDamagedAnywhereIsReadOrTold) {
     std::mt19937 dice(7);
     for (const std::string& whole : {std::string(kTile), threeDs(), std::string(kFbx)})

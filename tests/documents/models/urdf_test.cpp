@@ -495,6 +495,8 @@ std::vector<Odd> oddRobots() {
          "sizes are greater than 0"},
         {"a box without size", inLink("<visual><geometry><box/></geometry></visual>"), "box: it has no size"},
         {"a mesh without a file", inLink("<visual><geometry><mesh/></geometry></visual>"), "mesh: it has no filename"},
+        {"a mesh of no size", inLink("<visual><geometry><mesh filename='a.stl' scale='1 0 1'/></geometry></visual>"),
+         "its scale has a 0"},
         {"a material that nothing defines",
          inLink("<visual><geometry><sphere radius='1'/></geometry><material name='x'/></visual>"),
          "material x: nothing defines it"},
@@ -509,6 +511,14 @@ TEST(Urdf, OddAndHostileRobotsAreToldAndTheRestIsThere) {
         EXPECT_THAT(robot.problems, HasSubstr("error")) << odd.what;
         EXPECT_EQ(robot.commands.contains("begin Transform DEF a"), odd.usable) << odd.what;
     }
+}
+
+TEST(Urdf, ColorsBeyondTheirRangeAreTold) {
+    const Imported robot(inLink("<visual><geometry><sphere radius='1'/></geometry><material name='m'>"
+                                "<color rgba='255 0 0 1'/></material></visual>"),
+                         "4.1");
+    EXPECT_THAT(robot.problems, HasSubstr("warning: color: its numbers are from 0 to 1"));
+    EXPECT_THAT(robot.commands, HasSubstr("set diffuseColor SFColor 1 0 0"));
 }
 
 TEST(Urdf, WhatFilesHaveAndMeansNothingIsNoError) {

@@ -73,6 +73,19 @@ TEST(Picture, ExrKeepsTheNumbersBitForBit) {
     EXPECT_EQ(back->pixels, picture.pixels);
 }
 
+TEST(Picture, AlphaIsMultipliedInBehindDecoding) {
+    Picture picture(2, 1, Vec4f(0, 0, 0, 1));
+    picture.at(0, 0) = {.25f, .1f, 0, .5f};
+    for (const char* name : {"rtsg_alpha.png", "rtsg_alpha.tif", "rtsg_alpha.exr"}) {
+        const auto file = temporary(name);
+        ASSERT_TRUE(writePicture(picture, file));
+        const auto back = readPicture(file);
+        std::filesystem::remove(file);
+        ASSERT_TRUE(back) << back.error().format();
+        for (int c = 0; c < 4; ++c) EXPECT_NEAR(back->at(0, 0)[c], picture.at(0, 0)[c], .004) << name;
+    }
+}
+
 TEST(Picture, PngIsSrgbEncodedTopRowFirst) {
     Picture picture(2, 2, Vec4f(0, 0, 0, 1));
     picture.at(1, 0) = {0.5f, 0.2f, 7, 1};

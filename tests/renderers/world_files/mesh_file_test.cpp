@@ -138,9 +138,9 @@ TEST(MeshFile, GlbHasViewpointsLightsAndWhatShines) {
     const GlbAgain g(
         "Transform { translation 1 2 3 children [\n"
         "DEF V Viewpoint { position 0 0 4 fieldOfView .5 description \"front\" }\n"
-        "DEF P PointLight { location 0 1 0 color 1 .5 .25 intensity 3 radius 20 }\n"
+        "DEF P PointLight { location 0 1 0 color 1 .5 .25 intensity 3 radius 20 attenuation 0 0 1 }\n"
         "DEF D DirectionalLight { direction 1 0 0 intensity 2 }\n"
-        "DEF S SpotLight { direction 0 -1 0 beamWidth .25 cutOffAngle .5 } ] }\n"
+        "DEF S SpotLight { direction 0 -1 0 beamWidth .25 cutOffAngle .5 attenuation 0 0 1 } ] }\n"
         "Shape { appearance Appearance { material DEF U UnlitMaterial { emissiveColor 1 .5 0 } } geometry Box { } }\n"
         "Shape { appearance Appearance { material DEF L PhysicalMaterial { emissiveColor 8 4 0 } } geometry Sphere { } "
         "}");
@@ -192,6 +192,81 @@ TEST(MeshFile, GlbHasTheClipsOfTransforms) {
                            "ROUTE Swing.fraction_changed TO Paint.set_fraction\n"
                            "ROUTE Paint.value_changed TO M.diffuseColor\n");
     EXPECT_THAT(painted.problems, testing::HasSubstr("1 things that clocks move are none of glTF's here"));
+}
+
+/// A picture of two by two pixels in red that is half there, as PNG.
+const std::string kPicture =
+    "data:image/png;base64,"
+    "iVBORw0KGgoAAAANSUhEUgAAAAIAAAACCAYAAABytg0kAAAAEUlEQVR4nGP4z8DQAMIMMAYAOOgF/REzMMkAAAAASUVORK5CYII=";
+
+std::string lookOf(const std::string& appearance, const char* geometry = "Box { }") {
+    return "Shape { appearance Appearance { " + appearance + " } geometry " + geometry + " }\n";
+}
+constexpr const char* kTriangle =
+    "IndexedFaceSet { coordIndex [0 1 2] coord Coordinate { point [0 0 0, 1 0 0, 0 1 0] } ";
+
+TEST(MeshFile, GlbHoldsItsPicturesAndHowTheyAreLookedUp) {
+    const std::string image = "ImageTexture { url [\"nowhere.png\" \"" + kPicture + "\"] ";
+    const GlbAgain g(
+        lookOf("material Material { } texture " + image +
+                   "repeatS FALSE textureProperties TextureProperties { boundaryModeS \"CLAMP\" "
+                   "boundaryModeT \"MIRRORED_REPEAT\" magnificationFilter \"NEAREST_PIXEL\" } } "
+                   "textureTransform TextureTransform { scale 2 3 translation 1 0 }",
+               (std::string(kTriangle) + "texCoord TextureCoordinate { point [0 0, 1 0, 0 1] } }").c_str()));
+    EXPECT_EQ(g.problems, "");
+    const std::string dump = g.again.dump();
+    EXPECT_THAT(dump, testing::HasSubstr(kPicture));
+    EXPECT_THAT(dump, testing::HasSubstr("boundaryModeS \"CLAMP_TO_EDGE\""));
+    EXPECT_THAT(dump, testing::HasSubstr("boundaryModeT \"MIRRORED_REPEAT\""));
+    EXPECT_THAT(dump, testing::HasSubstr("magnificationFilter \"NEAREST_PIXEL\""));
+    EXPECT_THAT(dump, testing::HasSubstr("alphaMode \"BLEND\"")) << "its pixels are half there";
+    EXPECT_THAT(dump, testing::HasSubstr("point [2 0, 4 0, 2 3]"));
+    const GlbAgain masked(
+        lookOf("alphaMode \"MASK\" alphaCutoff .25 material PhysicalMaterial { normalScale .5 normalTexture " + image +
+               "} baseTexture " + image + "} }"));
+    EXPECT_THAT(masked.again.dump(), testing::HasSubstr("alphaCutoff 0.25"));
+    EXPECT_THAT(masked.again.dump(), testing::HasSubstr("normalScale 0.5"));
+}
+
+TEST(MeshFile, GlbHasColoursAsLightAndThoseOfPointsInPlaceOfTheMaterials) {
+    const std::string colored = std::string(kTriangle) + "color Color { color [.5 .5 .5, 1 0 0, 0 1 0] } }";
+    const GlbAgain plain(lookOf("material DEF M Material { diffuseColor .5 1 0 }"));
+    EXPECT_THAT(plain.text("M", "baseColor"), testing::StartsWith("0.2140"));
+    const GlbAgain points(lookOf("material DEF M Material { diffuseColor 0 0 1 transparency .5 }", colored.c_str()));
+    EXPECT_EQ(points.text("M", "baseColor"), "1 1 1");
+    EXPECT_THAT(points.again.dump(), testing::HasSubstr("color [0.2140"));
+    EXPECT_THAT(points.again.dump(), testing::HasSubstr("1 0 0 0.5, 0 1 0 0.5]"));
+    const GlbAgain physical(lookOf("material PhysicalMaterial { }", colored.c_str()));
+    EXPECT_THAT(physical.again.dump(), testing::HasSubstr("color [0.5 0.5 0.5 1,"));
+    const GlbAgain unlit(lookOf("material DEF M UnlitMaterial { emissiveColor .25 .5 .75 }"));
+    EXPECT_THAT(unlit.text("M", "emissiveColor"), testing::StartsWith("0.25 0.5 0.7"));
+}
+
+TEST(MeshFile, WhatIsNotInTheFileIsTold) {
+    const std::string lines =
+        "Shape { geometry IndexedLineSet { coordIndex [0 1] coord Coordinate { point [0 0 0, 1 1 1] } } }\n";
+    const std::string points = "Shape { geometry PointSet { coord Coordinate { point [0 0 0] } } }\n";
+    const GlbAgain sky("Background { }\nBackground { }\nFog { }\n" + lines + points + lookOf(""));
+    EXPECT_EQ(sky.problems,
+              "test: warning: left out of the file, which has none of these: Background (2), Fog, shapes of lines, "
+              "shapes of points [picture]\n");
+    const GlbAgain seen("NavigationInfo { headlight FALSE }\nPointLight { }\nBillboard { }\nLOD { }\n" + lookOf(""));
+    EXPECT_THAT(seen.problems,
+                testing::HasSubstr("Billboard, LOD, headlights that are off, lights that weaken otherwise"));
+    const auto told = [](const std::string& appearance) { return GlbAgain(lookOf(appearance)).problems; };
+    EXPECT_THAT(told("material Material { specularColor 1 1 1 }"), testing::HasSubstr("highlights of Materials"));
+    EXPECT_THAT(told("material Material { } backMaterial Material { diffuseColor 1 0 0 }"),
+                testing::HasSubstr("materials of backs"));
+    EXPECT_THAT(told("material Material { } texture PixelTexture { image 1 1 3 0xff0000 }"),
+                testing::HasSubstr("PixelTextures"));
+    EXPECT_THAT(told("material Material { } texture MultiTexture { texture [ImageTexture { url \"" + kPicture +
+                     "\" } ImageTexture { url \"" + kPicture + "\" }] }"),
+                testing::HasSubstr("MultiTextures but for their first picture"));
+    EXPECT_THAT(told("material Material { metadata MetadataSet { name \"RTSG\" value MetadataFloat { name "
+                     "\"reflectivity\" value .5 } } }"),
+                testing::HasSubstr("mirrors and glass of metadata"));
+    EXPECT_THAT(told("material Material { } texture ImageTexture { url \"nowhere.png\" }"),
+                testing::HasSubstr("nowhere.png"));
 }
 
 TEST(MeshFile, ASceneWithoutTrianglesIsNoFile) {

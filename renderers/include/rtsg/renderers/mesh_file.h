@@ -3,13 +3,14 @@
 // Invariant: what is written is what the flattener gives: every shape at every place where it is seen, in triangles,
 // one unit a metre. STL, OBJ and PLY have the corners in world space; a GLB has a mesh for each geometry and material,
 // shared by its places, with viewpoints, lights, and what clocks move by interpolators of Transforms. Colours are the
-// materials' own; texts of scripts stay behind. Threading: the scene's thread. Source: as
+// materials' own, in a GLB as light; texts of scripts stay behind. Threading: the scene's thread. Source: as
 // documents/src/import/import.h; glTF 2.0 (ISO/IEC 12113:2022).
 #pragma once
 
 #include <filesystem>
 
 #include <rtsg/core/output_file.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg {
@@ -24,8 +25,10 @@ struct MeshFileContent {
 };
 
 /// Errors: a scene that shows no triangles, a file that cannot be written. `diagnostics` hears of geometry that has
-/// none, and of what moves and is none of glTF's here.
+/// none, and of what is left out of the file. `pictures`: what urls of textures may open, for a GLB, which has their
+/// bytes.
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
-                                      Diagnostics& diagnostics, Existing existing = Existing::replace);
+                                      Diagnostics& diagnostics, Existing existing = Existing::replace,
+                                      const Resources& pictures = {});
 
 }  // namespace rtsg
