@@ -467,6 +467,7 @@ class Player {
         MirrorClientOptions options;
         options.maxLag = 0ms;
         options.scrub = 0ms;
+        options.timeout = 2 * test::kPatience;  // the recording says nothing for as long as this process is held up
         client_ = std::move(*MirrorClient::connect(replica_, endpoint_, options));
         for (const Said& said : session) play(said);
         const auto says = [&](Message what) {
@@ -516,6 +517,7 @@ class Player {
         if (socket_) zmq_close(socket_);
         socket_ = nullptr;
     }
+    static constexpr auto kHelloLost = 2s;  // then a client says a hello again that has no answer
     /// What the client has said since.
     void hear() {
         client_->poll(1ms);
@@ -534,6 +536,9 @@ class Player {
                     say(welcome_);
                     continue;
                 }
+                const bool again = greeted_ && Clock::now() - *greeted_ >= kHelloLost;
+                greeted_ = Clock::now();
+                if (again) continue;
                 ++said_;
                 add(hellos_, fmt::format("[{},{}]", hello.epoch, hello.sequence));
             }
@@ -552,7 +557,6 @@ class Player {
             hear();
             failed = Clock::now() > end;
         }
-        EXPECT_FALSE(failed) << "the client does not say what it should";
     }
     void play(const Said& said) {
         if (failed) return;
@@ -573,7 +577,8 @@ class Player {
         } else if (isClient && said.type() == Message::submit) {
             // What it says is its own, its number is that of the recorded one.
             EXPECT_TRUE(client_->undo());
-            hear();
+            // A client of other types has ended its session to say hello again. It ignores what the last session says.
+            wait([&] { return describes || !ofOtherTypes_; });
         } else if (isClient && said.type() == Message::control) {
             wire::Reader in = readerOf(said.first);
             (void)mirror::readPrologue(in);
@@ -585,7 +590,12 @@ class Player {
         }
     }
     void say(Said said) {
-        if (said.type() == Message::welcome) welcome_ = said;
+        if (said.type() == Message::welcome) {
+            welcome_ = said;
+            greeted_.reset();
+            const auto head = decodeHead(std::as_bytes(std::span(said.second)));
+            ofOtherTypes_ = head && head->dictionaryHash != ChangeDecoder(builtinTypes()).localHash();
+        }
         const bool ofSession = said.type() >= Message::welcome && said.type() != Message::unknown &&
                                said.type() != Message::refused && said.first.size() >= 16;
         std::uint64_t number = 0;
@@ -604,6 +614,8 @@ class Player {
     std::unique_ptr<MirrorClient> client_;
     std::uint64_t sessionNumber_ = 0;
     Said welcome_;
+    bool ofOtherTypes_ = false;                 // as the welcome says
+    std::optional<Clock::time_point> greeted_;  // when the client said hello that has no answer yet
     int said_ = 0, expected_ = 0;
     std::string hellos_, verdicts_, replies_, refused_;
 };
@@ -623,6 +635,7 @@ TEST(SessionRecordings, CanBeMade) {
         record(recorder);
         writeSession(folder / (std::string(name) + ".session"), recorder.session);
         const Player player(recorder.session);
+        EXPECT_FALSE(player.failed) << "the client does not say what it should";
         EXPECT_FALSE(player.describes);
         EXPECT_EQ(player.result().contains("{\"request\":5,"), std::string(name) == "requests");
         if (!given) continue;
@@ -630,7 +643,18 @@ TEST(SessionRecordings, CanBeMade) {
     }
 }
 
-/// A client that is held up for seconds says hello again by itself, which the recording does not have: then once more.
+/// Plays the session until the result is the expected one, three times at most: a client that is held up for seconds
+/// says hello again by itself, which the recording does not have. Returns whether it described its types.
+bool expectFollowed(const std::vector<Said>& session, const std::string& expected) {
+    for (int attempt = 1;; ++attempt) {
+        const Player player(session);
+        if (attempt < 3 && (player.failed || player.result() != expected)) continue;
+        EXPECT_FALSE(player.failed) << "the client does not say what it should";
+        EXPECT_EQ(player.result(), expected);
+        return player.describes;
+    }
+}
+
 TEST(SessionRecordings, AreFollowedAsExpected) {
     std::size_t sessions = 0;
     for (const auto& [name, record] : kSessions) {
@@ -639,12 +663,7 @@ TEST(SessionRecordings, AreFollowedAsExpected) {
         const std::vector<Said> session = readSession(kFolder / (std::string(name) + ".session"));
         ASSERT_GT(session.size(), 1u);
         const std::string expected = readAll(kFolder / (std::string(name) + ".json"));
-        for (int attempt = 1;; ++attempt) {
-            const Player player(session);
-            if (attempt < 3 && player.result() != expected) continue;
-            EXPECT_EQ(player.result(), expected);
-            break;
-        }
+        expectFollowed(session, expected);
     }
     EXPECT_EQ(sessions, std::size(kSessions));
 }
@@ -654,13 +673,7 @@ TEST(SessionRecordings, OfAnotherVersionAreFollowedWithTheSameVerdicts) {
     for (Said& said : session)
         if (said.isBy(Said::By::server, Message::welcome)) said.second = test::withOtherTypes(said.second);
     const std::string expected = readAll(kFolder / "requests.json");
-    for (int attempt = 1;; ++attempt) {
-        const Player player(session);
-        if (attempt < 3 && player.result() != expected) continue;
-        EXPECT_TRUE(player.describes);
-        EXPECT_EQ(player.result(), expected);
-        break;
-    }
+    EXPECT_TRUE(expectFollowed(session, expected));
 }
 
 /// The server's answers about hashes are those that anybody in the same state gives.
@@ -672,6 +685,7 @@ TEST(SessionRecordings, QuestionsHaveTheAnswersOfTheirState) {
         const bool isDoubt = session[i].isBy(Said::By::client, Message::doubt);
         if (isDoubt || session[i].isBy(Said::By::client, Message::inspect)) {
             const Player player(before);
+            ASSERT_FALSE(player.failed) << "the client does not say what it should";
             wire::Reader in = readerOf(session[i].first);
             (void)mirror::readPrologue(in);
             const auto number = in.number<std::uint64_t>();
