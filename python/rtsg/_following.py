@@ -1,5 +1,6 @@
 """What a follower of a mirror does by polling: loops, also with asyncio, and waits."""
 import asyncio
+import collections
 import time
 
 from ._errors import Error
@@ -24,16 +25,23 @@ async def _readable(descriptors, seconds):
 class Following:
     """Needs poll(), verdicts(), _waiting, scene, in_step and server_left of what is derived from it."""
 
+    _come = collections.deque()  # what loops have polled; one that was left early leaves the rest to the next
+
+    def _polled(self, seconds):
+        if not self._come:
+            self._come = collections.deque(self.poll(seconds))
+        while self._come:
+            yield self._come.popleft()
+
     def __iter__(self):
         while True:
-            for changes in self.poll(_WAIT):
-                yield changes
+            yield from self._polled(_WAIT)
             if self._ended():
                 return
 
     async def __aiter__(self):
         while True:
-            for changes in self.poll(0):
+            for changes in self._polled(0):
                 yield changes
             if self._ended():
                 return

@@ -130,9 +130,10 @@ void addSubscription(py::module_& module) {
         .def_property_readonly("active", &Subscription::active, "False once it was closed, or its function raised.")
         .def_property_readonly(
             "error", [](const Subscription& s) { return s.error(); }, "What its function raised; None if nothing.")
-        .def("close", &Subscription::end, "The function is called no more.")
+        .def(
+            "close", [](const std::shared_ptr<Subscription>& s) { s->end(); }, "The function is called no more.")
         .def("__enter__", [](py::object self) { return self; })
-        .def("__exit__", [](Subscription& s, const py::args&) { s.end(); });
+        .def("__exit__", [](const std::shared_ptr<Subscription>& s, const py::args&) { s->end(); });
 }
 
 }  // namespace

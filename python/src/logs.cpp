@@ -71,14 +71,16 @@ class Log {
     }
     bool step() {
         (void)replayer();
-        const auto more = unlocked([&] { return check_->step(); });
+        handle_->refuseFromWithin("a log does not go on");
+        const auto more = handle_->work([&] { return check_->step(); });
         handle_->raisePending();
         tell();
         return take(more);
     }
     void seek(double seconds) {
         Replayer& inside = replayer();
-        take(unlocked([&] { return inside.seek(start_ + seconds); }));
+        handle_->refuseFromWithin("a log does not go on");
+        take(handle_->work([&] { return inside.seek(start_ + seconds); }));
         check_ = std::make_unique<LogCheck>(inside);
         handle_->raisePending();
     }
@@ -101,6 +103,7 @@ class Log {
     void close() {
         if (handle_->isClosed()) return;
         (void)handle_->scene();
+        handle_->refuseFromWithin("a log is not closed");
         check_.reset();
         handle_->close();
         replayer_.reset();
@@ -330,14 +333,15 @@ class Recorder final : public Dependent {
 
 std::shared_ptr<Recorder> record(SceneHandle& handle, const fs::path& file, bool inputs, bool replace,
                                  double keyframes) {
-    Scene& inside = handle.scene();
+    Scene& inside = handle.between();
     LogOptions options;
     options.creator = "rtsg python";
     options.existing = replace ? Existing::replace : Existing::keep;
     options.keyframeSeconds = keyframes;
     options.inputs = inputs && !handle.isReadOnly();
     if (options.inputs) inside.setInputRecording(true);
-    auto started = unlocked([&] { return LogRecorder::start(inside, file, options, LogRecorder::WhenBehind::wait); });
+    auto started =
+        handle.work([&] { return LogRecorder::start(inside, file, options, LogRecorder::WhenBehind::wait); });
     handle.raisePending();
     auto recorder = std::make_shared<Recorder>(handle, take(std::move(started)));
     handle.own(recorder);

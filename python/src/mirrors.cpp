@@ -58,6 +58,7 @@ class Server final : public Dependent {
     static void close(const std::shared_ptr<Server>& self) {
         if (!self->server_) return;
         (void)self->handle_->scene();
+        self->handle_->refuseFromWithin("a server is not closed");
         self->handle_->remove(*self);
         unlocked([&] { self->server_.reset(); });
     }
@@ -75,7 +76,7 @@ class Server final : public Dependent {
         const auto until = std::chrono::steady_clock::now() + millisecondsOf(seconds);
         while (true) {
             const auto left = std::chrono::duration_cast<Milliseconds>(until - std::chrono::steady_clock::now());
-            const bool done = unlocked([&] { return inside.drain(std::clamp(left, Milliseconds(0), kSlice)); });
+            const bool done = handle_->work([&] { return inside.drain(std::clamp(left, Milliseconds(0), kSlice)); });
             if (PyErr_CheckSignals() != 0) throw py::error_already_set();
             if (done || left <= Milliseconds(0)) return done;
         }
@@ -84,7 +85,7 @@ class Server final : public Dependent {
     void wait(double seconds) {
         MirrorServer& inside = server();
         const auto until = std::chrono::steady_clock::now() + millisecondsOf(seconds);
-        unlocked([&] { inside.wait(until); });
+        handle_->work([&] { inside.wait(until); });
         if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
     void tell() { warnOf(server().takeDiagnostics()); }
@@ -105,8 +106,8 @@ std::shared_ptr<Server> serve(SceneHandle& handle, const std::string& endpoint, 
     if (!may)
         throw py::value_error("upstream is \"none\", \"events\", \"edits\" or \"code\", not \"" + upstream + "\"");
     options.upstream = *may;
-    Scene& inside = handle.scene();
-    auto started = unlocked([&] { return MirrorServer::start(inside, endpoint, std::move(options)); });
+    Scene& inside = handle.between();
+    auto started = handle.work([&] { return MirrorServer::start(inside, endpoint, std::move(options)); });
     handle.raisePending();
     auto server = std::make_shared<Server>(handle, take(std::move(started)));
     handle.own(server);
@@ -169,6 +170,7 @@ class Follower final : public Dependent {
     void close() {
         if (!client_) return;
         (void)handle_->scene();
+        handle_->refuseFromWithin("a connection is not closed");
         handle_->remove(*this);
         unlocked([&] { end(); });
     }
@@ -181,10 +183,11 @@ class Follower final : public Dependent {
     /// What has come, after at most so many seconds of waiting.
     py::list poll(double seconds) {
         MirrorClient& inside = client();
+        handle_->refuseFromWithin("a follower is not asked for news");
         const auto until = std::chrono::steady_clock::now() + millisecondsOf(seconds);
         while (true) {
             const auto left = std::chrono::duration_cast<Milliseconds>(until - std::chrono::steady_clock::now());
-            unlocked([&] { inside.poll(std::clamp(left, Milliseconds(0), kSlice)); });
+            handle_->work([&] { inside.poll(std::clamp(left, Milliseconds(0), kSlice)); });
             if (PyErr_CheckSignals() != 0) throw py::error_already_set();
             handle_->raisePending();
             takeVerdicts();
@@ -297,7 +300,7 @@ void addServer(py::module_& module) {
             "service",
             [](Server& s) {
                 MirrorServer& inside = s.server();
-                unlocked([&] { inside.service(); });
+                s.handle().work([&] { inside.service(); });
                 s.handle().raisePending();
                 s.tell();
             },

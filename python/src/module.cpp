@@ -28,6 +28,25 @@ void afterFork() {
     for (const auto& handle : SceneHandle::all()) handle->abandon();
 }
 
+/// Of each class: an object whose __init__ was never called holds nothing, and is refused; pybind11 would read memory
+/// that nobody has written. And no object is pickled, at which pybind11's own classes end the process.
+void closeClasses(const py::module_& module) {
+    const py::cpp_function refuse([](const py::object& self, const py::args&) -> py::object {
+        throw py::type_error(py::cast<std::string>(
+            py::str("cannot pickle '{}' object").format(py::type::of(self).attr("__qualname__"))));
+    });
+    const auto method = py::reinterpret_steal<py::object>(PyInstanceMethod_New(refuse.ptr()));
+    for (const auto& [own, item] : py::cast<py::dict>(module.attr("__dict__"))) {
+        if (!PyType_Check(item.ptr())) continue;
+        auto* const about = py::detail::get_type_info(reinterpret_cast<PyTypeObject*>(item.ptr()));
+        if (!about) continue;
+        about->operator_new = [](std::size_t) -> void* {
+            throw py::type_error("__init__() of this object was not called");
+        };
+        for (const char* const name : {"__reduce__", "__reduce_ex__"}) py::setattr(item, name, method);
+    }
+}
+
 }  // namespace
 
 }  // namespace rtsg::python
@@ -45,6 +64,7 @@ PYBIND11_MODULE(_rtsg, module) {
     addMirrors(module);
     addLogs(module);
     addReplayTests(module);
+    closeClasses(module);
     module.def("_living", [] { return SceneHandle::all().size(); }, "How many scenes there are, closed ones included.");
     py::module_::import("atexit").attr("register")(py::cpp_function(&end));
     py::module_::import("os").attr("register_at_fork")(py::arg("after_in_child") = py::cpp_function(&afterFork));

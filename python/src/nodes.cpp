@@ -133,12 +133,13 @@ py::object nameOf(const NodeObject& object) {
 void setAttribute(const NodeObject& object, const std::string& name, const py::object& value) {
     if (name != "def_name") return setValue(object, name, value);
     (void)object.node();
-    const std::string text = value.is_none() ? std::string() : py::cast<std::string>(value);
+    const std::string text = value.is_none() ? std::string() : textFrom(value, name);
     take(object.handle->edited().setName(object.id, text));
 }
 
 std::string describe(const NodeObject& object) {
     if (object.handle->isClosed()) return "<rtsg.Node of a closed scene>";
+    if (!object.handle->isHere()) return fmt::format("<rtsg.Node #{} of another thread's scene>", object.id.value);
     const Node* const node = object.handle->scene().find(object.id);
     if (!node) return fmt::format("<rtsg.Node #{}, gone>", object.id.value);
     const std::string_view name = object.handle->scene().name(object.id);
@@ -192,7 +193,8 @@ void addNodes(py::module_& module) {
                  return a.handle == other.handle && a.id == other.id;
              })
         .def("__hash__", [](const NodeObject& n) { return std::hash<const void*>()(n.handle) ^ n.id.value; })
-        .def("__repr__", describe);
+        .def("__repr__", describe)
+        .attr("__iter__") = py::none();  // items are fields, by name
 }
 
 }  // namespace rtsg::python

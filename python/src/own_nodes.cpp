@@ -102,18 +102,28 @@ FieldDef fieldFrom(const std::string& name, const py::handle& given, const Scene
         throw py::value_error(name + ": expected a type, or (type, access), or (type, access, default)");
     FieldDef field;
     field.name = name;
-    const auto type = py::cast<std::string>(parts[0]);
+    const std::string type = textFrom(parts[0], name);
     if (!fieldTypeFromName(type, field.type, field.custom))
         throw py::value_error(fmt::format("{}: there is no field type {}", name, type));
-    if (parts.size() > 1) field.access = accessFrom(py::cast<std::string>(parts[1]), name);
+    if (parts.size() > 1) field.access = accessFrom(textFrom(parts[1], name), name);
     field.defaultValue =
         parts.size() > 2 ? fromPython(field, parts[2], handle, name) : zeroOf(field.type, field.custom.get());
     return field;
 }
 
-void define(SceneHandle& handle, const std::string& name, const py::dict& fields, const py::object& onTimeFunction,
+/// Names are attributes here, and words in files.
+std::string nameFrom(const py::handle& object, std::string_view what) {
+    const std::string name = textFrom(object, what);
+    if (!PyUnicode_IsIdentifier(object.ptr()))
+        throw py::value_error(fmt::format("{}: {} is no name", what, py::cast<std::string>(py::repr(object))));
+    return name;
+}
+
+void define(SceneHandle& handle, const py::str& given, const py::dict& fields, const py::object& onTimeFunction,
             const py::object& onEventFunction, const std::vector<std::string>& implements, bool deterministic) {
     Scene& scene = handle.edited();
+    const SceneHandle::Within within(handle);
+    const std::string name = nameFrom(given, "define()");
     if (scene.findType(name)) raise(DiagnosticCode("edit"), "there is a node type " + name + " already");
     auto type = std::make_shared<NodeType>();
     type->name = name;
@@ -121,8 +131,7 @@ void define(SceneHandle& handle, const std::string& name, const py::dict& fields
     type->kind = NodeType::Kind::user;
     type->implements = implements;
     type->acts = !onTimeFunction.is_none() ? Acts::always : onEventFunction.is_none() ? Acts::never : Acts::onInput;
-    for (const auto& [field, given] : fields)
-        type->fields.push_back(fieldFrom(py::cast<std::string>(field), given, handle));
+    for (const auto& [field, parts] : fields) type->fields.push_back(fieldFrom(nameFrom(field, name), parts, handle));
     if (!type->finish()) throw py::value_error(name + ": two fields have one name, or there are too many");
     const TypeIndex index = take(scene.defineType(std::move(type)));
     auto own = std::make_unique<OwnBehaviour>();

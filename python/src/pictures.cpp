@@ -137,11 +137,11 @@ void takeLayers(const Picture& picture, py::dict& into) {
 }
 
 Picture makePicture(SceneHandle& handle, PictureRequest& request) {
-    (void)handle.scene();
+    (void)handle.between();
     Interruption interruption;
     request.image.settings.progress = [&](double) { return !interruption(); };
     RenderStats stats;
-    auto picture = unlocked([&] { return handle.light().picture(request.image, &stats); });
+    auto picture = handle.work([&] { return handle.light().picture(request.image, &stats); });
     handle.raisePending();
     if (stats.cancelled) interruption.raise();
     if (!picture) raise(picture.error());
@@ -193,8 +193,8 @@ py::object toPython(const Pick& pick, const py::object& scene) {
 template <class Ask>
 py::object ask(const py::object& self, Ask how) {
     auto& handle = py::cast<SceneHandle&>(self);
-    (void)handle.scene();
-    auto found = unlocked([&]() -> Result<Pick> {
+    (void)handle.between();
+    auto found = handle.work([&]() -> Result<Pick> {
         SharedWorld& world = handle.world();
         if (auto ok = world.update(); !ok) return std::unexpected(ok.error());
         return how(Picker(world.rays(), world.flattener()));
@@ -248,7 +248,7 @@ double chordError(double wanted) {
 
 py::object irradiance(SceneHandle& handle, const py::object& place, const py::object& normal, double error,
                       std::uint64_t samples, std::uint64_t seed, const std::string& shadows, unsigned threads) {
-    (void)handle.scene();
+    (void)handle.between();
     const Vec3d at = placeFrom(place, "place"), facing = placeFrom(normal, "normal");
     if (!(error > 0)) throw py::value_error("an error to reach is positive");
     const double cut = std::min(.0025, error / 32);
@@ -258,7 +258,7 @@ py::object irradiance(SceneHandle& handle, const py::object& place, const py::ob
     settings.shadows = shadowsNamed(shadows);
     Interruption interruption;
     settings.progress = [&](std::uint64_t) { return !interruption(); };
-    auto found = unlocked([&]() -> Result<Irradiance> {
+    auto found = handle.work([&]() -> Result<Irradiance> {
         SceneHandle::Measured& measured = handle.measured(static_cast<float>(cut));
         if (auto ok = measured.world.update(); !ok) return std::unexpected(ok.error());
         return measureIrradiance(*measured.tracer.latest(), measured.world.rays(), at, facing, settings);

@@ -233,25 +233,26 @@ void setEachOf(Scene& scene, std::span<const NodeId> ids, FieldIndex field, cons
 
 void setEach(SceneHandle& handle, const py::iterable& nodes, const std::string& name, const py::object& values) {
     Scene& scene = handle.edited();
+    const SceneHandle::Within within(handle);  // iterators and arrays have functions of Python
     std::vector<NodeId> ids;
-    const Node* first = nullptr;
+    const NodeType* nodeType = nullptr;
     for (const py::handle one : nodes) {
+        if (!py::isinstance<NodeObject>(one)) throw py::type_error("set_each() takes nodes");
         const auto& object = py::cast<const NodeObject&>(one);
         if (object.handle != &handle) throw py::value_error("a node is of another scene");
-        const Node& node = object.node();
-        if (!first) first = &node;
-        if (node.typeIndex() != first->typeIndex()) throw py::value_error("set_each() takes nodes of one type");
+        const NodeType& own = object.node().type();
+        if (!nodeType) nodeType = &own;
+        if (&own != nodeType) throw py::value_error("set_each() takes nodes of one type");
         ids.push_back(object.id);
     }
-    if (!first) return;
-    const FieldIndex field = first->type().find(name);
+    if (!nodeType) return;
+    const FieldIndex field = nodeType->find(name);
     if (field == kNoField)
-        raise(DiagnosticCode("no-such-field"), fmt::format("{} has no field {}", first->type().name, name),
-              "NoSuchField");
-    const FieldType type = first->type().fields[field].type;
+        raise(DiagnosticCode("no-such-field"), fmt::format("{} has no field {}", nodeType->name, name), "NoSuchField");
+    const FieldType type = nodeType->fields[field].type;
     if (isMF(type) || !numberType(type))
         throw py::type_error(fmt::format("{} is {}: set_each() is of single values of numbers", name,
-                                         first->type().fields[field].typeName()));
+                                         nodeType->fields[field].typeName()));
     const Numbers numbers = numbersFrom(mf(type), values, name);
     if (numbers.count != ids.size())
         throw py::value_error(fmt::format("{} values for {} nodes", numbers.count, ids.size()));
@@ -293,10 +294,10 @@ py::list routes(const SceneHandle& handle) {
 }
 
 void save(SceneHandle& handle, const fs::path& file, bool replace) {
-    Scene& scene = handle.scene();
+    Scene& scene = handle.between();
     const Existing existing = replace ? Existing::replace : Existing::keep;
     Diagnostics found(file.string());
-    const auto written = unlocked([&]() -> Result<> {
+    const auto written = handle.work([&]() -> Result<> {
         if (file.extension() == ".rtsgb") return writeSceneFile(scene, file, existing);
         return saveWorld(scene, file, found, existing);
     });
@@ -314,6 +315,7 @@ py::list diagnostics(SceneHandle& handle) {
 
 std::string describe(const SceneHandle& handle) {
     if (handle.isClosed()) return "<rtsg.Scene, closed>";
+    if (!handle.isHere()) return "<rtsg.Scene of another thread>";
     const Scene& scene = handle.scene();
     return fmt::format("<rtsg.Scene{}{}, {} nodes, t = {:g}>", handle.file().empty() ? "" : " ", handle.file().string(),
                        scene.nodeCount(), scene.now());
@@ -357,7 +359,7 @@ void addReading(SceneClass& scene) {
             "snapshot",
             [](const py::object& self) {
                 SceneHandle& handle = handleOf(self);
-                const Scene& inside = handle.scene();
+                const Scene& inside = handle.between();
                 auto set = unlocked([&] { return std::make_shared<const ChangeSet>(inside.snapshot()); });
                 handle.raisePending();
                 return toPython(std::move(set), self);
@@ -367,7 +369,8 @@ void addReading(SceneClass& scene) {
             "dump", [](const SceneHandle& h) { return h.scene().dump(); }, "The whole state as text, for bug reports.")
         .def("save", save, py::arg("path"), py::arg("replace") = true,
              "Writes the scene: .x3d, .x3dv, .wrl, .json, each with .gz if wanted, or .rtsgb.")
-        .def("__repr__", describe);
+        .def("__repr__", describe)
+        .attr("__iter__") = py::none();  // items are nodes, by name
 }
 
 void addEditing(SceneClass& scene) {
@@ -406,7 +409,7 @@ void addRunning(SceneClass& scene) {
         .def(
             "subscribe",
             [](SceneHandle& h, py::function call) {
-                (void)h.scene();
+                (void)h.between();
                 return h.subscribe(std::move(call));
             },
             py::arg("function"),

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <fmt/format.h>
 
@@ -48,19 +49,21 @@ void Subscription::begin() {
 void Subscription::end() {
     attachment_.detach();
     call_ = py::function();
+    if (SceneHandle* const handle = std::exchange(handle_, nullptr)) handle->forget(*this);
 }
 
 Result<> Subscription::apply(const Scene&, const ChangeSet& changes) {
     const py::gil_scoped_acquire lock;
     if (!call_) return {};
     const py::function call = call_;  // it may end itself
+    SceneHandle& handle = *handle_;
     try {
-        callWith(call, objectOf(*handle_), changes);
+        callWith(call, objectOf(handle), changes);
         return {};
     } catch (py::error_already_set& error) {
         error_ = error.value();
         const std::string text = error.what();
-        handle_->keep(std::move(error));
+        handle.keep(std::move(error));
         return fail(text);
     }
 }
@@ -124,8 +127,17 @@ Scene& SceneHandle::scene() const {
     return *scene_;
 }
 
-Scene& SceneHandle::edited() const {
+Scene& SceneHandle::between() const {
     Scene& inside = scene();
+    if (inside.isInFrame())
+        raise(DiagnosticCode("from-within"),
+              "within a frame a node's functions read fields, and emit those of their node; all else waits until it is "
+              "over");
+    return inside;
+}
+
+Scene& SceneHandle::edited() const {
+    Scene& inside = between();
     if (readOnly_)
         raise(DiagnosticCode("access"),
               "this scene follows another one, or a log, and is not edited here; Follower.edit() and send() ask the "
@@ -133,9 +145,16 @@ Scene& SceneHandle::edited() const {
     return inside;
 }
 
+void SceneHandle::refuseFromWithin(const char* what) const {
+    if (within_ > 0)
+        raise(DiagnosticCode("from-within"),
+              fmt::format("{} from within a frame, or another call that goes on with the scene afterwards", what));
+}
+
 void SceneHandle::close() {
     if (!scene_) return;
     (void)scene();
+    refuseFromWithin("a scene is not closed");
     // With the lock where it may not be given away any more: when the interpreter ends.
     if (mayWork())
         unlocked([&] { endDependents(); });
@@ -192,6 +211,7 @@ void SceneHandle::abandon() noexcept {
     (void)physics_.release();
     (void)inlines_.release();
     // Nobody ever lets go of these: their threads are gone.
+    for (const auto& subscription : subscriptions_) subscription->leave();
     (void)new auto(std::move(subscriptions_));
     (void)new auto(std::move(keeper_));
     subscriptions_.clear();
@@ -217,12 +237,11 @@ void SceneHandle::follow() {
 
 std::shared_ptr<const ChangeSet> SceneHandle::frame(double t) {
     Scene& s = edited();
-    if (s.isInFrame()) raise(DiagnosticCode("from-within"), "a frame was asked for from within a frame");
     if (!std::isfinite(t)) raise(DiagnosticCode("cascade"), fmt::format("{} is no time", t));
     if (t < s.now() && (ran_ || s.now() != 0))
         raise(DiagnosticCode("cascade"), fmt::format("time cannot go back from {} to {}", s.now(), t));
     ran_ = true;
-    auto set = unlocked([&] {
+    auto set = work([&] {
         for (std::size_t i = 0; i < dependents_.size(); ++i) dependents_[i]->beforeFrame();
         auto made = s.newFrame(t);
         if (inlines_ && inlines_->update() > 0) s.seal();
@@ -237,7 +256,7 @@ std::shared_ptr<const ChangeSet> SceneHandle::frame(double t) {
 
 std::shared_ptr<const ChangeSet> SceneHandle::seal() {
     Scene& s = edited();
-    auto set = unlocked([&] { return s.seal(); });
+    auto set = work([&] { return s.seal(); });
     raisePending();
     tell();
     return set;
@@ -277,7 +296,7 @@ SceneHandle::Measured& SceneHandle::measured(float ofRadius) {
 std::shared_ptr<Subscription> SceneHandle::subscribe(py::function call) {
     auto subscription = std::make_shared<Subscription>(*this, std::move(call));
     subscriptions_.push_back(subscription);
-    unlocked([&] { subscription->begin(); });
+    work([&] { subscription->begin(); });
     raisePending();
     return subscription;
 }
@@ -293,7 +312,10 @@ void SceneHandle::keep(py::error_already_set error) {
 void SceneHandle::raisePending() {
     if (pending_.empty()) return;
     // Those that failed are detached; a function that is called no more is not held either.
-    std::erase_if(subscriptions_, [](const auto& one) { return !one->active(); });
+    std::vector<std::shared_ptr<Subscription>> failed;
+    std::ranges::copy_if(subscriptions_, std::back_inserter(failed),
+                         [](const auto& one) { return !one->error().is_none(); });
+    for (const auto& one : failed) one->end();
     py::error_already_set first = std::move(pending_.front());
     pending_.clear();  // each is in the `error` of its Subscription
     {

@@ -22,6 +22,7 @@
 #include <rtsg/renderers/world_queries.h>
 
 #include "own_nodes.h"
+#include "unlocked.h"
 
 namespace rtsg::python {
 
@@ -48,13 +49,15 @@ class Subscription final : public Subscriber {
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return name_; }
     bool active() const { return attachment_.attached(); }
-    /// Lets go of the function, too.
+    /// Lets go of the function, too, and the scene of this: whoever calls it holds it.
     void end();
+    /// In a process that was forked, see Dependent::abandon().
+    void leave() { handle_ = nullptr; }
     const pybind11::function& call() const { return call_; }
     const pybind11::object& error() const { return error_; }
 
   private:
-    SceneHandle* handle_;
+    SceneHandle* handle_;  // null once it has ended
     pybind11::function call_;
     pybind11::object error_ = pybind11::none();
     std::string name_;
@@ -82,14 +85,35 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
 
     /// For reading. Raises Closed, WrongThread.
     Scene& scene() const;
-    /// For edits, which raise where the scene is another's copy.
+    /// Not within a frame: for what looks at whole states. Raises from the functions of node types.
+    Scene& between() const;
+    /// The same for edits, which raise where the scene is another's copy.
     Scene& edited() const;
     bool isClosed() const { return scene_ == nullptr; }
     bool isReadOnly() const { return readOnly_; }
     /// It is not closed, and this is its thread.
     bool isHere() const { return scene_ && scene_->isOwnThread(); }
-    /// Ends all that hangs on it, then the scene; warns of what went wrong in that. Raises WrongThread.
+    /// Ends all that hangs on it, then the scene; warns of what went wrong in that. Raises WrongThread, and Error from
+    /// within a call.
     void close();
+    /// While one lives, a call is going on that has functions of Python called, and needs the scene after them.
+    class Within {
+      public:
+        explicit Within(const SceneHandle& handle) : handle_(handle) { ++handle_.within_; }
+        ~Within() { --handle_.within_; }
+        Within(const Within&) = delete;
+        Within& operator=(const Within&) = delete;
+
+      private:
+        const SceneHandle& handle_;
+    };
+    void refuseFromWithin(const char* what) const;
+    /// Work on the scene without the interpreter's lock.
+    template <class Work>
+    auto work(Work&& work) const {
+        const Within within(*this);
+        return unlocked(std::forward<Work>(work));
+    }
     /// Ends it from whatever thread, for one that nobody has any more; or forgets it, see Dependent::abandon().
     void end() noexcept;
     void abandon() noexcept;
@@ -149,6 +173,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     std::shared_ptr<void> keeper_;
     Options options_;
     bool readOnly_, ran_ = false;
+    mutable int within_ = 0;
     Diagnostics said_;
     std::size_t told_ = 0, toldOfScene_ = 0;
     Diagnostics inlineDiagnostics_;

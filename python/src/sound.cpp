@@ -86,7 +86,7 @@ void askFor(ListenOptions& options, const std::string& channels, std::uint64_t r
 std::shared_ptr<Sound> listenTo(SceneHandle& handle, double seconds, double fps, const std::string& channels,
                                 bool metrics, bool responses, std::uint64_t rays, double error, double quality,
                                 int sampleRate, std::uint64_t seed) {
-    Scene& scene = seconds > 0 ? handle.edited() : handle.scene();
+    Scene& scene = seconds > 0 ? handle.edited() : handle.between();
     ListenOptions options;
     options.seconds = seconds, options.framesPerSecond = fps;
     options.sound = seconds > 0;
@@ -106,7 +106,7 @@ std::shared_ptr<Sound> listenTo(SceneHandle& handle, double seconds, double fps,
         const py::gil_scoped_acquire lock;
         handle.frame(t);
     };
-    auto report = unlocked([&] {
+    auto report = handle.work([&] {
         SoundRenderer sound(handle.world(), options);
         return listen(sound, options);
     });

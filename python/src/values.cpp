@@ -205,6 +205,16 @@ void checkRange(FieldType type, const py::array& array, std::string_view what) {
         throw py::value_error(fmt::format("{} is {}: a number does not fit into 32 bits", what, info(type).name));
 }
 
+/// Null if it is nothing of which NumPy makes an array. What its functions raise otherwise, Ctrl-C say, is raised.
+py::array arrayFrom(const py::handle& object) {
+    try {
+        return py::array(py::reinterpret_borrow<py::object>(object));
+    } catch (py::error_already_set& error) {
+        if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError)) throw;
+        return py::reinterpret_steal<py::array>(py::handle());
+    }
+}
+
 template <class T>
 Value arrayValue(const Numbers& numbers) {
     return Value(Array<T>(std::span<const T>(static_cast<const T*>(numbers.array.data()), numbers.count)));
@@ -225,7 +235,7 @@ Value manyFrom(FieldType type, const Numbers& numbers) {
     return {};
 }
 
-String textFrom(FieldType type, const py::handle& object, std::string_view what) {
+String stringFrom(FieldType type, const py::handle& object, std::string_view what) {
     if (!PyUnicode_Check(object.ptr())) refuse(type, what, "expected str");
     py::ssize_t size = 0;
     const char* const text = PyUnicode_AsUTF8AndSize(object.ptr(), &size);
@@ -242,7 +252,7 @@ NodeId nodeFrom(FieldType type, const py::handle& object, const SceneHandle& han
 }
 
 Image imageFrom(const py::handle& object, std::string_view what) {
-    py::array array = py::array::ensure(object);
+    py::array array = arrayFrom(object);
     if (!array || (array.ndim() != 2 && array.ndim() != 3) || array.dtype().kind() != 'u' || array.itemsize() != 1)
         refuse(FieldType::SFImage, what, "expected bytes (uint8), height x width x components, the top row first");
     array = py::array_t < std::uint8_t, py::array::c_style | py::array::forcecast > (array);
@@ -286,7 +296,8 @@ CustomValue customFrom(const CustomType& type, const py::handle& object, std::st
         const auto bytes = py::cast<std::string>(object);
         made = type.value(std::as_bytes(std::span(bytes)));
     } else {
-        const auto numbers = py::array_t < double, py::array::c_style | py::array::forcecast > ::ensure(object);
+        const py::array given = arrayFrom(object);
+        const auto numbers = py::array_t < double, py::array::c_style | py::array::forcecast > ::ensure(given);
         if (!numbers) {
             PyErr_Clear();
             throw py::type_error(fmt::format("{} is SF{}: expected numbers, a text or bytes", what, type.name()));
@@ -303,14 +314,20 @@ Value builtinFrom(FieldType type, const py::handle& object, const SceneHandle& h
 }  // namespace
 
 Value fromPython(const FieldDef& field, const py::handle& object, const SceneHandle& handle, std::string_view what) {
+    const SceneHandle::Within within(handle);  // arrays, sequences and numbers have functions of Python
     if (!field.custom) return builtinFrom(field.type, object, handle, what);
     if (!isMF(field.type)) return Value(customFrom(*field.custom, object, what));
     return listFrom<CustomValue>(field.type, object, what,
                                  [&](py::handle one) { return customFrom(*field.custom, one, what); });
 }
 
+std::string textFrom(const py::handle& object, std::string_view what) {
+    if (!PyUnicode_Check(object.ptr())) throw py::type_error(fmt::format("{}: expected str", what));
+    return py::cast<std::string>(object);
+}
+
 Numbers numbersFrom(FieldType type, const py::handle& object, std::string_view what) {
-    py::array array = py::array::ensure(object);
+    py::array array = arrayFrom(object);
     if (!array) refuse(type, what, "expected numbers");
     const bool isEmpty = array.size() == 0;
     const char kind = array.dtype().kind();
@@ -348,13 +365,13 @@ namespace {
 Value builtinFrom(FieldType type, const py::handle& object, const SceneHandle& handle, std::string_view what) {
     switch (type) {
         case FieldType::SFString:
-            return Value(textFrom(type, object, what));
+            return Value(stringFrom(type, object, what));
         case FieldType::SFNode:
             return Value(nodeFrom(type, object, handle, what));
         case FieldType::SFImage:
             return Value(imageFrom(object, what));
         case FieldType::MFString:
-            return listFrom<String>(type, object, what, [&](py::handle one) { return textFrom(type, one, what); });
+            return listFrom<String>(type, object, what, [&](py::handle one) { return stringFrom(type, one, what); });
         case FieldType::MFNode:
             return listFrom<NodeId>(type, object, what,
                                     [&](py::handle one) { return nodeFrom(type, one, handle, what); });

@@ -43,6 +43,8 @@ struct Numbers {
     std::size_t count = 0;
 };
 Numbers numbersFrom(FieldType type, const pybind11::handle& object, std::string_view what);
+/// Raises TypeError where it is no str.
+std::string textFrom(const pybind11::handle& object, std::string_view what);
 /// The kind of numbers that values of this type have; none: it has none.
 std::optional<pybind11::dtype> numberType(FieldType type);
 /// The dimensions of one value: (), (3,), (4, 4).

@@ -83,6 +83,14 @@ def test_a_scene_that_a_thread_made_and_left_ends_with_the_interpreter():
     assert done.returncode == 0, done.stderr
 
 
+def test_another_thread_may_print_it(moving):
+    printed, box = [], moving["BOX"]
+    thread = threading.Thread(target=lambda: printed.extend([repr(moving), repr(box)]))
+    thread.start()
+    thread.join()
+    assert printed == ["<rtsg.Scene of another thread>", f"<rtsg.Node #{box.node_id} of another thread's scene>"]
+
+
 def test_another_thread_is_refused(moving):
     errors = []
 
@@ -179,6 +187,112 @@ def test_a_forked_process_makes_its_own_scenes_and_not_those_from_before(moving)
     server.close()
 
 
+def test_a_scene_is_not_closed_by_what_it_calls(moving, tmp_path):
+    with pytest.raises(rtsg.Error, match="not closed from within"):
+        moving.subscribe(lambda changes: moving.close())
+    subscription = moving.subscribe(lambda changes: None if changes.is_snapshot else moving.close())
+    with pytest.raises(rtsg.Error) as raised:
+        moving.frame(0)
+    assert raised.value.code == "from-within" and not subscription.active
+    moving.frame(1)  # it goes on
+    recorders = []
+
+    def ends(changes):  # a log may end there
+        if changes.time == 3:
+            recorders[0].close()
+            with pytest.raises(rtsg.Error, match="server is not closed"):
+                server.close()
+
+    with moving.serve() as server:
+        recorders.append(moving.record(tmp_path / "a.rlog"))
+        moving.subscribe(ends)
+        moving.frame(2)
+        moving.frame(3)
+        moving.frame(4)
+    moving.close()
+    assert rtsg.Log(tmp_path / "a.rlog").verify()["first_divergence"] is None
+
+
+def test_a_log_and_a_follower_are_not_closed_by_what_they_call(moving, tmp_path):
+    with moving.serve() as server, rtsg.follow(server.endpoint) as follower, moving.record(tmp_path / "a.rlog"):
+        moving.frame(0)
+        while not follower.poll(.1):
+            moving.frame(moving.now)
+        follower.scene.subscribe(lambda changes: None if changes.is_snapshot else follower.close())
+        moving.frame(1)
+        with pytest.raises(rtsg.Error, match="connection is not closed"):
+            while follower.poll(1):
+                pass
+    log = rtsg.Log(tmp_path / "a.rlog")
+    for refused in (log.close, log.step, lambda: log.seek(0), log.scene.close):
+        log.scene.subscribe(lambda changes: None if changes.is_snapshot else refused())
+        with pytest.raises(rtsg.Error) as raised:
+            log.seek(0)
+            while log.step():
+                pass
+        assert raised.value.code == "from-within"
+    log.close()
+
+
+class Closes:
+    """What an array may be made of, and closes a scene, or raises, when it is."""
+
+    def __init__(self, act):
+        self.act = act
+
+    def __array__(self, *_, **__):
+        self.act()
+
+    def __len__(self):
+        return 3
+
+    def __iter__(self):
+        self.act()
+
+    __getitem__ = __float__ = __array__
+
+
+def test_a_scene_is_not_closed_by_what_it_reads_values_from():
+    scene = rtsg.Scene()
+    box = scene.create("Transform")
+    for use in (lambda value: setattr(box, "translation", value), lambda value: box.send_event("translation", value),
+                lambda value: scene.send(f"#{box.node_id}.translation", value), lambda value: scene.create("Coordinate", point=value),
+                lambda value: scene.set_each([box], "translation", value), lambda value: scene.define("Own", {"a": ("SFVec3f", "inputOutput", value)})):
+        with pytest.raises((rtsg.Error, TypeError)):
+            use(Closes(scene.close))
+        assert not scene.closed
+        with pytest.raises(KeyboardInterrupt):  # Ctrl-C is no wrong value
+            use(Closes(lambda: (_ for _ in ()).throw(KeyboardInterrupt)))
+
+    def closing():
+        scene.close()
+        yield box
+
+    with pytest.raises(rtsg.Error):
+        scene.set_each(closing(), "translation", [[0, 0, 0]])
+
+
+def test_no_object_is_pickled_or_made_of_nothing(tmp_path):
+    done = run("""
+        import copy, pickle
+        scene = rtsg.loads(MOVING)
+        for thing in (scene, scene["BOX"], scene.frame(0), scene.snapshot()[0], scene.subscribe(lambda c: None)):
+            for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+                try:
+                    pickle.dumps(thing, protocol)
+                    raise SystemExit("pickled")
+                except TypeError as error:
+                    assert "cannot pickle" in str(error)
+            for read in (repr, lambda one: one == one and one.closed, lambda one: len(one), lambda one: one.BOX):
+                try:
+                    read(type(thing).__new__(type(thing)))
+                except (TypeError, AttributeError, rtsg.Error):
+                    pass
+        print("done")
+    """)
+    assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
+
+
 def test_nodes_arrays_and_sets_outlive_their_scene():
     scene = rtsg.loads(MOVING)
     scene.frame(0)
@@ -242,6 +356,10 @@ def test_scripts_followers_and_errors_leak_nothing(tmp_path):
     assert grows(work, 10_000 if LONG else 60) < 8e6
     gc.collect()
     assert rtsg._rtsg._living() <= living + 4
+
+
+def test_subscriptions_that_were_closed_leak_nothing(moving):
+    assert grows(lambda: moving.subscribe(lambda changes: None).close(), 20_000) < 2e6
 
 
 def test_fields_leak_nothing(moving):

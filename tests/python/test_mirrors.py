@@ -103,6 +103,24 @@ def test_asyncio_waits_on_descriptors(moving, monkeypatch):
     assert quiet < 60
 
 
+def test_a_loop_that_was_left_loses_nothing(moving):
+    async def some(follower, count):
+        states = []
+        async for changes in follower:
+            states.append(changes.number)
+            if len(states) == count:
+                return states
+
+    with moving.serve() as server, rtsg.follow(server.endpoint) as follower:
+        moving.frame(0)
+        follower.wait()
+        for k in range(1, 10):
+            moving.frame(k)
+        time.sleep(.2)
+        numbers = [next(iter(follower)).number for _ in range(3)] + asyncio.run(some(follower, 3)) + asyncio.run(some(follower, 2))
+    assert numbers == list(range(numbers[0], numbers[0] + 8))
+
+
 def test_the_origin_and_its_follower_on_one_thread(moving):
     with moving.serve() as server, rtsg.follow(server.endpoint) as follower:
         moving.frame(0)

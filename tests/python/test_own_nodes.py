@@ -113,6 +113,28 @@ def test_mistakes_in_functions(body, error):
         scene.frame(0)
 
 
+def test_a_function_leaves_the_scene_alone(tmp_path):
+    scene, refused = rtsg.Scene(), []
+
+    def meddles(cascade, node):
+        for call in (lambda: scene.remove(node), lambda: setattr(node, "length", 2), lambda: scene.frame(1), scene.seal, lambda: scene.create("Group"),
+                     lambda: scene.render(width=4, height=4), lambda: scene.pick((0, 0, 0), (0, 0, 1)), lambda: scene.record(tmp_path / "a.rlog"),
+                     lambda: scene.subscribe(print), scene.serve, scene.snapshot, lambda: scene.listen(0), lambda: scene.save(tmp_path / "a.x3d"),
+                     lambda: scene.define("More", {}), scene.close):
+            with pytest.raises(rtsg.Error) as raised:
+                call()
+            refused.append(raised.value.code)
+        cascade.emit(node, "length", 3)
+        cascade.warn("it has tried")
+
+    scene.define("Meddler", {"length": "SFFloat"}, on_time=meddles)
+    node = scene.create("Meddler")
+    scene.root.add_child(node)
+    with pytest.warns(rtsg.DiagnosticWarning, match="it has tried"):
+        scene.frame(0)
+    assert set(refused) == {"from-within"} and len(refused) == 15 and node.length == 3
+
+
 def test_a_cascade_is_good_for_its_call_alone():
     kept, scene = [], rtsg.Scene()
     scene.define("Keeper", {}, on_time=lambda cascade, node: kept.append((cascade, node)))
@@ -125,6 +147,10 @@ def test_a_cascade_is_good_for_its_call_alone():
 
 
 def test_what_cannot_be_defined(scene):
+    for name, fields, error in (("", {}, ValueError), ("Two Words", {}, ValueError), ("A", {"b c": "SFFloat"}, ValueError), ("A", {"b\0": "SFFloat"}, ValueError),
+                                ("A", {1: "SFFloat"}, TypeError), ("A", {"a": (1,)}, TypeError), ("A", {"a": ("SFFloat", 1)}, TypeError), (b"A", {}, TypeError)):
+        with pytest.raises(error):
+            scene.define(name, fields)
     for fields, error in (({"a": "SFNothing"}, ValueError), ({"a": ("SFFloat", "sometimes")}, ValueError), ({"a": ("SFFloat", "inputOutput", "x")}, TypeError),
                           ({"a": ()}, ValueError)):
         with pytest.raises(error):

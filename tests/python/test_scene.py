@@ -151,6 +151,16 @@ def test_many_nodes_are_set_at_once():
         scene.set_each(nodes, "translation", places[1:])
     with pytest.raises(ValueError, match="one type"):
         scene.set_each([scene.root, nodes[0]], "translation", places[:2])
+    with pytest.raises(TypeError, match="takes nodes"):
+        scene.set_each(["T"], "translation", places[:1])
+
+
+def test_scenes_and_nodes_have_names_and_no_numbers(moving):
+    for thing in (moving, moving.root):
+        with pytest.raises(TypeError, match="not iterable"):
+            list(thing)
+    with pytest.raises(TypeError, match="def_name: expected str"):
+        moving["BOX"].def_name = 7
 
 
 def test_a_scene_is_written_and_read_again(moving, tmp_path):
