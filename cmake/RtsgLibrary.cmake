@@ -7,11 +7,11 @@ if(BUILD_SHARED_LIBS)
   endif()
 endif()
 
-# rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are
-# rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on, and the others of
-# what it names among its INSIDES: that is how the arrows are enforced.
+# rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... OPTIONS ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/
+# (whose folders are rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on,
+# and the others of what it names among its INSIDES: that is how the arrows are enforced. OPTIONS are the compiler's, for this library alone.
 function(rtsg_library name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;INSIDES;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "DEPENDS;INSIDES;LIBRARIES;PRIVATE_LIBRARIES;OPTIONS;LEAVE_OUT" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
   # Which sources are compiled together hangs on no option: what one configuration builds, others do.
   set(place 0)
@@ -52,11 +52,17 @@ function(rtsg_library name)
     target_link_libraries(rtsg_${name} PUBLIC rtsg_${dependency})
   endforeach()
   target_link_libraries(rtsg_${name} PUBLIC ${ARG_LIBRARIES} PRIVATE ${ARG_PRIVATE_LIBRARIES} $<BUILD_INTERFACE:rtsg_options>)
+  target_compile_options(rtsg_${name} PRIVATE ${ARG_OPTIONS})
   set(headers <algorithm> <functional> <memory> <string> <unordered_map> <vector> <glm/glm.hpp>)
   if(ARG_DEPENDS)
     list(APPEND headers <rtsg/core/scene.h> <rtsg/core/x3d.h>)
   endif()
-  rtsg_precompile(rtsg_${name} ${headers})
+  # All above the core begin alike: one copy serves those that are compiled alike.
+  if(TARGET rtsg_documents AND NOT name STREQUAL "documents" AND NOT ARG_OPTIONS)
+    rtsg_reuse_precompiled(rtsg_${name} rtsg_documents)
+  else()
+    rtsg_precompile(rtsg_${name} ${headers})
+  endif()
   # Sources that are compiled together share their anonymous namespace: a helper that two of them have is an error, and wants one home.
   set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_MODE GROUP)
 endfunction()
@@ -75,6 +81,10 @@ function(rtsg_module name)
   target_link_options(rtsg_${name} PRIVATE "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/module.map")
   target_include_directories(rtsg_${name} PRIVATE src "${PROJECT_SOURCE_DIR}/core/include")
   target_link_libraries(rtsg_${name} PRIVATE ${ARG_LIBRARIES} rtsg_options)
+  list(LENGTH ARG_SOURCES count)
+  if(RTSG_PCH AND count GREATER 1)
+    set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
+  endif()
   if(RTSG_MODULES)
     add_dependencies(rtsg_${ARG_FOR} rtsg_${name})
   else()

@@ -105,3 +105,11 @@ function(rtsg_precompile target)
     target_precompile_headers(${target} PRIVATE ${ARGN})
   endif()
 endfunction()
+
+# rtsg_reuse_precompiled(TARGET OWNER): the same with the headers of OWNER, whose options of optimisation and of position independence, and whose
+# definitions, TARGET has, too.
+function(rtsg_reuse_precompiled target owner)
+  if(RTSG_PCH)
+    target_precompile_headers(${target} REUSE_FROM ${owner})
+  endif()
+endfunction()

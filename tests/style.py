@@ -60,8 +60,9 @@ def functions(text):
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "sync/web_module", "bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
-                                                              "scripts", "stability", "sync", "haptics")]
+PROGRAMS = ["app", "sync/web_module", "renderers/movie_module", "ogre/ogre_module", "bench"]
+PROGRAMS += ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios", "scripts", "stability",
+                                          "sync", "haptics")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
 

@@ -20,10 +20,6 @@ const Ogre::String& group() {
     return Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME;
 }
 
-Ogre::Vector4 vector(const glm::vec3& v, float w) {
-    return {v.x, v.y, v.z, w};
-}
-
 Ogre::TextureAddressingMode wrapOf(RasterWrap wrap) {
     switch (wrap) {
         case RasterWrap::mirror:

@@ -10,6 +10,7 @@
 
 #include <OgreMaterial.h>
 #include <OgreTexture.h>
+#include <glm/glm.hpp>
 
 #include "programs.h"
 #include "raster/raster_module.h"
@@ -38,6 +39,10 @@ enum class DrawNumber : std::uint8_t {
     count
 };
 using ViewNumbers = std::array<Ogre::Vector4, static_cast<std::size_t>(DrawNumber::count)>;
+
+inline Ogre::Vector4 vector(const glm::vec3& v, float w) {
+    return {v.x, v.y, v.z, w};
+}
 
 /// The textures and programs that materials share.
 class GpuLibrary {

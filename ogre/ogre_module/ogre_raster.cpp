@@ -63,11 +63,9 @@ Ogre::Matrix4 matrix(const glm::mat4& m) {
     return {m[0].x, m[1].x, m[2].x, m[3].x, m[0].y, m[1].y, m[2].y, m[3].y,
             m[0].z, m[1].z, m[2].z, m[3].z, m[0].w, m[1].w, m[2].w, m[3].w};
 }
+using rtsg::vector;
 Ogre::Vector3 vector(const glm::vec3& v) {
     return {v.x, v.y, v.z};
-}
-Ogre::Vector4 vector(const glm::vec3& v, float w) {
-    return {v.x, v.y, v.z, w};
 }
 
 class OgreRaster final : public RasterModule {

@@ -39,28 +39,30 @@ void Browser::begin(Request request) {
     socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
         if (kind == websocket::frame_type::close) leaveSoon();
     });
-    socket_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
-        if (error) return self->leave();
-        self->accepted_ = true;
-        self->read();
-        self->pump();
-    });
+    socket_.async_accept(request_, Ended([self = shared_from_this()](beast::error_code error) {
+                             if (error) return self->leave();
+                             self->accepted_ = true;
+                             self->read();
+                             self->pump();
+                         }));
 }
 
 void Browser::read() {
-    socket_.async_read(incoming_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        if (error || self->gone_) return self->leave();
-        self->spoke_ = true;
-        const auto bytes = self->incoming_.data();
-        if (!self->socket_.got_binary() || !self->link_.send({static_cast<const char*>(bytes.data()), bytes.size()})) {
-            ++self->gateway_.refused;
-            self->gateway_.news("ended a browser's connection: its message makes no sense, or there are too many");
-            return self->leave();
-        }
-        self->incoming_.consume(bytes.size());
-        self->pump();  // sending may have lost the notice of incoming messages
-        self->read();
-    });
+    socket_.async_read(
+        incoming_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+            if (error || self->gone_) return self->leave();
+            self->spoke_ = true;
+            const auto bytes = self->incoming_.data();
+            if (!self->socket_.got_binary() ||
+                !self->link_.send({static_cast<const char*>(bytes.data()), bytes.size()})) {
+                ++self->gateway_.refused;
+                self->gateway_.news("ended a browser's connection: its message makes no sense, or there are too many");
+                return self->leave();
+            }
+            self->incoming_.consume(bytes.size());
+            self->pump();  // sending may have lost the notice of incoming messages
+            self->read();
+        }));
 }
 
 void Browser::pump() {
@@ -90,18 +92,18 @@ void Browser::write() {
         if (!ending_) return;
         writing_ = true;
         socket_.async_close(websocket::close_code::going_away,
-                            [self = shared_from_this()](beast::error_code) { self->leave(); });
+                            Ended([self = shared_from_this()](beast::error_code) { self->leave(); }));
         return;
     }
     writing_ = true;
-    socket_.async_write(net::buffer(queue_.front()),
-                        [self = shared_from_this()](beast::error_code error, std::size_t size) {
+    socket_.async_write(Parts<net::const_buffer>(net::buffer(queue_.front())),
+                        Moved([self = shared_from_this()](beast::error_code error, std::size_t size) {
                             self->writing_ = false;
                             if (error || self->gone_) return self->leave();
                             self->queued_ -= size;
                             self->queue_.pop_front();
                             self->pump();
-                        });
+                        }));
 }
 
 void Browser::end() {

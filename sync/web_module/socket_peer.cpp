@@ -19,12 +19,13 @@ void SocketPeer::begin() {
     parser_->body_limit(kLongestRequestBody);
     Stream& stream = socket_.next_layer();
     stream.tcp().expires_after(server_.settings().requestTimeout);
-    http::async_read(stream, incoming_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        if (self->gone_) return;
-        if (!error) return self->judge(self->parser_->release());
-        if (error != http::error::end_of_stream) self->server_.refused("no request of HTTP/1.1 came");
-        self->leave();
-    });
+    http::async_read(stream, incoming_, *parser_,
+                     Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                         if (self->gone_) return;
+                         if (!error) return self->judge(self->parser_->release());
+                         if (error != http::error::end_of_stream) self->server_.refused("no request of HTTP/1.1 came");
+                         self->leave();
+                     }));
 }
 
 void SocketPeer::judge(Request request) {
@@ -41,17 +42,17 @@ void SocketPeer::judge(Request request) {
     }));
     socket_.read_message_max(server_.settings().longestIncoming);
     socket_.auto_fragment(false);
-    socket_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
-        if (self->gone_) return;
-        if (error) {
-            self->server_.refused("a handshake failed: " + error.message());
-            return self->leave();
-        }
-        self->accepted_ = true;
-        self->server_.came(self->number_, self->queued_);
-        self->read();
-        self->write();
-    });
+    socket_.async_accept(request_, Ended([self = shared_from_this()](beast::error_code error) {
+                             if (self->gone_) return;
+                             if (error) {
+                                 self->server_.refused("a handshake failed: " + error.message());
+                                 return self->leave();
+                             }
+                             self->accepted_ = true;
+                             self->server_.came(self->number_, self->queued_);
+                             self->read();
+                             self->write();
+                         }));
 }
 
 void SocketPeer::refuse(http::status status, std::string why) {
@@ -61,20 +62,22 @@ void SocketPeer::refuse(http::status status, std::string why) {
     response_.body() = std::move(why) + "\n";
     response_.keep_alive(false);
     response_.prepare_payload();
-    http::async_write(socket_.next_layer(), response_, [self = shared_from_this()](beast::error_code, std::size_t) {
-        self->socket_.next_layer().shutdown([self](beast::error_code) { self->leave(); });
-    });
+    http::async_write(socket_.next_layer(), response_,
+                      Moved([self = shared_from_this()](beast::error_code, std::size_t) {
+                          self->socket_.next_layer().shutdown([self](beast::error_code) { self->leave(); });
+                      }));
 }
 
 void SocketPeer::read() {
-    socket_.async_read(incoming_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        if (error || self->gone_) return self->leave();
-        const auto data = self->incoming_.data();
-        std::string text(static_cast<const char*>(data.data()), data.size());
-        self->incoming_.consume(data.size());
-        using Kind = SocketNews::Kind;
-        self->server_.heard(self->number_, self->socket_.got_text() ? Kind::text : Kind::bytes, std::move(text));
-    });
+    socket_.async_read(incoming_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                           if (error || self->gone_) return self->leave();
+                           const auto data = self->incoming_.data();
+                           std::string text(static_cast<const char*>(data.data()), data.size());
+                           self->incoming_.consume(data.size());
+                           using Kind = SocketNews::Kind;
+                           self->server_.heard(self->number_, self->socket_.got_text() ? Kind::text : Kind::bytes,
+                                               std::move(text));
+                       }));
 }
 
 void SocketPeer::resume() {
@@ -93,19 +96,20 @@ void SocketPeer::write() {
         if (!ending_) return;
         writing_ = true;
         return socket_.async_close(websocket::close_code::going_away,
-                                   [self = shared_from_this()](beast::error_code) { self->leave(); });
+                                   Ended([self = shared_from_this()](beast::error_code) { self->leave(); }));
     }
     writing_ = true;
     const Message& message = queue_.front();
     socket_.binary(message.bytes);
     const std::array<net::const_buffer, 2> parts{net::buffer(message.head), net::buffer(*message.body)};
-    socket_.async_write(parts, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        self->writing_ = false;
-        if (error || self->gone_) return self->leave();
-        *self->queued_ -= self->queue_.front().size();
-        self->queue_.pop_front();
-        self->write();
-    });
+    socket_.async_write(Parts<net::const_buffer>(parts),
+                        Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                            self->writing_ = false;
+                            if (error || self->gone_) return self->leave();
+                            *self->queued_ -= self->queue_.front().size();
+                            self->queue_.pop_front();
+                            self->write();
+                        }));
 }
 
 void SocketPeer::end() {

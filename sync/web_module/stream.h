@@ -1,9 +1,14 @@
 // Stream: a browser's connection, with or without TLS, in the form that Boost.Beast expects.
 //
+// What is to be done afterwards, and the buffers, have one type each below here: TLS, timeouts and sockets are compiled
+// once then, and not once for each of Beast's operations by each caller, which made this module the slowest to compile.
+//
 // Invariant: TLS never changes during a connection.
 // Threading: the gateway's thread.
 #pragma once
 
+#include <array>
+#include <functional>
 #include <optional>
 #include <utility>
 
@@ -17,36 +22,52 @@
 
 namespace rtsg::web {
 
-// Beast looks for some of these names.
+/// What is done after bytes have moved, or after anything else. Callers name them, too, so that they share Beast's
+/// operations.
+using Moved = std::move_only_function<void(beast::error_code, std::size_t)>;
+using Ended = std::move_only_function<void(beast::error_code)>;
+
+/// The first buffers of a sequence, which are enough for an operation that moves some bytes: empty only if all are.
+// Asio and Beast look for some of these names.
 // NOLINTBEGIN(readability-identifier-naming)
+template <class Buffer>
+class Parts {
+  public:
+    using value_type = Buffer;
+    using const_iterator = const Buffer*;
+
+    template <class Buffers>
+    explicit Parts(const Buffers& buffers) {
+        const auto end = net::buffer_sequence_end(buffers);
+        for (auto at = net::buffer_sequence_begin(buffers); at != end && count_ < kMost; ++at)
+            if (const Buffer one(*at); one.size() != 0) parts_[count_++] = one;
+    }
+    const_iterator begin() const { return parts_.data(); }
+    const_iterator end() const { return parts_.data() + count_; }
+
+  private:
+    static constexpr std::size_t kMost = 16;
+    std::array<Buffer, kMost> parts_;
+    std::size_t count_ = 0;
+};
+
 class Stream {
   public:
     using Tls = beast::ssl_stream<beast::tcp_stream>;
     using executor_type = beast::tcp_stream::executor_type;
 
     /// With `context` null there is no TLS.
-    Stream(Tcp::socket&& socket, net::ssl::context* context) {
-        if (context)
-            tls_.emplace(std::move(socket), *context);
-        else
-            plain_.emplace(std::move(socket));
-    }
+    Stream(Tcp::socket&& socket, net::ssl::context* context);
     executor_type get_executor() { return tcp().get_executor(); }
     beast::tcp_stream& tcp() { return tls_ ? tls_->next_layer() : *plain_; }
 
-    /// Calls `done(error)`. Precondition: the stream has TLS.
-    template <class Done>
-    void handshake(Done&& done) {
-        tls_->async_handshake(net::ssl::stream_base::server, std::forward<Done>(done));
-    }
+    /// Precondition: the stream has TLS.
+    void handshake(Ended done);
     template <class Buffers, class Handler>
     auto async_read_some(const Buffers& buffers, Handler&& handler) {
         return net::async_initiate<Handler, void(beast::error_code, std::size_t)>(
             [this](auto&& then, const Buffers& into) {
-                if (tls_)
-                    tls_->async_read_some(into, std::forward<decltype(then)>(then));
-                else
-                    plain_->async_read_some(into, std::forward<decltype(then)>(then));
+                read(Parts<net::mutable_buffer>(into), Moved(std::forward<decltype(then)>(then)));
             },
             handler, buffers);
     }
@@ -54,41 +75,29 @@ class Stream {
     auto async_write_some(const Buffers& buffers, Handler&& handler) {
         return net::async_initiate<Handler, void(beast::error_code, std::size_t)>(
             [this](auto&& then, const Buffers& from) {
-                if (tls_)
-                    tls_->async_write_some(from, std::forward<decltype(then)>(then));
-                else
-                    plain_->async_write_some(from, std::forward<decltype(then)>(then));
+                write(Parts<net::const_buffer>(from), Moved(std::forward<decltype(then)>(then)));
             },
             handler, buffers);
     }
-    /// Sends what was written and ends the connection; then calls `done(error)`.
-    template <class Done>
-    void shutdown(Done&& done) {
-        if (tls_) return tls_->async_shutdown(std::forward<Done>(done));
-        beast::error_code error;
-        (void)plain_->socket().shutdown(Tcp::socket::shutdown_send, error);
-        net::post(get_executor(), [done = std::forward<Done>(done), error]() mutable { done(error); });
-    }
+    /// Sends what was written and ends the connection.
+    void shutdown(Ended done);
 
     // Beast calls these to end a WebSocket's connection; it finds them by their arguments.
     friend void teardown(beast::role_type role, Stream& stream, beast::error_code& error) {
-        using beast::websocket::teardown;
-        if (stream.tls_)
-            teardown(role, *stream.tls_, error);
-        else
-            teardown(role, stream.plain_->socket(), error);
+        stream.tearDown(role, error);
     }
     template <class Handler>
     friend void async_teardown(beast::role_type role, Stream& stream, Handler&& handler) {
-        using beast::websocket::async_teardown;
-        if (stream.tls_)
-            async_teardown(role, *stream.tls_, std::forward<Handler>(handler));
-        else
-            async_teardown(role, stream.plain_->socket(), std::forward<Handler>(handler));
+        stream.tearDownLater(role, Ended(std::forward<Handler>(handler)));
     }
     friend void beast_close_socket(Stream& stream) { stream.tcp().close(); }
 
   private:
+    void read(const Parts<net::mutable_buffer>& into, Moved then);
+    void write(const Parts<net::const_buffer>& from, Moved then);
+    void tearDown(beast::role_type role, beast::error_code& error);
+    void tearDownLater(beast::role_type role, Ended then);
+
     std::optional<beast::tcp_stream> plain_;
     std::optional<Tls> tls_;
 };

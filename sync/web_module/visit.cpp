@@ -129,10 +129,11 @@ void Visit::read() {
     parser_->header_limit(kLongestHead);
     parser_->body_limit(kLongestBody);
     stream_.tcp().expires_after(gateway_.settings().requestTimeout);
-    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        if (!error) return self->answer(self->parser_->release());
-        self->refuse(error);
-    });
+    http::async_read(stream_, buffer_, *parser_,
+                     Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                         if (!error) return self->answer(self->parser_->release());
+                         self->refuse(error);
+                     }));
 }
 
 /// The request was invalid, or none came.
@@ -227,11 +228,11 @@ void Visit::say(Response response) {
     // A slow reader gets the time that the slowest links need, but not longer.
     stream_.tcp().expires_after(gateway_.settings().requestTimeout +
                                 std::chrono::seconds(response_.body().size() / kSlowestReader));
-    http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-        self->state_ = State::idle;
-        if (!error && self->response_.keep_alive()) return self->read();
-        self->stream_.shutdown([self](beast::error_code) {});
-    });
+    http::async_write(stream_, response_, Moved([self = shared_from_this()](beast::error_code error, std::size_t) {
+                          self->state_ = State::idle;
+                          if (!error && self->response_.keep_alive()) return self->read();
+                          self->stream_.shutdown([self](beast::error_code) {});
+                      }));
 }
 
 }  // namespace rtsg::web

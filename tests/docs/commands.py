@@ -107,7 +107,7 @@ def main():
     parser.add_argument("program")
     program = str(pathlib.Path(parser.parse_args().program).resolve())
     os.environ["SDL_VIDEODRIVER"] = "offscreen"  # windows
-    failed, ran, unused = [], 0, set(NOT_RUN)
+    failed, ran, unused, known = [], 0, set(NOT_RUN), set()
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch) / "now"
         pristine = pathlib.Path(scratch) / "given"
@@ -139,6 +139,12 @@ def main():
                 unused.discard(key)
                 continue
             arguments = shortened([a for given in arguments for a in ((sorted(map(str, folder.glob(given))) or [given]) if "*" in given and "//" not in given else [given])])
+            same = (*arguments, "of", *scene)  # it would find the same files, and the same server where it follows one
+            if arguments[0] == "serve" and "--upstream" in arguments and not arguments[1].endswith(".rlog"):
+                scene = served(arguments)
+            if same in known:
+                continue
+            known.add(same)
             endpoint, server = free_endpoint(), None
             arguments = [endpoint if a.startswith("tcp://") else a for a in arguments]
             shutil.rmtree(folder, ignore_errors=True)  # each command finds what the texts take for granted, no more
@@ -153,8 +159,6 @@ def main():
                     (folder / made).unlink(missing_ok=True)
             if "--update" in arguments:
                 (folder / arguments[1]).unlink(missing_ok=True)
-            if arguments[0] == "serve" and "--upstream" in arguments and not arguments[1].endswith(".rlog"):
-                scene = served(arguments)
             if arguments[0] == "serve" and "--for" not in arguments:
                 arguments += ["--for", "1s"]
             if arguments[0] == "relay":

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -19,20 +20,16 @@ class RigidBody {
   public:
     using Complex = std::complex<double>;
 
+    /// Tones that were asked for before, whatever the source, are soon there.
     void light(const glm::dvec3& source, double waveNumber) {
         source_ = source;
         k_ = waveNumber;
-        const std::size_t n = elements_.size(), all = n + within_.size();
-        std::vector<std::vector<Complex>> rows(all, std::vector<Complex>(all + 1));
-        for (std::size_t i = 0; i < all; ++i) {
-            const glm::dvec3& place = i < n ? elements_[i].middle : within_[i - n];
-            for (std::size_t j = 0; j < n; ++j) rows[i][j] = i == j ? 0.5 : -integral(place, elements_[j], 0);
-            rows[i][all] = open(place);
-        }
-        // Least errors on the surface, none within.
-        for (std::size_t i = 0; i < n; ++i)
-            for (std::size_t q = n; q < all; ++q) rows[i][q] = std::conj(rows[q][i]);
-        pressure_ = solved(rows);
+        const auto [tone, isNew] = tones_.try_emplace(waveNumber);
+        if (isNew) tone->second.eliminate(equations());
+        std::vector<Complex> sent;
+        for (const Element& one : elements_) sent.push_back(open(one.middle));
+        for (const glm::dvec3& place : within_) sent.push_back(open(place));
+        pressure_ = tone->second.solved(std::move(sent));
     }
     /// Re the source in the open at 1 m.
     Complex pressure(const glm::dvec3& place) const {
@@ -48,6 +45,7 @@ class RigidBody {
     void add(const RigidBody& other) {
         elements_.insert(elements_.end(), other.elements_.begin(), other.elements_.end());
         within_.insert(within_.end(), other.within_.begin(), other.within_.end());
+        tones_.clear();
     }
 
   protected:
@@ -59,6 +57,57 @@ class RigidBody {
     std::vector<glm::dvec3> within_;
 
   private:
+    using Rows = std::vector<std::vector<Complex>>;
+
+    /// Gauss's elimination, which any number of right sides share.
+    struct Eliminated {
+        Rows rows;  // below the diagonal what was taken of the row above
+        std::vector<std::size_t> swaps;
+
+        void eliminate(Rows from) {
+            rows = std::move(from);
+            const std::size_t n = rows.size();
+            for (std::size_t c = 0; c < n; ++c) {
+                std::size_t best = c;
+                for (std::size_t i = c + 1; i < n; ++i)
+                    if (std::norm(rows[i][c]) > std::norm(rows[best][c])) best = i;
+                std::swap(rows[c], rows[best]);
+                swaps.push_back(best);
+                const Complex inverse = 1.0 / rows[c][c];
+                for (std::size_t i = c + 1; i < n; ++i) {
+                    const Complex f = rows[i][c] *= inverse;
+                    for (std::size_t j = c + 1; j < n; ++j) rows[i][j] -= times(f, rows[c][j]);
+                }
+            }
+        }
+        std::vector<Complex> solved(std::vector<Complex> right) const {
+            const std::size_t n = rows.size();
+            for (std::size_t c = 0; c < n; ++c) std::swap(right[c], right[swaps[c]]);
+            for (std::size_t c = 0; c < n; ++c)
+                for (std::size_t i = c + 1; i < n; ++i) right[i] -= times(rows[i][c], right[c]);
+            for (std::size_t i = n; i-- > 0;) {
+                for (std::size_t j = i + 1; j < n; ++j) right[i] -= rows[i][j] * right[j];
+                right[i] /= rows[i][i];
+            }
+            return right;
+        }
+        static Complex times(const Complex& a, const Complex& b) {
+            return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+        }
+    };
+
+    Rows equations() const {
+        const std::size_t n = elements_.size(), all = n + within_.size();
+        Rows rows(all, std::vector<Complex>(all));
+        for (std::size_t i = 0; i < all; ++i) {
+            const glm::dvec3& place = i < n ? elements_[i].middle : within_[i - n];
+            for (std::size_t j = 0; j < n; ++j) rows[i][j] = i == j ? 0.5 : -integral(place, elements_[j], 0);
+        }
+        // Least errors on the surface, none within.
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t q = n; q < all; ++q) rows[i][q] = std::conj(rows[q][i]);
+        return rows;
+    }
     Complex open(const glm::dvec3& place) const {
         const double way = glm::distance(place, source_);
         return std::polar(1 / way, -k_ * way);
@@ -84,33 +133,7 @@ class RigidBody {
             }
         return sum;
     }
-    /// Gauss's elimination; the last column is the right side.
-    static std::vector<Complex> solved(std::vector<std::vector<Complex>>& rows) {
-        const std::size_t n = rows.size();
-        for (std::size_t c = 0; c < n; ++c) {
-            std::size_t best = c;
-            for (std::size_t i = c + 1; i < n; ++i)
-                if (std::norm(rows[i][c]) > std::norm(rows[best][c])) best = i;
-            std::swap(rows[c], rows[best]);
-            const Complex inverse = 1.0 / rows[c][c];
-            for (std::size_t i = c + 1; i < n; ++i) {
-                const Complex f = rows[i][c] * inverse;
-                const double re = f.real(), im = f.imag();
-                for (std::size_t j = c; j <= n; ++j) {
-                    const double a = rows[c][j].real(), b = rows[c][j].imag();
-                    rows[i][j] -= Complex(re * a - im * b, re * b + im * a);
-                }
-            }
-        }
-        std::vector<Complex> result(n);
-        for (std::size_t i = n; i-- > 0;) {
-            Complex sum = rows[i][n];
-            for (std::size_t j = i + 1; j < n; ++j) sum -= rows[i][j] * result[j];
-            result[i] = sum / rows[i][i];
-        }
-        return result;
-    }
-
+    std::map<double, Eliminated> tones_;  // by wave numbers
     std::vector<Complex> pressure_;
     glm::dvec3 source_{0};
     double k_ = 0;

@@ -62,9 +62,10 @@ class RigidOutline {
     Value beside(const glm::dvec2& source, const glm::dvec2& listener) const {
         const std::size_t n = panels_.size();
         std::vector<Value> p(n);
-        for (std::size_t i = 0; i < n; ++i)
-            for (std::size_t r = 0; r < places_.size(); ++r)
-                p[i] += std::conj(rows_[r][i]) * straight(glm::distance(places_[r], source));
+        for (std::size_t r = 0; r < places_.size(); ++r) {
+            const Value sent = straight(glm::distance(places_[r], source));
+            for (std::size_t i = 0; i < n; ++i) p[i] += std::conj(rows_[r][i]) * sent;
+        }
         for (std::size_t i = 0; i < n; ++i) {
             for (std::size_t m = 0; m < i; ++m) p[i] -= factor_[i * n + m] * p[m];
             p[i] /= factor_[i * n + i].real();
