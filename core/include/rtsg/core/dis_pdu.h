@@ -8,9 +8,9 @@
 
 // Example:
 //     #include <rtsg/core/dis_pdu.h>
-//     const std::vector<std::uint8_t> datagram = rtsg::dis::encode({{}, rtsg::dis::RemoveEntity{{1, 2, 3}, {4, 5,
-//     6}}}); const auto pdu = rtsg::dis::decode(datagram); if (pdu) std::cout <<
-//     std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
+//     const rtsg::dis::RemoveEntity remove{{1, 2, 3}, {4, 5, 6}};
+//     const auto pdu = rtsg::dis::decode(rtsg::dis::encode({{}, remove}));
+//     if (pdu) std::cout << std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
 #pragma once
 
 #include <array>
