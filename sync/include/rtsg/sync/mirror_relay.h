@@ -24,8 +24,8 @@ class MirrorRelay {
                                                         MirrorServerOptions to = {});
     ~MirrorRelay();
 
-    /// Passes on what either side has sent, and waits for it up to `timeout`. Returns the number of sets applied.
-    /// Error: `endpoint` cannot be served.
+    /// Passes on messages of both sides, and waits for them up to `timeout`. Returns the number of sets applied. Error:
+    /// `endpoint` cannot be served.
     Result<std::size_t> poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
 
     MirrorClient& client() { return *client_; }
