@@ -356,7 +356,7 @@ void setClock(Scene& scene, double secondsSince1970) {
 
 namespace {
 
-/// Of minutes:seconds, or hours:minutes:seconds; nothing if the text is not of that form.
+/// Parses minutes:seconds or hours:minutes:seconds; returns nothing for other texts.
 std::optional<double> clockSeconds(const std::string& text) {
     if (text.find(':') == text.npos || text.find_first_not_of("0123456789:.") != text.npos) return std::nullopt;
     const char *at = text.data(), *const last = at + text.size();

@@ -48,8 +48,8 @@ std::array<double, 6> parseProbe(const std::string& text) {
     return numbers;
 }
 
-/// How finely curved geometry is cut for an interval of `error`. What its lamps lack because of it is part of the
-/// interval: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
+/// How finely curved geometry is tessellated for an interval of `error`. The interval includes the light that curved
+/// lamps lose by it: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
 struct Cut {
     double wanted;  // chordError
     double made;    // that of the level that is used

@@ -336,7 +336,7 @@ void Session::run() {
     sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address(),
                 feeds_->sayPlaces() + (figures.empty() ? "" : fmt::format(",\"metrics\":{}", jsonString(figures))));
     tellServiceManager(fmt::format("READY=1\nSTATUS=serving {} at {}", name(), server_->endpoint()));
-    // What publishes is a peer as well.
+    // The publisher counts as a peer, too.
     if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
     start_ = Clock::now();

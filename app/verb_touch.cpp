@@ -122,7 +122,7 @@ class Touching {
     }
 
   private:
-    /// What the last contacts have sent.
+    /// Runs frames for the events of the last contacts.
     void finishFrames() {
         renderer_.sendEvents();
         ticks_.take(renderer_, running_.scene());

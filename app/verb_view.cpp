@@ -110,7 +110,7 @@ class Viewing {
         source_->wakeBy([w = window_.get()] { w->wake(); });
         return {};
     }
-    /// What was being written of this scene ends with it.
+    /// Ends the files that were written of this scene.
     void close() {
         if (auto ok = recorder_.finish(); !ok) printError(ok.error());
         sound_.reset();
@@ -186,7 +186,7 @@ class Viewing {
         }
     }
 
-    /// What somebody has asked for.
+    /// Answers the requests of the user.
     void answer() {
         using Kind = SceneWindowRequest::Kind;
         for (const SceneWindowRequest& request : window_->takeRequests()) {
@@ -247,7 +247,7 @@ class Viewing {
 
     double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
-    /// What was dropped on the window. What cannot be opened leaves what is shown.
+    /// Opens a file that was dropped on the window. If that fails, the window goes on with the present scene.
     bool opensNext() {
         const std::vector<std::string> dropped = window_->takeDropped();
         if (dropped.empty()) return false;

@@ -1,4 +1,4 @@
-// What `rtsg view` shows of a log: its states, played in time or gone through, and an eye of one's own among them.
+// `rtsg view` of a log: plays its states or jumps among them, with the viewer's own eye.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-// What `rtsg view` shows of a scene that is served: a replica, and an eye of one's own in it.
+// `rtsg view` of a served scene: a replica, with the viewer's own eye.
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>

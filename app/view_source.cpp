@@ -1,4 +1,4 @@
-// What `rtsg view` shows, opened by its name; a scene that runs here.
+// Opens the source of `rtsg view` by its name, and implements the scene that runs here.
 #include "view_source.h"
 
 #include <limits>

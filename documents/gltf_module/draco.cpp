@@ -16,7 +16,7 @@ using rtsg::detail::DracoAttribute;
 using rtsg::detail::DracoMesh;
 using rtsg::detail::UnpackLimits;
 
-/// What the decoder may take; it ends where more is asked for.
+/// The memory limit of the decoder; decoding ends where it would exceed it.
 struct Bounds {
     const DracoMesh& wanted;
     const UnpackLimits& limits;

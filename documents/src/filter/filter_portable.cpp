@@ -142,7 +142,7 @@ class Portable final : public TreeFilter {
                                          : item.kind == Kind::comment || item.field == "name";
         });
     }
-    /// What the prototype's fields are in this material; false if it is another one.
+    /// Reads the values of the prototype's fields from this material; false if it is another kind of material.
     bool read(const Item& material, const PortableForm& form, Entries& entries) const {
         if (material.name != form.body) return false;
         const NodeType& type = *findBuiltinType(form.body);

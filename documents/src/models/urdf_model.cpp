@@ -149,7 +149,7 @@ class UrdfReader {
         if (!e) return std::nullopt;
         UrdfMaterial material = materialOf(*e);
         if (isDefined(material)) {
-            // What one link defines others may name.
+            // Materials that one link defines can be named by others.
             materials_.try_emplace(material.name, material);
             return material;
         }
@@ -192,7 +192,7 @@ class UrdfReader {
         shape.mesh = *file;
         return true;
     }
-    /// What is there and faulty has been told.
+    /// An attribute that is present but invalid has been reported already.
     bool isIncomplete(const XmlElement& e, std::string_view attribute) {
         if (const std::string* given = e.attribute(attribute); !given || given->empty())
             error(e, e.name + ": it has no " + std::string(attribute) + "; it is left out");
@@ -349,7 +349,7 @@ class UrdfReader {
             reach(link);
         }
     }
-    /// What a joint can be at most.
+    /// The limits that a joint can have.
     static std::pair<double, double> rangeOf(const UrdfJoint& joint) {
         if (joint.kind == UrdfJoint::Kind::continuous) return {-HUGE_VAL, HUGE_VAL};
         return {joint.lower, joint.upper};

@@ -49,7 +49,7 @@ Result<std::vector<Wanted>> wantedBy(const Scene& scene, const std::string& text
 }  // namespace
 
 struct Publisher::State {
-    /// What is known of one field.
+    /// The state of one published field.
     struct Topic {
         std::string words;  // "node":…,"field":…
         std::optional<Value> waiting;

@@ -94,7 +94,7 @@ void TouchEvents::sayForce(Scene& scene, NodeId shape, const Vec3d& force) {
     (void)scene.sendEvent(entry, x3d::MetadataFloat::value.index, Value(std::move(value)));
 }
 
-/// What pushes the hand is pushed by it, at the place of contact.
+/// Pushes the touched body at the place of contact, with the opposite of the force on the hand.
 void TouchEvents::pushBody(Scene& scene, const HapticTick& tick) {
     using Body = x3d::RigidBody;
     const NodeId shape = tick.touching ? tick.shape : NodeId();
