@@ -111,7 +111,7 @@ struct PrimaryHits::Found {
         const auto count = [](int first, int end) { return (end - 1) / kBlocksAside - first / kBlocksAside + 1; };
         return std::size_t{1} * count(left, right) * count(top, bottom);
     }
-    /// Of a tile.
+    /// The bits of a tile's blocks.
     std::uint32_t blocks(int x, int y) const {
         // Sixteen bits by rows of four: each row's bits take the columns'.
         const std::uint32_t columns = blocksIn(x, left, right), rows = blocksIn(y, top, bottom);
