@@ -1,4 +1,4 @@
-// PictureScene: the scene as integrators see it, made of a version of light's tables.
+// The scene of a picture as integrators see it, made of a version of light's tables.
 //
 // Threading: re-entrant.
 #pragma once
