@@ -30,10 +30,11 @@ void FeedArguments::addTo(Command& command) {
         ->repeatable();
     command
         .addOption("--publish", targets,
-                   "lines of what --fields send: -, FILE, udp://HOST:PORT, tcp://HOST:PORT for who connects, "
+                   "events of --fields as lines: -, FILE, udp://HOST:PORT, tcp://HOST:PORT (it listens there), "
                    "mqtt://HOST/TOPIC (repeatable)")
         ->repeatable();
-    command.addOption("--fields", fields, "of --publish and --foxglove: DEF.field or DEF.*, by commas")->repeatable();
+    command.addOption("--fields", fields, "for --publish and --foxglove: DEF.field or DEF.*, separated by commas")
+        ->repeatable();
     command.addOption("--publish-rate", rate, "lines of each field a second at most; 0: every event")
         ->preset()
         ->range(0., 1e6);

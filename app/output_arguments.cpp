@@ -90,27 +90,29 @@ std::string PictureArguments::fileOf(const std::string& file) const {
 void PictureArguments::addTo(Command& command) {
     const Command::Section section(command, "Pictures");
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();
-    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
+    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; default: the bound one");
     command
-        .addOption("--integrator", integrator,
-                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, of rtsg render "
-                   "and view, without shadows and mirrors; hybrid: as whitted, but OGRE finds what the eye sees, of "
-                   "rtsg render")
+        .addOption(
+            "--integrator", integrator,
+            "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, in rtsg render and "
+            "view, without shadows and mirrors; hybrid: as whitted, but OGRE finds visible surfaces, in rtsg render")
         ->preset()
         ->oneOf({"whitted", "path", "raster", "hybrid"});
-    command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
+    command.addOption("--spp", samples, "samples a pixel; with --error the most, 16384 by default")
         ->preset()
         ->range(1, 1 << 20);
     command
         .addOption("--error", error,
                    "sample until pixels' relative standard error is this, such as 0.05; .exr gets intervals")
         ->range(1e-6, 1e3);
-    command.addOption("--depth", depth, "mirrorings and refractions along a ray at most; its weight ends it before")
+    command
+        .addOption("--depth", depth, "most mirrorings and refractions along a ray; rays of little weight end earlier")
         ->preset()
         ->range(0, 250);
     command
         .addOption("--shadows", shadows,
-                   "auto: as the lights' fields say if any says TRUE, else all; authored; all: whatever they say; none")
+                   "auto: as authored if any light's field is TRUE, else all; authored: by the lights' fields; all, "
+                   "none: ignore the fields")
         ->preset()
         ->oneOf({"auto", "authored", "all", "none"});
     command
@@ -120,17 +122,16 @@ void PictureArguments::addTo(Command& command) {
         ->oneOf({"auto", "linear", "display"});
     command.addFlag("--caps", caps, "fill closed bodies where ClipPlanes cut them");
     command.addOption("--tessellation", tessellation,
-                      "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
-                      "or .01m; else 1/400 of its radius");
+                      "largest error of curved geometry: .5px of the picture (finer where it is near), or .01m; "
+                      "default: 1/400 of its radius");
     command
-        .addOption(
-            "--shutter", shutter,
-            "share of the time since the picture before in which the shutter is open, up to this one: what moves, "
-            "and the eye, is blurred")
+        .addOption("--shutter", shutter,
+                   "share of the time since the last picture in which the shutter is open: moving things, and a moving "
+                   "eye, are blurred")
         ->range(1e-6, 1.0);
     command.addOption("--seed", seed, "of the sampling")->preset();
     command.addOption("--threads", threads, "0: as many as cores")->preset();
-    command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
+    command.addOption("--exposure", exposure, "factor on radiance; not for .exr")->preset()->positive();
 }
 
 ImageOptions PictureArguments::parse(bool mayRaster) const {
@@ -212,28 +213,27 @@ void SoundArguments::addTo(Command& command) {
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
     b->excludes(s)->excludes(a);
     s->excludes(a);
-    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else a sphere");
+    command.addOption("--sofa", sofa, "with --binaural: the head, as a SOFA file; without it, a sphere");
     given.addTo(command);
     command.addOption("--materials", materials,
-                      "table of absorption by octaves, for materials by their names; goes before what the scene says");
-    command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
+                      "table of absorption in octaves by material names; overrides the scene");
+    command.addOption("--rays", rays, "rays for each source; the default depends on the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command
         .addOption("--quality", quality,
-                   "of what is heard: twice as much halves its error, for up to four times the time; else 1")
+                   "quality of played sound: twice as much halves its error, for up to four times the time (default 1)")
         ->range(0.25, 16.0);
-    command.addOption("--diffraction", diffraction, "round how many edges in a row sound bends; 0: it goes straight")
+    command.addOption("--diffraction", diffraction, "how many edges in a row sound bends round; 0: none")
         ->preset()
         ->range(0, 2);
     command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
         ->range(-50.0, 60.0);
     command.addOption("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
         ->range(0.0, 100.0);
-    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
+    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; default: from the temperature, else 343")
         ->range(10.0, 10'000.0);
-    command.addFlag("--no-air", noAir, "air absorbs nothing");
-    command
-        .addOption("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
+    command.addFlag("--no-air", noAir, "no absorption by the air");
+    command.addOption("--length", length, "seconds of reverberation to trace; the default depends on the purpose")
         ->range(0.01, 600.0);
 }
 
@@ -282,15 +282,15 @@ void OutputArguments::addTo(Command& command, Options which) {
     if (which != Options::ofRun)
         command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
     command.addOption("--listen", listen,
-                      "WAV of what the listener hears; the .mp4 of --render: into the film; device: play it now (then "
+                      "WAV of the sound at the listener; the .mp4 of --render: into the film; device: play it (then "
                       "pictures are --live)");
-    command.addOption("--device", device, "of --listen device; else the default one");
+    command.addOption("--device", device, "for --listen device; without it, the default device");
     command.addFlag("--live", live,
                     which == Options::ofMirror
                         ? "make pictures and sound of the newest state, states merged, instead of every one"
                         : "run in real time; pictures and sound of the newest state, states merged");
     command.addFlag("--denoise", denoise,
-                    "of --live pictures by --integrator path: filters what few samples leave of noise; a preview");
+                    "for --live pictures by --integrator path: filters the noise of few samples; a preview");
     if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
     if (which == Options::ofMirror)
         command.addOption("--tiles", tiles,

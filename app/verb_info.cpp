@@ -155,7 +155,7 @@ int describeLog(const InfoArguments& options) {
 
 Verb addInfo(Command& program) {
     auto options = std::make_shared<InfoArguments>();
-    Command* command = program.addVerb("info", "Say what is in a scene or a log");
+    Command* command = program.addVerb("info", "Print the content of a scene or a log");
     command->addOption("FILE", options->file, "scene file, log, folder of a log's pieces, or - for a scene")
         ->required();
     options->resources.addTo(*command);

@@ -94,17 +94,18 @@ int runPick(const PickArguments& options) {
 
 Verb addPick(Command& program) {
     auto options = std::make_shared<PickArguments>();
-    Command* command = program.addVerb("pick", "What a ray meets, what is nearest, where a moving ball stops");
+    Command* command =
+        program.addVerb("pick", "Find what a ray meets, what is nearest to a point, where a moving ball stops");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
     command->addOption("--point", options->point, "nearest surface to X Y Z")->expected(3);
     command->addOption("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
     command
         ->addOption("--pixel", options->pixel,
-                    "what a picture shows at X Y, in pixels from the left and the top, layer before layer")
+                    "the surface at X Y in a picture, in pixels from the left and the top, through all layers")
         ->expected(2);
     command->addOption("--size", options->size, "of that picture")->preset();
-    command->addOption("--viewpoint", options->viewpoint, "of that picture: name or description");
+    command->addOption("--viewpoint", options->viewpoint, "viewpoint of that picture: name or description");
     command->addOption("--time", options->time, "run the scene so long")->preset();
     options->start.addTo(*command);
     options->resources.addTo(*command);

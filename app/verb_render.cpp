@@ -239,7 +239,7 @@ Verb addRender(Command& program) {
     Command* command = program.addVerb("render", "Make a picture or an animation");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
-    command->addOption("--time", options->time, "of the first frame, from the start")->preset();
+    command->addOption("--time", options->time, "time of the first frame, from the start")->preset();
     command->addOption("--frames", options->frames, "number of frames: into %04d, a .mp4 or .gif")
         ->preset()
         ->range(1, 1'000'000);
@@ -248,24 +248,26 @@ Verb addRender(Command& program) {
         "--set", options->set,
         "inject an event, as in rtsg run: DEF.field=VALUE@TIME; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
-    command->addFlag("--json", options->json, "what was done, as JSON");
+    command->addFlag("--json", options->json, "a summary as JSON");
     {
         const Command::Section section(*command, "Pictures");
         command->addOption(
             "--layers", options->layers,
             "of an .exr, besides colour: depth, position, normal, albedo, node (numbers of Shapes), names "
             "(Cryptomatte of DEF), motion (pixels to where it was 1/--fps s before), by commas; or all");
-        command->addFlag("--panorama", options->panorama, "all around: longitudes across, latitudes down");
+        command->addFlag("--panorama", options->panorama, "a panorama: longitudes across, latitudes down");
         command
             ->addOption("--stereo", options->stereo, "two eyes' pictures, each of --size: beside or above each other")
             ->preset()
             ->oneOf({"none", "beside", "above"});
-        command->addOption("--eye-distance", options->eyeDistance, "of --stereo, metres")->preset()->range(1e-6, 1e6);
+        command->addOption("--eye-distance", options->eyeDistance, "for --stereo: distance of the eyes, metres")
+            ->preset()
+            ->range(1e-6, 1e6);
         command->addOption("--aperture", options->aperture, "a lens of this diameter, metres; sharp at --focus")
             ->range(1e-9, 1e6);
         command
             ->addOption("--focus", options->focus,
-                        "metres along the view; of --stereo: what lies in the picture's plane")
+                        "metres along the view; for --stereo: the distance of the picture's plane")
             ->range(1e-6, 1e9);
         options->picture.addTo(*command);
         options->picture.addTileTo(*command);

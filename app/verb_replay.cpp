@@ -531,32 +531,30 @@ Verb addReplay(Command& program) {
                     "log to read (.rlog), folder of its pieces, or these by commas; or nats://HOST:PORT/NAME")
         ->required();
     command->addFlag("--verify", options->verify,
-                     "all of it, to the index that a session ends with; states are checked in any case");
-    command->addOption("--seek", options->seek,
-                       "begin with the state so long after the log's start (1:30, 90s), or at a date");
+                     "check the whole log, to the index at the session's end; states are always checked");
+    command->addOption("--seek", options->seek, "begin at this time after the log's start (1:30, 90s), or at a date");
     command->addOption("--for", options->duration, "how much to play");
     command->addFlag("--json", options->json, "the report as JSON");
     {
-        const Command::Section section(*command, "In place of playing it");
+        const Command::Section section(*command, "Instead of playing");
         command->addOption("--diff", options->diff, "compare with another log, state by state");
         command->addOption("--blame", options->blamed,
                            "who changed NODE.field, when, and by which routes, as far as the log tells");
-        command->addOption(
-            "--table", options->tabled,
-            "fields by commas (TRAIN.rotation,DOOR.*) as CSV, a row for each state: from --seek on, --for so "
-            "long, one state of --every");
-        command->addOption(
-            "--only", options->only,
-            "with -o: write a log in which only these fields change (TRAIN.rotation,DOOR.*); others stay "
-            "as they were at first");
-        command->addOption("--without", options->without, "with -o: one in which these fields do not change");
+        command->addOption("--table", options->tabled,
+                           "fields, separated by commas (TRAIN.rotation,DOOR.*), as CSV, one row for each state: from "
+                           "--seek on, for the time of --for, one state of --every");
+        command->addOption("--only", options->only,
+                           "with -o: write a log in which only these fields change (TRAIN.rotation,DOOR.*); others "
+                           "keep their first values");
+        command->addOption("--without", options->without, "with -o: write a log in which these fields do not change");
         command->addOption("-o,--output", options->out,
                            "with --table: .csv to write; - or none: standard output. With --only and --without: .rlog");
-        command->addOption("--compact", options->compact,
-                           "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+        command->addOption(
+            "--compact", options->compact,
+            "write a shorter log: from --seek on, for the time of --for, with frames merged by --every or --interval");
         command
             ->addOption("--every", options->every,
-                        "with --compact: so many frames become one; with --table: one row for so many")
+                        "with --compact: this many frames become one; with --table: one row for this many states")
             ->preset()
             ->range(std::uint64_t{1}, UINT64_MAX);
         command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")
@@ -571,8 +569,8 @@ Verb addReplay(Command& program) {
             "A-B: only the pictures of these numbers, as a run of all makes them, into --render NAME%04d");
         command
             ->addOption("--run-up", options->runUp,
-                        "with --frames and --listen: so long before them reflections begin to be made; as long as the "
-                        "log: bit for bit the sound of one run")
+                        "with --frames and --listen: reflections are computed from this time before them on; with the "
+                        "log's length, the sound has the bits of one run")
             ->preset();
         command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
         command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");

@@ -496,32 +496,32 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
 
 void addMirrors(Command& command, ServeArguments& options) {
     const Command::Section section(command, "Mirrors");
-    command.addOption("--key", options.key, "key file: encrypts, and lets in only those listed; made if missing");
+    command.addOption("--key", options.key, "key file: encrypts, and admits only the listed keys; made if missing");
     command.addFlag("--insecure", options.insecure, "serve other machines without keys");
     command
         .addOption("--upstream", options.upstream,
-                   "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
+                   "what mirrors may send, unless the key file says otherwise; code: also edits of urls and Scripts")
         ->preset()
         ->oneOf({"none", "events", "edits", "code"});
-    command.addOption("--peers", options.peers, "how many mirrors may follow")->preset();
-    command.addOption("--parts", options.parts, "how many different parts of the scene they may ask for")->preset();
+    command.addOption("--peers", options.peers, "most mirrors")->preset();
+    command.addOption("--parts", options.parts, "most different parts of the scene that mirrors may follow")->preset();
     command
         .addOption("--mode", options.mode,
                    "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
                    "for it get what comes into each frame and run it")
         ->oneOf({"state", "lossy", "input"})
         ->preset();
-    command.addOption("--error", options.error, "lossy: largest error, metres and radians; what rests is exact")
+    command.addOption("--error", options.error, "lossy: largest error, metres and radians; values at rest are exact")
         ->positive()
         ->preset();
-    command.addOption("--coding", options.coding, "of values: raw, fastest; compact; smallest")
+    command.addOption("--coding", options.coding, "coding of values: raw, fastest; compact; smallest")
         ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
         ->preset();
     command.addOption("--max-rate", options.maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
         ->bytes()
         ->preset();
     command.addOption("--block", options.block, "how long a mirror that asks for it may hold up a frame")->preset();
-    command.addOption("--linger", options.linger, "how long mirrors may catch up at the end")->preset();
+    command.addOption("--linger", options.linger, "time for mirrors to catch up at the end")->preset();
     command.addOption("--nats", options.nats,
                       "nats://HOST:PORT/NAME, or tls: publish there too, once for any number of mirrors");
 }
@@ -535,17 +535,16 @@ Verb addServe(Command& program) {
         "SCENE", options->scene,
         "scene file, or -, or a log to play (file, folder of its pieces, nats://HOST:PORT/NAME); with --resume only "
         "the folder that urls start from");
-    command->addOption(
-        "--resume", options->resume,
-        "go on with the session in this log, killed or ended: same states, clock and epoch, so that mirrors "
-        "go on too; the log is continued");
+    command->addOption("--resume", options->resume,
+                       "continue the session in this log, after a crash or an end: with the same states, clock and "
+                       "epoch, so that mirrors continue, too; the log is continued");
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->preset();
     command->addOption("--for", options->duration, "how long; else until Ctrl-C");
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
     options->start.addTo(*command);
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->addFlag("--reload", options->reload, "follow the scene's file whenever it has been edited");
-    command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
+    command->addOption("--await", options->await, "run the first frame when this many mirrors follow")->preset();
     addMirrors(*command, *options);
     {
         const Command::Section section(*command, "Log");
@@ -555,7 +554,7 @@ Verb addServe(Command& program) {
         addForce(*command, options->force);
     }
     command->addFlag("--embed", options->embed,
-                     "send mirrors, and record, also the bytes of what came from the network, not only their hash");
+                     "send mirrors, and record, the bytes of files from the network, not only their hashes");
     options->log.addTo(*command);
     options->web.addTo(*command);
     options->feeds.addTo(*command);
