@@ -46,9 +46,9 @@ void FeedArguments::check(const std::string& scene, bool timed) const {
         throw UsageError("--fields", "only together with --publish or --foxglove");
     if (targets.empty() && rate > 0) throw UsageError("--publish-rate", "only together with --publish");
     if (!targets.empty() && fieldsIn(fields).empty())
-        throw UsageError("--publish", "needs --fields, which say what: DEF.field or DEF.*, by commas");
+        throw UsageError("--publish", "needs --fields: DEF.field or DEF.*, separated by commas");
     if (std::ranges::count(feeds, "-") + (scene == "-" ? 1 : 0) > 1)
-        throw UsageError("--feed", "there is one standard input");
+        throw UsageError("--feed", "standard input can be used only once");
     for (const std::string& feed : feeds)
         if (timed && !isOfUser(feed))
             throw UsageError("--feed",
@@ -134,9 +134,9 @@ void Feeds::end() {
     printNews();
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
-        if (feed->hasLeft()) say(feed->source() + ": note: its lines go on after the end");
+        if (feed->hasLeft()) say(feed->source() + ": note: it has more lines after the end");
         if (counts.faulty + counts.flooded == 0) continue;
-        say(fmt::format("{}: {} of {} lines made no sense or were refused, {} left out", feed->source(), counts.faulty,
+        say(fmt::format("{}: {} of {} lines were invalid or refused, {} left out", feed->source(), counts.faulty,
                         counts.lines, counts.flooded),
             Severity::warning);
         if (isOfUser(feed->source())) noteLeftOut();

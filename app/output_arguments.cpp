@@ -174,11 +174,11 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
 void PictureArguments::checkRaster(bool mayRaster) const {
     const bool traces = integrator == "hybrid";
     if (!mayRaster)
-        throw UsageError("--integrator", fmt::format("{} is of rtsg render{}; here there are: whitted, path",
+        throw UsageError("--integrator", fmt::format("{} is for rtsg render{}; here there are: whitted, path",
                                                      integrator, traces ? "" : " and view"));
     const PictureArguments usual;
     const auto refuse = [this](bool asked, const char* option) {
-        if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
+        if (asked) throw UsageError(option, fmt::format("is not supported by --integrator {}", integrator));
     };
     refuse(!traces && shadows != usual.shadows && shadows != "none", "--shadows");
     refuse(!traces && depth != usual.depth && depth != 0, "--depth");
@@ -325,23 +325,23 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
                          "with sound it is in metres: what a picture shows is not to change what is heard");
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
-        throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+        throw UsageError("--denoise", "is for --live pictures by --integrator path, without --error");
     if (!tiles.empty() && (!render.empty() || !listen.empty() || !save.empty() || isLive()))
         throw UsageError("--tiles", "goes not together with other outputs than --record");
     if (!tiles.empty() && (picture.shutter > 0 || !picture.tessellation.empty()))
-        throw UsageError("--tiles", "of live pictures are made without --shutter and --tessellation");
+        throw UsageError("--tiles", "cannot be combined with --shutter and --tessellation");
     if (denoise && !picture.tile.empty())
-        throw UsageError("--denoise", "looks at pixels beyond a tile's edge: there is one of the two");
+        throw UsageError("--denoise", "cannot be combined with --tile, since it uses pixels beyond a tile's edge");
     if (denoise && picture.shutter > 0)
-        throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
+        throw UsageError("--denoise", "cannot be combined with --shutter, since it needs sharp layers");
     if (picture.shutter > 0 && !animated())
         throw UsageError("--shutter",
                          "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
-    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is for files: a device plays two channels");
     if (MovieWriter::isName(listen) && !soundInFilm())
         throw UsageError("--listen", listen + ": sound goes into the film of --render, or into a .wav of its own");
     if (soundInFilm() && sound.ambisonic > 0)
-        throw UsageError("--ambisonic", "is of .wav files: a film has two channels");
+        throw UsageError("--ambisonic", "is for .wav files: a film has two channels");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     std::vector<std::string> all = inputs;

@@ -30,7 +30,7 @@ Result<> Requests::parseEdits(Scene& replica) {
     if (!parsed) return fail("--edit " + parsed.error().text);
     edits_ = std::move(*parsed);
     if (const Injections::Injection* event = edits_.findInput())
-        return fail(fmt::format("--edit {}: takes events only, which --set sends", event->text));
+        return fail(fmt::format("--edit {}: the field takes events only: use --set", event->text));
     for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
                                               std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
         for (const std::string& text : *texts)

@@ -19,7 +19,7 @@ struct KeyArguments {
 int makeKeys(const KeyArguments& options) {
     if (options.client.empty() && !options.upstream.empty()) throw UsageError("--upstream", "is of --client");
     if (options.upstream.empty() && !options.name.empty())
-        throw UsageError("--name", "goes with --upstream: a key file has both, or neither");
+        throw UsageError("--name", "needs --upstream: a key file has both, or neither");
     if (!std::filesystem::exists(options.server)) {
         if (auto ok = MirrorKeys::generate(options.server); !ok) return printError(ok.error()), kBad;
         fmt::print("{}: for rtsg serve --key; it stays on the server\n", options.server);

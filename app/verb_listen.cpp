@@ -48,8 +48,8 @@ struct ListenArguments {
 int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
         !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
-        throw UsageError("--live plays and reports; files and figures are made without it");
-    if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+        throw UsageError("--live plays sound; make files and figures without it");
+    if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is for files: a device plays two channels");
     options.sound.given.check({options.scene});
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
@@ -202,7 +202,7 @@ void checkListening(const ListenArguments& options) {
         throw UsageError("-o, --ir, --report, --map, --stream-out or --metrics is required");
     options.sound.given.check({options.scene});
     if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
-        throw UsageError("--place is of --report and of --ir FILE.sofa");
+        throw UsageError("--place is for --report and --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     checkMaps(options);
     // All of the sound is kept in memory until its end.

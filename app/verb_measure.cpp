@@ -44,7 +44,7 @@ std::array<double, 6> parseProbe(const std::string& text) {
         at = next + 1;
     }
     if (numbers[3] == 0 && numbers[4] == 0 && numbers[5] == 0)
-        throw UsageError("--irradiance", "a place faces somewhere: NX,NY,NZ must not all be 0 in " + text);
+        throw UsageError("--irradiance", "the normal NX,NY,NZ must not be 0 0 0 in " + text);
     return numbers;
 }
 

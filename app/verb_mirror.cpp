@@ -81,7 +81,7 @@ constexpr std::uint64_t kLeastRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     if (!options.maxLag.empty() && (options.whenSlow == "block" || options.whenSlow == "resync"))
-        throw UsageError("--max-lag", fmt::format("goes with --when-slow merge or near: with {} frames come however "
+        throw UsageError("--max-lag", fmt::format("is for --when-slow merge or near: with {} frames come however "
                                                   "late, until 8 MiB wait",
                                                   options.whenSlow));
     if (options.maxRate > 0 && options.maxRate < kLeastRate)

@@ -55,8 +55,8 @@ int runPick(const PickArguments& options) {
     }
     const auto [width, height] = PictureSize::parse(options.size);
     if (const auto& at = options.pixel; !at.empty() && (at[0] < 0 || at[1] < 0 || at[0] >= width || at[1] >= height))
-        throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size says how large it is",
-                                                at[0], at[1], width, height));
+        throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size sets its size", at[0],
+                                                at[1], width, height));
     const double time = parseMoment(options.time, options.start.seconds());
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;

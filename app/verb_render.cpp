@@ -61,15 +61,15 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     const std::string& integrator = options.picture.integrator;
     if (integrator == "raster" || integrator == "hybrid") {
         const auto refuse = [&](bool asked, const char* option) {
-            if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
+            if (asked) throw UsageError(option, fmt::format("is not supported by --integrator {}", integrator));
         };
         refuse(options.panorama, "--panorama"), refuse(options.aperture > 0, "--aperture");
         refuse(options.stereo != "none", "--stereo"), refuse(image.settings.layers != 0, "--layers");
     }
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
-        throw UsageError("--panorama", "is of one eye without a lens");
+        throw UsageError("--panorama", "cannot be combined with --stereo or a lens");
     if (options.stereo != "none" && !options.picture.tile.empty())
-        throw UsageError("--tile", "is of one eye's picture: it goes not together with --stereo");
+        throw UsageError("--tile", "cannot be combined with --stereo");
     if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
     image.panorama = options.panorama;
     image.lensRadius = options.aperture / 2, image.focus = options.focus;

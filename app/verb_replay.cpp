@@ -448,7 +448,7 @@ void checkTogether(const std::vector<std::string>& typed) {
         if (mode.makesOutputs && !named) continue;
         const std::string_view asking = askingFor(mode, given);
         throw UsageError(std::string(option),
-                         asking.empty() ? "has no meaning here" : fmt::format("goes not together with {}", asking));
+                         asking.empty() ? "has no meaning here" : fmt::format("cannot be combined with {}", asking));
     }
 }
 
@@ -476,7 +476,7 @@ void checkFrames(const OptionNames& given, const ReplayArguments& options) {
                            !numberedName(std::filesystem::path(sound).filename().string(), 0)))
         throw UsageError("--frames", "needs --listen with a place for a number in the name, such as %04d.wav");
     for (const std::string_view other : {"--seek", "--for", "--export", "--live", "--save", "--microphone", "--stream"})
-        if (holds(given, other)) throw UsageError("--frames", fmt::format("goes not together with {}", other));
+        if (holds(given, other)) throw UsageError("--frames", fmt::format("cannot be combined with {}", other));
 }
 
 int replay(const Command& command, ReplayArguments options) {
@@ -485,7 +485,7 @@ int replay(const Command& command, ReplayArguments options) {
     checkFrames(OptionNames(typed.begin(), typed.end()), options);
     if (!options.only.empty() || !options.without.empty()) {
         if (!options.compact.empty() && !options.out.empty())
-            throw UsageError("-o", "goes not together with --compact, which names the log that is written");
+            throw UsageError("-o", "cannot be combined with --compact, which names the log to write");
         // -o is what one writes to; --compact says the same.
         if (options.compact.empty()) options.compact = std::exchange(options.out, {});
     }

@@ -116,17 +116,17 @@ void checkResume(const ServeArguments& options) {
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
     if (options.reload && !options.resume.empty())
-        throw UsageError("--reload", "not together with --resume: the session goes on, not the file");
+        throw UsageError("--reload", "cannot be combined with --resume, which continues the session and not the file");
     const ServeLogArguments none;
     if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)
-        throw UsageError("--rate, --loop, --paused, --control", "are of a log, and a scene is served");
+        throw UsageError("--rate, --loop, --paused, --control", "are for a log, but a scene is served");
     if (!options.resume.empty() && !options.record.empty())
-        throw UsageError("--record", "not together with --resume, which goes on writing its log");
+        throw UsageError("--record", "cannot be combined with --resume, which continues its log");
     if (!options.resume.empty() && !options.start.at.empty())
         throw UsageError("--at",
                          "not together with --resume: a log has its own clock, which goes on from its last state");
     if (!options.resume.empty() && !options.start.clip.empty())
-        throw UsageError("--clip", "not together with --resume: what moved in the log goes on");
+        throw UsageError("--clip", "cannot be combined with --resume: the motion in the log continues");
     if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
@@ -153,16 +153,16 @@ Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
 }
 
 int play(const ServeArguments& options, const std::vector<std::string>& given) {
-    if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
+    if (!options.record.empty()) throw UsageError("--record", "a log is played, so there is a log already");
     if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
     if (!options.start.at.empty())
-        throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
+        throw UsageError("--at", "a log is played with its recorded times; the command seek T jumps");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option :
          {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--free", "--dis",
           "--clip", "--feed", "--publish", "--fields", "--publish-rate", "--foxglove", "--metrics-port"})
         if (std::ranges::find(given, option) != given.end())
-            throw UsageError(option, "is of a scene, and a log is played");
+            throw UsageError(option, "is for a scene, but a log is played");
     const double duration =
         options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
@@ -471,7 +471,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.feeds.check(options.scene, false);
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
-        throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
+        throw UsageError("--coding", "cannot be combined with --nats: a mirror that joins could not decode it");
     PassingFolder fetched;
     if (options.resume.empty() && isNatsAddress(options.scene)) {
         auto log = fetchLog("SCENE", options.scene);
@@ -485,7 +485,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
     const bool rotates = ignored.rotateBytes > 0 || ignored.rotateSeconds > 0;
     if (rotates && (isNatsAddress(options.record) || isNatsAddress(options.resume)))
-        throw UsageError("--rotate", "a log that is stored at a NATS server is one piece");
+        throw UsageError("--rotate", "a log at a NATS server cannot be divided into pieces");
     auto resumed = StoredLog::start("--resume", options.resume, NatsLog::Begin::goOn);
     if (!resumed) return printError(resumed.error()), kBad;
     auto recorded =

@@ -45,9 +45,9 @@ struct ViewArguments {
 RenderSettings pictureSettings(const ViewArguments& options) {
     PictureArguments pictures = options.picture;
     if (pictures.integrator == "hybrid")
-        throw UsageError("--integrator", "hybrid is of rtsg render; here there are: whitted, path, raster");
+        throw UsageError("--integrator", "hybrid is for rtsg render; here there are: whitted, path, raster");
     if (options.renderer == "ogre") {
-        if (pictures.integrator == "path") throw UsageError("--integrator", "path is of --renderer light");
+        if (pictures.integrator == "path") throw UsageError("--integrator", "path is for --renderer light");
         pictures.integrator = "raster";
     }
     return pictures.parse(true).settings;
@@ -136,7 +136,7 @@ class Viewing {
     /// The hand that --touch names feels what is shown.
     Result<> touch() {
         if (options_.touch.empty()) return {};
-        if (!isSceneFile(shown_.name)) return fail("--touch goes with a scene's file", {}, shown_.name);
+        if (!isSceneFile(shown_.name)) return fail("--touch is for a scene's file", {}, shown_.name);
         auto hand = openHand("--touch", options_.touch);
         if (!hand) return std::unexpected(hand.error());
         touch_ = std::make_unique<HapticRenderer>(source_->world());

@@ -176,7 +176,7 @@ class ServedSource final : public ViewSource {
         return sent ? Result<>() : std::unexpected(sent.error());
     }
     std::optional<Camera> eye(double aspect) override { return eye_->camera(aspect); }
-    Result<> pause(bool) override { return fail("the time of a served scene is its own"); }
+    Result<> pause(bool) override { return fail("the time of a served scene cannot be changed here"); }
     Result<> answer(const SceneWindowRequest&) override { return pause(true); }
     std::string status() const override {
         const MirrorStatistics& statistics = client_->statistics();
