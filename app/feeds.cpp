@@ -1,4 +1,4 @@
-// Opens feeds, publishers and what viewers connect to, prints what was wrong with lines, and counts.
+// Opens feeds, publishers and servers for viewers, prints faults of lines, and counts.
 #include "feeds.h"
 
 #include <algorithm>

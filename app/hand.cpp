@@ -1,4 +1,4 @@
-// Opens the devices that options name for touch.
+// Opens the devices for touch that options name.
 #include "hand.h"
 
 #include <charconv>

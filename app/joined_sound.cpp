@@ -1,4 +1,4 @@
-// Finds stretches of sound by their numbers and lays them one behind the other.
+// Finds stretches of sound by their numbers and joins them.
 #include "joined_sound.h"
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Plays a log aside, and notes what came from outside, what is damaged, and who changed a field.
+// Plays a log aside, and notes inputs from outside, damage, and the changes of a field.
 #include "log_notes.h"
 
 #include <algorithm>

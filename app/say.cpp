@@ -1,4 +1,4 @@
-// Prints lines on standard error, in the form and from the level that were asked for.
+// Prints lines on standard error, in the chosen form and from the chosen level on.
 #include "say.h"
 
 #include <chrono>

@@ -1,4 +1,4 @@
-// rtsg help and rtsg completion: what the program says about itself.
+// rtsg help and rtsg completion: prints help about the program itself.
 #include <memory>
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// rtsg info: what is in a scene, or in a log.
+// rtsg info: prints the content of a scene or a log.
 #include <cmath>
 #include <filesystem>
 #include <map>

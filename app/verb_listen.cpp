@@ -1,4 +1,4 @@
-// rtsg listen: what is heard in a scene, as sound and as figures of the room.
+// rtsg listen: makes the sound of a scene, and the figures of its room.
 #include <algorithm>
 #include <filesystem>
 #include <locale>

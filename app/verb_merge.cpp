@@ -1,4 +1,4 @@
-// rtsg merge: writes one log of two, whose scenes stand side by side in one.
+// rtsg merge: writes one log of two, with their scenes side by side in one scene.
 #include <memory>
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// rtsg render: a picture or an animation of a scene.
+// rtsg render: makes a picture or an animation of a scene.
 #include <algorithm>
 #include <filesystem>
 #include <memory>

@@ -1,4 +1,4 @@
-// rtsg touch: what a hand feels in a scene: its path, its proxy, the forces and contacts, by time.
+// rtsg touch: simulates touch: the path of a hand, its proxy, the forces and contacts over time.
 #include <algorithm>
 #include <cmath>
 #include <locale>

@@ -1,4 +1,4 @@
-// rtsg view: a window onto a scene: look, walk, point, click, hear.
+// rtsg view: opens a window onto a scene, to look, walk, point, click and hear.
 #include <algorithm>
 #include <chrono>
 #include <cmath>

@@ -1,4 +1,4 @@
-// Writes logs and films of what a window shows.
+// Writes logs and films of the scene in a window.
 #include "view_recorder.h"
 
 #include <algorithm>

@@ -1,4 +1,5 @@
-// The module librtsg_draco.so: meshes compressed by Draco, by libdraco. Links nothing of ours, throws nothing.
+// The module librtsg_draco.so: meshes compressed by Draco, by libdraco. It does not link this project's libraries, and
+// throws nothing.
 #include <algorithm>
 #include <exception>
 #include <memory>

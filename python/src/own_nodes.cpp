@@ -1,4 +1,4 @@
-// Binds node types of the user's own: a table of fields, and functions of Python that say what such nodes do.
+// Binds the user's node types: a table of fields, and Python functions for the behaviour of their nodes.
 #include "own_nodes.h"
 
 #include <string>

@@ -1,4 +1,4 @@
-// Binds Scene, and what makes one: load(), loads().
+// Binds Scene, and the functions that make one: load(), loads().
 #include <algorithm>
 #include <filesystem>
 #include <optional>

@@ -1,4 +1,4 @@
-// Lays the overlay's panels out and says what somebody did in them.
+// Lays out the overlay's panels, and reports the user's actions in them.
 #include "overlay.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Measures a room by rays that scatter, and foretells its reverberation by the formulas of Sabine and Eyring.
+// Measures a room by rays that scatter, and predicts its reverberation by the formulas of Sabine and Eyring.
 #include <rtsg/audio/room_size.h>
 
 #include <algorithm>

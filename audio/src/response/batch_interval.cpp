@@ -1,4 +1,4 @@
-// How far a figure may be off that is worked out from all batches of rays, by what it is without one of them at a time.
+// The interval of a figure that is computed from all batches of rays, by its values without one of them at a time.
 #include "batch_interval.h"
 
 #include <algorithm>

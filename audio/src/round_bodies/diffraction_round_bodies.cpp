@@ -1,4 +1,4 @@
-// Finds the ways round each body, and weighs them by what others leave of them.
+// Finds the ways round each body, and weights them by the share that others leave of them.
 #include "diffraction_round_bodies.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Renders the processing nodes of an audio graph from what leads into them.
+// Renders the processing nodes of an audio graph from their inputs.
 #include "process_player.h"
 
 #include <algorithm>

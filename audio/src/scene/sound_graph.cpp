@@ -1,4 +1,4 @@
-// Reads the audio graph that leads into a Sound, SpatialSound or AudioDestination: what sounds, and what is done to it.
+// Reads the audio graph that leads into a Sound, SpatialSound or AudioDestination: its sources and its processing.
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -1,4 +1,4 @@
-// Reads what a scene says about sound, node by node, and follows what changes.
+// Reads the sound nodes of a scene, and follows their changes.
 #include <rtsg/audio/sound_scene.h>
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-// The head that is a rigid sphere: what Rayleigh's series has for a wave that comes from far away.
+// The head that is a rigid sphere: Rayleigh's series for a wave from far away.
 #include <algorithm>
 #include <array>
 #include <cmath>

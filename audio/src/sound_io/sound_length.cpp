@@ -1,4 +1,4 @@
-// Reads what the headers of uncompressed sound files say, as far as it takes to know how long they should be.
+// Reads the headers of uncompressed sound files, as far as needed to know how long they should be.
 #include "sound_length.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds the openings that rays went by when they escaped, and says what is to be known of each.
+// Finds the openings by which rays escaped, and describes each.
 #include <rtsg/audio/room_openings.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Parses values of field types from outside: their own text in quotes, or their numbers.
+// Parses values of custom field types: their own text in quotes, or their numbers.
 #include <span>
 #include <string>
 #include <string_view>

@@ -1,4 +1,4 @@
-// Field types from outside: what their values consist of, and the registry of those that this process knows.
+// Custom field types: the form of their values, and the registry of those that this process knows.
 #include <rtsg/core/custom_field.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds and loads modules, and libraries that have stubs in place of being linked.
+// Finds and loads modules, and libraries with stubs.
 #include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 

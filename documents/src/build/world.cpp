@@ -1,4 +1,4 @@
-// Worlds as wholes: pieces that are read beside one, another one in its place, and writing it out.
+// Worlds as wholes: reads pieces beside one, replaces one by another, and writes one to a file.
 #include <rtsg/documents/world.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Completes, explains and finds words of a document, by the tables of node types and by what the document defines.
+// Completes, explains and finds words of a document, by the tables of node types and by the document's definitions.
 #include "answers.h"
 
 #include <algorithm>

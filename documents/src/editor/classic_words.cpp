@@ -1,4 +1,4 @@
-// Finds out what the words of a ClassicVRML text are, however much of it is there.
+// Finds the roles of the words in a ClassicVRML text, complete or not.
 #include <algorithm>
 #include <iterator>
 #include <utility>

@@ -1,4 +1,4 @@
-// Finds out what the words of an XML text are, however much of it is there.
+// Finds the roles of the words in an XML text, complete or not.
 #include <algorithm>
 #include <array>
 #include <string>

@@ -1,5 +1,5 @@
-// Makes instances of the portable materials of those materials whose metadata says the same. Where something differs
-// from all of them, or refers to the material's fields, it stays, and that is told.
+// Replaces materials by instances of the portable materials with the same metadata. A material that differs from all of
+// them, or whose fields are referred to, stays, and is reported.
 #include <algorithm>
 #include <map>
 #include <string>

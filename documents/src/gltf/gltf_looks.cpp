@@ -1,4 +1,4 @@
-// Finds glass, panes and coats in the extensions of materials, and says what of them is left out.
+// Reads glass, panes and coats from the extensions of materials, and reports effects that are left out.
 #include "gltf_looks.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds the modules that unpack meshes, and checks what a file counts before they are asked.
+// Finds the modules that unpack meshes, and checks the counts of a file before it calls them.
 #include "gltf_unpack.h"
 
 #include <rtsg/core/module.h>

@@ -1,4 +1,4 @@
-// Which kind of file some bytes are, and what the importers share.
+// Finds the kind of a file by its bytes, and holds functions that all importers share.
 #include "import.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Writes a robot as X3D: its links and joints, what they look like, and who mimics whom.
+// Writes a robot as X3D: its links and joints, their shapes, and mimicking joints.
 #include "import_urdf.h"
 
 #include <algorithm>

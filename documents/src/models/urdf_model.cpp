@@ -1,4 +1,4 @@
-// Reads a URDF file: the elements as links and joints, and then how they hang together.
+// Reads a URDF file: the elements as links and joints, and then their hierarchy.
 #include "urdf_model.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Listens to fields, and writes what they send as lines, at a rate where one is asked for.
+// Listens to fields, and writes their events as lines, with a rate if one is set.
 #include <rtsg/feeds/publisher.h>
 
 #include <algorithm>

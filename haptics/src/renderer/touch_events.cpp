@@ -1,4 +1,4 @@
-// Sends contact as a pointer's events, its force to metadata, and to the rigid body that is touched.
+// Sends contact as a pointer's events, and its force to metadata and to the touched rigid body.
 #include "touch_events.h"
 
 #include <vector>

@@ -1,4 +1,4 @@
-// Publishes the records of a mirror server to NATS, and keyframes to who joins.
+// Publishes the records of a mirror server to NATS, and keyframes to mirrors that join.
 #include <rtsg/nats/nats_publisher.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Stands for a mirror server towards a client of this process, with what comes from a NATS server.
+// Acts as a mirror server towards a client of this process, with records from a NATS server.
 #include <rtsg/nats/nats_subscriber.h>
 
 #include <algorithm>

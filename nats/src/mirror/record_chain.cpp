@@ -1,4 +1,4 @@
-// Decides by the headers of records whether they lead on.
+// Decides by the headers of records whether they continue the stream.
 #include "record_chain.h"
 
 namespace rtsg::nats {

@@ -1,4 +1,4 @@
-// Follows a shared world, hands what has changed to the rasteriser, and asks it for pictures.
+// Follows a shared world, uploads changes to the rasteriser, and asks it for pictures.
 #include <rtsg/ogre/ogre_renderer.h>
 
 #include <array>

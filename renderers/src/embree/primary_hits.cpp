@@ -1,4 +1,4 @@
-// Which clusters a picture's tiles may see, by their boxes, and from near to far.
+// Finds the clusters that a picture's tiles may see, by their boxes, ordered from near to far.
 #include "primary_hits.h"
 
 #include <algorithm>

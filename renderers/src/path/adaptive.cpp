@@ -1,5 +1,5 @@
-// Groups of samples, their means' spread, and when a block has enough, which other groups decide than those that are
-// shown.
+// Groups of samples, the spread of their means, and the decision when a block has enough, which is made by other groups
+// than those that are shown.
 #include "adaptive.h"
 
 #include <algorithm>

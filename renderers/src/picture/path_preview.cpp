@@ -1,4 +1,4 @@
-// Judges a denoised picture tile by tile with samples that it was not made of.
+// Judges a denoised picture tile by tile, with samples that are not part of it.
 #include <rtsg/renderers/path_preview.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Fetches and interpolates what sixteen hits need for shading.
+// Fetches and interpolates the data for shading sixteen hits.
 #include "surface_packet.h"
 
 #include <array>

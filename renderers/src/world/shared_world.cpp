@@ -1,5 +1,5 @@
-// The shared world: one flattener and one RayWorld on the bus, the list of those who start from them, and states of
-// all of it for readers on other threads.
+// The shared world: one flattener and one RayWorld on the bus, their subscribers, and states of all of it for readers
+// on other threads.
 #include <rtsg/renderers/shared_world.h>
 
 #include <algorithm>
