@@ -28,7 +28,8 @@ def main():
     for library in libraries:
         for raw, shown in exported(library):
             count += 1
-            # Of another's template with ours as its argument the inside stays inside.
+            # A template of another library with one of our types as argument is not exported
+            # either.
             if not re.match(r"_Z(N|NK|NKR|NO|TV|TI|TS|TT|GV|GVZ|Z|Th|Tv|TH|TW)?.*4rtsg|rtsg_", raw) or not OURS.match(shown):
                 faults.append(f"{library.name}: {shown}")
     modules = [pathlib.Path(name) for name in sys.argv[2:]] or sorted(build.glob("librtsg_*.so"))

@@ -122,7 +122,7 @@ double restingLevel(const std::string& body, double z) {
         .back();
 }
 
-/// What is heard while a body crosses the straight way, beside what is heard where it rests anywhere on its path.
+/// The sound while a body crosses the direct path, beside the sound with the body at rest anywhere on its path.
 void staysBetweenRestingLevels(const std::string& body, bool background) {
     constexpr double kFar = -1.2;
     double lowest = 100, highest = -100;
