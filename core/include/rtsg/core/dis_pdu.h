@@ -8,8 +8,8 @@
 
 // Example:
 //     #include <rtsg/core/dis_pdu.h>
-//     const rtsg::dis::RemoveEntity remove{{1, 2, 3}, {4, 5, 6}};
-//     const auto pdu = rtsg::dis::decode(rtsg::dis::encode({{}, remove}));
+//     const rtsg::dis::RemoveEntity gone{{1, 2, 3}, {4, 5, 6}};
+//     const auto pdu = rtsg::dis::decode(rtsg::dis::encode({{}, gone}));
 //     if (pdu) std::cout << std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
 #pragma once
 
