@@ -1,19 +1,16 @@
-// AcousticTracer: traces sound from a source to a listener in an AcousticGeometry; the result is an Echogram with
-// confidence intervals.
+// AcousticTracer: traces sound from a source to a listener; the result is an Echogram with confidence intervals.
 //
 // Every path is counted once, by exactly one of these estimators, so that the expectation does not depend on options:
-//   only specular reflections, up to the image order and down to the image share (direct sound included), also through
-// walls:
-//     image sources, exact; images of second or higher order count as the mean over places in the ball
-//   straight, but round one or two edges or a round body: the uniform theory of diffraction
-//   the last reflection is diffuse, or mirrors after it lead to a known image of the listener:
-//     next-event estimation to the points of the listener or of its image
-//   all others (more mirrors, or paths to images that are not known): track length in a ball around the listener
+// - only specular reflections (or none), up to the image order and down to the image share, also through walls: image
+// sources, exact; images of second or higher order count as the mean over places in the ball
+// - straight, but round one or two edges or a round body: the uniform theory of diffraction
+// - the last reflection is diffuse, or mirrors after it lead to a known image of the listener: next-event estimation
+// - all others (more mirrors, or paths to images that are not known): track length in a ball around the listener
 // The ball gives the mean over the part of it that is seen from the listener. Rays end by Russian roulette, never by a
-// threshold. For points on walls see response/places.h. Energy that leaves the geometry is counted as escaped. Below
-// the Schroeder frequency of a room, rays are no valid model of it, because they have no phase. Several listeners share
-// the rays of a source: each result is unbiased, but their random errors are correlated. Threading: const; batches run
-// in parallel, and the results are the same for any number of threads.
+// threshold. Points on walls: see response/places.h. Energy that leaves the geometry counts as escaped. Below the
+// Schroeder frequency rays are no model of a room: they have no phase. Listeners share the rays of a source: each
+// result is unbiased, but their random errors are correlated. Threading: const; the results are the same for any number
+// of threads.
 #pragma once
 
 #include <cstdint>

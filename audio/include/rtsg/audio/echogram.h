@@ -65,7 +65,7 @@ struct EdgeWave {
     BendingEdge bends;  // if it arrives over one edge alone, at the point of the shortest path
 };
 
-/// All changes to the pressure by edges: the diffracted waves, and corrections of direct and specular arrivals.
+/// The effect of edges on the pressure: diffracted waves. Direct and specular arrivals keep their pressure.
 struct EdgeField {
     std::vector<EdgeWave> waves;
     std::vector<Bands> straight;  // energies without edges; 0 for arrivals that come over edges only
