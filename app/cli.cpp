@@ -153,23 +153,22 @@ Progress progressBar(std::string label) {
 void ResourceArguments::addTo(Command& command) {
     const Command::Section section(command, "Files and addresses");
     command.addOption("--base", base,
-                      "folder where relative urls start, and below which they may open files; or an address");
+                      "folder (or address) from which relative urls start, and below which they may open files");
     command
         .addOption("--allow", allow,
-                   "urls may open files in this folder, or at this http or https address, and below, too (repeatable)")
+                   "urls may also open files in and below this folder, or this http or https address (repeatable)")
         ->repeatable();
     command
         .addOption("--allow-network", networks,
-                   "servers may have addresses of this network that is not public, such as 10.0.0.0/8 (repeatable)")
+                   "servers may be in this private network, such as 10.0.0.0/8 (repeatable)")
         ->repeatable();
     command.addOption("--ca", certificates,
-                      "PEM file of the authorities that vouch for https, instead of the system's");
+                      "PEM file of the certificate authorities for https, instead of the system's");
     command.addOption("--cache", cache, "folder where fetched files are kept, or none; else ~/.cache/rtsg/web");
     command
-        .addOption(
-            "--package", packages,
-            "NAME=FOLDER: urls of a robot's file that begin with package://NAME/ name files in there, which may be "
-            "opened (repeatable)")
+        .addOption("--package", packages,
+                   "NAME=FOLDER: package://NAME/ urls of a robot's file name files in this folder, which may be opened "
+                   "(repeatable)")
         ->repeatable();
     command
         .addOption(
@@ -367,7 +366,7 @@ void setClock(Scene& scene, double secondsSince1970) {
 
 namespace {
 
-/// Of minutes:seconds, or hours:minutes:seconds; nothing if the text is not of that form.
+/// Parses minutes:seconds or hours:minutes:seconds; returns nothing for other texts.
 std::optional<double> clockSeconds(const std::string& text) {
     if (text.find(':') == text.npos || text.find_first_not_of("0123456789:.") != text.npos) return std::nullopt;
     const char *at = text.data(), *const last = at + text.size();

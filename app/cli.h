@@ -79,7 +79,7 @@ struct ResourceArguments {
     std::string base;
     std::vector<std::string> allow, packages, limits, networks;
     std::string certificates, cache;
-    /// What comes from the network need not be waited for: see FetchSettings.
+    /// Whether files from the network are fetched without waiting: see FetchSettings.
     bool inBackground = false;
 
     void addTo(Command& command);
@@ -136,7 +136,7 @@ void noteLeftOut();
 /// the scene had errors when it was loaded or while it ran; the latter is also said on standard error.
 int statusOf(int status);
 
-/// Sets the time of an empty scene. What is loaded into it exists from that time on.
+/// Sets the time of an empty scene, for nodes that are loaded later.
 void setClock(Scene& scene, double secondsSince1970);
 
 /// "2s", "500ms", "1.5" (seconds), "10min", "1h", "1:30" (minutes and seconds), "1:02:03.5". Throws UsageError.

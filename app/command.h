@@ -1,5 +1,5 @@
-// Command: the program's verbs and options. What is declared here is parsed, explained, completed and listed in the man
-// page.
+// Command: the program's verbs and options. Declared options are parsed, explained by --help, completed by shells and
+// listed in the man page.
 //
 // It wraps the parser thinly, so that only one file is compiled with the parser's headers.
 // Threading: the main thread; everything belongs to the program's Command.

@@ -15,7 +15,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// What was typed, and what came of it. The program has one set, as it has one command line.
+/// The plug-ins and tables that were typed, and the result. The program has one set, as it has one command line.
 struct Given {
     std::vector<std::string> plugins, tables;
     Extensions extensions;

@@ -13,12 +13,12 @@ namespace rtsg::app {
 /// Adds --plugin and --nodes to a verb.
 void addExtensions(Command& command);
 
-/// Loads what the verb that was typed asks for: first what RTSG_PLUGINS names, if the verb makes a scene of files of
-/// the user's, then plug-ins and tables in the order in which they were typed. What cannot be loaded is reported, and
-/// counts as missing (noteLeftOut); the rest is there.
+/// Loads the plug-ins in RTSG_PLUGINS, if the verb makes a scene of the user's files, and then the plug-ins and tables
+/// of the command line in their order. Those that cannot be loaded are reported and count as missing (noteLeftOut); the
+/// others are used.
 void loadExtensions(const Command& verb);
 
-/// What has been loaded.
+/// The plug-ins and tables that have been loaded.
 const Extensions& extensions();
 
 /// Attaches the plug-ins' subscribers to a scene, for as long as the result is kept.

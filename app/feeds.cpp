@@ -1,4 +1,4 @@
-// Opens feeds, publishers and what viewers connect to, prints what was wrong with lines, and counts.
+// Opens feeds, publishers and servers for viewers, prints faults of lines, and counts.
 #include "feeds.h"
 
 #include <algorithm>
@@ -30,10 +30,11 @@ void FeedArguments::addTo(Command& command) {
         ->repeatable();
     command
         .addOption("--publish", targets,
-                   "lines of what --fields send: -, FILE, udp://HOST:PORT, tcp://HOST:PORT for who connects, "
+                   "events of --fields as lines: -, FILE, udp://HOST:PORT, tcp://HOST:PORT (it listens there), "
                    "mqtt://HOST/TOPIC (repeatable)")
         ->repeatable();
-    command.addOption("--fields", fields, "of --publish and --foxglove: DEF.field or DEF.*, by commas")->repeatable();
+    command.addOption("--fields", fields, "for --publish and --foxglove: DEF.field or DEF.*, separated by commas")
+        ->repeatable();
     command.addOption("--publish-rate", rate, "lines of each field a second at most; 0: every event")
         ->preset()
         ->range(0., 1e6);
@@ -45,9 +46,9 @@ void FeedArguments::check(const std::string& scene, bool timed) const {
         throw UsageError("--fields", "only together with --publish or --foxglove");
     if (targets.empty() && rate > 0) throw UsageError("--publish-rate", "only together with --publish");
     if (!targets.empty() && fieldsIn(fields).empty())
-        throw UsageError("--publish", "needs --fields, which say what: DEF.field or DEF.*, by commas");
+        throw UsageError("--publish", "needs --fields: DEF.field or DEF.*, separated by commas");
     if (std::ranges::count(feeds, "-") + (scene == "-" ? 1 : 0) > 1)
-        throw UsageError("--feed", "there is one standard input");
+        throw UsageError("--feed", "standard input can be used only once");
     for (const std::string& feed : feeds)
         if (timed && !isOfUser(feed))
             throw UsageError("--feed",
@@ -133,9 +134,9 @@ void Feeds::end() {
     printNews();
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
-        if (feed->hasLeft()) say(feed->source() + ": note: its lines go on after the end");
+        if (feed->hasLeft()) say(feed->source() + ": note: it has more lines after the end");
         if (counts.faulty + counts.flooded == 0) continue;
-        say(fmt::format("{}: {} of {} lines made no sense or were refused, {} left out", feed->source(), counts.faulty,
+        say(fmt::format("{}: {} of {} lines were invalid or refused, {} left out", feed->source(), counts.faulty,
                         counts.lines, counts.flooded),
             Severity::warning);
         if (isOfUser(feed->source())) noteLeftOut();

@@ -45,7 +45,7 @@ class Feeds {
     void after(double t);
     /// When the next event or value that waits is due; infinity if there is none.
     double nextAt() const;
-    /// What each has counted, by its place.
+    /// The counts of each feed, by its position.
     struct NamedCounts {
         std::string place;
         std::vector<std::pair<std::string, std::uint64_t>> counts;

@@ -241,7 +241,7 @@ static bool beginsItsSession(const std::string& log) {
     return head && !head->start;
 }
 
-/// What one types to have the pieces and the log as one.
+/// The argument that names the pieces and the log as one.
 static std::string asOne(const std::string& log, const std::vector<fs::path>& pieces) {
     constexpr std::size_t kFewPieces = 3;
     const fs::path folder = fs::path(log).parent_path();

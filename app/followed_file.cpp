@@ -1,4 +1,4 @@
-// Looks at the files of a scene that runs, and carries over what was edited in them.
+// Watches the files of a running scene, and carries edits over to the scene.
 #include "followed_file.h"
 
 #include <utility>

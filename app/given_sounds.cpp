@@ -81,7 +81,7 @@ ClipLibrary::Given openSource(const GivenSource& source, bool live, double secon
     };
     if (source.kind == GivenSource::Kind::device) {
         if (!live)
-            throw UsageError(source.option, "a device is heard live: with rtsg listen --live, or --listen device");
+            throw UsageError(source.option, "a device is only for live sound: rtsg listen --live, or --listen device");
         return opened(SoundInput::openDevice(source.name, sampleRate), "device");
     }
     const std::string name = source.name == "-" ? "standard input" : source.name;
@@ -133,7 +133,7 @@ void GivenSoundArguments::check(const std::vector<std::string>& inputs) const {
     std::ptrdiff_t standard = std::ranges::count(inputs, "-");
     for (const GivenSource& source : parseAll(*this))
         if (source.kind == GivenSource::Kind::pipe && source.name == "-" && ++standard > 1)
-            throw UsageError(source.option, "standard input is read by something else already");
+            throw UsageError(source.option, "standard input is already used for another input");
 }
 
 std::vector<std::string> GivenSoundArguments::files() const {

@@ -1,4 +1,4 @@
-// Opens the devices that options name for touch.
+// Opens the devices for touch that options name.
 #include "hand.h"
 
 #include <charconv>
@@ -24,8 +24,7 @@ Result<Hand> openHand(const std::string& option, const std::string& name, Simula
         std::uint16_t port = 0;
         const char* const end = name.data() + name.size();
         const auto [rest, error] = std::from_chars(name.data() + 4, end, port);
-        if (error != std::errc() || rest != end)
-            throw UsageError(option, "udp: takes the number of a port, 0 to 65535");
+        if (error != std::errc() || rest != end) throw UsageError(option, "udp: needs a port number, 0 to 65535");
         auto device = udpDevice(port, 0.1, &hand.port);
         if (!device) return std::unexpected(device.error());
         hand.device = std::move(*device);

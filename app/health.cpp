@@ -1,4 +1,4 @@
-// Turns what a server, a mirror and feeds count into figures with names.
+// Turns the counts of a server, a mirror and feeds into named metrics.
 #include "health.h"
 
 #include <algorithm>

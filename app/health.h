@@ -38,7 +38,7 @@ class Health {
     /// "127.0.0.1:9100"; empty if nobody is served.
     std::string address() const { return server_ ? server_->address() : std::string(); }
 
-    /// What is shown from now on. A frame took so long, and led to that state and time.
+    /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
     void noteServer(const MirrorServer& server);
     void noteFeeds(const Feeds& feeds);

@@ -1,4 +1,4 @@
-// Tables of common mistakes, each with the right word for this program.
+// Tables of common mistakes, each with the correct word for this program.
 #include "hints.h"
 
 #include <algorithm>

@@ -7,10 +7,10 @@
 
 namespace rtsg::app {
 
-/// What to type instead of a first word that is no verb: "rtsg mirror ENDPOINT" for connect. Empty if unknown.
+/// The command that replaces a first word that is no verb: "rtsg mirror ENDPOINT" for connect. Empty if unknown.
 std::string hintForVerb(const std::string& word);
-/// What to type instead of an option that the verb lacks: one of `known`, or its replacement, as "--size 1280x720" for
-/// --width. Empty if unknown.
+/// The option that replaces one that the verb lacks: one of `known`, or for example "--size 1280x720" for --width.
+/// Empty if unknown.
 std::string hintForOption(const std::string& typed, const std::vector<std::string>& known);
 /// The endpoint that was probably meant: tcp://127.0.0.1:5570 for localhost:5570; for a scene file, the verb that
 /// serves it. Empty if unknown.

@@ -1,4 +1,4 @@
-// Finds stretches of sound by their numbers and lays them one behind the other.
+// Finds stretches of sound by their numbers and joins them.
 #include "joined_sound.h"
 
 #include <cmath>
@@ -44,7 +44,7 @@ class Joining {
         else
             missing.emplace_back(number, number);
     }
-    /// Of the first sample of a picture's time, counted from the log's start.
+    /// The number of the first sample of a picture, counted from the log's start.
     std::int64_t sampleOf(std::uint64_t number, int rate) const {
         return std::llround(static_cast<double>(number) / picturesPerSecond_ * rate);
     }

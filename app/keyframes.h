@@ -18,14 +18,14 @@ struct KeyframeArguments {
         const Command::Section section(command, "Log");
         command
             .addOption("--keyframe-bytes", bytes,
-                       "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "
-                       "log costs at most what is between two")
+                       "write a keyframe once the frames since the last one take this much and twice its size, such as "
+                       "1MB; damage to a log costs at most the frames between two")
             ->bytes()
             ->preset();
         command
-            .addOption("--keyframe-seconds", seconds,
-                       "and after so much scene time, rarer only where keyframes would take over 1 MiB a second; 0: "
-                       "not for that")
+            .addOption(
+                "--keyframe-seconds", seconds,
+                "and after this much scene time, less often if keyframes would take over 1 MiB a second; 0: never")
             ->preset();
     }
     /// Throws UsageError.

@@ -1,4 +1,4 @@
-// Plays a log aside, and notes what came from outside, what is damaged, and who changed a field.
+// Plays a log aside, and notes inputs from outside, damage, and the changes of a field.
 #include "log_notes.h"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kMostMarks = 2000, kMostLines = 400;
 constexpr double kOneEvent = 0.5;  // seconds: what comes again within these is no event of its own
 
-/// What came from outside, as a mark says it: "Ann: DOOR.rotation". Moves of pointers and viewers are none.
+/// Finds changes from outside, as texts for marks: "Ann: DOOR.rotation". Moves of pointers and viewers do not count.
 class Events {
   public:
     std::string text(const Scene& scene, const ChangeSet& set) {
@@ -153,7 +153,7 @@ void LogNotes::readHistory(const std::string& field) {
         lines.push_back({field, fmt::format("{} value{}", steps->size(), steps->size() == 1 ? "" : "s"), false, {}});
         for (std::size_t i = 0; i < steps->size(); ++i) {
             const FieldStep& step = (*steps)[i];
-            // What the scene itself drives is told once.
+            // Changes that the scene itself drives are reported once.
             const auto isAlike = [&](const FieldStep& b) { return b.author == step.author && b.cause == step.cause; };
             if (i > 0 && !step.wasSet && isAlike((*steps)[i - 1])) continue;
             if (lines.size() > kMostLines) break;

@@ -1,7 +1,7 @@
-// What somebody who goes through a log wants to know of all of it, read on a thread of its own: where something came
-// from outside, where it is damaged, and who has changed a field.
+// Notes about a whole log for its viewer, read on a thread of its own: inputs from outside, damage, and who has changed
+// a field.
 //
-// Invariant: nobody waits for it; the destructor ends what is being read. Threading: the thread that made it.
+// Invariant: no function waits for the reading; the destructor ends it. Threading: the thread that made it.
 #pragma once
 
 #include <atomic>
@@ -28,7 +28,7 @@ class LogNotes {
     /// Begins to read who changed that field ("DOOR.rotation", "#12.rotation"), in place of what was asked before.
     void ask(const std::string& field);
     void forget();
-    /// What is known of it; a line that says so while it is being read. `start`: of the log, seconds.
+    /// The changes found so far; while the log is read, a line says so. `start` is that of the log, in seconds.
     std::vector<SceneWindowStatus::Line> history() const;
 
   private:

@@ -1,4 +1,5 @@
-// rtsg: one program with a verb for each use of the libraries. It is thin: what library users need is in a library.
+// rtsg: one program with a verb for each use of the libraries. It is thin: functions that library users need are in a
+// library.
 #include <algorithm>
 #include <cerrno>
 #include <csignal>

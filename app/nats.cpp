@@ -1,4 +1,4 @@
-// Connects verbs to NATS servers, and prints what happens to these connections.
+// Connects verbs to NATS servers, and prints the events of these connections.
 #include "nats.h"
 
 #include <cerrno>

@@ -25,7 +25,7 @@ Result<MirrorOrigin> openOrigin(const std::string& typed, const std::string& key
 /// Says what has happened to the connection.
 void printNews(MirrorOrigin& origin);
 
-/// What a verb publishes of what it serves, if that was asked for.
+/// Publishes what a verb serves, if NATS was asked for.
 class Published {
   public:
     /// `address` may be empty. Throws UsageError if it is none.

@@ -90,27 +90,29 @@ std::string PictureArguments::fileOf(const std::string& file) const {
 void PictureArguments::addTo(Command& command) {
     const Command::Section section(command, "Pictures");
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();
-    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
+    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; default: the bound one");
     command
-        .addOption("--integrator", integrator,
-                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, of rtsg render "
-                   "and view, without shadows and mirrors; hybrid: as whitted, but OGRE finds what the eye sees, of "
-                   "rtsg render")
+        .addOption(
+            "--integrator", integrator,
+            "whitted: lights, mirrors, glass; path: light between surfaces too; raster: by OGRE, in rtsg render and "
+            "view, without shadows and mirrors; hybrid: as whitted, but OGRE finds visible surfaces, in rtsg render")
         ->preset()
         ->oneOf({"whitted", "path", "raster", "hybrid"});
-    command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
+    command.addOption("--spp", samples, "samples a pixel; with --error the most, 16384 by default")
         ->preset()
         ->range(1, 1 << 20);
     command
         .addOption("--error", error,
                    "sample until pixels' relative standard error is this, such as 0.05; .exr gets intervals")
         ->range(1e-6, 1e3);
-    command.addOption("--depth", depth, "mirrorings and refractions along a ray at most; its weight ends it before")
+    command
+        .addOption("--depth", depth, "most mirrorings and refractions along a ray; rays of little weight end earlier")
         ->preset()
         ->range(0, 250);
     command
         .addOption("--shadows", shadows,
-                   "auto: as the lights' fields say if any says TRUE, else all; authored; all: whatever they say; none")
+                   "auto: as authored if any light's field is TRUE, else all; authored: by the lights' fields; all, "
+                   "none: ignore the fields")
         ->preset()
         ->oneOf({"auto", "authored", "all", "none"});
     command
@@ -120,17 +122,16 @@ void PictureArguments::addTo(Command& command) {
         ->oneOf({"auto", "linear", "display"});
     command.addFlag("--caps", caps, "fill closed bodies where ClipPlanes cut them");
     command.addOption("--tessellation", tessellation,
-                      "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
-                      "or .01m; else 1/400 of its radius");
+                      "largest error of curved geometry: .5px of the picture (finer where it is near), or .01m; "
+                      "default: 1/400 of its radius");
     command
-        .addOption(
-            "--shutter", shutter,
-            "share of the time since the picture before in which the shutter is open, up to this one: what moves, "
-            "and the eye, is blurred")
+        .addOption("--shutter", shutter,
+                   "share of the time since the last picture in which the shutter is open: moving things, and a moving "
+                   "eye, are blurred")
         ->range(1e-6, 1.0);
     command.addOption("--seed", seed, "of the sampling")->preset();
     command.addOption("--threads", threads, "0: as many as cores")->preset();
-    command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
+    command.addOption("--exposure", exposure, "factor on radiance; not for .exr")->preset()->positive();
 }
 
 ImageOptions PictureArguments::parse(bool mayRaster) const {
@@ -173,11 +174,11 @@ ImageOptions PictureArguments::parse(bool mayRaster) const {
 void PictureArguments::checkRaster(bool mayRaster) const {
     const bool traces = integrator == "hybrid";
     if (!mayRaster)
-        throw UsageError("--integrator", fmt::format("{} is of rtsg render{}; here there are: whitted, path",
+        throw UsageError("--integrator", fmt::format("{} is for rtsg render{}; here there are: whitted, path",
                                                      integrator, traces ? "" : " and view"));
     const PictureArguments usual;
     const auto refuse = [this](bool asked, const char* option) {
-        if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
+        if (asked) throw UsageError(option, fmt::format("is not supported by --integrator {}", integrator));
     };
     refuse(!traces && shadows != usual.shadows && shadows != "none", "--shadows");
     refuse(!traces && depth != usual.depth && depth != 0, "--depth");
@@ -212,28 +213,27 @@ void SoundArguments::addTo(Command& command) {
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
     b->excludes(s)->excludes(a);
     s->excludes(a);
-    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else a sphere");
+    command.addOption("--sofa", sofa, "with --binaural: the head, as a SOFA file; without it, a sphere");
     given.addTo(command);
     command.addOption("--materials", materials,
-                      "table of absorption by octaves, for materials by their names; goes before what the scene says");
-    command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
+                      "table of absorption in octaves by material names; overrides the scene");
+    command.addOption("--rays", rays, "rays for each source; the default depends on the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
     command
         .addOption("--quality", quality,
-                   "of what is heard: twice as much halves its error, for up to four times the time; else 1")
+                   "quality of played sound: twice as much halves its error, for up to four times the time (default 1)")
         ->range(0.25, 16.0);
-    command.addOption("--diffraction", diffraction, "round how many edges in a row sound bends; 0: it goes straight")
+    command.addOption("--diffraction", diffraction, "how many edges in a row sound bends round; 0: none")
         ->preset()
         ->range(0, 2);
     command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
         ->range(-50.0, 60.0);
     command.addOption("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
         ->range(0.0, 100.0);
-    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
+    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; default: from the temperature, else 343")
         ->range(10.0, 10'000.0);
-    command.addFlag("--no-air", noAir, "air absorbs nothing");
-    command
-        .addOption("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
+    command.addFlag("--no-air", noAir, "no absorption by the air");
+    command.addOption("--length", length, "seconds of reverberation to trace; the default depends on the purpose")
         ->range(0.01, 600.0);
 }
 
@@ -282,15 +282,15 @@ void OutputArguments::addTo(Command& command, Options which) {
     if (which != Options::ofRun)
         command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
     command.addOption("--listen", listen,
-                      "WAV of what the listener hears; the .mp4 of --render: into the film; device: play it now (then "
+                      "WAV of the sound at the listener; the .mp4 of --render: into the film; device: play it (then "
                       "pictures are --live)");
-    command.addOption("--device", device, "of --listen device; else the default one");
+    command.addOption("--device", device, "for --listen device; without it, the default device");
     command.addFlag("--live", live,
                     which == Options::ofMirror
                         ? "make pictures and sound of the newest state, states merged, instead of every one"
                         : "run in real time; pictures and sound of the newest state, states merged");
     command.addFlag("--denoise", denoise,
-                    "of --live pictures by --integrator path: filters what few samples leave of noise; a preview");
+                    "for --live pictures by --integrator path: filters the noise of few samples; a preview");
     if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
     if (which == Options::ofMirror)
         command.addOption("--tiles", tiles,
@@ -325,23 +325,23 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
                          "with sound it is in metres: what a picture shows is not to change what is heard");
     sound.given.check(inputs);
     if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
-        throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+        throw UsageError("--denoise", "is for --live pictures by --integrator path, without --error");
     if (!tiles.empty() && (!render.empty() || !listen.empty() || !save.empty() || isLive()))
         throw UsageError("--tiles", "goes not together with other outputs than --record");
     if (!tiles.empty() && (picture.shutter > 0 || !picture.tessellation.empty()))
-        throw UsageError("--tiles", "of live pictures are made without --shutter and --tessellation");
+        throw UsageError("--tiles", "cannot be combined with --shutter and --tessellation");
     if (denoise && !picture.tile.empty())
-        throw UsageError("--denoise", "looks at pixels beyond a tile's edge: there is one of the two");
+        throw UsageError("--denoise", "cannot be combined with --tile, since it uses pixels beyond a tile's edge");
     if (denoise && picture.shutter > 0)
-        throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
+        throw UsageError("--denoise", "cannot be combined with --shutter, since it needs sharp layers");
     if (picture.shutter > 0 && !animated())
         throw UsageError("--shutter",
                          "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
-    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is for files: a device plays two channels");
     if (MovieWriter::isName(listen) && !soundInFilm())
         throw UsageError("--listen", listen + ": sound goes into the film of --render, or into a .wav of its own");
     if (soundInFilm() && sound.ambisonic > 0)
-        throw UsageError("--ambisonic", "is of .wav files: a film has two channels");
+        throw UsageError("--ambisonic", "is for .wav files: a film has two channels");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     std::vector<std::string> all = inputs;

@@ -133,11 +133,11 @@ void warnOfDamage(const std::string& a, const std::string& b, const std::array<s
 void addFieldSelection(Command& command, FieldSelection& selection) {
     command
         .addOption("--field", selection.fields,
-                   "compare these only, by DEF and field names: HOOK.translation, DOOR.*; else states as a whole")
+                   "compare only these fields: HOOK.translation, DOOR.*; without it, whole states")
         ->repeatable();
     command
         .addOption("--ignore", selection.ignore,
-                   "leave these out; the word initial: what has not changed since the first state")
+                   "leave these fields out; the word initial: fields that have not changed since the first state")
         ->repeatable();
     command
         .addOption("--tolerance", selection.tolerance,
@@ -161,20 +161,21 @@ void check(const FieldSelection& selection) {
 void ReplayTestArguments::addTo(Command& command) {
     const Command::Section section(command, "As a test");
     addFieldSelection(command, compared);
-    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one");
-    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give");
+    command.addOption("--rerun", rerun,
+                      "run SCENE again with the log's input; every frame must equal the recorded one");
+    command.addOption("--expect-picture", expectPicture, "picture that the last state must give");
     command.addOption("--picture-tolerance", pictureTolerance, "root mean square error allowed, linear, white is 1")
         ->preset();
-    command.addOption("--expect-sound", expectSound, "WAV that has to be heard");
+    command.addOption("--expect-sound", expectSound, "WAV that the sound must equal");
     command.addOption("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
         ->preset();
-    command.addOption("--junit", junit, "what came of it, as JUnit XML");
+    command.addOption("--junit", junit, "the result as JUnit XML");
     command.addOption(
         "--page", page,
         "if the test fails, one HTML page: time line, what differed first and why, pictures side by side");
-    command.addOption("--name", name, "of the test, in both; else the log's");
+    command.addOption("--name", name, "name of the test, in both; default: the log's");
     command.addFlag("--update", update,
-                    "record anew instead: write the log as SCENE runs now, and the picture and sound expected");
+                    "record again: write the log of SCENE as it runs now, and the expected picture and sound");
 }
 
 namespace {

@@ -17,12 +17,12 @@ void RequestArguments::addTo(Command& command) {
     command.addOption(
         "--set", set,
         "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
-    command.addOption("--edit", edit, "change a field at the origin, DEF.field=VALUE@TIME, as undo can take back");
+    command.addOption("--edit", edit, "change a field at the origin, DEF.field=VALUE@TIME; undo can take it back");
     command.addOption("--undo", undo, "TIME at which to take back the last request of edits by --name")->repeatable();
     command.addOption("--redo", redo, "TIME at which to do again what was taken back last")->repeatable();
     command.addOption("--lock", lock,
-                      "keep nodes for --name, DEF[,DEF...]=LEASE@TIME: nobody else may change them for so long, 60s at "
-                      "most; LEASE 0 lets go");
+                      "lock nodes for --name, DEF[,DEF...]=LEASE@TIME: nobody else may change them for this time, 60s "
+                      "at most; LEASE 0 unlocks");
 }
 
 Result<> Requests::parseEdits(Scene& replica) {
@@ -30,7 +30,7 @@ Result<> Requests::parseEdits(Scene& replica) {
     if (!parsed) return fail("--edit " + parsed.error().text);
     edits_ = std::move(*parsed);
     if (const Injections::Injection* event = edits_.findInput())
-        return fail(fmt::format("--edit {}: takes events only, which --set sends", event->text));
+        return fail(fmt::format("--edit {}: the field takes events only: use --set", event->text));
     for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
                                               std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
         for (const std::string& text : *texts)

@@ -1,8 +1,8 @@
-// Requests: what the user of `rtsg mirror` asks of the origin, at times counted from when the replica joined.
+// Requests: sends the requests of the user of `rtsg mirror` to the origin, at times since the replica joined.
 //
 // --set sends events, --edit changes fields, --undo and --redo take the user's edits back and do them again, --lock
-// reserves nodes. Of requests that are due at one time, locks are sent first, then edits, events, undo and redo.
-// Threading: the replica's thread.
+// reserves nodes. If several are due at one time, locks are sent first, then edits, events, undo and redo. Threading:
+// the replica's thread.
 #pragma once
 
 #include <map>

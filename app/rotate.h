@@ -22,14 +22,14 @@ struct RotateArguments {
     void addTo(Command& command) {
         const Command::Section section(command, "Log");
         command.addOption("--rotate", rotate,
-                          "begin a new file after so much, as 1GB, 10min, 30s or 500ms: NAME.0001.rlog and so on are "
-                          "the ones before");
+                          "begin a new file after this much, such as 1GB, 10min, 30s or 500ms; earlier ones become "
+                          "NAME.0001.rlog and so on");
         command.addOption("--keep", keep,
-                          "only the newest files, of so much in all, as 100GB (--rotate is then a twentieth, unless "
-                          "given), or, with --rotate, of the last so many seconds, as 1h, 10min or 30s");
+                          "keep only the newest files: this much in all, such as 100GB (--rotate is then a twentieth "
+                          "by default), or, with --rotate, those of the last 1h, 10min or 30s");
         command.addOption("--free", free,
-                          "only the newest files, so that such a share of the disk stays free, as 5%; with --rotate or "
-                          "--keep");
+                          "keep only the newest files, so that this share of the disk stays free, such as 5%; with "
+                          "--rotate or --keep");
     }
     /// Throws UsageError.
     void setIn(LogOptions& options, bool writes) const {

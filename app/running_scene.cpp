@@ -53,8 +53,8 @@ RunningScene::~RunningScene() {
 
 void RunningScene::followEdits() {
     if (file_ == "-") throw UsageError("--reload", "standard input is read once");
-    if (isWebAddress(file_)) throw UsageError("--reload", "nobody tells of edits of a file on the network");
-    if (isSceneFile(file_)) throw UsageError("--reload", "a document is edited, and " + file_ + " is a state");
+    if (isWebAddress(file_)) throw UsageError("--reload", "edits of a file on the network cannot be noticed");
+    if (isSceneFile(file_)) throw UsageError("--reload", "documents can be followed, and " + file_ + " is a state");
     followsEdits_ = true;
 }
 

@@ -55,7 +55,8 @@ class RunningScene {
     bool followsEdits() const { return followsEdits_; }
     /// Looks whether the file has been edited, so that a frame is due.
     bool isEdited() { return followed_ && followed_->isEdited(); }
-    /// Call it before load(). What comes from the network is in the scene with its bytes, and so in logs and mirrors.
+    /// Files from the network become part of the scene with their bytes, and so of logs and mirrors. Call it before
+    /// load().
     void embedFetched() { embedsFetched_ = true; }
     /// Reads the file and prints its diagnostics. Returns false if nothing in it was usable.
     bool load();

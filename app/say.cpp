@@ -1,4 +1,4 @@
-// Prints lines on standard error, in the form and from the level that were asked for.
+// Prints lines on standard error, in the chosen form and from the chosen level on.
 #include "say.h"
 
 #include <chrono>
@@ -35,10 +35,10 @@ std::string timeText() {
 
 void SayArguments::addTo(Command& command) {
     const Command::Section section(command, "What is said");
-    command.addOption("--log", form, "text, or json: a line of JSON each on standard error")
+    command.addOption("--log", form, "text, or json: each message is one line of JSON on standard error")
         ->preset()
         ->oneOf({"text", "json"});
-    command.addOption("--log-level", level, "what is said on standard error: note, warning, error, and what is graver")
+    command.addOption("--log-level", level, "least severity of messages on standard error")
         ->preset()
         ->oneOf({"note", "warning", "error"});
 }

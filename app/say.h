@@ -1,4 +1,4 @@
-// What verbs say on standard error: as text, or with --log json as a line of JSON each, from some level on.
+// Messages of verbs on standard error: as text, or with --log json as one line of JSON each, from a chosen level on.
 //
 // Threading: the main thread.
 #pragma once

@@ -150,12 +150,11 @@ class Playing {
 void ServeLogArguments::addTo(Command& command) {
     const Command::Section section(command, "Of a log");
     command.addOption("--rate", rate, "seconds of the log a second")->preset()->range(1e-3, 1000.0);
-    command.addFlag("--loop", loop, "from its end on at its start again");
+    command.addFlag("--loop", loop, "start again at its end");
     command.addFlag("--paused", paused, "begin in the first state and wait for commands");
-    command.addFlag(
-        "--control", control,
-        "commands as lines of standard input: pause, play, step [N], rate R, seek T, loop on|off, status; mirrors "
-        "that --upstream lets send may give them too");
+    command.addFlag("--control", control,
+                    "commands as lines of standard input: pause, play, step [N], rate R, seek T, loop on|off, status; "
+                    "mirrors that may send events can give them, too");
 }
 
 int serveLog(const ServedLog& log, const MirrorServerOptions& options) {

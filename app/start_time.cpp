@@ -1,4 +1,4 @@
-// Dates as people write them, in UTC.
+// Reads and prints dates in UTC.
 #include "start_time.h"
 
 #include <charconv>

@@ -32,7 +32,7 @@ Result<> writeTo(const std::string& out, const LogTable& table) {
         table.writeCsv([&](std::string_view text) {
             whole = whole && std::fwrite(text.data(), 1, text.size(), stdout) == text.size();
         });
-        if (!whole || std::fflush(stdout) != 0) return fail("standard output takes no more");
+        if (!whole || std::fflush(stdout) != 0) return fail("standard output cannot be written");
         return {};
     }
     auto file = OutputFile::create(out);

@@ -107,7 +107,7 @@ struct TileOutputs::Drawer {
     }
     Result<std::string> draw(const State& state, const PictureTile& tile) {
         image.settings.region = tile.in(image.settings.width, image.settings.height);
-        if (image.settings.region.empty()) return fail("a tile that the picture does not have was asked for");
+        if (image.settings.region.empty()) return fail("a tile outside the picture was requested");
         const auto picture = light->nextPicture(*state.world, image, OwnLook());
         if (!picture) return std::unexpected(picture.error());
         const std::vector<std::uint8_t> bytes = toSrgb8(*picture, arguments.picture.toneMap());

@@ -134,16 +134,17 @@ Verb addBench(Command& program) {
     command->addOption("NAME", options->names,
                        "benches to run, or groups of them (scene, world, light, audio, sync); all if none is named");
     command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
-    command->addFlag("--features", options->features,
-                     "of `light`: what pictures' features cost, used and not used, alone (the bench `features`)");
-    command->addFlag("--list", options->list, "say what there is");
+    command->addFlag(
+        "--features", options->features,
+        "with `light`: measure only the cost of picture features, used and not used (the bench `features`)");
+    command->addFlag("--list", options->list, "list the names");
     command->addOption("--scene", options->frames.scenes,
                        "of `frames`: Beetles, Venice, Conference[+teapot], Campus[+teapot], Kitchen, Troopers, "
                        "Escherknot, City");
     command->addOption("--scale", options->frames.scale, "of `frames`: share of the triangles")->range(1e-4, 1.0);
     command->addOption("--write", options->folder,
                        "write the scenes of `frames` into this folder instead of measuring");
-    command->addFlag("--json", options->json, "as it is anyway");
+    command->addFlag("--json", options->json, "accepted, and the default");
     command->footer(
         "Example: rtsg bench transform mirror\nExample: rtsg bench sync --quick\nExample: rtsg bench frames --scene "
         "Campus+teapot --scale 0.1");

@@ -104,7 +104,7 @@ Verb addChart(Command& program) {
     command->addOption("NAME", options->names, "charts to make; all if none is named");
     command->addOption("-o,--output", options->folder, "folder for NAME.svg and NAME.csv");
     command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
-    command->addFlag("--list", options->list, "say what there is");
+    command->addFlag("--list", options->list, "list the names");
     command->addFlag("--json", options->json, "a line of JSON for each chart written");
     command->footer("Example: rtsg chart scale -o out/charts");
     return {command, [options] { return chart(*options); }};

@@ -196,8 +196,7 @@ Verb addConvert(Command& program) {
         ->required();
     command
         ->addOption("--encoding", options->encoding,
-                    "of OUT -, as files of it are called: x3d (XML), x3dv (ClassicVRML, unless told otherwise), wrl "
-                    "(VRML97), json")
+                    "for OUT -, by file extension: x3d (XML), x3dv (ClassicVRML, the default), wrl (VRML97), json")
         ->oneOf({"x3d", "x3dv", "wrl", "json"});
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
     addClip(*command, options->clip);

@@ -122,8 +122,7 @@ Verb addDiff(Command& program) {
     command->footer(
         "Example: rtsg diff door.x3dv same_door.x3dv\n"
         "Example: rtsg diff door.rlog other.rlog --field DOOR.* --ignore initial --tolerance 1e-4\n"
-        "Logs are compared state by state; with --field, --ignore or --tolerance, where they are not of one session, "
-        "by\n"
+        "Logs are compared state by state; with --field, --ignore or --tolerance, logs of different sessions by\n"
         "time since their starts. Nodes are paired by their DEF names. Exit status 1 if anything differs.");
     return {command, [options] { return diffFiles(*options); }};
 }

@@ -1,4 +1,4 @@
-// rtsg help and rtsg completion: what the program says about itself.
+// rtsg help and rtsg completion: prints help about the program itself.
 #include <memory>
 
 #include <fmt/format.h>
@@ -14,7 +14,7 @@ Verb addHelp(Command& program) {
         bool man = false;
     };
     auto options = std::make_shared<HelpArguments>();
-    Command* command = program.addVerb("help", "Say what a verb does, or what verbs there are");
+    Command* command = program.addVerb("help", "Explain a verb, or list all verbs");
     std::vector<std::string> verbs;
     for (const VerbRow& verb : commandTable(program)) verbs.push_back(verb.name);
     command->addOption("VERB", options->verb, "verb to explain")->oneOf(verbs);

@@ -1,4 +1,4 @@
-// rtsg info: what is in a scene, or in a log.
+// rtsg info: prints the content of a scene or a log.
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -155,7 +155,7 @@ int describeLog(const InfoArguments& options) {
 
 Verb addInfo(Command& program) {
     auto options = std::make_shared<InfoArguments>();
-    Command* command = program.addVerb("info", "Say what is in a scene or a log");
+    Command* command = program.addVerb("info", "Print the content of a scene or a log");
     command->addOption("FILE", options->file, "scene file, log, folder of a log's pieces, or - for a scene")
         ->required();
     options->resources.addTo(*command);

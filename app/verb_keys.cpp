@@ -19,7 +19,7 @@ struct KeyArguments {
 int makeKeys(const KeyArguments& options) {
     if (options.client.empty() && !options.upstream.empty()) throw UsageError("--upstream", "is of --client");
     if (options.upstream.empty() && !options.name.empty())
-        throw UsageError("--name", "goes with --upstream: a key file has both, or neither");
+        throw UsageError("--name", "needs --upstream: a key file has both, or neither");
     if (!std::filesystem::exists(options.server)) {
         if (auto ok = MirrorKeys::generate(options.server); !ok) return printError(ok.error()), kBad;
         fmt::print("{}: for rtsg serve --key; it stays on the server\n", options.server);
@@ -37,14 +37,13 @@ int makeKeys(const KeyArguments& options) {
 
 Verb addKeys(Command& program) {
     auto options = std::make_shared<KeyArguments>();
-    Command* command = program.addVerb("keys", "Make the key files of a server and of those who may follow it");
+    Command* command = program.addVerb("keys", "Make the key files of a server and of its mirrors");
     command->addOption("SERVER", options->server, "the server's key file; made if there is none")->required();
     command->addOption("--client", options->client,
-                       "key file to make for one more mirror or relay, which SERVER lets in from then on");
-    command
-        ->addOption("--upstream", options->upstream, "what this client may send, whatever the server's --upstream says")
+                       "key file to make for one more mirror or relay, whose key is added to SERVER");
+    command->addOption("--upstream", options->upstream, "what this client may send; overrides the server's --upstream")
         ->oneOf({"none", "events", "edits", "code"});
-    command->addOption("--name", options->name, "of who holds the key, in logs and for undo; goes with --upstream");
+    command->addOption("--name", options->name, "name of the key's holder, in logs and for undo; needs --upstream");
     command->footer(
         "Example: rtsg keys hall.key --client laptop.key\n"
         "Example: rtsg keys hall.key --client kim.key --upstream edits --name Kim\n"

@@ -1,4 +1,4 @@
-// rtsg listen: what is heard in a scene, as sound and as figures of the room.
+// rtsg listen: makes the sound of a scene, and the figures of its room.
 #include <algorithm>
 #include <filesystem>
 #include <locale>
@@ -48,8 +48,8 @@ struct ListenArguments {
 int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
         !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
-        throw UsageError("--live plays and reports; files and figures are made without it");
-    if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+        throw UsageError("--live plays sound; make files and figures without it");
+    if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is for files: a device plays two channels");
     options.sound.given.check({options.scene});
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
@@ -202,7 +202,7 @@ void checkListening(const ListenArguments& options) {
         throw UsageError("-o, --ir, --report, --map, --stream-out or --metrics is required");
     options.sound.given.check({options.scene});
     if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
-        throw UsageError("--place is of --report and of --ir FILE.sofa");
+        throw UsageError("--place is for --report and --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     checkMaps(options);
     // All of the sound is kept in memory until its end.
@@ -274,7 +274,7 @@ Verb addListen(Command& program) {
     command->addOption("-o,--output", options->out, "WAV to write");
     command->addOption("--for", options->duration, "how long")->preset();
     command->addFlag("--live", options->live, "play it now, on a sound device");
-    command->addOption("--device", options->device, "of --live; else the default one");
+    command->addOption("--device", options->device, "with --live; without it, the default device");
     options->start.addTo(*command);
     {
         const Command::Section section(*command, "Figures of the room");
@@ -290,23 +290,23 @@ Verb addListen(Command& program) {
             "listener, source "
             "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
         command
-            ->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
+            ->addOption("--place", options->places, "\"X Y Z\": a listening place for --report and .sofa (repeatable)")
             ->repeatable();
-        command->addOption(
-            "--grid", options->grid,
-            "Y,STEP: measure at points STEP metres apart all over the floor, at the height Y, for --map");
-        command->addOption("--map", options->maps, "of --grid: .png shows a figure in colours, .csv has all figures")
+        command->addOption("--grid", options->grid,
+                           "Y,STEP: for --map, measure at points STEP metres apart over the floor, at the height Y");
+        command->addOption("--map", options->maps, "with --grid: .png shows a figure in colours, .csv has all figures")
             ->repeatable();
-        command->addOption("--figure", options->figure, "of --map: such as STI, T20, or C80@1000 for one octave")
+        command
+            ->addOption("--figure", options->figure, "for --map: a figure such as STI, T20, or C80@1000 for one octave")
             ->preset();
         command->addOption(
             "--noise", options->noise,
             "background noise at listeners for STI: NC35, NR35, or dB of octaves from 125 Hz with commas "
-            "between; none unless given");
-        command->addOption("--speech-level", options->speechLevel, "of speech for STI: dB(A) at 1 m")
+            "between; default: none");
+        command->addOption("--speech-level", options->speechLevel, "level of speech for STI: dB(A) at 1 m")
             ->preset()
             ->range(0.0, 140.0);
-        command->addOption("--voice", options->voice, "of speech for STI")->preset()->oneOf({"male", "female"});
+        command->addOption("--voice", options->voice, "voice for STI")->preset()->oneOf({"male", "female"});
         command
             ->addOption("--error", options->sound.error,
                         "trace until the figures' 95 % half width is this many noticeable differences")

@@ -44,12 +44,12 @@ std::array<double, 6> parseProbe(const std::string& text) {
         at = next + 1;
     }
     if (numbers[3] == 0 && numbers[4] == 0 && numbers[5] == 0)
-        throw UsageError("--irradiance", "a place faces somewhere: NX,NY,NZ must not all be 0 in " + text);
+        throw UsageError("--irradiance", "the normal NX,NY,NZ must not be 0 0 0 in " + text);
     return numbers;
 }
 
-/// How finely curved geometry is cut for an interval of `error`. What its lamps lack because of it is part of the
-/// interval: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
+/// How finely curved geometry is tessellated for an interval of `error`. The interval includes the light that curved
+/// lamps lose by it: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
 struct Cut {
     double wanted;  // chordError
     double made;    // that of the level that is used
@@ -161,7 +161,7 @@ int measure(const MeasureArguments& options) {
 
 Verb addMeasure(Command& program) {
     auto options = std::make_shared<MeasureArguments>();
-    Command* command = program.addVerb("measure", "How much light falls on places, with 95 % intervals");
+    Command* command = program.addVerb("measure", "Measure the light that falls on places, with 95 % intervals");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command
         ->addOption(
@@ -169,13 +169,13 @@ Verb addMeasure(Command& program) {
             "X,Y,Z,NX,NY,NZ: at a place, in metres, on what faces there; pi under a light of intensity 1 head-on, "
             "all light between surfaces included, without the headlight")
         ->required();
-    command->addOption("--error", options->error, "half the interval over the value, to reach")
+    command->addOption("--error", options->error, "target: half the interval divided by the value")
         ->preset()
         ->range(1e-6, 1e3);
     command->addOption("--samples", options->samples, "at most, a place")
         ->preset()
         ->range(std::uint64_t{1}, std::uint64_t{1} << 36);
-    command->addOption("--candela", options->candela, "candela per square metre that radiance 1 stands for: gives lux")
+    command->addOption("--candela", options->candela, "candela per square metre of radiance 1: prints lux, too")
         ->range(1e-9, 1e12);
     command->addOption("--shadows", options->shadows, "as of render")
         ->preset()
@@ -185,7 +185,7 @@ Verb addMeasure(Command& program) {
     command->addOption("--threads", options->threads, "0: as many as cores")->preset();
     options->start.addTo(*command);
     options->resources.addTo(*command);
-    command->addFlag("--json", options->json, "a JSON object a place");
+    command->addFlag("--json", options->json, "one JSON object for each place");
     command->footer("Example: rtsg measure hall.x3dv --irradiance 0,0.8,0,0,1,0 --error 0.01 --candela 100");
     return {command, [options] { return measure(*options); }};
 }

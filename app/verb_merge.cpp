@@ -1,4 +1,4 @@
-// rtsg merge: writes one log of two, whose scenes stand side by side in one.
+// rtsg merge: writes one log of two, with their scenes side by side in one scene.
 #include <memory>
 
 #include <fmt/format.h>
@@ -53,9 +53,9 @@ Verb addMerge(Command& program) {
     command->addOption("A", options->a, "log")->required();
     command->addOption("B", options->b, "another log")->required();
     command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
-    command->addOption("--apart", options->apart, "metres along x by which B stands beside A")->preset();
+    command->addOption("--apart", options->apart, "distance of B from A, metres along x")->preset();
     command->addFlag("--scene-time", options->bySceneTime,
-                     "by the scenes' own times, as of two recordings of one evening; else from both starts");
+                     "align the logs by scene time, for two recordings of one event; without it, by their starts");
     addForce(*command, options->force);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(

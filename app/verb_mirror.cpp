@@ -84,7 +84,7 @@ constexpr std::uint64_t kLeastRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     if (!options.maxLag.empty() && (options.whenSlow == "block" || options.whenSlow == "resync"))
-        throw UsageError("--max-lag", fmt::format("goes with --when-slow merge or near: with {} frames come however "
+        throw UsageError("--max-lag", fmt::format("is for --when-slow merge or near: with {} frames come however "
                                                   "late, until 8 MiB wait",
                                                   options.whenSlow));
     if (options.maxRate > 0 && options.maxRate < kLeastRate)
@@ -631,9 +631,8 @@ int mirror(MirrorArguments options) {
 
 void addActing(Command& command, MirrorArguments& options) {
     const Command::Section section(command, "Acting on the scene");
-    command.addOption(
-        "--name", options.name,
-        "whose wish it is that --set, --edit and so on ask for, in logs and for undo; a key file may say another");
+    command.addOption("--name", options.name,
+                      "author of --set, --edit and so on, in logs and for undo; a key file may give another name");
     options.requests.addTo(command);
     command
         .addOption("--control", options.control,
@@ -644,7 +643,7 @@ void addActing(Command& command, MirrorArguments& options) {
 }
 
 void addParts(Command& command, MirrorArguments& options) {
-    const Command::Section section(command, "Less than all");
+    const Command::Section section(command, "Parts of the scene");
     command.addOption("--part", options.parts,
                       "follow only this subtree: a DEF name, or # and a node's number; or what is near: "
                       "region:[NAME,|x,y,z,]RADIUS[,MARGIN] round a node, a point or the bound viewpoint");
@@ -653,17 +652,16 @@ void addParts(Command& command, MirrorArguments& options) {
     command.addOption("--most-fps", options.fps, "at most so many frames a second, others merged; 0: all")
         ->preset()
         ->range(0.0, 1e4);
-    command.addOption("--mode", options.mode, "input: run the cascade here, from what comes into each frame")
+    command.addOption("--mode", options.mode, "input: receive the input of each frame, and run the cascade here")
         ->oneOf({"state", "input"})
         ->preset();
 }
 
 void addSlowLinks(Command& command, MirrorArguments& options) {
     const Command::Section section(command, "Slow links");
-    command.addOption(
-        "--max-lag", options.maxLag,
-        "how old frames may come on a slow link before they are merged, beside its delay; 0: never merged "
-        "for that, the default with --render, --listen, --record and --save, else 250ms");
+    command.addOption("--max-lag", options.maxLag,
+                      "the most that frames may be late on a slow link, besides its delay, before they are merged; 0: "
+                      "never merged, the default with --render, --listen, --record and --save; else 250ms");
     command
         .addOption("--when-slow", options.whenSlow,
                    "what to get when too slow: merged frames; these with views, sounds and what is near the viewer "
@@ -671,12 +669,12 @@ void addSlowLinks(Command& command, MirrorArguments& options) {
                    "it); or a new snapshot: these two however late, until 8 MiB wait")
         ->preset()
         ->oneOf({"merge", "near", "block", "resync"});
-    command.addOption("--latency", options.latency, "hold frames this long after they were published, for evenness")
+    command.addOption("--latency", options.latency, "show frames this long after they were published, for even motion")
         ->preset();
-    command.addOption("--max-rate", options.maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
+    command.addOption("--max-rate", options.maxRate, "most bytes a second from the server, such as 100kB; 0: no limit")
         ->bytes()
         ->preset();
-    command.addOption("--max-record", options.maxRecord, "longest record taken from the server, as 64MB")
+    command.addOption("--max-record", options.maxRecord, "longest record accepted from the server, such as 64MB")
         ->bytes()
         ->preset();
 }
@@ -704,7 +702,8 @@ Verb addMirror(Command& program) {
     addSlowLinks(*command, *options);
     options->metrics.addTo(*command);
     options->foxglove.addTo(*command);
-    command->addOption("--fields", options->fields, "of --foxglove: DEF.field or DEF.*, by commas")->repeatable();
+    command->addOption("--fields", options->fields, "for --foxglove: DEF.field or DEF.*, separated by commas")
+        ->repeatable();
     command->addFlag("--insecure", options->insecure, "let other machines reach --foxglove");
     options->say.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);

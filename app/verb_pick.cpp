@@ -55,8 +55,8 @@ int runPick(const PickArguments& options) {
     }
     const auto [width, height] = PictureSize::parse(options.size);
     if (const auto& at = options.pixel; !at.empty() && (at[0] < 0 || at[1] < 0 || at[0] >= width || at[1] >= height))
-        throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size says how large it is",
-                                                at[0], at[1], width, height));
+        throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size sets its size", at[0],
+                                                at[1], width, height));
     const double time = parseMoment(options.time, options.start.seconds());
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
@@ -94,17 +94,18 @@ int runPick(const PickArguments& options) {
 
 Verb addPick(Command& program) {
     auto options = std::make_shared<PickArguments>();
-    Command* command = program.addVerb("pick", "What a ray meets, what is nearest, where a moving ball stops");
+    Command* command =
+        program.addVerb("pick", "Find what a ray meets, what is nearest to a point, where a moving ball stops");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("--ray", options->ray, "origin and direction: X Y Z DX DY DZ")->expected(6);
     command->addOption("--point", options->point, "nearest surface to X Y Z")->expected(3);
     command->addOption("--sweep", options->sweep, "ball at X Y Z of radius R moved by DX DY DZ")->expected(7);
     command
         ->addOption("--pixel", options->pixel,
-                    "what a picture shows at X Y, in pixels from the left and the top, layer before layer")
+                    "the surface at X Y in a picture, in pixels from the left and the top, through all layers")
         ->expected(2);
     command->addOption("--size", options->size, "of that picture")->preset();
-    command->addOption("--viewpoint", options->viewpoint, "of that picture: name or description");
+    command->addOption("--viewpoint", options->viewpoint, "viewpoint of that picture: name or description");
     command->addOption("--time", options->time, "run the scene so long")->preset();
     options->start.addTo(*command);
     options->resources.addTo(*command);

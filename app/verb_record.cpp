@@ -161,19 +161,19 @@ Verb addRecord(Command& program) {
         const Command::Section section(*command, "Log");
         command
             ->addOption("--mode", options->mode,
-                        "state: the changes; input: only what came into each frame; lossy: as state, within --error")
+                        "state: the changes; input: only the input of each frame; lossy: as state, within --error")
             ->oneOf(std::vector<std::string>(kModeNames.begin(), kModeNames.end()))
             ->preset();
         command
-            ->addOption("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
+            ->addOption("--error", options->error,
+                        "lossy: largest error in motion, metres and radians; values at rest are exact")
             ->preset()
             ->positive();
-        command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+        command->addOption("--coding", options->coding, "coding of values: raw, fastest; compact; smallest")
             ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
             ->preset();
-        command->addFlag("--embed", options->embed,
-                         "also the bytes of what came from the network, not only their hash");
-        command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
+        command->addFlag("--embed", options->embed, "store the bytes of files from the network, not only their hashes");
+        command->addFlag("--inputs", options->inputs, "with state: also the input of each frame, for exact reruns");
         options->keyframes.addTo(*command);
         options->rotate.addTo(*command);
         addForce(*command, options->force);
@@ -181,7 +181,7 @@ Verb addRecord(Command& program) {
     command->footer(
         "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
         "Example: rtsg record door.x3dv -o door.rlog --for 3s --set PRESSED.set_boolean=TRUE@0.5\n"
-        "Ctrl-C ends the log in order, with exit status 1 as it is shorter than asked for.");
+        "Ctrl-C closes the log, with exit status 1 since it is shorter than asked for.");
     return {command, [options] { return record(*options); }};
 }
 

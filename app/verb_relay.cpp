@@ -180,16 +180,17 @@ Verb addRelay(Command& program) {
     command->addOption("--wait", options->patience, "give up after so long without an origin")->preset();
     command->addOption("--key", options->key, "key file for the origin");
     command->addOption("--serve-key", options->serveKey, "key file for the mirrors here");
-    command->addOption("--name", options->name, "stands before the names of those behind it, in the origin's log")
-        ->preset();
+    command->addOption("--name", options->name, "prefix of the names of mirrors here, in the origin's log")->preset();
     command
         ->addOption("--upstream", options->upstream,
-                    "what mirrors here may send, if the key file does not say it; the origin judges too")
+                    "what mirrors here may send, unless the key file says otherwise; the origin also checks")
         ->preset()
         ->oneOf({"none", "events", "edits", "code"});
-    command->addOption("--max-lag", options->maxLag, "as rtsg mirror; 0: every frame comes, however late")->preset();
-    command->addOption("--peers", options->peers, "how many mirrors may follow")->preset();
-    command->addOption("--parts", options->parts, "how many different parts of the scene they may ask for")->preset();
+    command->addOption("--max-lag", options->maxLag, "as for rtsg mirror; 0: every frame is sent, however late")
+        ->preset();
+    command->addOption("--peers", options->peers, "most mirrors")->preset();
+    command->addOption("--parts", options->parts, "most different parts of the scene that mirrors may follow")
+        ->preset();
     command->addFlag("--insecure", options->insecure, "serve other machines without keys");
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     options->say.addTo(*command);

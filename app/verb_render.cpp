@@ -1,4 +1,4 @@
-// rtsg render: a picture or an animation of a scene.
+// rtsg render: makes a picture or an animation of a scene.
 #include <algorithm>
 #include <filesystem>
 #include <memory>
@@ -61,15 +61,15 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     const std::string& integrator = options.picture.integrator;
     if (integrator == "raster" || integrator == "hybrid") {
         const auto refuse = [&](bool asked, const char* option) {
-            if (asked) throw UsageError(option, fmt::format("is nothing that --integrator {} can do", integrator));
+            if (asked) throw UsageError(option, fmt::format("is not supported by --integrator {}", integrator));
         };
         refuse(options.panorama, "--panorama"), refuse(options.aperture > 0, "--aperture");
         refuse(options.stereo != "none", "--stereo"), refuse(image.settings.layers != 0, "--layers");
     }
     if (options.panorama && (options.aperture > 0 || options.stereo != "none"))
-        throw UsageError("--panorama", "is of one eye without a lens");
+        throw UsageError("--panorama", "cannot be combined with --stereo or a lens");
     if (options.stereo != "none" && !options.picture.tile.empty())
-        throw UsageError("--tile", "is of one eye's picture: it goes not together with --stereo");
+        throw UsageError("--tile", "cannot be combined with --stereo");
     if (options.aperture > 0 && !(options.focus > 0)) throw UsageError("--aperture", "needs --focus");
     image.panorama = options.panorama;
     image.lensRadius = options.aperture / 2, image.focus = options.focus;
@@ -239,7 +239,7 @@ Verb addRender(Command& program) {
     Command* command = program.addVerb("render", "Make a picture or an animation");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "file to write; .exr is linear radiance")->required();
-    command->addOption("--time", options->time, "of the first frame, from the start")->preset();
+    command->addOption("--time", options->time, "time of the first frame, from the start")->preset();
     command->addOption("--frames", options->frames, "number of frames: into %04d, a .mp4 or .gif")
         ->preset()
         ->range(1, 1'000'000);
@@ -248,24 +248,26 @@ Verb addRender(Command& program) {
         "--set", options->set,
         "inject an event, as in rtsg run: DEF.field=VALUE@TIME; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
-    command->addFlag("--json", options->json, "what was done, as JSON");
+    command->addFlag("--json", options->json, "a summary as JSON");
     {
         const Command::Section section(*command, "Pictures");
         command->addOption(
             "--layers", options->layers,
             "of an .exr, besides colour: depth, position, normal, albedo, node (numbers of Shapes), names "
             "(Cryptomatte of DEF), motion (pixels to where it was 1/--fps s before), by commas; or all");
-        command->addFlag("--panorama", options->panorama, "all around: longitudes across, latitudes down");
+        command->addFlag("--panorama", options->panorama, "a panorama: longitudes across, latitudes down");
         command
             ->addOption("--stereo", options->stereo, "two eyes' pictures, each of --size: beside or above each other")
             ->preset()
             ->oneOf({"none", "beside", "above"});
-        command->addOption("--eye-distance", options->eyeDistance, "of --stereo, metres")->preset()->range(1e-6, 1e6);
+        command->addOption("--eye-distance", options->eyeDistance, "for --stereo: distance of the eyes, metres")
+            ->preset()
+            ->range(1e-6, 1e6);
         command->addOption("--aperture", options->aperture, "a lens of this diameter, metres; sharp at --focus")
             ->range(1e-9, 1e6);
         command
             ->addOption("--focus", options->focus,
-                        "metres along the view; of --stereo: what lies in the picture's plane")
+                        "metres along the view; for --stereo: the distance of the picture's plane")
             ->range(1e-6, 1e9);
         options->picture.addTo(*command);
         options->picture.addTileTo(*command);

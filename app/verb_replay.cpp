@@ -450,7 +450,7 @@ void checkTogether(const std::vector<std::string>& typed) {
         if (mode.makesOutputs && !named) continue;
         const std::string_view asking = askingFor(mode, given);
         throw UsageError(std::string(option),
-                         asking.empty() ? "has no meaning here" : fmt::format("goes not together with {}", asking));
+                         asking.empty() ? "has no meaning here" : fmt::format("cannot be combined with {}", asking));
     }
 }
 
@@ -478,7 +478,7 @@ void checkFrames(const OptionNames& given, const ReplayArguments& options) {
                            !numberedName(std::filesystem::path(sound).filename().string(), 0)))
         throw UsageError("--frames", "needs --listen with a place for a number in the name, such as %04d.wav");
     for (const std::string_view other : {"--seek", "--for", "--export", "--live", "--save", "--microphone", "--stream"})
-        if (holds(given, other)) throw UsageError("--frames", fmt::format("goes not together with {}", other));
+        if (holds(given, other)) throw UsageError("--frames", fmt::format("cannot be combined with {}", other));
 }
 
 int replay(const Command& command, ReplayArguments options) {
@@ -487,7 +487,7 @@ int replay(const Command& command, ReplayArguments options) {
     checkFrames(OptionNames(typed.begin(), typed.end()), options);
     if (!options.only.empty() || !options.without.empty()) {
         if (!options.compact.empty() && !options.out.empty())
-            throw UsageError("-o", "goes not together with --compact, which names the log that is written");
+            throw UsageError("-o", "cannot be combined with --compact, which names the log to write");
         // -o is what one writes to; --compact says the same.
         if (options.compact.empty()) options.compact = std::exchange(options.out, {});
     }
@@ -533,32 +533,30 @@ Verb addReplay(Command& program) {
                     "log to read (.rlog), folder of its pieces, or these by commas; or nats://HOST:PORT/NAME")
         ->required();
     command->addFlag("--verify", options->verify,
-                     "all of it, to the index that a session ends with; states are checked in any case");
-    command->addOption("--seek", options->seek,
-                       "begin with the state so long after the log's start (1:30, 90s), or at a date");
+                     "check the whole log, to the index at the session's end; states are always checked");
+    command->addOption("--seek", options->seek, "begin at this time after the log's start (1:30, 90s), or at a date");
     command->addOption("--for", options->duration, "how much to play");
     command->addFlag("--json", options->json, "the report as JSON");
     {
-        const Command::Section section(*command, "In place of playing it");
+        const Command::Section section(*command, "Instead of playing");
         command->addOption("--diff", options->diff, "compare with another log, state by state");
         command->addOption("--blame", options->blamed,
                            "who changed NODE.field, when, and by which routes, as far as the log tells");
-        command->addOption(
-            "--table", options->tabled,
-            "fields by commas (TRAIN.rotation,DOOR.*) as CSV, a row for each state: from --seek on, --for so "
-            "long, one state of --every");
-        command->addOption(
-            "--only", options->only,
-            "with -o: write a log in which only these fields change (TRAIN.rotation,DOOR.*); others stay "
-            "as they were at first");
-        command->addOption("--without", options->without, "with -o: one in which these fields do not change");
+        command->addOption("--table", options->tabled,
+                           "fields, separated by commas (TRAIN.rotation,DOOR.*), as CSV, one row for each state: from "
+                           "--seek on, for the time of --for, one state of --every");
+        command->addOption("--only", options->only,
+                           "with -o: write a log in which only these fields change (TRAIN.rotation,DOOR.*); others "
+                           "keep their first values");
+        command->addOption("--without", options->without, "with -o: write a log in which these fields do not change");
         command->addOption("-o,--output", options->out,
                            "with --table: .csv to write; - or none: standard output. With --only and --without: .rlog");
-        command->addOption("--compact", options->compact,
-                           "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+        command->addOption(
+            "--compact", options->compact,
+            "write a shorter log: from --seek on, for the time of --for, with frames merged by --every or --interval");
         command
             ->addOption("--every", options->every,
-                        "with --compact: so many frames become one; with --table: one row for so many")
+                        "with --compact: this many frames become one; with --table: one row for this many states")
             ->preset()
             ->range(std::uint64_t{1}, UINT64_MAX);
         command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")
@@ -573,8 +571,8 @@ Verb addReplay(Command& program) {
             "A-B: only the pictures of these numbers, as a run of all makes them, into --render NAME%04d");
         command
             ->addOption("--run-up", options->runUp,
-                        "with --frames and --listen: so long before them reflections begin to be made; as long as the "
-                        "log: bit for bit the sound of one run")
+                        "with --frames and --listen: reflections are computed from this time before them on; with the "
+                        "log's length, the sound has the bits of one run")
             ->preset();
         command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
         command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");

@@ -116,17 +116,17 @@ void checkResume(const ServeArguments& options) {
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
     if (options.reload && !options.resume.empty())
-        throw UsageError("--reload", "not together with --resume: the session goes on, not the file");
+        throw UsageError("--reload", "cannot be combined with --resume, which continues the session and not the file");
     const ServeLogArguments none;
     if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)
-        throw UsageError("--rate, --loop, --paused, --control", "are of a log, and a scene is served");
+        throw UsageError("--rate, --loop, --paused, --control", "are for a log, but a scene is served");
     if (!options.resume.empty() && !options.record.empty())
-        throw UsageError("--record", "not together with --resume, which goes on writing its log");
+        throw UsageError("--record", "cannot be combined with --resume, which continues its log");
     if (!options.resume.empty() && !options.start.at.empty())
         throw UsageError("--at",
                          "not together with --resume: a log has its own clock, which goes on from its last state");
     if (!options.resume.empty() && !options.start.clip.empty())
-        throw UsageError("--clip", "not together with --resume: what moved in the log goes on");
+        throw UsageError("--clip", "cannot be combined with --resume: the motion in the log continues");
     if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
@@ -153,16 +153,16 @@ Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
 }
 
 int play(const ServeArguments& options, const std::vector<std::string>& given) {
-    if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
+    if (!options.record.empty()) throw UsageError("--record", "a log is played, so there is a log already");
     if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
     if (!options.start.at.empty())
-        throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
+        throw UsageError("--at", "a log is played with its recorded times; the command seek T jumps");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option :
          {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--free", "--dis",
           "--clip", "--feed", "--publish", "--fields", "--publish-rate", "--foxglove", "--metrics-port"})
         if (std::ranges::find(given, option) != given.end())
-            throw UsageError(option, "is of a scene, and a log is played");
+            throw UsageError(option, "is for a scene, but a log is played");
     const double duration =
         options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
@@ -336,7 +336,7 @@ void Session::run() {
     sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address(),
                 feeds_->sayPlaces() + (figures.empty() ? "" : fmt::format(",\"metrics\":{}", jsonString(figures))));
     tellServiceManager(fmt::format("READY=1\nSTATUS=serving {} at {}", name(), server_->endpoint()));
-    // What publishes is a peer as well.
+    // The publisher counts as a peer, too.
     if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
     start_ = Clock::now();
@@ -470,7 +470,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.feeds.check(options.scene, false);
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
-        throw UsageError("--coding", "not together with --nats: a mirror that joins could not read what came before");
+        throw UsageError("--coding", "cannot be combined with --nats: a mirror that joins could not decode it");
     PassingFolder fetched;
     if (options.resume.empty() && isNatsAddress(options.scene)) {
         auto log = fetchLog("SCENE", options.scene);
@@ -484,7 +484,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
     const bool rotates = ignored.rotateBytes > 0 || ignored.rotateSeconds > 0;
     if (rotates && (isNatsAddress(options.record) || isNatsAddress(options.resume)))
-        throw UsageError("--rotate", "a log that is stored at a NATS server is one piece");
+        throw UsageError("--rotate", "a log at a NATS server cannot be divided into pieces");
     auto resumed = StoredLog::start("--resume", options.resume, NatsLog::Begin::goOn);
     if (!resumed) return printError(resumed.error()), kBad;
     auto recorded =
@@ -495,32 +495,32 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
 
 void addMirrors(Command& command, ServeArguments& options) {
     const Command::Section section(command, "Mirrors");
-    command.addOption("--key", options.key, "key file: encrypts, and lets in only those listed; made if missing");
+    command.addOption("--key", options.key, "key file: encrypts, and admits only the listed keys; made if missing");
     command.addFlag("--insecure", options.insecure, "serve other machines without keys");
     command
         .addOption("--upstream", options.upstream,
-                   "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
+                   "what mirrors may send, unless the key file says otherwise; code: also edits of urls and Scripts")
         ->preset()
         ->oneOf({"none", "events", "edits", "code"});
-    command.addOption("--peers", options.peers, "how many mirrors may follow")->preset();
-    command.addOption("--parts", options.parts, "how many different parts of the scene they may ask for")->preset();
+    command.addOption("--peers", options.peers, "most mirrors")->preset();
+    command.addOption("--parts", options.parts, "most different parts of the scene that mirrors may follow")->preset();
     command
         .addOption("--mode", options.mode,
                    "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
                    "for it get what comes into each frame and run it")
         ->oneOf({"state", "lossy", "input"})
         ->preset();
-    command.addOption("--error", options.error, "lossy: largest error, metres and radians; what rests is exact")
+    command.addOption("--error", options.error, "lossy: largest error, metres and radians; values at rest are exact")
         ->positive()
         ->preset();
-    command.addOption("--coding", options.coding, "of values: raw, fastest; compact; smallest")
+    command.addOption("--coding", options.coding, "coding of values: raw, fastest; compact; smallest")
         ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
         ->preset();
     command.addOption("--max-rate", options.maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
         ->bytes()
         ->preset();
     command.addOption("--block", options.block, "how long a mirror that asks for it may hold up a frame")->preset();
-    command.addOption("--linger", options.linger, "how long mirrors may catch up at the end")->preset();
+    command.addOption("--linger", options.linger, "time for mirrors to catch up at the end")->preset();
     command.addOption("--nats", options.nats,
                       "nats://HOST:PORT/NAME, or tls: publish there too, once for any number of mirrors");
 }
@@ -534,17 +534,16 @@ Verb addServe(Command& program) {
         "SCENE", options->scene,
         "scene file, or -, or a log to play (file, folder of its pieces, nats://HOST:PORT/NAME); with --resume only "
         "the folder that urls start from");
-    command->addOption(
-        "--resume", options->resume,
-        "go on with the session in this log, killed or ended: same states, clock and epoch, so that mirrors "
-        "go on too; the log is continued");
+    command->addOption("--resume", options->resume,
+                       "continue the session in this log, after a crash or an end: with the same states, clock and "
+                       "epoch, so that mirrors continue, too; the log is continued");
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->preset();
     command->addOption("--for", options->duration, "how long; else until Ctrl-C");
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
     options->start.addTo(*command);
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->addFlag("--reload", options->reload, "follow the scene's file whenever it has been edited");
-    command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
+    command->addOption("--await", options->await, "run the first frame when this many mirrors follow")->preset();
     addMirrors(*command, *options);
     {
         const Command::Section section(*command, "Log");
@@ -554,7 +553,7 @@ Verb addServe(Command& program) {
         addForce(*command, options->force);
     }
     command->addFlag("--embed", options->embed,
-                     "send mirrors, and record, also the bytes of what came from the network, not only their hash");
+                     "send mirrors, and record, the bytes of files from the network, not only their hashes");
     options->log.addTo(*command);
     options->web.addTo(*command);
     options->feeds.addTo(*command);

@@ -157,11 +157,11 @@ int top(const TopArguments& options) {
 
 Verb addTop(Command& program) {
     auto options = std::make_shared<TopArguments>();
-    Command* command = program.addVerb("top", "Show the figures of a running program in the terminal");
+    Command* command = program.addVerb("top", "Show the metrics of a running program in the terminal");
     command->addOption("ADDRESS", options->address, "PORT on this machine, or HOST:PORT")->required();
-    command->addOption("--interval", options->interval, "time between two looks")->preset();
-    command->addFlag("--once", options->once, "look once");
-    command->addFlag("--json", options->json, "a line of JSON for each look");
+    command->addOption("--interval", options->interval, "time between two updates")->preset();
+    command->addFlag("--once", options->once, "print once");
+    command->addFlag("--json", options->json, "one line of JSON for each update");
     command->footer("Example: rtsg top 9100 --once\nIt ends with the program that it looks at.");
     return {command, [options] { return top(*options); }};
 }

@@ -1,4 +1,4 @@
-// rtsg touch: what a hand feels in a scene: its path, its proxy, the forces and contacts, by time.
+// rtsg touch: simulates touch: the path of a hand, its proxy, the forces and contacts over time.
 #include <algorithm>
 #include <cmath>
 #include <locale>
@@ -122,7 +122,7 @@ class Touching {
     }
 
   private:
-    /// What the last contacts have sent.
+    /// Runs frames for the events of the last contacts.
     void finishFrames() {
         renderer_.sendEvents();
         ticks_.take(renderer_, running_.scene());
@@ -218,7 +218,8 @@ int touch(const TouchArguments& arguments) {
 
 Verb addTouch(Command& program) {
     auto options = std::make_shared<TouchArguments>();
-    Command* command = program.addVerb("touch", "What a hand feels: forces and contacts, a thousand times a second");
+    Command* command =
+        program.addVerb("touch", "Simulate touch: forces and contacts on a hand, a thousand times a second");
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command
         ->addOption("--device", options->device,
@@ -235,29 +236,31 @@ Verb addTouch(Command& program) {
     {
         const Command::Section section(*command, "Touch");
         command->addOption("--rate", options->options.rate, "ticks a second")->preset()->range(1., 1e5);
-        command->addOption("--radius", options->options.radius, "of the ball that touches, metres")
+        command->addOption("--radius", options->options.radius, "radius of the ball that touches, metres")
             ->preset()
             ->range(1e-4, 1.);
         command->addOption("--max-force", options->options.maxForce, "N")->preset()->range(0., 1e4);
-        command->addOption("--stiffness", options->options.surface.stiffness, "N/m, of surfaces that say none")
+        command->addOption("--stiffness", options->options.surface.stiffness, "N/m, for surfaces without a stiffness")
             ->preset()
             ->range(0., 1e6);
-        command->addOption("--origin", options->origin, "where the device's zero is in the world: X Y Z")->preset();
+        command->addOption("--origin", options->origin, "position of the device's zero in the world: X Y Z")->preset();
         command->addOption("--scale", options->options.scale, "metres in the world for one of the device's")
             ->preset()
             ->range(1e-6, 1e6);
     }
     {
         const Command::Section section(*command, "Simulated hand");
-        command->addOption("--mass", options->mass, "of sim: kg of a hand that an arm holds to the path; 0 is on it")
+        command
+            ->addOption("--mass", options->mass,
+                        "with sim: mass in kg of a hand that an arm holds to the path; 0: the hand is on the path")
             ->preset()
             ->range(0., 1e3);
-        command->addOption("--arm-stiffness", options->stiffness, "of --mass: N/m")->preset()->range(0., 1e6);
-        command->addOption("--arm-damping", options->damping, "of --mass: N s/m")->preset()->range(0., 1e6);
+        command->addOption("--arm-stiffness", options->stiffness, "with --mass: N/m")->preset()->range(0., 1e6);
+        command->addOption("--arm-damping", options->damping, "with --mass: N s/m")->preset()->range(0., 1e6);
     }
     options->start.addTo(*command);
     options->resources.addTo(*command);
-    command->addFlag("--realtime", options->realtime, "of sim: one second a second, on a thread of its own");
+    command->addFlag("--realtime", options->realtime, "with sim: run in real time, on a thread of its own");
     command->addFlag("--force", options->force, "replace files that are there");
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(

@@ -108,10 +108,11 @@ Verb addValidate(Command& program) {
         bool json = false, sarif = false, lsp = false;
     };
     auto options = std::make_shared<ValidateArguments>();
-    Command* command = program.addVerb("validate", "Print errors and warnings with positions; look for what urls name");
+    Command* command =
+        program.addVerb("validate", "Print errors and warnings with positions; check that files behind urls exist");
     command->addOption("FILE", options->files, "scene files");
     options->resources.addTo(*command);
-    command->addFlag("--json", options->json, "one JSON object a file, with all that is wrong in it");
+    command->addFlag("--json", options->json, "one JSON object for each file, with all its problems");
     command->addFlag("--sarif", options->sarif, "all files as one SARIF 2.1.0 log, for editors and CI");
     command->addFlag("--lsp", options->lsp,
                      "serve an editor over standard input and output, by the Language Server Protocol");

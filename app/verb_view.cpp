@@ -1,4 +1,4 @@
-// rtsg view: a window onto a scene: look, walk, point, click, hear.
+// rtsg view: opens a window onto a scene, to look, walk, point, click and hear.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -45,9 +45,9 @@ struct ViewArguments {
 RenderSettings pictureSettings(const ViewArguments& options) {
     PictureArguments pictures = options.picture;
     if (pictures.integrator == "hybrid")
-        throw UsageError("--integrator", "hybrid is of rtsg render; here there are: whitted, path, raster");
+        throw UsageError("--integrator", "hybrid is for rtsg render; here there are: whitted, path, raster");
     if (options.renderer == "ogre") {
-        if (pictures.integrator == "path") throw UsageError("--integrator", "path is of --renderer light");
+        if (pictures.integrator == "path") throw UsageError("--integrator", "path is for --renderer light");
         pictures.integrator = "raster";
     }
     return pictures.parse(true).settings;
@@ -110,7 +110,7 @@ class Viewing {
         source_->wakeBy([w = window_.get()] { w->wake(); });
         return {};
     }
-    /// What was being written of this scene ends with it.
+    /// Ends the files that were written of this scene.
     void close() {
         if (auto ok = recorder_.finish(); !ok) printError(ok.error());
         sound_.reset();
@@ -136,7 +136,7 @@ class Viewing {
     /// The hand that --touch names feels what is shown.
     Result<> touch() {
         if (options_.touch.empty()) return {};
-        if (!isSceneFile(shown_.name)) return fail("--touch goes with a scene's file", {}, shown_.name);
+        if (!isSceneFile(shown_.name)) return fail("--touch is for a scene's file", {}, shown_.name);
         auto hand = openHand("--touch", options_.touch);
         if (!hand) return std::unexpected(hand.error());
         touch_ = std::make_unique<HapticRenderer>(source_->world());
@@ -186,7 +186,7 @@ class Viewing {
         }
     }
 
-    /// What somebody has asked for.
+    /// Answers the requests of the user.
     void answer() {
         using Kind = SceneWindowRequest::Kind;
         for (const SceneWindowRequest& request : window_->takeRequests()) {
@@ -247,7 +247,7 @@ class Viewing {
 
     double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
 
-    /// What was dropped on the window. What cannot be opened leaves what is shown.
+    /// Opens a file that was dropped on the window. If that fails, the window goes on with the present scene.
     bool opensNext() {
         const std::vector<std::string> dropped = window_->takeDropped();
         if (dropped.empty()) return false;
@@ -322,7 +322,7 @@ Verb addView(Command& program) {
         ->addOption("SCENE", options->source.name,
                     "scene file, or -; ENDPOINT that rtsg serve named, or nats://HOST:PORT/NAME; or a log")
         ->required();
-    command->addOption("--for", options->duration, "close the window after so long; else Escape does");
+    command->addOption("--for", options->duration, "close the window after this time; without it, Escape does");
     command->addOption("--screenshot", options->screenshot, "write a picture of the last state at the end");
     command->addOption("--set", options->source.set,
                        "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, "
@@ -334,19 +334,20 @@ Verb addView(Command& program) {
         ->oneOf({"light", "ogre"});
     command
         ->addOption("--fps", options->fps,
-                    "pictures a second while something moves, which then have as many pixels as that allows")
+                    "pictures a second while something moves; their pixels are as many as this rate allows")
         ->preset()
         ->range(1, 240);
-    command->addOption("--name", options->source.author, "of an endpoint: whose pointer and keys the origin hears of");
-    command->addOption("--key", options->source.key, "of an endpoint: file with the keys of this peer");
-    command->addOption("--wait", options->source.patience, "of an endpoint: give up after so long without a server")
+    command->addOption("--name", options->source.author,
+                       "for an endpoint: author of pointer and key events at the origin");
+    command->addOption("--key", options->source.key, "for an endpoint: file with the keys of this peer");
+    command->addOption("--wait", options->source.patience, "for an endpoint: give up after this long without a server")
         ->preset();
-    command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
-    command->addFlag("--overlay", options->overlay, "show figures, nodes and a log's time line; F1 changes it");
+    command->addFlag("--fullscreen", options->fullscreen, "full screen; F11 switches it");
+    command->addFlag("--overlay", options->overlay, "show statistics, nodes and a log's time line; F1 switches it");
     command->addFlag("--reload,--watch", options->source.reload, "follow the scene's file whenever it has been edited");
     command->addOption("--touch", options->touch, "a hand that feels the scene: sim:FILE.csv, udp:PORT or spnav");
     command->addFlag("--mute", options->mute, "no sound");
-    command->addOption("--device", options->device, "of sound; else the default one");
+    command->addOption("--device", options->device, "sound device; default: the default one");
     options->picture.addTo(*command);
     options->source.start.addTo(*command);
     options->source.resources.addTo(*command);

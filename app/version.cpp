@@ -1,5 +1,4 @@
-// What `rtsg --version --json` says: the version, the commit, the parts that are there, and the libraries that they
-// use.
+// The output of `rtsg --version --json`: the version, the commit, the available parts, and the libraries that they use.
 #include "version.h"
 
 #include <algorithm>
@@ -52,7 +51,8 @@ std::map<std::string, std::string> librariesOf(const std::vector<fs::path>& file
     return result;
 }
 
-/// What the libraries were compiled for: of installed ones the loader takes those for newer processors.
+/// The processor level that the libraries were compiled for: for installed ones the loader may choose those for newer
+/// processors.
 std::string compiledFor(const std::vector<fs::path>& files) {
     for (const fs::path& file : files)
         if (const std::string name = file.filename(); name.starts_with("librtsg_core.so"))

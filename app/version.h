@@ -1,4 +1,4 @@
-// What the program says of itself to machines.
+// The version of the program as JSON.
 #pragma once
 
 #include <string>

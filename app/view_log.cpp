@@ -1,4 +1,4 @@
-// What `rtsg view` shows of a log: its states, played in time or gone through, and an eye of one's own among them.
+// `rtsg view` of a log: plays its states or jumps among them, with the viewer's own eye.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -58,7 +58,7 @@ class LogSource final : public ViewSource {
         return {};
     }
     Result<> look(NodeId viewpoint) override { return eye_->goTo(viewpoint); }
-    Result<> change(NodeId, FieldIndex, Value) override { return fail("a log is as it was: nothing in it can be set"); }
+    Result<> change(NodeId, FieldIndex, Value) override { return fail("a log cannot be changed"); }
     std::optional<Camera> eye(double aspect) override { return eye_->camera(aspect); }
     Result<> pause(bool on) override {
         player_->pause(on);

@@ -1,4 +1,4 @@
-// Writes logs and films of what a window shows.
+// Writes logs and films of the scene in a window.
 #include "view_recorder.h"
 
 #include <algorithm>
@@ -29,7 +29,7 @@ void say(const std::string& file, std::string_view what) {
     fmt::print(stderr, "{}: note: {}\n", terminalText(file), what);
 }
 
-/// As wide as the film, interpolated.
+/// Scales a picture to the film's size, with interpolation.
 Picture enlarged(const LivePictureShown& from, int width, int height) {
     Picture to(width, height, Vec4f(0, 0, 0, 1));
     to.space = ColorSpace::display;

@@ -1,7 +1,7 @@
-// What the window of `rtsg view` writes while it is open: a log of the scene, a film of what is seen.
+// Writes a log of the scene and a film of its pictures while the window of `rtsg view` is open.
 //
-// Both get the first free name, and are whole when they have been ended. Threading: the scene's thread; a film is
-// encoded on one of its own, which nobody waits for before the film's end.
+// Both get the first free name, and are complete once they have been ended. Threading: the scene's thread; a film is
+// encoded on a thread of its own, and only its end waits for that.
 #pragma once
 
 #include <condition_variable>

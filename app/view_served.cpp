@@ -1,4 +1,4 @@
-// What `rtsg view` shows of a scene that is served: a replica, and an eye of one's own in it.
+// `rtsg view` of a served scene: a replica, with the viewer's own eye.
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
@@ -176,7 +176,7 @@ class ServedSource final : public ViewSource {
         return sent ? Result<>() : std::unexpected(sent.error());
     }
     std::optional<Camera> eye(double aspect) override { return eye_->camera(aspect); }
-    Result<> pause(bool) override { return fail("the time of a served scene is its own"); }
+    Result<> pause(bool) override { return fail("the time of a served scene cannot be changed here"); }
     Result<> answer(const SceneWindowRequest&) override { return pause(true); }
     std::string status() const override {
         const MirrorStatistics& statistics = client_->statistics();

@@ -1,4 +1,4 @@
-// What `rtsg view` shows, opened by its name; a scene that runs here.
+// Opens the source of `rtsg view` by its name, and implements the scene that runs here.
 #include "view_source.h"
 
 #include <limits>
@@ -92,7 +92,7 @@ bool isSceneFile(const std::string& name) {
 Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments) {
     const bool isHere = isSceneFile(arguments.name);
     if (!isHere && !arguments.set.empty()) return fail("--set goes with a scene's file", {}, arguments.name);
-    if (!isHere && arguments.reload) return fail("--reload goes with a scene's file", {}, arguments.name);
+    if (!isHere && arguments.reload) return fail("--reload is for a scene's file", {}, arguments.name);
     if (isEndpoint(arguments.name)) return openServed(arguments);
     return isHere ? openRunning(arguments) : openLog(arguments);
 }

@@ -48,14 +48,14 @@ class ViewSource {
     virtual void wakeBy(const std::function<void()>& wake) { (void)wake; }
     /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
-    /// As SceneWindowOptions::look and change.
+    /// See SceneWindowOptions::look and change.
     virtual Result<> look(NodeId viewpoint) = 0;
     virtual Result<> change(NodeId node, FieldIndex field, Value value) = 0;
     /// Where to look from, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;
     /// Its time stops or goes on. Error: it has no time of its own.
     virtual Result<> pause(bool on) = 0;
-    /// Of a time line: skip, seek, step, rate, history. Error: it has none.
+    /// Handles a request of the time line: skip, seek, step, rate, history. Error: there is no time line.
     virtual Result<> answer(const SceneWindowRequest& request) {
         (void)request;
         return fail("a scene that runs has one time: a log of it has all");

@@ -54,12 +54,12 @@ double wallSeconds();
 double stolenSeconds();
 /// CPU time of the calling thread alone: what work costs who waits for it, whatever others do in the background.
 double threadSeconds();
-/// What reading cpuSeconds() or threadSeconds() costs, which every figure taken with it contains once.
+/// The cost of reading cpuSeconds() or threadSeconds(), which every figure taken with it contains once.
 double cpuClockSeconds();
 double median(std::vector<double> values);
 /// Whether PATH has this program.
 bool isInstalled(const std::string& program);
-/// Of this process, after what is free was given back.
+/// The resident memory of this process, after free memory was given back.
 double residentBytes();
 /// CPU seconds to parse every number in `text` with std::from_chars: the least a reader of text takes.
 double fromCharsSeconds(const std::string& text);

@@ -278,8 +278,8 @@ double readingSeconds(const std::string& text, unsigned threads) {
     return seconds;
 }
 
-/// Of each the fastest of some, since others on the machine only ever take time away; beside what two threads do that
-/// read a document each.
+/// The fastest of some runs of each, since others on the machine only ever take time away; beside two threads that read
+/// one document each.
 void oneList(const Report& report, const Encoded& encoding, int n) {
     const std::string numbers = points(n, encoding.separator);
     const bool pointsFirst = std::strstr(encoding.begin, "point") != nullptr;

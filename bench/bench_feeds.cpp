@@ -141,7 +141,7 @@ std::vector<double> published(int count, const std::string& target, Arrivals& ar
     return clicks(count, button, arrivals, [&] { (*publisher)->frame(button.scene.now()); });
 }
 
-/// As many lines as clicks make, sent by `send` alone.
+/// As many lines as the clicks make, sent by `send` alone.
 std::vector<double> alone(int count, const Arrivals& arrivals, const std::function<void(const std::string&)>& send) {
     std::vector<double> seconds;
     for (int i = 1; i <= 2 * count; ++i) {

@@ -137,7 +137,7 @@ Result<> Measurement::firstPicture(const std::filesystem::path& folder) {
     return {};
 }
 
-/// What somebody sees who walks: the eye moves, so that no pixel of the picture before will do.
+/// The pictures of somebody who walks: the eye moves, so that no pixel of the last picture can be reused.
 Result<> Measurement::wholeFrames() {
     constexpr int kFrames = 9;
     NodeId eye;

@@ -29,8 +29,8 @@ inline constexpr std::array kMappings = {RayWorld::Mapping::hybrid, RayWorld::Ma
                                          RayWorld::Mapping::perShape};
 inline constexpr std::array kMappingNames = {"hybrid", "merged", "perShape"};
 
-/// Seconds of CPU time, medians (of a frame: of the scene's thread, background work not counted); bytes. What was not
-/// measured is 0.
+/// Seconds of CPU time, medians (for a frame: of the scene's thread, background work not counted); bytes. Figures that
+/// were not measured are 0.
 struct FrameFigures {
     std::string scene;
     std::uint64_t triangles = 0, uniqueTriangles = 0, nodes = 0, instances = 0, moved = 0, deformed = 0;

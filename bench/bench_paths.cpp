@@ -114,8 +114,8 @@ void underSky(const Report& report, int side) {
 void paths(const Report& report, bool quick) {
     const int side = quick ? 48 : 128;
     const Known known = picture(2, false, side, kError, 1 << 16);
-    // By bounces alone, from what 64 samples reach: the error falls with the root of the time. What few samples have
-    // not met yet is missing in their error, so this is the least it takes.
+    // The error by bounces alone, extrapolated from 64 samples: it falls with the square root of the time. Light that
+    // few samples have not met yet is missing in it, so this is the least time.
     const Known bounced = picture(2, true, side, 1e-6, quick ? 64 : 256);
     const double bouncedSeconds = bounced.seconds * bounced.error * bounced.error / (kError * kError);
     const double alone = raysAlone(2, side, known.rays);

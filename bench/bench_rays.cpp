@@ -251,7 +251,7 @@ double worldSeconds(const RayWorld& world, const Rays& rays) {
     return cpuSeconds() - start;
 }
 
-/// What follows the primary rays, made beforehand, in the order of the pixels.
+/// The rays that follow the primary rays, made beforehand, in the order of the pixels.
 struct Followers {
     struct Block {
         alignas(64) float origin[3][16], direction[3][16];
@@ -287,7 +287,7 @@ struct Followers {
     static Followers shadows(const RayWorld& world, const Rays& rays) {
         return {world, rays, 1, [](const HitPoint& point, const Vec3f& before) {
                     const Vec3f towards = kLamp - point.position;
-                    // What sees the lamp from behind asks for no shadow.
+                    // A point that sees the lamp from behind needs no shadow ray.
                     return glm::dot(point.normal, before) * glm::dot(point.normal, towards) < 0 ? towards : Vec3f(0);
                 }};
     }
@@ -363,7 +363,7 @@ struct Followers {
     }
 };
 
-/// What Embree can do at most on a mesh: its flags and qualities one after the other, of which the fastest counts.
+/// The best that Embree can do on a mesh: the fastest of its flags and qualities.
 struct Limit {
     struct Choice {
         const char* name;

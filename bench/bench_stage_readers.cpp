@@ -186,8 +186,8 @@ void manyReaders(const Report& report, int count, int moves) {
                 median(seconds[0]) * 1e6});
 }
 
-/// What the scene's thread waits for in a frame, at 60 Hz: wall time less its own CPU time. It contains what the system
-/// takes the thread off a core for, so the same is measured beside work that shares nothing.
+/// The time in a frame in which the scene's thread waits, at 60 Hz: wall time less its own CPU time. It includes the
+/// time for which the system takes the thread off a core, so the same is measured beside work that shares nothing.
 std::vector<double> waits(Moving& boxes, int frames, const std::function<void(std::atomic<bool>&)>& work,
                           std::shared_mutex* lock = nullptr) {
     std::atomic<bool> stop{false};
@@ -226,7 +226,7 @@ void waitForPictures(const Report& report, bool quick) {
                                            pictureOf(quick ? 64 : 1280, quick ? 36 : 720, 0).image.settings));
         }
     };
-    // As many threads as a picture has, and nothing in common.
+    // Threads that share nothing with the scene, as many as a picture uses.
     const auto burn = [](std::atomic<bool>& stop) {
         std::vector<std::jthread> threads;
         for (unsigned i = 0; i < std::max(1u, std::thread::hardware_concurrency()); ++i)

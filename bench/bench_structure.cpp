@@ -56,7 +56,7 @@ void edits(const Report& report, std::size_t count) {
     const Attachment attachment = scene.bus().attach(reader);
     scene.newFrame(0);
     const auto children = [&] { return scene.node(big).get(G::children).size(); };
-    // What a list without any order or parents takes: the same edit of a bare vector.
+    // The time of the same edit of a bare vector, without any order or parents.
     std::vector<NodeId> bare(shapes);
     const auto line = [&](const char* what, double seconds, auto bareEdit) {
         std::vector<double> times;

@@ -1,4 +1,4 @@
-// What a changed transform costs on the wire and in time, for every coding and mode, beside general compressors.
+// The cost of a changed transform, in bytes and in time, for every coding and mode, beside general compressors.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -55,7 +55,7 @@ Crowd crowdOf(int peers) {
     };
     if (!arrived(origin.scene.sequence())) return {};
     result.joining = wallSeconds() - start;
-    // As a PUB socket's, these have heard of the way before: what is measured is how it goes on.
+    // Warm the sockets up, as those of a PUB socket are: steady operation is measured.
     for (int i = 1; i <= kBefore; ++i) {
         origin.frame(i);
         if (!arrived(origin.scene.sequence())) return {};

@@ -190,7 +190,7 @@ bool seeking(const SyncSizes& sizes, int changes, const Report& report) {
     return (*replayer)->frames() == (*replayer)->verified();
 }
 
-/// What recording costs the scene's thread: CPU time of its own frames.
+/// The cost of recording for the scene's thread: CPU time of its own frames.
 bool recording(const SyncSizes& sizes, const Report& report) {
     const TemporaryLog file("record.rlog");
     double worst[3] = {}, mean[3] = {};

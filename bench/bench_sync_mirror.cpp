@@ -30,8 +30,8 @@ double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Seconds to copy a scene without a mirror, one step after the other: snapshot, code, decode, apply. What it costs to
-/// send the whole scene each time. Negative if the copy differs.
+/// Seconds to copy a scene without a mirror, one step after the other: snapshot, code, decode, apply. Sending the whole
+/// scene each time would cost as much. Negative if the copy differs.
 double mirrorCopySeconds(const Scene& scene) {
     const auto start = Clock::now();
     ByteBuffer record;
@@ -44,7 +44,7 @@ double mirrorCopySeconds(const Scene& scene) {
     return good ? secondsSince(start) : -1;
 }
 
-/// What the system takes to fill so much memory with zeros, for one thread, in large pages; the best of three.
+/// The time in which the system gives one thread so much memory filled with zeros, in large pages; the best of three.
 double givingMemorySeconds(std::size_t bytes) {
     constexpr std::size_t kPage = 4096;
     double best = 1e9;

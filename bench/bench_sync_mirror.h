@@ -23,8 +23,8 @@ bool mirrorPeers(const SyncSizes& sizes, const Report& report);
 /// many have a frame, beside a bare PUB socket with the same bytes, and seconds until they have joined.
 bool mirrorCrowd(const SyncSizes& sizes, const Report& report);
 
-/// What parts by region cost a frame, in scenes of several sizes, beside mirrors of the whole. Fails (false) if any
-/// replica state differs.
+/// The cost of parts by region for a frame, in scenes of several sizes, beside mirrors of the whole. Returns false if
+/// any replica's state differs.
 bool mirrorRegions(const SyncSizes& sizes, const Report& report);
 
 /// Replicas against throughput, late joins against the size of the scene.

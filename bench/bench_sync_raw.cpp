@@ -63,7 +63,7 @@ struct Pair {
             zmq_msg_send(&message, router, 0);
         }
     }
-    /// Of one message of `size`; reads every cache line.
+    /// Receives one message of `size` bytes; reads every cache line.
     unsigned receive(std::size_t size) {
         unsigned sum = 0;
         for (std::size_t got = 0; got < size;) {

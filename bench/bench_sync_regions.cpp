@@ -125,7 +125,7 @@ double costOf(int shapes, const Crew& crew, int frames) {
 
 bool mirrorRegions(const SyncSizes& sizes, const Report& report) {
     const int frames = std::clamp(sizes.frames / 10, 5, 40), most = sizes.transforms * 10;
-    // As far as regions go, a scene that holds no more than what is near.
+    // For a region, a scene that holds only the near part would cost the same.
     const double alone = costOf(kNear, {1, 0}, frames), nine = costOf(kNear, {9, 0}, frames);
     if (alone < 0 || nine < 0) return false;
     const double limit = std::max((nine - alone) / 8, 1e-9);

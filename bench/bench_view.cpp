@@ -168,7 +168,7 @@ bool walked(const Report& report, const std::string& name, const std::string& fi
     return true;
 }
 
-/// What is shown of the hall by path while somebody stands still, with the seconds since.
+/// The pictures of the hall by path while somebody stands still, with the seconds since.
 struct Noisy {
     double seconds = 0, noise = 0, denoised = 0;
     int samples = 0;
@@ -249,7 +249,7 @@ bool view(const Report& report, bool quick) {
 
 namespace {
 
-/// As the window enlarges it, but for rounding.
+/// Enlarges a picture as the window does, but for rounding.
 Picture enlarged(const Picture& from, int width, int height) {
     Picture to(width, height);
     to.space = from.space;

@@ -1,4 +1,4 @@
-// rtsg bench view: the window, while somebody walks. As those of bench.h, but in real time.
+// rtsg bench view: the window, while somebody walks. It is like those of bench.h, but in real time.
 #pragma once
 
 #include "bench.h"

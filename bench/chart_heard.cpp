@@ -38,7 +38,7 @@ struct ClickHeard {
     std::array<double, kThirds> early{}, late{};
 };
 
-/// Of the second that begins at sample `begin`, both channels together.
+/// The click in the second that begins at sample `begin`, both channels together.
 ClickHeard clickOf(const SoundBuffer& sound, std::size_t begin) {
     constexpr std::size_t kSize = 65'536, kWindow = kHeardRate / 50;
     const std::size_t first = begin + static_cast<std::size_t>(kClick * kHeardRate),

@@ -1,4 +1,4 @@
-// What each part of the path tracer is worth: the error of pictures with and without it against time.
+// The benefit of each part of the path tracer: the error of pictures with and without it against time.
 #include <algorithm>
 #include <cstdint>
 #include <stdexcept>
@@ -47,7 +47,7 @@ class PartsStage {
         Diagnostics diagnostics;
         if (!loadText(scene_, text, diagnostics)) throw std::runtime_error("a chart's scene could not be read");
         scene_.newFrame(0);
-        // What a first picture builds is in no time.
+        // Structures that a first picture builds are not timed.
         (void)take(pathOptions(4, 0, 2));
     }
 
@@ -61,7 +61,7 @@ class PartsStage {
         return taken;
     }
 
-    /// As many samples a pixel, in pairs that know nothing of each other.
+    /// A picture of as many samples a pixel, in independent pairs.
     Taken independent(int side, int samples) {
         Taken sum;
         ImageOptions options = pathOptions(side, 0, 2);
@@ -77,7 +77,7 @@ class PartsStage {
         return sum;
     }
 
-    /// What a live picture shows of so many samples.
+    /// A live picture of so many samples.
     Taken denoised(int side, int samples) {
         ImageOptions options = pathOptions(side, 0, samples);
         options.settings.layers = kLayersOfDenoising;
@@ -143,7 +143,7 @@ float exposureOf(const Picture& picture) {
     return static_cast<float>(.3 * static_cast<double>(picture.pixels.size()) / sum);
 }
 
-/// What the series of a scene are drawn from.
+/// The sizes and settings of a scene's series.
 struct PartsSizes {
     int side, most, truth;
 };

@@ -31,7 +31,7 @@ constexpr ChartedFigure kCharted[kFigureCount] = {{"t20", "T20", "%", 5},
                                                   {"early", "level of the first arrivals", "dB", 1}};
 using Charted = std::array<double, kFigureCount>;  // seconds, and three times decibels
 
-/// What comes so soon after the direct sound and is none of it, relative to the direct sound, dB.
+/// The level of sound that comes soon after the direct sound, relative to the direct sound, in dB.
 double firstArrivals(const Echogram& echogram, double seconds) {
     if (echogram.arrivals.empty()) return std::numeric_limits<double>::quiet_NaN();
     const Arrival& direct = echogram.arrivals.front();
@@ -58,7 +58,7 @@ Charted errorsOf(const Charted& value, const Charted& truth) {
     return errors;
 }
 
-/// Of what is right: the figures, and how far they are known.
+/// The true figures, and their uncertainties.
 struct Truth {
     Charted value{}, error{};
     std::string from;
@@ -146,7 +146,7 @@ class Method {
     TraceResult trace(const TraceOptions& options) const {
         return AcousticTracer(room_.geometry).trace(room_.source, room_.listener, options);
     }
-    /// As `rtsg listen --error` does.
+    /// Traces as `rtsg listen --error` does.
     TraceResult traceTo(double error, std::uint64_t seed) const {
         constexpr std::uint64_t kMost = 4'000'000;
         TraceOptions options = geometricOptions(seed);
@@ -158,7 +158,7 @@ class Method {
     }
 
   private:
-    /// What is nearer than this, in the units of a figure, differs by rounding.
+    /// Smaller differences than this, in the units of a figure, are rounding.
     static constexpr double kExact = 1e-5;
 
     std::string name_;
@@ -242,7 +242,7 @@ void chartRoom(const ChartSink& sink, const std::string& key, const std::string&
     }
 }
 
-/// What a frame takes with 1 to 64 sources that all move.
+/// The time of a frame with 1 to 64 sources that all move.
 bool chartSources(const ChartSink& sink, bool quick) {
     constexpr double kFrame = 1e3 / 60;
     Chart chart{"sound-sources",

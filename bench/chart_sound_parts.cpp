@@ -1,4 +1,4 @@
-// What each mechanism of diffraction brings: levels behind things with and without it, beside boundary elements and
+// The benefit of each mechanism of diffraction: levels behind things with and without it, beside boundary elements and
 // series where there are any, and the time that it takes.
 #include <algorithm>
 #include <array>
@@ -89,7 +89,7 @@ std::function<std::vector<double>(std::size_t)> linesReference(const std::vector
             const test::RigidOutline outline(image.outlines, insideOf(image.outlines), k,
                                              std::min(.12, 2 * M_PI / k / 7));
             for (std::size_t p = 0; p < places.size(); ++p)
-                // As of a point, each way of w metres times w / d.
+                // A way of w metres counts as one of a point source, times w / d.
                 energies[p] += std::norm(outline.beside(image.source, places[p])) /
                                (glm::distance(image.source, places[p]) * glm::distance(images[0].source, places[p]));
         }
@@ -407,7 +407,7 @@ PartsHeard heardWith(const ListenedScene& scene, const PartLeftOut& part) {
     return heard;
 }
 
-/// What is right, by boundary elements or series; empty where nothing is known.
+/// The true levels, by boundary elements or series; empty if they are unknown.
 PartLevels truthOf(const ListenedScene& scene) {
     PartLevels truth;
     if (!scene.reference) return truth;

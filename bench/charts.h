@@ -11,7 +11,7 @@ bool chartFrames(const ChartSink& sink, bool quick);
 bool chartRays(const ChartSink& sink, bool quick);
 /// Error of a room's picture against time, with and without an error to reach, beside Cycles where it is installed.
 bool chartLight(const ChartSink& sink, bool quick);
-/// Of chartLight(): what each part of the path tracer is worth, by pictures with and without it.
+/// A part of chartLight(): the benefit of each part of the path tracer, by pictures with and without it.
 void chartLightParts(const ChartSink& sink, bool quick);
 /// Error of a room's figures against time, by each method; moving sources against the time of a frame. False: a room
 /// cannot be made.

@@ -95,7 +95,7 @@ scene.camera = eye
 
 )PY";
 
-/// What UnderSky::write() wrote.
+/// Makes the scene of UnderSky::write() in Blender.
 constexpr const char* kSkyInBlender = R"PY(
 def sent(kind, count):
     values = array.array(kind)

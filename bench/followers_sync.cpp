@@ -92,8 +92,8 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
             waitFor(origin.scene.sequence() - std::min<std::uint64_t>(16, origin.scene.sequence()));
         }
     };
-    // Those who are stopped take what their window allows; what they cost from then on is the question. What one costs
-    // is asked of a session that has run for a while, so that the server's history is full and its memory goes around.
+    // Stopped followers take as much as their window allows; their cost from then on is measured. The cost of one is
+    // measured in a session that has run for a while, so that the server's history is full and its memory is reused.
     const int before = followers > 1 ? 100 : 600;
     show(1, before);
     waitFor(origin.scene.sequence());

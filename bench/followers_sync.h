@@ -50,7 +50,7 @@ struct Flow {
     bool good = false;
 };
 
-/// What followers get of a scene that makes so many frames a second.
+/// The rate at which followers get the frames of a scene that makes so many a second.
 struct Paced {
     double framesPerSecond = 0;  // that each got, merged ones counted once; the mean
     double cpuSeconds = 0;       // of all that the process did, for each frame that a follower got

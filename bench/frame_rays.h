@@ -1,9 +1,8 @@
-// FrameRays: the rays of a picture in Whitted's way, made from bare hits, to be traced by Embree alone.
+// FrameRays: the rays of a picture by `whitted`, made from bare hits, for tracing by Embree alone.
 //
-// Those of the eye are the picture's own. From all that these meet go rays to the lamps and mirrored ones, whether the
-// material mirrors or not: of each kind it is told what one costs at best, and a picture has so many of each. What lies
-// behind mirrors is less even than what the eye sees, so this is rather less than Embree takes for the picture.
-//
+// The eye's rays are the picture's own. From all their hits, rays go to the lamps and in the mirror direction, whether
+// the material mirrors or not. The measured cost of one ray of each kind, times the picture's number of such rays, is a
+// lower bound of the time that Embree takes for the picture, since rays behind mirrors are less coherent.
 // Threading: values.
 #pragma once
 
@@ -22,7 +21,7 @@ struct FrameLamp {
     Vec3f place{0};  // world; of a DirectionalLight the direction to it
     bool far = false;
 };
-/// Of a scene whose lights stand below no Transform.
+/// The lamps of a scene whose lights stand below no Transform.
 std::vector<FrameLamp> lampsOf(const Scene& scene);
 
 class FrameRays {

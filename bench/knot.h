@@ -11,19 +11,19 @@ namespace rtsg::bench {
 struct KnotOptions {
     /// About so many; the paper's has 4,600.
     int triangles = 4600;
-    /// Of the interpolator, the last equal to the first.
+    /// Keys of the interpolator, the last equal to the first.
     int keys = 9;
     /// Seconds for a round.
     double seconds = 4;
     /// Radians a metre of height is wound by at most.
     float twist = 1.5f;
-    /// Of the IndexedFaceSet; 0 leaves it faceted, 2 rounds it.
+    /// The creaseAngle of the IndexedFaceSet; 0 leaves it faceted, 2 rounds it.
     float creaseAngle = 2;
     /// Faces of four corners instead of triangles.
     bool quads = false;
 };
 
-/// What was built; the shape is a child of `parent` (a grouping node, or the scene's root for none).
+/// The nodes that were built; the shape is a child of `parent` (a grouping node, or the scene's root for none).
 struct Knot {
     NodeId shape, faces, coordinate, interpolator, clock;
 };

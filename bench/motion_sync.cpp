@@ -97,7 +97,7 @@ void Motion::tumble(Body& b) {
                  glm::dvec3(n(random_), n(random_), n(random_));
         b.velocity += glm::dvec3(n(random_), std::abs(n(random_)) * .3, n(random_));
     }
-    // As engines do, in single precision.
+    // Engines compute in single precision.
     b.position = glm::dvec3(glm::vec3(b.position));
     b.velocity = glm::dvec3(glm::vec3(b.velocity));
     b.spin = glm::dvec3(glm::vec3(b.spin));

@@ -20,8 +20,9 @@ struct PovRayPicture {
 /// Whether there is a `povray` in PATH.
 bool hasPovRay();
 
-/// What UnderSky::writePov() wrote, with nine samples a pixel and radiosity of so many rays a place, which spread their
-/// light over their surroundings: quick, and not quite right. By one thread. Nothing if it did not make it.
+/// Traces the scene of UnderSky::writePov() with POV-Ray, with nine samples a pixel, and radiosity with so many rays at
+/// a place, which spread their light over their surroundings: fast, and not quite accurate. It uses one thread. Nothing
+/// if there was no picture.
 std::optional<PovRayPicture> povRayScene(const std::filesystem::path& scene, int side, int count);
 
 }  // namespace rtsg::bench

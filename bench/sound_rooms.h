@@ -43,7 +43,7 @@ std::unique_ptr<SoundRoom> officeRoom();
 std::unique_ptr<SoundRoom> corridorRoom();
 std::unique_ptr<SoundRoom> boxRoom(double scattering);
 
-/// What live sound of sources that move in the box takes.
+/// The cost of live sound with sources that move in the box.
 struct MovingSound {
     std::vector<double> frames;  // CPU seconds of each frame of the scene's thread
     double cores = 0;            // that all of it takes in the second half, when all sources have reflections

@@ -80,8 +80,8 @@ double meanOf(const Picture& picture) {
     return sum / (3.0 * static_cast<double>(picture.pixels.size()));
 }
 
-/// As RenderStats::error measures it, root mean square over the pixels: that of one of two pictures of different seeds,
-/// or how far a picture is from the truth.
+/// The error as RenderStats::error has it, root mean square over the pixels: of one of two pictures with different
+/// seeds, or the difference of a picture from the truth.
 double errorOf(const Picture& picture, const Picture& truth, bool isTruth) {
     double squares = 0;
     for (std::size_t i = 0; i < truth.pixels.size(); ++i) {

@@ -1,4 +1,4 @@
-// The JSON Schemas of the topics that viewers are told.
+// The JSON Schemas of the topics for viewers.
 #include "message_schemas.h"
 
 #include <initializer_list>

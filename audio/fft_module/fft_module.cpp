@@ -1,4 +1,4 @@
-// The module librtsg_fft.so: transforms by libavutil. Links nothing of ours, throws nothing.
+// The module librtsg_fft.so: transforms by libavutil. It does not link this project's libraries, and throws nothing.
 extern "C" {
 #include <libavutil/tx.h>
 }

@@ -1,4 +1,5 @@
-// The module librtsg_netcdf.so: netCDF-4 files by the netCDF library. Links nothing of ours, throws nothing.
+// The module librtsg_netcdf.so: netCDF-4 files by the netCDF library. It does not link this project's libraries, and
+// throws nothing.
 #include "sound_io/netcdf_file.h"
 
 #include <algorithm>

@@ -34,7 +34,7 @@ void chair(SceneFile& file, Vec3f at, float turn, int n) {
     file.close();
 }
 
-/// What things are made of, lights and the viewpoint.
+/// Adds materials, lights and the viewpoint.
 void addLooks(SceneFile& file) {
     file.look("TILE0", {.diffuse = {.78f, .76f, .7f}, .specular = .4f, .shininess = .7f, .mirror = .1f});
     file.look("TILE1", {.diffuse = {.3f, .42f, .48f}, .specular = .4f, .shininess = .7f, .mirror = .1f});

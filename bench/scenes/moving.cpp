@@ -16,7 +16,7 @@ Surface limb(float length, float thick, int n) {
     return lathe({{.001f, 0}, {thick, -.02f}, {thick * .8f, -length}, {.001f, -length - .02f}}, n, 2);
 }
 
-/// Of a figure.
+/// A part of a figure.
 struct Part {
     const char* joint;
     const char* parent;  // joint

@@ -65,10 +65,10 @@ class SceneFile {
     /// For triangles in raw text, per path.
     void count(std::uint64_t triangles) { groups_.back().triangles += triangles; }
     std::uint64_t counted() const { return groups_.back().triangles; }
-    /// What was written so far is not shown: it was there to be used.
+    /// Forgets the triangles counted so far, which only serve as a template and are not shown.
     void resetCount() { groups_.back().triangles = 0; }
 
-    /// What shape() writes, without the Shape: "DEF X IndexedTriangleSet {...}".
+    /// Writes what shape() writes, without the Shape: "DEF X IndexedTriangleSet {...}".
     void geometry(const Surface& surface, Shading shading, std::string_view def = {}, bool texCoords = false);
     void points(const std::vector<Vec3f>& points);
 

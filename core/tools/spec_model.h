@@ -37,7 +37,7 @@ struct Field {
     int since = 0;     // ten times the version; 0: that of the node
 };
 
-/// What a field says behind its constraint, or a retag of fields; each empty (0) if not stated.
+/// The tags of a field after its constraint, or in a retag; empty (0) if not stated.
 struct FieldTags {
     std::string aspect, unit;
     int since = 0;
@@ -54,7 +54,7 @@ struct FieldTypeLine {
     int line = 0;
 };
 
-/// What a type is, beside its fields. Each is inherited by those that have none of their own.
+/// The tags of a type. Each is inherited by types that do not state it.
 struct Tags {
     std::string acts;  // "never", "onInput", "always"; empty if not stated
     bool writesInputs = false;

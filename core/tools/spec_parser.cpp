@@ -513,7 +513,7 @@ void Model::parseDefault(Field& field, const std::vector<Token>& found, std::siz
             if (value.kind != Token::word || !parseNumber(value.text, number) || std::isinf(number) ||
                 (isInteger(field) && (number != std::trunc(number) || std::abs(number) > 2147483647.0)))
                 return error(field.where, "'" + value.text + "' is no value of " + shown(field));
-            // As written where possible: the reader of the table rounds once, to the type of the field.
+            // Keep the number as written if possible: the reader of the table rounds once, to the type of the field.
             if (isInteger(field)) {
                 field.defaultText += std::to_string(static_cast<long long>(number)) + ' ';
             } else if (value.text.contains("pi")) {

@@ -1,4 +1,4 @@
-// Makes GLB of Collada and the like, by libassimp.
+// Converts Collada and similar formats to GLB, by libassimp.
 #include "models/assimp_module.h"
 
 #include <assimp/postprocess.h>

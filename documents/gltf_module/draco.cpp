@@ -1,4 +1,5 @@
-// The module librtsg_draco.so: meshes compressed by Draco, by libdraco. Links nothing of ours, throws nothing.
+// The module librtsg_draco.so: meshes compressed by Draco, by libdraco. It does not link this project's libraries, and
+// throws nothing.
 #include <algorithm>
 #include <exception>
 #include <memory>
@@ -16,7 +17,7 @@ using rtsg::detail::DracoAttribute;
 using rtsg::detail::DracoMesh;
 using rtsg::detail::UnpackLimits;
 
-/// What the decoder may take; it ends where more is asked for.
+/// The memory limit of the decoder; decoding ends where it would exceed it.
 struct Bounds {
     const DracoMesh& wanted;
     const UnpackLimits& limits;

@@ -1,5 +1,5 @@
-// The module librtsg_meshopt.so: buffer views compressed by meshopt, by libmeshoptimizer. Links nothing of ours, throws
-// nothing.
+// The module librtsg_meshopt.so: buffer views compressed by meshopt, by libmeshoptimizer. It does not link this
+// project's libraries, and throws nothing.
 #include <new>
 
 #include <meshoptimizer.h>

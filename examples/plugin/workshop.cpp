@@ -15,7 +15,7 @@ namespace {
 
 using namespace rtsg;
 
-/// What a Spinner does: called each frame, since the time that it asks for has come then.
+/// The behaviour of a Spinner: it is called each frame, since it asks for a time that has come by then.
 double spin(Cascade& cascade, const Node& node) {
     const double turns = node.get(workshop::Spinner::turnsPerSecond) * cascade.now();
     const auto angle =

@@ -27,7 +27,7 @@ constexpr std::size_t kMostNews = 100;
 constexpr int kBatch = 256;                              // messages that are fetched at once
 constexpr int kNoStream = 10059, kLastSequence = 10071;  // JetStream's error codes
 
-/// What the status means, and what happened, without the place in the library's sources.
+/// The meaning of a status and the library's message, without the position in its sources.
 std::string textOf(natsStatus status) {
     std::string text = natsStatus_GetText(status);
     const char* last = nats_GetLastError(nullptr);

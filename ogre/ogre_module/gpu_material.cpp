@@ -1,4 +1,4 @@
-// Makes OGRE's materials and textures of ours.
+// Makes OGRE's materials and textures of this library's.
 #include "gpu_material.h"
 
 #include <algorithm>

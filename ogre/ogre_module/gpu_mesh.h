@@ -18,7 +18,7 @@ class GpuMesh {
     GpuMesh();
     /// Puts the numbers into the buffers there are if they fit exactly, as those of a mesh that deforms do.
     void set(const RasterMesh& mesh);
-    /// As RasterModule::bendMesh().
+    /// See RasterModule::bendMesh().
     void bend(const RasterMesh& mesh);
     Ogre::RenderOperation operation() const;
     bool empty() const { return indices_.indexCount == 0; }

@@ -1,4 +1,4 @@
-// Places things, and tells their programs of them.
+// Places things, and sets the parameters of their programs.
 #include "gpu_thing.h"
 
 #include <cmath>

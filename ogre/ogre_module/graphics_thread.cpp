@@ -1,4 +1,4 @@
-// One thread that does what others give it, and never ends, since a graphics context cannot be given away.
+// One thread that runs the work of others, and never ends, since a graphics context cannot be given away.
 #include "graphics_thread.h"
 
 #include <condition_variable>

@@ -7,7 +7,8 @@
 
 namespace rtsg {
 
-/// Does it there, and waits; at once, if it is that thread that asks. What it throws comes out of here.
+/// Runs `work` on the graphics thread and waits; if that is the calling thread, runs it at once. Exceptions of `work`
+/// are thrown from here.
 void onGraphicsThread(const std::function<void()>& work);
 
 }  // namespace rtsg

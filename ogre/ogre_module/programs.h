@@ -15,7 +15,7 @@ const char* const kUseNames[kRasterUses] = {"baseTexture",    "emissiveTexture",
                                             "normalTexture",  "roughnessTexture", "occlusionTexture",
                                             "ambientTexture", "shininessTexture"};
 
-/// What a material's programs are chosen by.
+/// The properties of a material by which its programs are chosen.
 struct ProgramKey {
     RasterModel model = RasterModel::unlit;
     bool strokes = false, points = false, hatched = false, background = false;

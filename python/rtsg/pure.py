@@ -284,7 +284,7 @@ def _sum_of_nodes(previous, difference):
 
 _NAMES = ("Bool Int32 Float Double Time String Node Color ColorRGBA Image Vec2f Vec2d Vec3f Vec3d Vec4f Vec4d Rotation "
           "Matrix3f Matrix3d Matrix4f Matrix4d Custom").split()
-# What NumPy calls an element, and its shape; strings and images are otherwise.
+# NumPy's name and shape of an element; strings and images have another form.
 _LAYOUT = [("?", ()), ("<i4", ()), ("<f4", ()), ("<f8", ()), ("<f8", ()), None, ("<u4", ()), ("<f4", (3,)), ("<f4", (4,)), None, ("<f4", (2,)),
            ("<f8", (2,)), ("<f4", (3,)), ("<f8", (3,)), ("<f4", (4,)), ("<f8", (4,)), ("<f4", (4,)), ("<f4", (3, 3)), ("<f8", (3, 3)),
            ("<f4", (4, 4)), ("<f8", (4, 4)), None]

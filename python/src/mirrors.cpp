@@ -180,7 +180,7 @@ class Follower final : public Dependent {
         return *client_;
     }
 
-    /// What has come, after at most so many seconds of waiting.
+    /// Applies what has come, after at most so many seconds of waiting.
     py::list poll(double seconds) {
         MirrorClient& inside = client();
         handle_->refuseFromWithin("a follower is not asked for news");

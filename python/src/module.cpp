@@ -1,4 +1,4 @@
-// The extension module rtsg._rtsg: all its parts, and what happens when the interpreter ends or the process forks.
+// The extension module rtsg._rtsg: all its parts, and the handlers for the interpreter's end and for forks.
 #include "module.h"
 
 #include "scene_handle.h"

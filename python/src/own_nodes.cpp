@@ -1,4 +1,4 @@
-// Binds node types of the user's own: a table of fields, and functions of Python that say what such nodes do.
+// Binds the user's node types: a table of fields, and Python functions for the behaviour of their nodes.
 #include "own_nodes.h"
 
 #include <string>
@@ -45,8 +45,8 @@ void emit(const CascadeObject& object, const NodeObject& node, const std::string
     take(cascade.output(own, field, fromPython(def, value, *object.handle, own.type().name + "." + name)));
 }
 
-/// Calls a function for a node. What it raises is raised by frame() once the frame is complete, and all of its type
-/// rest from then on.
+/// Calls a function for a node. Its exception is raised by frame() once the frame is complete, and all nodes of its
+/// type do nothing from then on.
 template <class... Arguments>
 py::object callFor(OwnBehaviour& own, const py::function& function, Cascade& cascade, const Node& node,
                    Arguments&&... arguments) {

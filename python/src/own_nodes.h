@@ -1,4 +1,4 @@
-// What a scene keeps of node types that Python defines.
+// The node types of a scene that Python defines.
 //
 // Threading: with the interpreter's lock.
 #pragma once

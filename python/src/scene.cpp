@@ -1,4 +1,4 @@
-// Binds Scene, and what makes one: load(), loads().
+// Binds Scene, and the functions that make one: load(), loads().
 #include <algorithm>
 #include <filesystem>
 #include <optional>
@@ -35,7 +35,7 @@ ResourcePolicy policyOf(const std::vector<fs::path>& allow) {
     return policy;
 }
 
-/// What was read is whole, or raises; what is not an error is told.
+/// Ends a load: raises errors, and reports other diagnostics.
 void finishLoading(SceneHandle& handle, const Diagnostics& found, bool usable, bool partial) {
     const bool failed = found.errors() > 0 || !usable;
     if (failed && (!partial || !usable)) {

@@ -66,7 +66,7 @@ class Subscription final : public Subscriber {
 
 class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
   public:
-    /// What a scene is made with.
+    /// The arguments of a scene's constructor.
     struct Options {
         Resources resources;
         std::filesystem::path file;  // empty: of no file
@@ -143,7 +143,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
 
     std::shared_ptr<Subscription> subscribe(pybind11::function call);
     void forget(const Subscription& subscription);
-    /// What a subscriber in Python raised: raised again by raisePending() when the delivery is over.
+    /// Keeps an exception of a subscriber in Python; raisePending() raises it again when the delivery is over.
     void keep(pybind11::error_already_set error);
     void raisePending();
     /// Warns of what scene and loader have said since the last call.
@@ -153,7 +153,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     /// From any thread: told with the next frame, or at the end.
     void note(const Diagnostic& failure);
 
-    /// As long as the scene lives, whose types call it.
+    /// Keeps behaviours as long as the scene, whose types call them.
     void keep(std::unique_ptr<OwnBehaviour> behaviour) { behaviours_.push_back(std::move(behaviour)); }
 
     void add(Dependent& dependent) { dependents_.push_back(&dependent); }

@@ -18,7 +18,7 @@ namespace rtsg::python {
 
 namespace {
 
-/// What listen() gives.
+/// The result of listen().
 struct Sound {
     ListenReport report;
 };

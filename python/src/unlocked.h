@@ -12,7 +12,7 @@
 
 namespace rtsg::python {
 
-/// As long as it lives, the thread does not hold the interpreter's lock. Throws when the interpreter is about to end.
+/// While it lives, the thread does not hold the interpreter's lock. Throws when the interpreter is about to end.
 class Unlocked {
   public:
     Unlocked();

@@ -1,5 +1,5 @@
-// The module librtsg_fonts.so: fonts by fontconfig, outlines by FreeType, shaping by HarfBuzz where it was there at
-// build time. Links nothing of ours, throws nothing.
+// The module librtsg_fonts.so: fonts by fontconfig, outlines by FreeType, shaping by HarfBuzz if it was there at build
+// time. It does not link this project's libraries, and throws nothing.
 #include <algorithm>
 #include <array>
 #include <cmath>

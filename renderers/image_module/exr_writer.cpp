@@ -1,5 +1,5 @@
-// The module librtsg_exr.so: OpenEXR files by the core of OpenEXR, which loads at once. Links nothing of ours, throws
-// nothing but for want of memory.
+// The module librtsg_exr.so: OpenEXR files by the core of OpenEXR, which loads quickly. It does not link this project's
+// libraries, and throws only if memory runs out.
 #include <algorithm>
 #include <cstring>
 #include <new>
@@ -13,7 +13,7 @@ namespace {
 using rtsg::Sheet;
 using rtsg::SheetChannel;
 
-/// A file in the making. What the library tells about an error stays here, as the last word is the most general one.
+/// A file that is being written. It keeps the library's last error message here, since a thrown one is more general.
 struct Writing {
     std::vector<unsigned char>& file;
     exr_context_t context = nullptr;

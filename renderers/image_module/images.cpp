@@ -1,4 +1,5 @@
-// The module librtsg_images.so: image files by OpenImageIO. Links nothing of ours, throws nothing.
+// The module librtsg_images.so: image files by OpenImageIO. It does not link this project's libraries, and throws
+// nothing.
 #include <algorithm>
 #include <cmath>
 #include <cstring>

@@ -1,5 +1,5 @@
-// The module librtsg_plain.so, reading: PNG and JPEG files by their own libraries, which load at once. Links nothing of
-// ours, throws nothing but for want of memory.
+// The module librtsg_plain.so, reading: PNG and JPEG files by their own libraries, which load quickly. It does not link
+// this project's libraries, and throws only if memory runs out.
 #include <algorithm>
 #include <bit>
 #include <csetjmp>

@@ -1,5 +1,5 @@
-// Walks the chunks of a PNG file, compares the checksums of those that nothing can be shown without, and reads the
-// pixels once, with errors that are ours.
+// Walks the chunks of a PNG file, compares the checksums of those that are necessary for the picture, and reads the
+// pixels once, with error messages of this library.
 #include "png.h"
 
 #include <algorithm>

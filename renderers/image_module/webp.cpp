@@ -1,5 +1,5 @@
-// The module librtsg_webp.so: WebP files by libwebp, which loads at once. Links nothing of ours, throws nothing but for
-// want of memory.
+// The module librtsg_webp.so: WebP files by libwebp, which loads quickly. It does not link this project's libraries,
+// and throws only if memory runs out.
 #include <algorithm>
 #include <new>
 

@@ -69,7 +69,7 @@ struct FilmDecoder {
     bool draining = false;
 
     std::string open(FilmFile& file, AVMediaType kind, std::int64_t mostPixels);
-    /// The next picture or piece of sound; false at the end. What is damaged costs what it holds, no more.
+    /// Reads the next picture or piece of sound; false at the end. A damaged packet is skipped.
     bool next(AVFormatContext& format, AVFrame& frame);
 };
 

@@ -1,4 +1,4 @@
-// Pictures, and a sound, into MP4 files of H.264 and AAC, by FFmpeg's libraries.
+// Encodes pictures and a sound as MP4 files of H.264 and AAC, by FFmpeg's libraries.
 #include "film_maker.h"
 
 #include <algorithm>

@@ -93,7 +93,7 @@ std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSo
                 static_cast<std::uint64_t>(frame->nb_samples) * static_cast<std::uint64_t>(out.channels) >
             maximumSamples)
             return "more than " + std::to_string(maximumSamples) + " samples; --limit samples=N raises this";
-        // What is there is copied while it grows.
+        // Growing copies the content.
         const std::size_t wanted =
             out.samples.size() + static_cast<std::size_t>(frame->nb_samples) * static_cast<std::size_t>(out.channels);
         if (wanted > out.samples.capacity() && !file.mayTake(2 * sizeof(float) * wanted))

@@ -1,5 +1,5 @@
-// The module librtsg_movies.so: pictures of films, and films of pictures, by FFmpeg's libraries. Links nothing of ours,
-// throws nothing.
+// The module librtsg_movies.so: pictures of films, and films of pictures, by FFmpeg's libraries. It does not link this
+// project's libraries, and throws nothing.
 #include <algorithm>
 #include <climits>
 #include <cmath>

@@ -1,9 +1,9 @@
 // SocketServer: listens for clients of one protocol over WebSockets, and passes messages on that it does not read.
 //
-// Invariant: of what a client sends one message waits here, and the next is read when that was taken. Of what is sent
-// to it, the settings' bound waits, or one message. Who does not connect properly gets an answer that says why, or
-// silence if there are too many.
-// Threading: what overrides may be called on any thread, the rest belongs to the one that runs the io_context.
+// Invariant: one message of each client waits here, and the next is read when that was taken. Messages to a client wait
+// up to the settings' bound, or up to one message. A client that does not connect properly gets an answer that says
+// why, or none if there are too many. Threading: overriding functions may be called on any thread; all others belong to
+// the thread that runs the io_context.
 #pragma once
 
 #include <atomic>

@@ -19,7 +19,7 @@ class Visit : public std::enable_shared_from_this<Visit> {
   public:
     Visit(Gateway& gateway, Tcp::socket&& socket);
     ~Visit() { gateway_.went(this); }
-    /// What the connection waits for.
+    /// The event that the connection waits for.
     enum class State : std::uint8_t {
         silent,  // its first request
         idle,    // another request

@@ -22,7 +22,7 @@ TEST_F(BlameOption, ListsEachValueThatSomebodySet) {
     EXPECT_THAT(told.out, ContainsRegex(" 0\\.2  2 1 1 +set from outside\n"));
     EXPECT_THAT(told.out, ContainsRegex(" 0\\.6  9 9 9 +set from outside\n"));
     EXPECT_THAT(told.out, Not(HasSubstr("changes)")));
-    // What routes drive is one line.
+    // Changes that routes cause share one line.
     const Outcome driven = rtsg({"replay", log, "--blame", "BOX.translation"});
     EXPECT_THAT(driven.out, HasSubstr("changes)"));
 }
@@ -45,7 +45,8 @@ TEST_F(BlameOption, NodesWithoutANameHaveTheirNumber) {
     EXPECT_THAT(rtsg({"replay", log, "--blame", "#4000.scale"}).err, HasSubstr("no node is named #4000"));
 }
 
-/// What an instance's field gets by a ROUTE its inside gives back by an IS: the way leads out, and in no circle.
+/// A ROUTE sets the instance's field, and an IS sends it back from inside: the chain of causes leads out without a
+/// loop.
 TEST_F(BlameOption, LeadsOutOfAPrototypeToWhatSetIt) {
     const std::string lamp = folder / "lamp.x3dv", log = folder / "b.rlog";
     writeFile(

@@ -1,4 +1,4 @@
-// What happens to a colour from field to file, through the program: bytes of .ppm, floats of .pfm, by closed forms.
+// The way of a colour from field to file, through the program: bytes of .ppm, floats of .pfm, by closed forms.
 #include "program.h"
 
 #include <array>

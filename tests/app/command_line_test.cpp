@@ -1,4 +1,4 @@
-// What scripts rely on: exit statuses, diagnostics on standard error, JSON on standard output.
+// The interface for scripts: exit statuses, diagnostics on standard error, JSON on standard output.
 #include "program.h"
 
 #include <cstdlib>
@@ -204,7 +204,7 @@ TEST_F(Usage, WhatCannotBeDoneSaysSo) {
     EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "raster"}).err,
                 HasSubstr("raster is of rtsg render and view"));
     EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "hybrid"}).err,
-                HasSubstr("hybrid is of rtsg render;"));
+                HasSubstr("hybrid is for rtsg render;"));
     EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"}).err, HasSubstr("--ambisonic"));
 }
 
@@ -281,7 +281,7 @@ TEST_F(Info, DiagnosticsHavePositions) {
     EXPECT_THAT(validated.err, ContainsRegex("bad\\.x3dv:4:[0-9]+: error: .*bogus"));
     EXPECT_THAT(validated.out, HasSubstr("scene.x3dv: 0 errors"));
     EXPECT_EQ(rtsg({"validate", file}).status, 0);
-    // What is good of it is kept.
+    // The valid part is kept.
     const json info = json::parse(rtsg({"info", bad, "--json"}).out);
     EXPECT_EQ(info.at("errors"), 1);
     EXPECT_EQ(info.at("components").at("Shape"), 2);
@@ -377,7 +377,7 @@ TEST_F(Running, InjectsEvents) {
     EXPECT_TRUE(toggled) << outcome.out;
 }
 
-/// What has been said is whole lines, the program ends by itself, and says that there is less than was asked for.
+/// The lines that were printed are whole, the program ends by itself, and reports that the result is incomplete.
 TEST_F(Running, AnInterruptionCutsNoLine) {
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
              {"run", file, "--for", "1e6s", "--watch", "*"}, {"run", file, "--for", "1e6s", "--hash", "--json"}}) {
@@ -479,7 +479,7 @@ TEST_F(Render, UnknownViewpointIsStatusOne) {
 using Listen = CommandLine;
 
 TEST_F(Listen, ReportsAndWritesSound) {
-    // Of a clip that is not there nothing is heard.
+    // A missing clip is silent.
     std::string text = readFile(file);
     const std::string clip = "AudioClip { url \"none.wav\" loop TRUE }";
     ASSERT_NE(text.find(clip), std::string::npos);

@@ -67,7 +67,7 @@ TEST_F(Dis, OpensNothingUnlessTheUserSaysSo) {
     const Outcome other = rtsg({"run", file, "--for", ".2s", "--dis", "localhost:1"});
     EXPECT_THAT(other.err, HasSubstr("allows it"));
     EXPECT_EQ(socket.receive(), "");
-    // What the program says that helps, helps.
+    // The option that the message names helps.
     const Outcome allowed = rtsg({"run", file, "--for", ".2s", "--dis", socket.address()});
     EXPECT_EQ(allowed.err, "");
     const std::string pdu = socket.receive();

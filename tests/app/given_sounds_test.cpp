@@ -1,4 +1,4 @@
-// What the user says that microphones and streams hear: files, pipes, standard input, devices; live and not.
+// The user's inputs for microphones and streams: files, pipes, standard input, devices; live and not.
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -183,7 +183,7 @@ TEST_F(GivenSounds, WhatCannotBeHeardIsSaid) {
     says("--microphone", "device", "live");
     says("--stream", "feed=device:front", "live");
     says("--microphone", "left=", "missing");
-    // As of a scene that is not there.
+    // The same happens for a scene that does not exist.
     says("--microphone", folder_ / "nothing.wav", "nothing.wav", "", 1);
     says("--stream", folder_ / "nothing.wav", "nothing.wav", "", 1);
     says("--stream", "s16@0x1:-", "raw sound");

@@ -115,7 +115,7 @@ class Stretches : public CommandLine {
     Outcome join(const std::string& name, const std::string& range = "0-39") {
         return rtsg({"assemble", folder / "job%03d.wav", "--frames", range, "--fps", "10", "-o", folder / name});
     }
-    /// Of a WAV file with 24 bits a sample, all channels.
+    /// The samples of a WAV file with 24 bits a sample, all channels.
     std::vector<double> samplesOf(const std::string& name) {
         const std::string all = readFile(folder / name);
         const std::size_t first = all.find("data") + 8;
@@ -140,7 +140,7 @@ TEST_F(Stretches, WithARunUpFromTheStartHaveTheBitsOfOneRun) {
     EXPECT_TRUE(isAsOneRun());
 }
 
-/// What sounded before is heard, and nothing of how a room is traced anew depends on when the first trace was.
+/// Earlier sound is heard, and the traces do not depend on the time of the first one.
 TEST_F(Stretches, OfWhatRestsHaveTheBitsOfOneRunAfterAShortRunUp) {
     record(false);
     ASSERT_EQ(sound("one.wav", {}).status, 0);
@@ -266,7 +266,7 @@ TEST_F(Tiles, OfOtherDivisionsAreNamed) {
     EXPECT_NE(picture("job", 2), "");
 }
 
-/// Of a picture of one state, with all that an .exr holds; by render as by replay.
+/// One state of a picture, with all data of an .exr; by render and by replay.
 TEST_F(Tiles, OfOnePictureHaveItsBits) {
     for (const std::vector<std::string>& made :
          {std::vector<std::string>{"render", file, "--time", "0.5s", "--layers", "all", "--error", "0.2", "--spp", "64",

@@ -16,7 +16,7 @@ using testing::StartsWith;
 
 class Manners : public CommandLine {
   protected:
-    /// What a shell command prints; the program is $RTSG.
+    /// The output of a shell command; the program is $RTSG.
     std::string shell(const std::string& command) {
         const std::string out = folder / "shell.out";
         ::setenv("RTSG", RTSG_PROGRAM, 1);

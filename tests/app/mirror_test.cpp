@@ -212,7 +212,7 @@ TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
     expectEqual(json::parse(b.out));
 }
 
-/// What went before it is not what it sees: its time begins with the state that the session is in.
+/// It does not see earlier states: its time begins with the session's present state.
 TEST_F(Mirror, WhoComesLateBeginsWithTheStateOfNow) {
     serve({"--for", "60s", "--upstream", "events"}, "tcp://127.0.0.1:*");
     ASSERT_EQ(rtsg({"mirror", endpoint, "--for", "100ms"}).status, 0);
@@ -251,7 +251,7 @@ TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
         const Outcome mirror = rtsg({"mirror", endpoint, "--part", part, "--for", "0.1s", "--wait", "2s"});
         EXPECT_EQ(mirror.status, 0) << part << mirror.err;
     }
-    // Of those that are followed none goes.
+    // The parts that are followed stay.
     Program box({"mirror", endpoint, "--part", "BOX", "--for", "20s"}, streams());
     Program clock({"mirror", endpoint, "--part", "CLOCK", "--for", "20s"}, streams());
     std::this_thread::sleep_for(std::chrono::seconds(2));
@@ -272,7 +272,7 @@ TEST_F(Mirror, ALogOfASessionHoldsItsFirstState) {
     }
 }
 
-/// What a stranger calls itself breaks no report.
+/// A stranger's name breaks no report.
 TEST_F(Mirror, NamesThatAreNoUtf8LeaveReportsThatAre) {
     const std::string log = folder / "named.rlog", other = folder / "other.x3dv", junit = folder / "a.xml",
                       page = folder / "a.html";
@@ -370,7 +370,7 @@ TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceAS
     const json report = json::parse(replayed.out);
     EXPECT_EQ(report.at("flattenings"), 1);
     EXPECT_EQ(report.at("worlds"), 1);
-    // Of the states recorded: the one that was loaded, the start of the clock, in which nothing moves, and nine moves.
+    // The recorded states: the loaded one, the start of the clock, in which nothing moves, and nine moves.
     EXPECT_EQ(report.at("frames"), 11);
     EXPECT_EQ(report.at("commits"), 10);
 }
@@ -449,7 +449,7 @@ TEST_F(Mirror, AnInterruptionIsTheEndWhereNoneWasStated) {
     }
 }
 
-/// What is asked at a time is asked of the nodes that have the names then.
+/// A request with a time goes to the nodes that have the names at that time.
 TEST_F(Mirror, RequestsGoToTheWorldOfTheirTime) {
     const auto world = [](const std::string& first, const std::string& next) {
         return "#X3D V4.0 utf8\nPROFILE Immersive\n" + first +

@@ -41,7 +41,7 @@ TEST_F(NatsOption, AServedSceneIsFollowedWithItsPasswordUnsaid) {
         EXPECT_THAT(*text, Not(HasSubstr("sesame")));
 }
 
-/// As mirrors do, by the same door.
+/// The window opens the address in the same way as mirrors do.
 TEST_F(NatsOption, AWindowFollowsToo) {
     NatsServer nats;
     Program server({"serve", file, "--nats", nats.address(), "--json", "--for", "60s"}, streams());

@@ -249,7 +249,7 @@ class FullDisk : public NothingIsLost {
 const std::string hall = RTSG_SOURCE_DIR "/examples/demo/hall.x3dv";
 
 TEST_F(NothingIsLost, AFileThatMayNotGrowLeavesNone) {
-    // As a full disk, without a mount: no file may have more than 8 KiB.
+    // A limit of 8 KiB for files acts like a full disk, without a mount.
     const auto before = files();
     for (const char* name : {"a.png", "a.gif", "a.exr"}) {
         const std::string errors = streams();
@@ -341,8 +341,7 @@ TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
     EXPECT_LE(summary.at("log_bytes"), 16384);
 }
 
-/// As that of a server: the log ends, and what else was asked for is made. A mirror that does nothing else ends with
-/// it.
+/// The log ends, as that of a server does, and other outputs are made. A mirror without other outputs ends with it.
 TEST_F(FullDisk, EndsTheLogOfAMirrorNotItsPictures) {
     const std::string endpoint = "ipc://" + folder / "socket";
     Program server({"serve", file, "--bind", endpoint, "--fps", "200", "--json"}, folder / "server");
@@ -364,7 +363,7 @@ TEST_F(FullDisk, EndsTheLogOfAMirrorNotItsPictures) {
     EXPECT_EQ(ended.at("missing"), "the log") << ended;
 }
 
-/// What no document can say is left out of it and named, and the rest can be read.
+/// Values that a document cannot express are left out and named, and the rest can be read.
 TEST_F(NothingIsLost, ASavedSceneWithoutAValueThatIsNotFiniteIsNamedAsPartial) {
     writeFile(
         file,

@@ -1,4 +1,4 @@
-// What a running program shows of itself: figures, `rtsg top`, logs of JSON, messages to the service manager.
+// Monitoring of a running program: metrics, `rtsg top`, messages as JSON, messages to the service manager.
 #include <sys/socket.h>
 #include <sys/un.h>
 

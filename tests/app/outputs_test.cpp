@@ -122,7 +122,7 @@ TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
     expectSameFiles("a", "d");
 }
 
-// What nothing shows is not tessellated, let alone told of; and what is shown is the same as if it had been.
+// States that no picture shows are not tessellated; pictures are the same as if they had been.
 TEST_F(MadeOutputs, APictureOfALaterTimeIsOfThatStateAlone) {
     const std::string scene = folder / "later.x3dv";
     writeFile(scene,
@@ -322,8 +322,8 @@ class LiveOutputsOf : public MadeOutputs {
         EXPECT_DOUBLE_EQ(seconds(name + ".wav"), 1);
         EXPECT_FALSE(std::filesystem::exists(folder / (name + std::to_string(pictured.size()) + ".png")));
         for (std::size_t k = 0; k < pictured.size(); ++k) {
-            // What is shown is the state of that instant, whole: as loaded and after the first frame are both of 0 s,
-            // the Inline's two states of .5 s.
+            // The picture shows the last state of that time: the loaded one and that of the first frame are both at 0
+            // s, the Inline's two states at .5 s.
             const bool two = std::abs(times[k] - .5) < 1e-4 || std::abs(times[k]) < 1e-4;
             EXPECT_GE(heard[k], pictured[k] - (two ? 1 : 0)) << k;
             const std::string picture = bytes(name + std::to_string(k) + ".png");
@@ -426,7 +426,7 @@ TEST_F(LiveOutputsOf, AnAnimationKeepsItsTime) {
               report.at("pictures").get<std::size_t>() + report.at("live").at("pictures_skipped").get<std::size_t>());
 }
 
-/// Of one sample a pixel: noise does not compress, and what is smooth does; and it is for nothing else.
+/// With one sample a pixel, noise does not compress and smooth parts do; the option is for nothing else.
 TEST_F(MadeOutputs, LivePicturesAreDenoisedIfAsked) {
     writeFile(file,
               "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo { headlight FALSE } Viewpoint { position 0 0 3 } "
@@ -488,7 +488,7 @@ class SoundOnADevice : public MadeOutputs {
         ::unsetenv("ALSOFT_DRIVERS");
         ::unsetenv("ALSOFT_CONF");
     }
-    /// What is played goes into played.wav.
+    /// OpenAL plays into played.wav.
     void useWaveWriter() {
         writeFile(folder / "alsoft.conf",
                   "[general]\ndrivers=wave\nsample-type=int16\n[wave]\nfile=" + folder / "played.wav" + "\n");

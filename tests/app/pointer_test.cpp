@@ -29,7 +29,7 @@ ROUTE OPENING.fraction_changed TO SWING.set_fraction
 ROUTE SWING.value_changed TO DOOR.rotation
 )");
     }
-    /// What the last line says of DOOR.rotation's angle; 0 if nothing does.
+    /// The last angle of DOOR.rotation in the output; 0 if there is none.
     static double angle(const std::string& out) {
         double found = 0;
         std::istringstream lines(out);

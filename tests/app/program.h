@@ -115,7 +115,7 @@ class Program {
         return all;
     }
 
-    /// What is on standard error as yet.
+    /// The text on standard error so far.
     std::string said() const { return readFile(streams_ + ".err"); }
     /// The first line on standard output, once it is there.
     std::string firstLine(std::chrono::seconds deadline = std::chrono::seconds(60)) const {
@@ -131,8 +131,8 @@ class Program {
     }
 
   private:
-    /// What the program makes in the current folder (pictures that differ) shall not stay in the sources. Scenes may
-    /// read what lies there, so it is empty.
+    /// Files that the program makes in the current folder (pictures that differ) must not stay in the sources. Scenes
+    /// may read files there, so the folder is empty.
     void leaveCurrentFolder() const {
         const std::filesystem::path empty = std::filesystem::absolute(streams_).parent_path() / "current";
         std::error_code ignored;  // it is there already

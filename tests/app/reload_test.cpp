@@ -15,7 +15,7 @@ class Reload : public Mirror {
   protected:
     Reload() { write("1 0 0", "Sphere { }"); }
     void write(const std::string& color, const std::string& geometry) {
-        // As editors do it: another file is put in the place of this one.
+        // Editors save like this: they put another file in the place of this one.
         writeFile(edited + "~",
                   fmt::format("#X3D V4.0 utf8\nPROFILE Immersive\nDEF T Transform {{ children Shape {{ appearance "
                               "Appearance {{ material DEF M Material {{ diffuseColor {} }} }} geometry {} }} }}\n",
@@ -82,7 +82,7 @@ TEST_F(Reload, AFileThatIsInlinedIsFollowedToo) {
     EXPECT_THAT(ended.err, HasSubstr("outer.x3dv: note: it was edited: 1 change\n"));
 }
 
-/// What somebody takes back is what they did, and not what was edited in the file meanwhile.
+/// An undo takes back the mirror's own edit, not the edit of the file that came later.
 TEST_F(Reload, AMirrorTakesBackItsOwnEditOnly) {
     const std::string replica = folder / "replica.x3dv";
     serve({"--reload", "--for", "120s", "--upstream", "edits"}, "ipc://" + folder / "socket", edited);

@@ -162,7 +162,7 @@ TEST_F(ReplayAsTest, WhatIsIgnoredInVainIsTold) {
     EXPECT_THAT(rtsg({"diff", file, file, "--ignore", "FLAGG.*"}).err, HasSubstr("FLAGG"));
 }
 
-/// What came before is in other files: neither a test of the whole session, nor one that may be written anew.
+/// Earlier pieces are other files: this is no test of the whole session, and cannot be recorded again.
 TEST_F(ReplayAsTest, ALaterPieceOfALogIsNotRunAgain) {
     const std::string pieces = folder / "pieces.rlog";
     const Outcome made = rtsg({"serve", file, "--for", "1.2s", "--fps", "20", "--record", pieces, "--rotate", "0.4s"});

@@ -385,7 +385,7 @@ TEST_F(Replay, MoreOfALogThanThereIsIsStatusOneAndNamesWhatIsNotWhole) {
     }
 }
 
-/// What one use of it would not do is refused, before anything is opened or made.
+/// Options that have no effect with this use are refused, before anything is opened or made.
 TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
     record(log, scene());
     const std::string made = folder / "made.x3dv", other = folder / "b.rlog";

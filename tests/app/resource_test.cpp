@@ -1,4 +1,4 @@
-// What the urls of a scene may open, through the program.
+// The files that the urls of a scene may open, through the program.
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
@@ -101,7 +101,7 @@ TEST_F(ResourceOptions, ASoundThatIsRefusedIsToldWhereNobodyListens) {
     EXPECT_EQ(allowed.err, "");
 }
 
-/// What is heard is never said to be silent for ever: clips without pictures, whatever they are packed in.
+/// A sound that plays is never reported as silent: clips without pictures, in any container.
 TEST_F(ResourceOptions, ASoundThatIsHeardHasALength) {
     const std::string data = std::string(RTSG_SOURCE_DIR) + "/tests/audio/scene/data";
     for (const char* name : {"tone.aac", "tone.ac3", "tone.wma", "tone.mka", "tone.webm", "flac.ogg"}) {
@@ -141,7 +141,7 @@ TEST_F(ResourceOptions, LimitsAreRaisedByAnOption) {
     EXPECT_THAT(few.out, HasSubstr("\"nodes\":3,"));
     EXPECT_EQ(rtsg({"info", given, "--limit", "nodes=3"}).err, "");
     EXPECT_THAT(rtsg({"info", given, "--limit", "bytes=10"}).err, HasSubstr("more than 10 bytes"));
-    // Of the whole process, and of what the user names too: a million nodes take some 300 MB.
+    // The limit is for the whole process, and also for files that the user names: a million nodes take some 300 MB.
     std::string many = "#X3D V4.0 utf8\n";
     for (int i = 0; i < 1'000'000; ++i) many += "Group{}";
     const Outcome much = rtsg({"info", document(many), "--limit", "memory=100000000"});

@@ -170,7 +170,7 @@ TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
     EXPECT_THAT(damaged.err, HasSubstr("[log]"));
     EXPECT_THAT(damaged.err, testing::Not(HasSubstr("[command-line]")));
     EXPECT_EQ(damaged.err.find("are damaged"), damaged.err.rfind("are damaged")) << "each place once: " << damaged.err;
-    // What does not begin as a log does is one by its name.
+    // A file that does not begin like a log counts as one by its name.
     writeFile(log, "rubbish" + bytes);
     const Outcome behind = played({"--rate", "10"});
     EXPECT_EQ(behind.status, 1);
@@ -179,7 +179,7 @@ TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
     EXPECT_THAT(played({}).err, HasSubstr("not a log"));
 }
 
-/// What is made of a log that is played again and again goes on over its end.
+/// Outputs of a log in a loop continue over its end.
 TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
     const std::string log = folder / "again.rlog";
     endpoint = "ipc://" + folder / "again";
@@ -267,7 +267,7 @@ TEST_F(Mirror, AStateThatNeverComesIsNotWaitedForForLong) {
     EXPECT_GE(json::parse(followed.out).at("t"), 1) << followed.out;
 }
 
-/// As a log that is paused does, or one at its end.
+/// A paused log, or one at its end, behaves in the same way.
 TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
     const std::string log = folder / "still.rlog";
     endpoint = "ipc://" + folder / "still";
@@ -377,7 +377,7 @@ TEST_F(Mirror, WhoFollowsARelayIsToldThatItsOriginIsNotHeard) {
     EXPECT_NE(followed.err.find("heard again", lost), std::string::npos) << followed.err;
 }
 
-/// As one that comes late over a slow link: its length is that of the scene, not of the wait.
+/// This is like a mirror that joins late over a slow link: the output has the scene's length, not that of the wait.
 TEST_F(Mirror, AnOriginThatGoesSlowlyIsFollowedToTheLengthInItsTime) {
     const std::string log = folder / "slow.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "5s", "--fps", "20"}).status, 0);
@@ -391,7 +391,7 @@ TEST_F(Mirror, AnOriginThatGoesSlowlyIsFollowedToTheLengthInItsTime) {
     server->wait();
 }
 
-/// As a scene that is served, or mirrored.
+/// A scene that is served or mirrored has the same status.
 TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
     const std::string log = folder / "cut.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms"}).status, 0);
@@ -410,7 +410,7 @@ TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
     }
 }
 
-/// What a server had kept comes at once, and is no rate.
+/// Frames that a server had kept come at once, and do not count for the rate.
 TEST_F(Mirror, FramesASecondAreThoseSinceItJoined) {
     serve({"--for", "60s"}, "ipc://" + folder / "socket");
     const Outcome first = rtsg({"mirror", endpoint, "--for", "500ms"});
@@ -497,7 +497,7 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     const double t = json::parse(lastLine(resumed.out)).at("t").get<double>();
     EXPECT_GT(t, 2.1);
     EXPECT_LT(t, 3.0);
-    // What a log says itself is not said otherwise: neither obeyed nor ignored.
+    // Properties that a log has itself cannot be set by options: they are errors, neither obeyed nor ignored.
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"serve", "--resume", log, "--at", "now", "--for", "100ms"},
           {"serve", log, "--at", "2000-01-01", "--for", "100ms"},

@@ -1,4 +1,4 @@
-// What the program loads when it starts: what a verb does not use, it does not wait for.
+// The libraries that the program loads when it starts: a verb waits only for those it uses.
 #include <cmath>
 #include <cstring>
 #include <sstream>

@@ -14,7 +14,7 @@ using testing::HasSubstr;
 
 class WebOption : public CommandLine {
   protected:
-    /// What is answered to GET `target`, head and all.
+    /// The answer to GET `target`, with its head.
     static std::string get(int port, const std::string& target) {
         const int descriptor = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
         sockaddr_in address{};

@@ -84,7 +84,7 @@ TEST(OneWorld, PictureSoundAndPickingAgreeOnSkinsAndDeformingMeshes) {
             EXPECT_NEAR(hit.distance, wanted, 1e-5) << "sound, at " << x << ", step " << step;
         }
     }
-    // What deforms is refitted, not built anew.
+    // A deforming mesh is refitted, not built again.
     EXPECT_GE(world.rays().stats().meshRefits, 15u);
 }
 

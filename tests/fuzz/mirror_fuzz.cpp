@@ -95,7 +95,7 @@ void words(wire::Reader in, Message type) {
         [](mirror::Words& w, wire::Reader& again) { return w.read(again); });
 }
 
-/// Of the small scene, as a server follows it: from scratch, then a step in which nothing happens.
+/// A part of the small scene, as a server follows it: from scratch, then a step in which nothing happens.
 void part(const mirror::Wishes& wishes) {
     if (!wishes.partial()) return;
     if (const auto refusal = MirrorPart::refusalOf(wishes)) return expect(!refusal->empty());

@@ -57,7 +57,7 @@ rtsg::ScriptOptions options(std::string& printed) {
     return options;
 }
 
-/// Of a scene of its own, which keeps the engine of this thread running: a program that no other can reach.
+/// A program in a scene of its own, which keeps the engine of this thread running, and which no other can reach.
 class Neighbour {
   public:
     Neighbour() {
@@ -157,8 +157,8 @@ bool mentions(const std::string& text, std::initializer_list<const char*> words)
     return false;
 }
 
-/// What depends on the machine and not on the program: when it was stopped, how deep it got, and whether the engine had
-/// compiled the place of an error, which it then describes in other words.
+/// Whether a message depends on the machine and not on the program: when it was stopped, how deep it got, and whether
+/// the engine had compiled the place of an error, which it then describes in other words.
 bool isChance(std::string program, const Outcome& outcome) {
     program.erase(0, std::string_view(rtsg::fuzz::ScriptWriter::kOpening).size());
     return !outcome.complete || mentions(outcome.problems, {"ran longer", "memory", "recursion", "can't convert"}) ||

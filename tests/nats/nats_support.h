@@ -1,4 +1,4 @@
-// What tests of mirrors over NATS share: a published scene, and who follows it.
+// Support for tests of mirrors over NATS: a published scene and its followers.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -120,7 +120,7 @@ TEST_P(OgreContent, IsSeenAsByRays) {
     for (const Diagnostic& d : both.raster->diagnostics().all()) ADD_FAILURE() << d.format();
 }
 
-// What a rasteriser shows stays as it is, but for shadows.
+// The rasteriser's picture stays as it is, except for shadows.
 TEST_P(OgreContent, IsSeenInHybridPictures) {
     Both both;
     both.load(GetParam().body);
@@ -300,7 +300,7 @@ std::string known(const char* name, const char* value) {
 
 class HybridContent : public OgrePictures, public testing::WithParamInterface<Content> {};
 
-// What a rasteriser cannot show is shown by rays, in the places where the rasteriser sees it.
+// Features that a rasteriser lacks are shown by rays, in the places where the rasteriser sees the surface.
 TEST_P(HybridContent, IsSeenAsByRays) {
     for (const int samples : {1, 4}) {
         Both both;
@@ -395,7 +395,7 @@ TEST_F(OgrePictures, ExamplesAreSeenAsByRays) {
     }
 }
 
-// Of light from all around matte surfaces show what they do by rays; that nothing mirrors it is said.
+// Matte surfaces show light from all around as by rays; a warning says that nothing mirrors it.
 TEST_F(OgrePictures, MatteSurfacesAreLitFromAllAround) {
     const std::string coefficients =
         "diffuseCoefficients [ 2 1.6 1.2 .9 .3 .1 .2 .2 .6 -.5 .1 .4 .1 .1 .1 .05 .1 0 .2 .1 .05 0 .1 .1 .1 0 .1 ]";

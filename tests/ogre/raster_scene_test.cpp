@@ -1,4 +1,4 @@
-// What is handed to a rasteriser follows a scene at the cost of what changed, and is what the scene anew would give.
+// The uploads to a rasteriser follow a scene at the cost of its changes, and equal those for the scene anew.
 #include <algorithm>
 #include <iterator>
 #include <utility>
@@ -110,7 +110,7 @@ TEST(RasterScene, ClearAndTwoSidedSurfacesAreDrawnBacksFirst) {
     EXPECT_EQ(first, 2);
 }
 
-// Of a mesh that deforms only what moves is handed over, but for the first time.
+// After the first upload of a deforming mesh, only its moving data are uploaded.
 TEST(RasterScene, OfADeformingMeshOnlyWhatMovesIsHandedOver) {
     const std::string faces =
         "IndexedFaceSet {{ {} coordIndex [ 0 1 2 -1 2 1 3 -1 ] coord DEF P Coordinate {{ point [ 0 0 0, 1 0 0, 0 1 0, "

@@ -87,7 +87,7 @@ class WrittenRaster final : public RasterModule {
     void draw(int, int, const std::vector<RasterView>&, std::vector<glm::vec4>&) override {}
     void drawNumbers(int, int, const RasterView&, std::vector<glm::vec4>&) override {}
 
-    /// What is drawn, in words that do not depend on numbers or on the order in which it came.
+    /// The drawn content as words that do not depend on numbers or on the order in which it came.
     std::vector<std::string> content(const Vec3d& origin) const {
         std::vector<std::string> all;
         for (const auto& [id, t] : things) {
@@ -165,7 +165,7 @@ class Written final : public InstanceSubscriber {
         scene.follow(delta);
         return {};
     }
-    /// What a picture would show.
+    /// The content of a picture.
     std::vector<std::string> content() {
         const SurfaceState state = tables.latest();
         const BoxOfLayer boxes = [this](std::uint16_t layer) { return scene.box(layer); };

@@ -1,4 +1,4 @@
-// What tests of rigid bodies stand on: a scene whose bodies move.
+// The stage for tests of rigid bodies: a scene whose bodies move.
 #pragma once
 
 #include <string>

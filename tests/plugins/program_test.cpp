@@ -147,7 +147,7 @@ TEST_F(WithPlugins, FieldTypesAreRecordedReplayedAndMirroredWithEqualHashes) {
         << readFile(folder / "mirrored.x3dv");
 }
 
-/// What follows from the inputs alone is done again, by whoever knows how; who does not says so.
+/// Results that follow from the inputs alone are computed again, if the plug-in is there; otherwise there is an error.
 TEST_F(WithPlugins, LogsOfInputsNeedThePluginOfADeterministicBehaviour) {
     const std::string log = folder / "own.rlog";
     const Outcome record =

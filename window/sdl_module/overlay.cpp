@@ -1,4 +1,4 @@
-// Lays the overlay's panels out and says what somebody did in them.
+// Lays out the overlay's panels, and reports the user's actions in them.
 #include "overlay.h"
 
 #include <algorithm>
@@ -254,7 +254,7 @@ void Overlay::tree() {
     ImGui::BeginChild("rows");
     const float line = ImGui::GetTextLineHeightWithSpacing();
     const std::uint32_t picked = content_->picked ? content_->picked->node : 0;
-    // What has just been picked comes into sight.
+    // Scroll to the node that has just been picked.
     const auto at = std::ranges::find_if(content_->tree, [](const OverlayContent::Row& row) { return row.isPicked; });
     if (std::exchange(picked_, picked) != picked && at != content_->tree.end()) {
         const float y = line * static_cast<float>(at - content_->tree.begin()), seen = ImGui::GetWindowHeight();

@@ -24,7 +24,7 @@ class Overlay {
     Overlay& operator=(const Overlay&) = delete;
 
     void set(std::shared_ptr<const OverlayContent> content) { content_ = std::move(content); }
-    /// Of the window, pixels.
+    /// The size of the window in pixels.
     void setSize(int width, int height);
     /// True: it is for the overlay. Places in pixels from the left and the top; `down`: the first button is.
     bool pointer(float x, float y, bool down);

@@ -167,7 +167,7 @@ class SdlWindow final : public WindowModule {
 #ifdef RTSG_HAS_OVERLAY
         if (overlay_ &&
             overlay_->pointer(static_cast<float>(x), static_cast<float>(y), (buttons & SDL_BUTTON_LMASK) != 0)) {
-            // What it was over in the scene it is over no longer.
+            // The pointer has left the things of the scene that it was over.
             event.kind = std::exchange(inScene_, false) ? WindowEvent::Kind::left : WindowEvent::Kind::overlay;
             return event;
         }

@@ -1,4 +1,4 @@
-// Looks for the place on each edge by which sound goes shortest from source to listener, and bends it there.
+// Finds the point on each edge with the shortest way from source to listener, and computes the diffraction there.
 #include "diffraction_edges.h"
 
 #include <algorithm>

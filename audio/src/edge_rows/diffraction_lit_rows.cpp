@@ -1,4 +1,4 @@
-// Multiplies what each face of a row leaves of direct sound.
+// Multiplies the shares of direct sound that the faces of a row leave.
 #include "diffraction_lit_rows.h"
 
 #include <algorithm>

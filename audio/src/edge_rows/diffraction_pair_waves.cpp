@@ -1,4 +1,4 @@
-// Makes waves of what pairs of edges bend.
+// Makes the waves that pairs of edges diffract.
 #include "diffraction_pair_waves.h"
 
 #include <algorithm>

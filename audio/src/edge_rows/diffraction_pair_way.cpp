@@ -1,4 +1,4 @@
-// Looks for the places on two edges by which a way is shortest, and lays edges that share a face flat.
+// Finds the points on two edges with the shortest way, and unfolds edges that share a face.
 #include "diffraction_pair_way.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Looks for the shortest ways round pairs of edges, and bends sound there twice.
+// Finds the shortest ways round pairs of edges, and computes the diffraction at both.
 #include "diffraction_pairs.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds the place on an edge by which a way is shortest, and looks about it.
+// Finds the point on an edge with the shortest way, and checks what is visible around it.
 #include "diffraction_paths.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Shortest ways by one edge, which are known at once, and by two, which are looked for from where they were.
+// Shortest ways by one edge, in closed form, and by two, searched for from the last solution.
 #include "diffraction_route.h"
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Makes samples of what comes by way of edges: the spectrum between the tones, turned by its delay, back into time.
+// Makes samples of diffracted sound: the spectrum between the tones, turned by its delay, transformed back into time.
 #include "diffraction_waves.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Responses of emitters: when they are traced anew, and from what.
+// Responses of emitters: decides when they are traced again, and from where.
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -1,4 +1,4 @@
-// How much of direct sound walls leave, those that rest and those that move, and how loud it is.
+// Computes the share of direct sound that walls leave, resting and moving ones, and its loudness.
 #include <algorithm>
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// Directions of what comes straight from an emitter: gains of channels, or a head.
+// Directions of direct sound from an emitter: gains of channels, or a head.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -1,4 +1,4 @@
-// Looks for spheres, and in what is left follows parallel edges from facet to facet as long as they lie on one circle.
+// Finds spheres, and then follows parallel edges from facet to facet as long as they lie on one circle.
 #include "round_shapes.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds what keeps a source and a listener apart: closed shapes with one of them inside, or a place that no ray leaves.
+// Finds what separates a source from a listener: closed shapes with one of them inside, or a place that no ray leaves.
 #include <algorithm>
 #include <cmath>
 #include <map>

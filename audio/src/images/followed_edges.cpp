@@ -1,4 +1,4 @@
-// Chooses the waves that are worth following, and fits weights to what an edge bends at any place.
+// Chooses the waves that are worth following, and fits weights to the diffraction of an edge at any place.
 #include "followed_edges.h"
 
 #include <algorithm>

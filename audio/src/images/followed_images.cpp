@@ -1,4 +1,4 @@
-// Chooses the images that are worth following, and makes filters of what walls and air left of them.
+// Chooses the images that are worth following, and makes filters of the share that walls and air left of them.
 #include "followed_images.h"
 
 #include <algorithm>

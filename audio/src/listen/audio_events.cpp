@@ -1,4 +1,4 @@
-// Sends spectra and reductions, as the Web Audio API has them, to the nodes that they are of.
+// Sends spectra and reductions, in the form of the Web Audio API, to their nodes.
 #include "audio_events.h"
 
 #include <algorithm>

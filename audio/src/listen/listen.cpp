@@ -1,4 +1,4 @@
-// Writes what was heard as JSON and as impulse responses, and makes a whole run of listening in one call.
+// Writes results of listening as JSON and as impulse responses, and does a whole run in one call.
 #include <algorithm>
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// Works out the figures of a source at one listener.
+// Computes the figures of a source at one listener.
 #include "place_figures.h"
 
 #include <algorithm>

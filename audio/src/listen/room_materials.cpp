@@ -1,4 +1,4 @@
-// Names the materials of a room: by DEF names of who says them or who has them, or else by their lines.
+// Names the materials of a room by DEF names of their nodes or shapes, or else by their lines.
 #include "room_materials.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Puts into words what keeps a source and the listener apart, and where a room loses sound.
+// Texts that say what separates a source from the listener, and where a room loses sound.
 #include "sealed_text.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Texts of what was never heard: sounds out of reach, sounds that are off, sounds that are not shown.
+// Texts about sounds that were never heard: out of reach, switched off, or not shown.
 #include "unheard_text.h"
 
 #include <algorithm>

@@ -1,5 +1,4 @@
-// Follows rays from a source through a room in parallel batches, for all that listen, and adds image sources to what
-// they bring.
+// Follows rays from a source through a room in parallel batches, for all listeners, and adds image sources.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-// Looks for walls that mirror and what is before them, and adds what comes by each image and the edges on its way.
+// Finds walls that mirror and the things before them, and adds the sound of each image with the edges on its way.
 #include "diffraction_images.h"
 
 #include <algorithm>

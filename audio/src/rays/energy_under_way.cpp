@@ -1,4 +1,4 @@
-// Follows some rays together, step by step, and puts those with much energy in the place of those with little.
+// Follows some rays together, step by step, and replaces rays of little energy by copies of rays with much.
 #include "energy_under_way.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Looks for walls right beside a listener, and how much each scatters of what arrives there.
+// Finds walls right beside a listener, and how much each scatters of the sound that arrives there.
 #include "near_walls.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Writes where the sound of a room is lost.
+// Writes where a room loses sound.
 #include "opening_text.h"
 
 #include <algorithm>

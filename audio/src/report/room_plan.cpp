@@ -90,7 +90,7 @@ std::vector<char> reachedFrom(const AcousticGeometry& geometry, const RoomSize& 
             next(row + 1 < grid.rows, point + grid.columns);
         }
     };
-    // What furniture parts from its neighbours is seen from elsewhere.
+    // Parts that furniture separates are seen from other places.
     const std::size_t step = std::max<std::size_t>(1, room.places.size() / kSeeds);
     for (std::size_t i = 0; i < room.places.size(); i += step)
         for (std::size_t point = 0; point < count; ++point) {

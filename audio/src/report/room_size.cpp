@@ -1,4 +1,4 @@
-// Measures a room by rays that scatter, and foretells its reverberation by the formulas of Sabine and Eyring.
+// Measures a room by rays that scatter, and predicts its reverberation by the formulas of Sabine and Eyring.
 #include <rtsg/audio/room_size.h>
 
 #include <algorithm>
@@ -150,7 +150,7 @@ RoomSize measureRoom(const AcousticGeometry& geometry, const glm::dvec3& inside)
     room.box = walked.box;
     room.places = someOf(walked.places, kOthers, 0);
     room.volume = volumeBy(geometry, walked.places, walked.box);
-    // Of ways that end at a wall; those through openings have no length.
+    // Only ways that end at a wall count; those through openings have no length.
     room.surface = 4 * room.volume * static_cast<double>(walked.ways) / walked.length;
     room.openings = room.surface * static_cast<double>(walked.left) / ends;
     for (const auto& [material, hits] : walked.hits)

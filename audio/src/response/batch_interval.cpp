@@ -1,4 +1,4 @@
-// How far a figure may be off that is worked out from all batches of rays, by what it is without one of them at a time.
+// The interval of a figure that is computed from all batches of rays, by its values without one of them at a time.
 #include "batch_interval.h"
 
 #include <algorithm>
@@ -40,8 +40,8 @@ double halfWidth95(std::span<const double> without, double whole) {
     }
     const double bias = (n - 1) * (mean - whole), error = std::sqrt(squares * (n - 1) / n);
     const double t = studentT95(varianceFreedom(without));
-    // Johnson 1978, "Modified t tests and confidence intervals for asymmetrical populations": the side of the long tail
-    // is as much farther. Of that skewness only counts what is not to be expected of any n values.
+    // Johnson 1978, "Modified t tests and confidence intervals for asymmetrical populations": the interval is shifted
+    // towards the long tail. Skewness counts only beyond what any n values would show by chance.
     const double skewness = squares > 0 ? std::abs(cubes) / n / std::pow(squares / n, 1.5) : 0;
     const double farther = std::max(0.0, skewness - std::sqrt(6 / n)) * (1 + 2 * t * t) / (6 * std::sqrt(n));
     return t * std::hypot(error, bias) + farther * error;

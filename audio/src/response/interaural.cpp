@@ -1,4 +1,4 @@
-// Correlates what both ears of a head hear of each direction, and of a response by the directions of its energy.
+// Correlates the sound at both ears of a head for each direction, and for a response by the directions of its energy.
 #include <rtsg/audio/interaural.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Moves places off the walls that they touch, and measures what is seen from a place.
+// Moves places off the walls that they touch, and measures what is visible from a place.
 #include "places.h"
 
 #include <algorithm>

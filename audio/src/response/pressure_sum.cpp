@@ -1,4 +1,4 @@
-// Walks along pressures, forwards and backwards, with what is left of the sum of those that were passed.
+// Walks along pressures, forwards and backwards, with a decaying sum of those that were passed.
 #include "pressure_sum.h"
 
 #include <algorithm>

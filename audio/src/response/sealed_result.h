@@ -8,8 +8,8 @@
 
 namespace rtsg {
 
-/// Why nothing arrived; none if something did, or might. What came through a proven seal, by rounding in a corner of
-/// it, is taken out. Asks nothing where sound comes straight, by a mirror or round an edge.
+/// The reason why nothing arrived; none if something did, or might. Sound that came through a proven seal, by rounding
+/// in a corner of it, is removed. Nothing is checked where sound comes directly, by a mirror or round an edge.
 inline std::optional<Seal> sealOf(TraceResult& result, const OpenedGeometry& room, const glm::dvec3& source,
                                   const glm::dvec3& listener) {
     if (!result.arrivals.empty() || !result.edges.waves.empty()) return std::nullopt;

@@ -1,4 +1,4 @@
-// Works out the speech transmission index, its interval, and the levels of background noise that it is asked for with.
+// Computes the speech transmission index, its interval, and the levels of its background noise.
 #include <rtsg/audio/speech_transmission.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Sums up waves with their phases, and tells what of the energy of each octave comes with which of them.
+// Sums waves with their phases, and attributes the energy of each octave to them.
 #include "wave_levels.h"
 
 #include <algorithm>

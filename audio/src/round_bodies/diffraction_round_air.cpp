@@ -15,7 +15,8 @@ namespace {
 constexpr double kAirPi = std::numbers::pi;
 /// The most bodies that count, those nearest to the straight way: a bound of work.
 constexpr std::size_t kMostBodies = 16;
-/// Of the radius, that rays keep off the surface: more than its facets are off the circle (round_shapes.cpp).
+/// The distance of rays from the surface, as a share of the radius: more than the facets' distance from the circle
+/// (round_shapes.cpp).
 constexpr double kOutside = 1e-2, kLifted = 1e-3;
 
 bool isSameBody(const RoundBody& a, const RoundBody& b) {

@@ -1,4 +1,4 @@
-// Finds the ways round each body, and weighs them by what others leave of them.
+// Finds the ways round each body, and weights them by the share that others leave of them.
 #include "diffraction_round_bodies.h"
 
 #include <algorithm>
@@ -151,8 +151,8 @@ class RoundBends {
         return any;
     }
 
-    /// What other bodies leave of a way by one side. False if one hides the body from the source, or from the listener:
-    /// then it is `behind`, as is one whose surface a way round both may touch.
+    /// The pressure that other bodies leave of a way on one side. False if a body hides this one from the source or the
+    /// listener, or if a way round both may touch its surface: then that body is `behind`.
     bool besideOthers(const RoundSide& side, TonePressures& left, const PlacedBody*& behind) const {
         left.fill(1);
         const std::size_t count = std::min(kBeside, air_.bodies().size());
@@ -241,7 +241,8 @@ class RoundBends {
         return mirrors;
     }
 
-    /// What is missing beyond an end of a cylinder that is in the air, or what comes by it; whether it is.
+    /// Adds the wave beyond an end of a cylinder that is in the air, or subtracts what is missing there; returns
+    /// whether it is in the air.
     bool addEnd(const RoundSide& side, std::size_t end, const RoundWave& main, std::vector<RoundWave>& waves) const {
         const RoundWay& way = side.way();
         const PlacedBody& placed = side.placed();

@@ -1,4 +1,4 @@
-// Puts together what comes by one side: waves along the surface, the series of a sphere, and rods that hide nothing.
+// Sums the sound by one side: waves along the surface, the series of a sphere, and rods that hide nothing.
 #include "diffraction_round_side.h"
 
 #include <algorithm>

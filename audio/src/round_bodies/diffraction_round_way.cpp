@@ -17,8 +17,8 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kRoundPi = std::numbers::pi;
 constexpr Complex kRoundI(0, 1);
-/// Of the height of that layer, and of the radius, that places are lifted to, fitted to the series; and m, as direct
-/// sound is bounded.
+/// By how much places are lifted: as shares of the height of that layer and of the radius, fitted to the series; and in
+/// metres, the bound that direct sound has.
 constexpr double kLift = 0.15, kMostLift = 0.5, kNearest = 0.01;
 /// exp(-i pi / 4)
 const Complex kRoundEighth(std::numbers::sqrt2 / 2, -std::numbers::sqrt2 / 2);
@@ -129,7 +129,7 @@ Complex RoundWay::lightBy(double waveNumber, double mirrors) const {
     const double cosine = cosine_ * sine_;
     const Complex edge = roundTransition(waveNumber * first * last / (first + last), -2 * cosine) * (sine_ / m);
     const double share = 1 - (1 - mirrors) * light(waveNumber);
-    // What mirrors and the edge of the shadow cancel each other's poles.
+    // The poles of the mirror and of the edge of the shadow cancel each other.
     const double pole = 0.5 / (std::sqrt(kRoundPi) * xi);
     const Complex surface = surfaceFunction(xi) - pole;
     const Complex along = share * surface + (pole - edge);

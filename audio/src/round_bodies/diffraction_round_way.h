@@ -46,7 +46,7 @@ class RoundWay {
     std::complex<double> by(double waveNumber, double mirrors) const;
     std::complex<double> dark(double waveNumber) const;
     std::complex<double> lightBy(double waveNumber, double mirrors) const;
-    /// Of wave lengths the third root that counts.
+    /// The third root of the size in wave lengths, on which the field depends.
     double size(double waveNumber) const;
     void findMirror();
 

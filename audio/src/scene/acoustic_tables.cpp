@@ -1,4 +1,4 @@
-// Follows a scene for the sake of sound and hands out versions of what it found.
+// Follows the sound of a scene, and hands out versions of its tables.
 #include <rtsg/audio/acoustic_tables.h>
 
 namespace rtsg {

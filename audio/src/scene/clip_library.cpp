@@ -125,7 +125,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
     if (voice.kind == SoundVoice::Kind::microphone || given(voice)) return heardBy(voice);
     if (voice.kind == SoundVoice::Kind::buffer) {
         SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), voice.bufferChannels, {}};
-        // Channel after channel there, frame after frame here. Of frames that are not whole the rest is no sound.
+        // The source has channel after channel, the result frame after frame. An incomplete last frame is dropped.
         const auto channels = static_cast<std::size_t>(sound.channels);
         const std::size_t frames = voice.buffer.size() / channels;
         sound.samples.reserve(frames * channels);
@@ -219,8 +219,8 @@ double VoicePlayer::inLoop(const Loop* loop, double at) const {
     return std::round(at - std::floor((at - loop->begin) / span) * span);
 }
 
-/// Of the clip, where it has got to; between samples by the sinc. Faster than it was made what lies above half the
-/// sample rate by then is left out: the sinc is as much wider as it is played faster.
+/// The clip's sample at a position, interpolated by the sinc. If the clip plays faster than it was made, frequencies
+/// above half the sample rate are left out: the sinc is wider by that factor.
 float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel, double faster) const {
     static const SincTable sinc;
     constexpr int kTaps = 2 * SincTable::kHalf;

@@ -1,4 +1,4 @@
-// Renders the processing nodes of an audio graph from what leads into them.
+// Renders the processing nodes of an audio graph from their inputs.
 #include "process_player.h"
 
 #include <algorithm>
@@ -24,8 +24,8 @@ struct Share {
     float gain;
 };
 constexpr float kHalfPower = std::numbers::sqrt2_v<float> / 2;
-/// Of layouts that have a name; two channels are left and right, four of them with those of the surround behind, six of
-/// them with centre and low before these.
+/// The shares of the standard layouts: two channels are left and right, four add left and right surround, and six have
+/// centre and low frequencies before these.
 std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
     static constexpr Share k1To2[] = {{0, 0, 1}, {1, 0, 1}}, k1To6[] = {{2, 0, 1}},
                            k2To1[] = {{0, 0, .5f}, {0, 1, .5f}}, k2To4[] = {{0, 0, 1}, {1, 1, 1}},

@@ -38,8 +38,8 @@ inline double number(Time value, double otherwise) {
     return number(value.seconds, otherwise);
 }
 
-/// Numbers of one node, finite whatever the fields hold. What is told of a field does not name its value, which may be
-/// another one in every frame.
+/// The numbers of a node's fields, made finite. Diagnostics about a field do not name its value, which may change in
+/// every frame.
 class FieldNumbers {
   public:
     FieldNumbers(const Scene& scene, const Node& node, std::function<void(std::string)> tell)

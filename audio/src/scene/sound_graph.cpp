@@ -1,4 +1,4 @@
-// Reads the audio graph that leads into a Sound, SpatialSound or AudioDestination: what sounds, and what is done to it.
+// Reads the audio graph that leads into a Sound, SpatialSound or AudioDestination: its sources and its processing.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -339,7 +339,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
         return;
     }
     if (readPanner(scene, *node, above, depth, to) || readProcess(scene, *node, above, depth, to)) return;
-    // What is left passes its children on; what else it does is not modelled and said so.
+    // Other nodes pass their children on; their own effect is not modelled, which is reported.
     const FieldIndex children = node->type().findExact("children");
     const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
     if (!node->is(x3d::Gain::type))

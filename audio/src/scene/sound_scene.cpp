@@ -1,4 +1,4 @@
-// Reads what a scene says about sound, node by node, and follows what changes.
+// Reads the sound nodes of a scene, and follows their changes.
 #include <rtsg/audio/sound_scene.h>
 #include <algorithm>
 #include <cmath>
@@ -311,7 +311,7 @@ ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
     return pose;
 }
 
-/// As far as it is that of a head, or of microphones; 0: not said.
+/// The distance of the ears if it is that of a head, or of microphones; 0 if it is not given.
 double SoundScene::earDistance(const Scene& scene, const Node& node) {
     constexpr double kMost = 0.5;
     const double told = std::max(0.0, numbersIn(scene, node).any("interauralDistance", 0, 0));
@@ -522,8 +522,8 @@ std::optional<double> numberFromMetadata(const Scene& scene, NodeId id, std::str
 
 }  // namespace
 
-/// Of the first WorldInfo that says so: airTemperature (degrees Celsius), airHumidity (percent), airPressure (kPa),
-/// speedOfSound (m/s), airAbsorption (a boolean).
+/// Reads the first WorldInfo that gives them: airTemperature (degrees Celsius), airHumidity (percent), airPressure
+/// (kPa), speedOfSound (m/s), airAbsorption (a boolean).
 void SoundScene::readAir(const Scene& scene, const ChangeSet& changes) {
     bool touched = false;
     for (const Change& change : changes.changes) {

@@ -128,7 +128,7 @@ void BandNoise::addBand(const std::vector<float>& energy, const EnergySteps& lat
         if ((from == 0 && to == 0) || at >= end) continue;
         const float step = (to - from) / static_cast<float>(end - at);
         for (float before = from; at < end;) {
-            // As far as the noise goes until it comes round.
+            // Go to the end of the noise, where it starts again.
             const std::size_t place = (offset + at) % size_, run = std::min(end - at, size_ - place);
             const float* const noise = bands_[band].data() + place;
             float* const sum = samples.data() + at;

@@ -33,7 +33,7 @@ void Hrtf::at(const glm::dvec3& direction, Ears& ears, const std::array<double, 
     const Impl& s = *impl_;
     // A millisecond more for an ear that hears late by a delay instead of by its response.
     const auto size = s.length + s.early + static_cast<std::size_t>(0.001 * s.rate) + 3 * SincTable::kHalf;
-    // What was measured lies behind what is made of it for the left ear.
+    // The measured responses lie behind those computed for the left ear.
     for (std::vector<float>& ear : ears) ear.assign(size + 2 * s.length, 0.0f);
     const float* measured = nullptr;
     const auto delays = s.raw(direction, ears[0].data() + size, measured);

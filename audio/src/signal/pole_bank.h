@@ -18,7 +18,7 @@ class PoleBank {
     static constexpr std::size_t kPoles = 8;
     static constexpr std::size_t kAhead = 8;  // samples that it looks ahead, and back as many
     static constexpr std::size_t kTaps = 2 * kAhead + 1, kWeights = kPoles + kTaps;
-    /// Of the poles, from the lowest on; then of the samples, from that which comes last on.
+    /// Weights of the poles, from the lowest on; then those of the samples, from the last one on.
     using Weights = std::array<float, kWeights>;
 
     explicit PoleBank(int sampleRate);

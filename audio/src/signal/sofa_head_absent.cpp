@@ -1,4 +1,4 @@
-// In place of the reader of SOFA files in builds without libmysofa (RTSG_SOFA=OFF): none can be read.
+// Replaces the reader of SOFA files in builds without libmysofa (RTSG_SOFA=OFF): none can be read.
 #include <rtsg/audio/hrtf.h>
 
 namespace rtsg {

@@ -1,4 +1,4 @@
-// The head that is a rigid sphere: what Rayleigh's series has for a wave that comes from far away.
+// The head that is a rigid sphere: Rayleigh's series for a wave from far away.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -42,7 +42,7 @@ std::vector<SphereOrder> ordersOf(std::size_t bins, double step) {
         std::complex<double> turn(0, -1);
         for (std::size_t m = 0;; ++m) {
             const double order = static_cast<double>(m);
-            // Of h_m and h_(m+1): h'_m = m / x h_m - h_(m+1).
+            // The derivative from h_m and h_(m+1): h'_m = m / x h_m - h_(m+1).
             const std::complex<double> slope = order / x * before - now;
             const std::complex<double> factor = (2 * order + 1) / (x * x) * turn / slope;
             if (order > x && std::abs(factor) < kLeast) break;
@@ -120,8 +120,8 @@ class SphereHead final : public Hrtf::Impl {
     }
 
   private:
-    /// Of a frequency as a share of half the sample rate: nothing is left there, so that responses ring for as long as
-    /// there is room.
+    /// The share that is kept of a frequency, given as a share of half the sample rate. It falls to 0, so that
+    /// responses ring no longer than there is room.
     static double keptOf(double share) {
         constexpr double kFrom = 0.9;
         const double c = std::cos(std::clamp((share - kFrom) / (1 - kFrom), 0.0, 1.0) * std::numbers::pi / 2);

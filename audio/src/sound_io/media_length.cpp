@@ -10,7 +10,7 @@ std::optional<double> mediaSeconds(const Resource& file, std::uint64_t maximumSa
     auto seconds = soundSeconds(file);
     if (!seconds && Movie::isMovie(file)) seconds = movieSeconds(file);
     if (seconds) return *seconds;
-    // Of sound without pictures heads tell little: it is as long as what is heard of it.
+    // The header of sound without pictures is unreliable, so it is decoded: it is as long as its samples.
     const auto sound = movieSound(file, maximumSamples);
     if (!sound) return std::nullopt;
     return static_cast<double>(sound->samples.size()) / sound->channels / sound->sampleRate;

@@ -56,7 +56,7 @@ Result<Decoder> openDecoder(SoundBytes& file, Format& format) {
     return decoder;
 }
 
-/// What is between the frames that have been decoded and is none of them.
+/// The bytes between the frames that have been decoded.
 class Gaps {
   public:
     void frameAt(const SoundBytes& file, std::int64_t position, std::int64_t size, double seconds) {

@@ -1,7 +1,7 @@
-// MPEG audio (mp3 and its kin) by libmpg123 itself, which libsndfile lets write to standard error.
+// MPEG audio (mp3 and related formats) by libmpg123 directly, since libsndfile lets it write to standard error.
 //
-// Samples are those that libsndfile gives of an undamaged file. What is no frame of sound is skipped and told.
-// Threading: pure functions.
+// For an undamaged file, samples are the same as libsndfile's. Bytes that are no frame of sound are skipped and
+// reported. Threading: pure functions.
 #pragma once
 
 #include <cstdint>

@@ -37,7 +37,7 @@ struct NetcdfFile {
 class NetcdfWriter {
   public:
     virtual ~NetcdfWriter() = default;
-    /// The error, or nothing. What there is under this name is replaced; after an error it may be left incomplete.
+    /// Returns the error, or nothing. An existing file is replaced; after an error it may be incomplete.
     virtual std::string write(const std::string& path, const NetcdfFile& file) const = 0;
 };
 

@@ -1,4 +1,4 @@
-// Hears what a device captures, by OpenAL's capture extension.
+// Records from a device, by OpenAL's capture extension.
 #include <algorithm>
 #include <chrono>
 #include <memory>

@@ -1,4 +1,4 @@
-// In place of capture devices in builds without OpenAL (RTSG_SOUND_DEVICE=OFF): none can be opened.
+// Replaces capture devices in builds without OpenAL (RTSG_SOUND_DEVICE=OFF): none can be opened.
 #include <rtsg/audio/sound_input.h>
 
 namespace rtsg {

@@ -1,4 +1,4 @@
-// In place of the output device in builds without one (RTSG_SOUND_DEVICE=OFF): it cannot be opened.
+// Replaces the output device in builds without one (RTSG_SOUND_DEVICE=OFF): it cannot be opened.
 #include <rtsg/audio/sound_device.h>
 
 namespace rtsg {

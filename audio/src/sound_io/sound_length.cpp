@@ -1,4 +1,4 @@
-// Reads what the headers of uncompressed sound files say, as far as it takes to know how long they should be.
+// Reads the headers of uncompressed sound files, as far as needed to know how long they should be.
 #include "sound_length.h"
 
 #include <algorithm>
@@ -104,7 +104,7 @@ std::unexpected<Diagnostic> tooManySamples(std::uint64_t maxSamples) {
 Result<> makeRoom(SoundBuffer& sound, std::size_t more) {
     const std::size_t wanted = sound.samples.size() + more;
     if (wanted > sound.samples.capacity()) {
-        // What is there is copied while it grows.
+        // Growing copies the content.
         const std::size_t grown = std::max(wanted, 2 * sound.samples.size());
         if (auto ok = mayHold(grown * sizeof(float)); !ok) return ok;
         sound.samples.reserve(grown);

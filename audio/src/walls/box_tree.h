@@ -1,4 +1,4 @@
-// BoxTree: the box around many boxes of which single ones come and go.
+// BoxTree: the box around many boxes, to which single ones are added and removed.
 //
 // In groups of 16, groups of groups, and so on, so that
 // each costs the logarithm of how many there are. What it answers does not depend on the order.

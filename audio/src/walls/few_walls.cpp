@@ -1,4 +1,4 @@
-// Rays against every triangle of a small world, in steps that compilers make vectors of.
+// Tests rays against every triangle of a small world, in loops that compilers vectorise.
 #include "few_walls.h"
 
 #include <algorithm>

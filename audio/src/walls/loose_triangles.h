@@ -29,7 +29,7 @@ inline glm::dvec3 looseNormal(const Vec3f& found) {
 /// the bound and where it is from). `origin`: of the view.
 inline double looseClearance(const Wall& wall, const RayInstance& instance, const glm::dvec3& origin) {
     constexpr double kEps = 0x1p-24, kGamma = 12 * kEps / (1 - 12 * kEps);
-    // Of its whole mesh: a little more than of the triangle alone, and at hand.
+    // The bound for the whole mesh: a little larger than that of the triangle, but already known.
     const glm::dvec3 moved = glm::abs(wall.worldFromLocal[3] - origin);
     const Vec3f& floor = instance.errorFloor;
     return (wall.reach * double{instance.errorScale} + moved.x + moved.y + moved.z) * kGamma + double{floor.x} +

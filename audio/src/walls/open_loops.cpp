@@ -1,4 +1,4 @@
-// Chains the edges that one triangle alone has to loops.
+// Chains edges with a single triangle to loops.
 #include "open_loops.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Feels for the rims of openings: the last ray that goes on and the first that does not.
+// Searches for the rims of openings: between the last ray that goes on and the first that does not.
 #include "opening_finder.h"
 
 #include <algorithm>

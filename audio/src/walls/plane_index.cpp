@@ -1,4 +1,4 @@
-// Finds which planes are one by hashing normal and distance into cells.
+// Finds equal planes by hashing normal and distance into cells.
 #include <rtsg/audio/plane_index.h>
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-// Finds the openings that rays went by when they escaped, and says what is to be known of each.
+// Finds the openings by which rays escaped, and describes each.
 #include <rtsg/audio/room_openings.h>
 
 #include <algorithm>
@@ -203,7 +203,7 @@ RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<s
     for (const auto& [slot, metres] : felt.beside)
         if (rays.instance(slot).mesh) most.emplace_back(-metres, slot);  // the most first
     std::sort(most.begin(), most.end());
-    // What is at the ends of a long one says nothing.
+    // The gaps at the ends of a long opening tell nothing.
     for (std::size_t i = 0; i < std::min(kNamed, most.size()) && most[i].first <= kLeastOfRim * most[0].first; ++i)
         result.beside.push_back(besideOf(rays.instance(most[i].second)));
     return result;

@@ -257,7 +257,7 @@ struct Mobility::State {
     }
 
     void settle() {
-        // Take back. What is taken is looked at again afterwards.
+        // Take back fields; they are examined again below.
         while (!removed.empty()) {
             const FieldRef one = removed.back();
             removed.pop_back();

@@ -1,4 +1,4 @@
-// Recording what comes into a frame, and running a frame from such a record (frame_input.h).
+// Records the inputs of a frame, and runs a frame from such a record (frame_input.h).
 #include <algorithm>
 
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// Listeners: finds in each set what somebody listens to, gathers it, and calls when nothing of the set is left to read.
+// Listeners: collects from each set the events that somebody listens to, and calls listeners after the set was read.
 #include <rtsg/core/listeners.h>
 
 #include <exception>

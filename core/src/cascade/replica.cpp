@@ -1,4 +1,4 @@
-// A scene of its own for another thread, which polls the original's bus.
+// A separate scene for another thread, which polls the original's bus.
 #include <rtsg/core/replica.h>
 
 #include <array>

@@ -639,7 +639,7 @@ double Scene::restsUntil() const {
     const State& s = *state_;
     const bool asked = !s.inputQueue.empty() || !s.deferredInput.empty() || s.hasPending() ||
                        !node(root()).get(x3d::RtsgScene::_requests).empty();
-    // What has moved in the last frame is news in the next one, for sensors and for who walks on it.
+    // Motion of the last frame matters in the next one, for sensors and for avatars on moving ground.
     const bool moves = !s.active.empty() || !s.woken.empty() || s.touchedBefore != 0 || s.viewerMoved;
     if (!s.started || asked || moves) return -kNever;
     return s.sleepers.empty() ? kNever : s.sleepers.top().first;

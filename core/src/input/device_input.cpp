@@ -1,4 +1,4 @@
-// Device input as field values, and what a frame takes of it.
+// Device input as field values, and the part of it that a frame takes.
 #include <rtsg/core/device_input.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// PDUs as the value of an event of the scene's root: for each its node, whether RTP came before it, its length in
-// numbers of four bytes, and these.
+// PDUs as the value of an event of the scene's root: for each its node, whether there was an RTP header, its length in
+// numbers of four bytes, and these numbers.
 #include <rtsg/core/dis_input.h>
 
 #include <rtsg/core/x3d.h>

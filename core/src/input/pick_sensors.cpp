@@ -146,7 +146,7 @@ struct Picked {
     std::vector<std::pair<double, PickedSurface>> surfaces;
 };
 
-/// What the sensors of a frame share.
+/// Data that the sensors of a frame share.
 struct Round {
     SpaceQueries& queries;
     std::map<NodeId, std::vector<Vec3d>>& corners;             // as Scene::State::pickCorners

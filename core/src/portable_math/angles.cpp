@@ -51,7 +51,7 @@ std::uint64_t upperWord(std::uint64_t a, std::uint64_t b) {
     return a1 * b1 + (middle >> 32) + (other >> 32);
 }
 
-/// Of any finite angle beyond pi/4: its whole mantissa times those bits of 2/pi that count (Payne and Hanek).
+/// Reduces any finite angle beyond pi/4: multiplies its mantissa by the bits of 2/pi that matter (Payne and Hanek).
 Reduced reducedByBits(double angle) {
     const auto bits = std::bit_cast<std::uint64_t>(angle);
     const std::uint64_t mantissa = (bits & 0xfffffffffffff) | std::uint64_t{1} << 52;

@@ -52,7 +52,7 @@ struct Entry {
     double reciprocal, log, logRest;
 };
 
-/// Of the 128 intervals between 0.6875 and 1.375: 80 of length 1/256 up to 1, then 48 of 1/128.
+/// The table for the 128 intervals between 0.6875 and 1.375: 80 of length 1/256 up to 1, then 48 of 1/128.
 consteval std::array<Entry, 128> entries() {
     std::array<Entry, 128> table{};
     for (int i = 0; i < 128; ++i) {

@@ -18,7 +18,7 @@ bool isOdd(double x) {
     return std::abs(x) < 0x1p53 && isWhole(x) && std::fmod(x, 2) != 0;
 }
 
-/// Of a base or an exponent that is 0, infinite or NaN, by ISO C, F.10.4.4.
+/// The power if the base or the exponent is 0, infinite or NaN, by ISO C, F.10.4.4.
 double specialPower(double base, double exponent) {
     if (exponent == 0 || base == 1) return 1;
     if (std::isnan(base) || std::isnan(exponent)) return kNaN;
@@ -38,7 +38,7 @@ double pow(double base, double exponent) {
         if (base < 0 && !isWhole(exponent)) return kNaN;
         negative = base < 0 && isOdd(exponent);
     }
-    // Of greater exponents the power of no base but 1 is a number.
+    // With larger exponents, only the power of base 1 is finite and not 0.
     const double power = std::clamp(exponent, -0x1p70, 0x1p70);
     const Pair log = logarithm(std::abs(base)), product = exactProduct(power, log.high);
     double result = product.high > 0 ? kInfinity : 0;
@@ -76,7 +76,7 @@ double hypot(std::span<const double> components) {
     }
     if (!isNumber) return kNaN;
     const double scale = most > 0x1p400 ? 0x1p-600 : most < 0x1p-400 ? 0x1p600 : 1;
-    // What squares to less than this is nothing beside the largest.
+    // Numbers whose square is negligible beside the largest one.
     const double least = most * scale * 0x1p-60;
     Pair sum{0, 0};
     for (const double component : components)

@@ -1,4 +1,4 @@
-// A set of changes that is used again.
+// Clears a set of changes for reuse.
 #include <rtsg/core/change.h>
 
 namespace rtsg {

@@ -1,4 +1,4 @@
-// The answers of a scene to which nobody who reads documents was told.
+// The answers of a scene that has no reader of documents.
 #include <rtsg/core/document_services.h>
 
 namespace rtsg {

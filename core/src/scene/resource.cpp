@@ -1,4 +1,4 @@
-// Opening what a url names, or saying why not; and finding the folder that a node's urls start from.
+// Opens urls, or says why not; and finds the folder from which a node's urls start.
 #include <rtsg/core/resource.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Poses of viewpoints: their authors', where users have gone from there, and how they lie in the world.
+// Poses of viewpoints: by their authors, after the user's motion, and in the world.
 #include <rtsg/core/viewer_pose.h>
 
 #include <rtsg/core/geospatial.h>

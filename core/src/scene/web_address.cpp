@@ -33,7 +33,7 @@ char lower(char c) {
     return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
-/// What may stand in a path and a query as it is.
+/// Whether a character may stand in a path or query without encoding.
 bool mayStand(char c) {
     return isLetter(c) || isDigit(c) || (c != '\0' && std::strchr("-._~!$&'()*+,;=:@/?", c) != nullptr);
 }

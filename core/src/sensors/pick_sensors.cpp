@@ -1,5 +1,5 @@
-// Pick sensors: ISO/IEC 19775-1 V4.0, clause 38. What they meet is found out when a frame begins
-// (input/pick_sensors.cpp) and comes as an event of the root; here their outputs are sent.
+// Pick sensors (ISO/IEC 19775-1 V4.0, clause 38): sends their outputs. The picked shapes were found when the frame
+// began (input/pick_sensors.cpp), and come as an event of the root.
 #include <algorithm>
 
 #include <rtsg/core/x3d.h>

@@ -55,7 +55,7 @@ void withType(const Node& node, const F& f) {
     }
 }
 
-/// What all of them keep.
+/// The state of an active sensor that all kinds have.
 struct Hold {
     Array<std::int32_t> devices;
     std::int32_t holder = 0;

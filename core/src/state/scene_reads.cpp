@@ -1,4 +1,4 @@
-// Construction of a scene, the checks that calls come from its own thread, and what is read of it.
+// Construction of a scene, the checks that calls come from its own thread, and functions that read it.
 #include <rtsg/core/scene.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Node storage, parents, names and routes: what Scene::State keeps, without the running.
+// Node storage, parents, names and routes: the data of Scene::State, without the running.
 #include <algorithm>
 
 #include <fmt/format.h>

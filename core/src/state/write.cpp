@@ -1,4 +1,4 @@
-// Children, destruction; and sealing what was written into a ChangeSet.
+// Children, destruction, and sealing the edits into a ChangeSet.
 #include <algorithm>
 #include <array>
 #include <tuple>

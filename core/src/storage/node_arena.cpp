@@ -1,4 +1,4 @@
-// Cuts blocks for nodes from growing chunks, and keeps what is freed by size.
+// Cuts blocks for nodes from growing chunks, and keeps freed blocks by size.
 #include "node_arena.h"
 
 #include <algorithm>

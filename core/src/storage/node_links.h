@@ -1,6 +1,6 @@
-// What hangs on a node besides its fields: routes from it and to it, its name, and parents beyond the first.
+// The links of a node besides its fields: routes from it and to it, its name, and parents beyond the first.
 //
-// Most nodes have none of it, and pay a pointer. Threading: the scene's thread; see lane.h for others.
+// Most nodes have none of them, and pay only a pointer. Threading: the scene's thread; see lane.h for others.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Parses values of field types from outside: their own text in quotes, or their numbers.
+// Parses values of custom field types: their own text in quotes, or their numbers.
 #include <span>
 #include <string>
 #include <string_view>
@@ -117,7 +117,7 @@ bool FieldTextParser::parseCustomElement(const CustomType& custom, CustomValue& 
     if (!parseQuoted(quoted)) return false;
     auto made = customFromText(custom, quoted);
     if (!made) {
-        // As JSON has bytes, whose text is not known here.
+        // JSON has bytes in this form, since it does not know their text.
         SilentReport silent;
         const std::string_view text = quoted;
         FieldTextParser trial(text.data(), text.data() + text.size(), TextSyntax::xml, silent);

@@ -1,4 +1,4 @@
-// Parses one field value after another out of a longer text, with positions for what is wrong.
+// Parses one field value after another in a longer text, with positions for errors.
 #include "field_text_parser.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The threads that go through the pieces of a long text.
+// The threads that work on the pieces of a long text.
 #include "text_pieces.h"
 
 #include <system_error>

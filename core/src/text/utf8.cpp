@@ -1,4 +1,4 @@
-// Finds and replaces bytes that are no UTF-8.
+// Finds and replaces bytes that are not UTF-8.
 #include "utf8.h"
 
 #include <algorithm>

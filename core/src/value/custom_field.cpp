@@ -1,4 +1,4 @@
-// Field types from outside: what their values consist of, and the registry of those that this process knows.
+// Custom field types: the form of their values, and the registry of those that this process knows.
 #include <rtsg/core/custom_field.h>
 
 #include <algorithm>
@@ -243,7 +243,7 @@ std::shared_ptr<const CustomFunctions> functionsOf(const CustomValue& value) {
     return functionsOf(boxOf(value).substr(0, headOf(boxOf(value), layout)));
 }
 
-/// What a function of a type makes, checked: it is code of others.
+/// Calls a function of the application for a type, and checks its result.
 template <class Call>
 Result<CustomValue> madeBy(const CustomType& type, const Call& call) {
     const std::string name = "SF" + std::string(type.name());

@@ -1,4 +1,4 @@
-// How reports are printed and collected, and which code one has that names none: that of its source file.
+// Prints and collects reports, and finds the code of those that name none: that of their source file.
 #include <rtsg/core/check.h>
 #include <rtsg/core/diagnostic.h>
 

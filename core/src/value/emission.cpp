@@ -1,4 +1,4 @@
-// Which particles of a system live at a time, in closed form: nothing is stepped.
+// The particles of a system that live at a time, in closed form: nothing is simulated step by step.
 #include <rtsg/core/emission.h>
 
 #include <algorithm>

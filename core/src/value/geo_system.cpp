@@ -1,4 +1,4 @@
-// Geographic coordinates to geocentric ones and back: ellipsoids, geodetic latitudes, UTM by Krueger's series.
+// Converts geographic coordinates to geocentric ones and back: ellipsoids, geodetic latitudes, UTM by Krueger's series.
 #include <algorithm>
 #include <array>
 #include <charconv>

@@ -20,7 +20,7 @@ std::uint64_t pageSize() {
     return size;
 }
 
-/// What the control group of the process may hold (cgroup v2); as much as there can be if nothing says.
+/// The memory limit of the process's control group (cgroup v2); the largest number if there is none.
 std::uint64_t groupLimit() {
     std::uint64_t least = UINT64_MAX;
     const auto take = [&](const std::string& folder) {

@@ -1,4 +1,4 @@
-// Finds and loads modules, and libraries that have stubs in place of being linked.
+// Finds and loads modules, and libraries with stubs.
 #include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 
@@ -51,9 +51,8 @@ Result<> DelayedLibrary::fill() {
 
 }  // namespace rtsg
 
-/// What stubs call before their library is there: returns the address of the function with this number. Of functions
-/// without a namespace shared libraries export those whose names begin so.
-// NOLINTNEXTLINE(readability-identifier-naming)
+/// Stubs call this before their library is loaded; it returns the address of the function with this number. It has no
+/// namespace and begins with rtsg_, so that shared libraries export it. NOLINTNEXTLINE(readability-identifier-naming)
 extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) noexcept {
     if (const auto loaded = library->load(); !loaded) {
         std::fprintf(stderr, "%s\n", loaded.error().format().c_str());

@@ -50,8 +50,8 @@ constexpr std::array<std::array<std::string_view, 4>, 10> kSameThings = {{
     {{"url", "href", "src", "file"}},
 }};
 
-/// What is meant where the name is no misspelled one: another form of it (`fraction` for `fraction_changed`, `start`
-/// for `startTime`), or another word for it (`position` for `translation`).
+/// The intended name if the word is no misspelled one: another form of a name (`fraction` for `fraction_changed`,
+/// `start` for `startTime`), or another word for it (`position` for `translation`).
 std::string_view otherForm(std::string_view word, const std::vector<std::string_view>& known) {
     std::vector<std::string> lowered;
     lowered.reserve(known.size());
@@ -89,7 +89,7 @@ std::string_view otherForm(std::string_view word, const std::vector<std::string_
 std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known) {
     constexpr std::size_t longest = 60;  // nobody misspells longer names
     if (word.empty() || word.size() > longest) return {};
-    // What all events have in common says nothing.
+    // Affixes that all events have carry no information.
     const std::size_t own = word.size() - (word.starts_with("set_") ? 4 : word.ends_with("_changed") ? 8 : 0);
     std::size_t least = std::max<std::size_t>(own / 3, own > 3 ? 2 : 1);
     std::string_view result;

@@ -1,4 +1,4 @@
-// NodeType: where the fields of a node lie in its block, how they are found by name, what is in range.
+// NodeType: the places of fields in a node's block, their names, and their ranges.
 #include <rtsg/core/node_type.h>
 
 #include <algorithm>

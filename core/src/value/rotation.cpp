@@ -1,4 +1,4 @@
-// Rotations, quaternions and matrices of each other.
+// Converts between rotations, quaternions and matrices.
 #include <rtsg/core/rotation.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// A frame of the network: datagrams in, each PDU to the nodes that it is about, at their intervals; and states out.
+// A frame of the network: receives datagrams, passes each PDU to its nodes at their intervals, and sends states.
 #include <rtsg/dis/dis_network.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// DISEntityManager: an EspduTransform for each entity that is heard of and that no node stands for (28.3).
+// DISEntityManager: an EspduTransform for each entity in PDUs that no node represents (28.3).
 #include <algorithm>
 
 #include <fmt/format.h>

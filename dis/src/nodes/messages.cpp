@@ -1,4 +1,4 @@
-// PDUs of a node's fields, and the entities and radios that PDUs are about.
+// Makes PDUs of a node's fields, and finds the entities and radios of PDUs.
 #include <algorithm>
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// Which DIS nodes there are, what their fields ask for, and which addresses are listened to for them.
+// The list of DIS nodes, the settings in their fields, and the addresses that are listened to for them.
 #include "stations.h"
 
 #include <algorithm>

@@ -55,8 +55,8 @@ class LoadSession {
     std::deque<DocumentSource> sources_;
 };
 
-/// What `loadedUrl` says of a document that `url` led to: the address that answered, which its own urls start from, or
-/// the url without its fragment.
+/// The value of `loadedUrl` for a document that `url` led to: the address that answered, from which its own urls start,
+/// or the url without its fragment.
 std::string loadedUrlOf(const std::filesystem::path& opened, std::string_view url);
 
 struct ChildList {

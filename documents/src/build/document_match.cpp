@@ -26,7 +26,7 @@ bool hasBody(const NodeType& type) {
     return type.body() != kNoField;
 }
 
-/// Of an Inline, whose loader would take another url for another document.
+/// Compares the url fields of Inlines: with another url, the loader would load another document.
 bool hasSameUrl(const Node& a, const Node& b) {
     if (a.type().kind != NodeType::Kind::builtin || !hasBody(a.type())) return true;
     const FieldIndex url = a.type().findExact("url");
@@ -49,7 +49,7 @@ std::vector<std::pair<FieldIndex, FieldIndex>> connectionsOf(const Scene& scene,
 }  // namespace
 
 bool isOfDocument(const NodeType& type, const FieldDef& field) {
-    // Of the root, what begins so is of the scene that runs.
+    // Hidden fields of the root that begin with '_' belong to the running scene.
     if (field.hidden) return field.readable() && !(type.internal && field.name.starts_with('_'));
     return field.access == Access::initializeOnly || field.access == Access::inputOutput;
 }

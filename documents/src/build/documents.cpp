@@ -1,4 +1,4 @@
-// Does what a running scene asks for: makes instances of prototypes, by reading a declaration again with one instance
+// Serves requests of a running scene: makes instances of prototypes, by reading a declaration again with one instance
 // after it; reads pieces and other worlds; writes nodes as text.
 #include <rtsg/core/document_services.h>
 

@@ -37,8 +37,8 @@ std::shared_ptr<const NodeType> copyOf(const NodeType& type, std::string name) {
     return copy->finish() ? copy : nullptr;
 }
 
-/// What becomes of a list of nodes. `removed`: places before; `kept`: by place after, whether it was there in this
-/// order.
+/// The changes to a list of nodes. `removed`: indices in the old list; `kept`: for each index in the new list, whether
+/// the node was there in this order.
 struct ListEdit {
     std::vector<std::size_t> removed;
     std::vector<NodeId> after;

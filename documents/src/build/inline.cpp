@@ -39,7 +39,7 @@ const Array<String>& urlsOf(const Node& node) {
     return *static_cast<const Array<String>*>(node.storage(node.type().findExact("url")));
 }
 
-/// Of a field of all nodes with urls; seconds.
+/// A value in seconds of a field that all nodes with urls have.
 double secondsOf(const Node& node, std::string_view field) {
     return static_cast<const Time*>(node.storage(node.type().findExact(field)))->seconds;
 }
@@ -231,7 +231,7 @@ struct InlineLoader::State final : Subscriber {
         }
         const auto& loadedUrl = *static_cast<const String*>(node->storage(hiddenField(node->type(), "loadedUrl")));
         const auto outer = options.resources->folderOf(scene, node->scope());
-        // What came from the network need not be fetched again to know where it is.
+        // Content from the network need not be fetched again to find its folder.
         if (isWebAddress(loadedUrl.view()))
             return {loadedUrl.str(), options.resources->folderBehind(outer, loadedUrl), loadedUrl.str()};
         const auto from = options.resources->open(outer, loadedUrl);
@@ -375,7 +375,7 @@ std::size_t InlineLoader::update() {
             if (wanted) s.watchRefresh(*node);
             continue;
         }
-        // What is there stays until the new content has come.
+        // The old content stays until the new one has come.
         if (wanted && awaitsContent(s.scene, *node, *s.options.resources)) {
             s.changed.insert(value);
             continue;

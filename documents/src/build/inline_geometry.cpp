@@ -1,4 +1,4 @@
-// Finds the geometry that an InlineGeometry is for, and takes the rest of its document away.
+// Finds the geometry of an InlineGeometry, and removes the rest of its document.
 #include "inline_geometry.h"
 
 #include <algorithm>

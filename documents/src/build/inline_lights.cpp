@@ -1,4 +1,4 @@
-// Finds the lights that end at an Inline, and looks whether making them local has the same effect.
+// Finds the lights that end at an Inline, and checks whether making them local has the same effect.
 #include "inline_lights.h"
 
 #include <algorithm>

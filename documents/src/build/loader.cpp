@@ -14,7 +14,7 @@ namespace rtsg {
 
 namespace {
 
-/// What the document's urls may open is what its scripts may, too.
+/// Scripts of a document may open the same files as its urls.
 BuildOptions buildOptions(Scene& scene, const LoadOptions& options, const Resources& otherwise) {
     BuildOptions result;
     result.loadInlines = options.loadInlines;

@@ -1,4 +1,4 @@
-// Names the types of nodes that hold their fields and do nothing, once a file, when a document has one.
+// Names the types of nodes that hold their fields and do nothing, once for each file, if a document has one.
 #include <fmt/format.h>
 
 #include <rtsg/core/x3d.h>

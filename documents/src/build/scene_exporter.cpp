@@ -1,4 +1,4 @@
-// Walks a scene and says it again as the commands of a document: declarations first, shared nodes once.
+// Sends a scene as the commands of a document: declarations first, shared nodes once.
 #include <rtsg/documents/scene_exporter.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Worlds as wholes: pieces that are read beside one, another one in its place, and writing it out.
+// Worlds as wholes: reads pieces beside one, replaces one by another, and writes one to a file.
 #include <rtsg/documents/world.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ using Root = x3d::RtsgScene;
 
 constexpr DiagnosticCode kFromWithin{"from-within"};
 
-/// What the document's urls may open is what its scripts may, too.
+/// Scripts of a document may open the same files as its urls.
 BuildOptions buildOptions(const LoadOptions& options, const Resources& otherwise) {
     BuildOptions result;
     result.loadInlines = options.loadInlines;

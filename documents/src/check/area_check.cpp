@@ -1,4 +1,4 @@
-// Triangles and faces of a document whose points lie on a line, or in one place: they show nothing.
+// Finds triangles and faces of a document whose points lie on a line, or in one place: they show nothing.
 #include <string>
 
 #include "validated_node.h"

@@ -1,4 +1,4 @@
-// Lists of a node that do not fit each other, and fields whose values its others leave no sense in.
+// Finds lists of a node that do not fit each other, and fields that make no sense with the values of others.
 #include <algorithm>
 #include <array>
 #include <cmath>

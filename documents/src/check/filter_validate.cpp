@@ -1,4 +1,4 @@
-// Passes a document on as it is, and reports what fits together badly.
+// Passes a document on unchanged, and reports problems of the document as a whole.
 #include <algorithm>
 #include <initializer_list>
 #include <map>

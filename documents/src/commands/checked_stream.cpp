@@ -1,4 +1,4 @@
-// Makes a stream of commands that keeps the rules of one that may not.
+// Turns a stream of commands that may break the rules into one that keeps them.
 #include "checked_stream.h"
 
 #include <algorithm>

@@ -58,7 +58,7 @@ class CheckedStream final : public Filter {
     bool isIn(Kind kind) const { return !levels_.empty() && levels_.back().kind == kind; }
     /// At the top, or in a prototype's body.
     bool isAmongNodes() const { return levels_.empty() || isIn(Kind::body); }
-    /// Of types and fields; of nodes.
+    /// Checks names of types and fields, and names of nodes.
     bool areNames(std::initializer_list<std::string_view> names, SourceLocation where);
     bool areDefs(std::initializer_list<std::string_view> names, SourceLocation where);
     bool areAll(bool (*is)(std::string_view), std::initializer_list<std::string_view> names, SourceLocation where);

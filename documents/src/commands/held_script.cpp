@@ -1,4 +1,4 @@
-// Tells what was held, with each connection directly behind the declaration of its field.
+// Sends held commands, with each connection directly after the declaration of its field.
 #include "held_script.h"
 
 #include <utility>

@@ -135,7 +135,7 @@ class ReaderTypes {
     Extern declareExtern(const std::shared_ptr<ProtoType>& proto);
     bool declaredHere(std::string_view proto) const;
     NodeShape find(std::string_view type) const;
-    /// What an instance of a prototype is: of one that stands for a node of the dialect both are there.
+    /// The shape of a prototype's instances; for one that stands for a node of the dialect, both members are set.
     NodeShape findInstance(std::string_view proto) const;
     /// Just the prototype, built-in or not.
     std::shared_ptr<const ProtoType> findProto(std::string_view name) const;

@@ -1,4 +1,4 @@
-// What is said of misspelled names of node types and fields in documents.
+// Messages for misspelled names of node types and fields in documents.
 #include "suggestion.h"
 
 #include <array>

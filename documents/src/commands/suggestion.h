@@ -1,4 +1,4 @@
-// What readers and the builder say of misspelled names of types and fields.
+// Messages of readers and the builder for misspelled names of types and fields.
 //
 // Threading: pure functions.
 #pragma once
@@ -17,7 +17,7 @@ std::string unknownType(std::string_view type);
 std::string noField(const NodeShape& shape, std::string_view field);
 /// The message about a field that earlier versions of X3D had, and that is left out; empty if none had it.
 std::string droppedField(const NodeShape& shape, std::string_view field);
-/// What noField() says, where the field was given nodes.
+/// The message of noField() if the field was given nodes.
 inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {
     return noField(shape, field) + "; what is in it is kept under its name";
 }

@@ -1,4 +1,4 @@
-// Versions of the standard as numbers, and which nodes each has: what the node tables say.
+// Versions of the standard as numbers, and the nodes of each, by the node tables.
 #include "versions.h"
 
 #include <rtsg/core/node_type.h>

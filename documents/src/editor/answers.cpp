@@ -1,4 +1,4 @@
-// Completes, explains and finds words of a document, by the tables of node types and by what the document defines.
+// Completes, explains and finds words of a document, by the tables of node types and by the document's definitions.
 #include "answers.h"
 
 #include <algorithm>
@@ -128,7 +128,7 @@ const Word* wordAt(const DocumentWords& words, std::string_view text, std::size_
 const NodeType* typeOf(const DocumentWords& words, std::size_t node) {
     return node == kNoNode ? nullptr : findBuiltinType(words.nodes[node].type);
 }
-/// Of the node that has the name; null also for an instance of a PROTO.
+/// The type of the node that has the name; null also for an instance of a PROTO.
 const NodeType* typeOfName(const DocumentWords& words, std::string_view name) {
     for (const WordNode& node : words.nodes)
         if (!name.empty() && node.def == name) return findBuiltinType(node.type);
@@ -236,7 +236,7 @@ class Proposer {
             for (const FieldDef& field : type->fields) {
                 const bool takesValue = field.access == Access::initializeOnly || field.access == Access::inputOutput;
                 if (field.hidden || !takesValue || (isXml_ && sf(field.type) == FieldType::SFNode)) continue;
-                // What is being written stands among those that are given.
+                // The field that is being written is among the given ones, and is proposed all the same.
                 if (std::ranges::find(given, field.name) != given.end() && end_.begun != field.name) continue;
                 add(Proposal::Kind::field, field.name, fieldLine(field));
             }
@@ -377,7 +377,7 @@ std::optional<Misspelled> misspelledWord(std::string_view text, std::size_t offs
         wrong = wrong.substr(wrong.rfind(' ') + 1);
     }
     if (wrong.empty() || meant.empty() || offset > text.size()) return std::nullopt;
-    // Of an attribute the place is that of its value.
+    // For an attribute, the place is that of its value.
     const std::size_t last = text.substr(0, offset).find_last_not_of(" \t\r\n='\"");
     const std::string_view before = text.substr(0, last == text.npos ? 0 : last + 1);
     if (before.ends_with(wrong)) {

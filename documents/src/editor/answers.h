@@ -26,14 +26,14 @@ struct Proposals {
     TextRange replaced;
     std::vector<Proposal> all;
 };
-/// What may stand where the text is being written.
+/// The words that may be completed at the offset.
 Proposals proposalsAt(std::string_view text, std::size_t offset);
 
 struct Explanation {
     TextRange word;
     std::string markdown;
 };
-/// What the word is that stands there; nothing where there is nothing to say.
+/// An explanation of the word at the offset; nothing if there is none.
 std::optional<Explanation> explanationAt(std::string_view text, std::size_t offset);
 
 /// Where the name that stands there is defined.

@@ -1,4 +1,4 @@
-// Finds out what the words of a ClassicVRML text are, however much of it is there.
+// Finds the roles of the words in a ClassicVRML text, complete or not.
 #include <algorithm>
 #include <iterator>
 #include <utility>
@@ -31,7 +31,7 @@ class ClassicWords {
 
   private:
     using Expects = WordsEnd::Expects;
-    /// What stands between brackets, and the document itself.
+    /// A level of nesting: the text between two brackets, or the document itself.
     struct Level {
         char bracket = 0;  // 0: the document, or a PROTO's body
         std::size_t node = kNoNode;
@@ -101,7 +101,7 @@ class ClassicWords {
         pending_ = {};
         if (skipped_ > 0) return void(--skipped_);
         const char opens = bracket == '}' ? '{' : '[';
-        // What is closed is what is open, but for a bracket that somebody is about to type.
+        // A closing bracket closes the innermost open level, unless somebody is about to type a bracket in between.
         while (levels_.size() > 1) {
             const bool fits = levels_.back().bracket == opens || (levels_.back().bracket == 0 && bracket == '}');
             if (!fits && opens == '[') return;
@@ -111,7 +111,7 @@ class ClassicWords {
         levels_.back().waiting = {};
     }
 
-    /// What a word would be that comes now.
+    /// What the next word would be.
     WordsEnd expected() const {
         const Level& level = levels_.back();
         if (pending_ == "DEF" || pending_ == "PROTO" || pending_ == "EXTERNPROTO") return {};

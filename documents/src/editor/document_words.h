@@ -1,8 +1,8 @@
-// DocumentWords: what the words of a document are to somebody who edits it, of ClassicVRML and XML.
+// DocumentWords: finds the words of a ClassicVRML or XML document and their roles, for editors.
 //
-// It takes any text, whole or not, in one pass, with no complaints: readers have those. What follows from meaning (does
-// the field exist?) is up to others. Views and offsets are of the text, which must outlive it.
-// Threading: values. Source: ISO/IEC 19776-1 and 19776-2, as far as words go.
+// It accepts any text, complete or not, in one pass, and reports no errors, which readers do. It does not check meaning
+// (does the field exist?). Views and offsets refer to the text, which must outlive it. Threading: values. Source:
+// ISO/IEC 19776-1 and 19776-2, as far as words go.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@ enum class WordKind {
     attribute,   // of XML alone, such as DEF, and of statements
 };
 
-/// What lies deeper than so many brackets or elements has no words.
+/// Text nested more deeply than this many brackets or elements has no words.
 constexpr std::size_t kDeepestWord = 4096;
 constexpr std::size_t kNoNode = static_cast<std::size_t>(-1);
 
@@ -50,7 +50,7 @@ struct WordProto {
     std::vector<Field> fields{};
 };
 
-/// What the next letter at the end of the text would belong to.
+/// What the next letter at the end of the text would belong to: the word, and the level around it.
 struct WordsEnd {
     enum class Expects { nothing, nodeType, field, value, use, routeField, attribute };
     Expects expects = Expects::nothing;

@@ -222,7 +222,7 @@ void LanguageServer::State::notify(const std::string& method, const Json& params
     if (method == "textDocument/didOpen") open(params);
     if (method == "textDocument/didChange") change(params);
     if (method == "textDocument/didClose") close(params);
-    // What a document inlines may have been saved in another window.
+    // A file that the document inlines may have been saved in another window.
     if (method == "textDocument/didSave")
         for (const auto& [uri, document] : documents) edited.insert(uri);
 }
@@ -299,7 +299,7 @@ Json LanguageServer::State::explain(const std::string& text, std::size_t offset,
     return {{"contents", {{"kind", "markdown"}, {"value", said->markdown}}}, {"range", rangeOf(lines, said->word)}};
 }
 
-/// Of the faults that the editor shows where it asks.
+/// Proposes corrections for the errors at the place where the editor asks.
 Json LanguageServer::State::mend(const std::string& uri, const std::string& text, const Json& params,
                                  const TextLines& lines) const {
     Json actions = Json::array();

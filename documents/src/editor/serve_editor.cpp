@@ -1,4 +1,4 @@
-// Takes the messages of an editor out of a stream of bytes, and puts answers into one.
+// Reads the messages of an editor from a stream of bytes, and writes answers to one.
 #include <rtsg/documents/language_server.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds out what the words of an XML text are, however much of it is there.
+// Finds the roles of the words in an XML text, complete or not.
 #include <algorithm>
 #include <array>
 #include <string>
@@ -95,7 +95,7 @@ class XmlWords {
             ++skipped_;
     }
 
-    /// What is closed is what is open, but for an element that somebody is about to type.
+    /// A closing tag closes the innermost open element, unless somebody is about to type a tag in between.
     void close(std::string_view type) {
         if (skipped_ > 0) return void(--skipped_);
         const auto found = std::ranges::find(open_.rbegin(), open_.rend(), type, &Element::name);

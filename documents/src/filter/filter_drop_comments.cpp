@@ -1,4 +1,4 @@
-// Leaves out comments, and what authors say about declarations.
+// Leaves out comments, and authors' remarks on declarations.
 #include "filter_parts.h"
 
 namespace rtsg::detail {

@@ -1,4 +1,4 @@
-// Leaves out values that a node would have without them.
+// Leaves out values that equal their defaults.
 #include "filter_parts.h"
 
 namespace rtsg::detail {

@@ -1,4 +1,4 @@
-// Builds a scene of a document, and passes on what stands in the place of prototypes' instances, or of Inlines.
+// Builds a scene of a document, and passes on the nodes that replace prototypes' instances, or Inlines.
 #include <algorithm>
 #include <array>
 #include <tuple>

@@ -1,5 +1,5 @@
-// Puts Transforms that nothing moves into the coordinates below them; what has none of its own gets one Transform in
-// place of several.
+// Applies Transforms that nothing moves to the coordinates below them; geometry without coordinates gets one Transform
+// in place of several.
 #include <algorithm>
 #include <cmath>
 #include <optional>

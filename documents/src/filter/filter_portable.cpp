@@ -1,5 +1,5 @@
-// Makes instances of the portable materials of those materials whose metadata says the same. Where something differs
-// from all of them, or refers to the material's fields, it stays, and that is told.
+// Replaces materials by instances of the portable materials with the same metadata. A material that differs from all of
+// them, or whose fields are referred to, stays, and is reported.
 #include <algorithm>
 #include <map>
 #include <string>
@@ -142,7 +142,7 @@ class Portable final : public TreeFilter {
                                          : item.kind == Kind::comment || item.field == "name";
         });
     }
-    /// What the prototype's fields are in this material; false if it is another one.
+    /// Reads the values of the prototype's fields from this material; false if it is another kind of material.
     bool read(const Item& material, const PortableForm& form, Entries& entries) const {
         if (material.name != form.body) return false;
         const NodeType& type = *findBuiltinType(form.body);

@@ -1,4 +1,4 @@
-// Finds nodes that are equal, names aside, and uses the first one in place of the others.
+// Finds nodes that are equal except for their names, and uses the first one in place of the others.
 #include <algorithm>
 #include <map>
 #include <string>

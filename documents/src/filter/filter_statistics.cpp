@@ -1,4 +1,4 @@
-// Counts what a document has, and says so when it ends.
+// Counts the content of a document, and reports it at the end.
 #include <algorithm>
 #include <string>
 #include <vector>

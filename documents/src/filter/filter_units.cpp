@@ -1,4 +1,4 @@
-// Puts a document into other units. Values pass in those of the standard, and writers turn them into the document's.
+// Converts a document to other units. Values pass in those of the standard, and writers convert them to the document's.
 #include <charconv>
 #include <cmath>
 #include <string>

@@ -14,24 +14,24 @@ namespace rtsg {
 namespace {
 
 constexpr FilterInfo kFilters[] = {
-    {"drop-comments", "", "leaves out comments, and what is said about declarations"},
+    {"drop-comments", "", "leaves out comments and remarks on declarations"},
     {"drop-defaults", "", "leaves out values that are their fields' defaults"},
     {"drop-metadata", "", "leaves out metadata nodes, WorldInfo and META"},
     {"drop-names", "", "leaves out names that nothing refers to"},
     {"drop-scripts", "", "leaves out Scripts and the routes to and from them"},
-    {"flatten-inlines", "", "Inlines become Groups of what they load"},
-    {"flatten-protos", "", "instances of prototypes become the nodes that they are"},
+    {"flatten-inlines", "", "Inlines become Groups with their content"},
+    {"flatten-protos", "", "instances of prototypes become the nodes of their bodies"},
     {"flatten-transforms", "", "Transforms that nothing moves go into the coordinates below them"},
     {"index", "", "equal points, colours, normals and texture coordinates become one; triangles get indices"},
     {"portable", "", "materials with metadata of mirrors and glass become portable ones; flatten-protos undoes it"},
-    {"quantise", "E", "numbers become the shortest decimals that are at most E away; rotations and times stay"},
+    {"quantise", "E", "numbers become the shortest decimals with an error of at most E; rotations and times stay"},
     {"rename", "OLD:NEW,...", "renames DEFs"},
-    {"select", "NAME,...", "keeps the nodes with such a DEF or of such a type, with all that is in them"},
-    {"share", "", "nodes that are equal become one node that is used again"},
+    {"select", "NAME,...", "keeps the nodes with this DEF or of this type, with all nodes inside"},
+    {"share", "", "equal nodes become one node that is used several times"},
     {"short-names", "", "renames DEFs to n1, n2, ... (imported and exported names stay)"},
-    {"statistics", "", "reports what is in the document"},
+    {"statistics", "", "reports the content of the document"},
     {"units", "CATEGORY:FACTOR,...", "puts values into other units; without an argument, into the standard's"},
-    {"validate", "", "reports what fits together badly"},
+    {"validate", "", "reports problems of the document as a whole"},
 };
 
 Result<double> numberIn(std::string_view text) {

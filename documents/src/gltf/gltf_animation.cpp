@@ -96,8 +96,8 @@ void GltfAnimations::writeClip(const json& animation, Clip& clip) {
     }
 }
 
-/// Of clips that move the same node one plays at a time: the moment at which one starts is when the others stop. It
-/// goes by way of a clock that never runs, as a route from each clip to each other would be many.
+/// Clips that move the same node play one at a time: the start of one stops the others. The events go through a clock
+/// that never runs, since routes from each clip to each other would be many.
 void GltfAnimations::stopEachOther(const std::vector<std::pair<std::string, std::size_t>>& clocks) {
     const json& animations = GltfFile::list(file_.root(), "animations");
     std::map<std::pair<std::size_t, std::string>, std::size_t> mover;  // of a node's path: the first clip

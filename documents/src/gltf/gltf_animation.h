@@ -33,7 +33,7 @@ class GltfAnimations {
     Clip readTimes(const nlohmann::json& animation, std::size_t number);
     void writeClip(const nlohmann::json& animation, Clip& clip);
     void startWithScene(const std::string& clock);
-    /// Of clocks, with the numbers of their animations.
+    /// `clocks` are names with the numbers of their animations.
     void stopEachOther(const std::vector<std::pair<std::string, std::size_t>>& clocks);
     void writeChannel(const GltfCurve& curve, double length, const std::string& path, const std::string& clock,
                       const std::string& wanted, const std::string& target, const GltfSkin::Joint* joint);

@@ -1,4 +1,4 @@
-// Finds glass, panes and coats in the extensions of materials, and says what of them is left out.
+// Reads glass, panes and coats from the extensions of materials, and reports effects that are left out.
 #include "gltf_looks.h"
 
 #include <algorithm>
@@ -26,7 +26,7 @@ Vec3d colorOf(const json& object, const char* key, Vec3d otherwise = Vec3d(1)) {
     return three ? Vec3d((*three)[0], (*three)[1], (*three)[2]) : otherwise;
 }
 
-/// What light loses on each metre, if this is left of it after `distance`.
+/// The absorption per metre of light of which `left` remains after `distance`.
 Vec3d absorptionOf(const Vec3d& left, double distance) {
     constexpr double darkest = 1e-4, most = 1e5;  // an exponent that is as good as opaque; 1/m
     Vec3d result(0);

@@ -1,5 +1,5 @@
-// What extensions add to a material of glTF, as far as PhysicalMaterial and its metadata "RTSG" go: glass, thin panes,
-// a clear coat. What they add beyond that is said, once for each extension.
+// Reads the extensions of glTF's materials that PhysicalMaterial and its metadata "RTSG" can express: glass, thin
+// panes, a clear coat. Other effects are reported, once for each extension.
 //
 // Threading: one thread an import. Source: KHR_materials_transmission, _volume, _ior, _clearcoat, _sheen, _specular,
 // _iridescence, _anisotropy, _dispersion, _diffuse_transmission, _pbrSpecularGlossiness.

@@ -1,4 +1,4 @@
-// Writes primitives as shapes, from what their accessors hold and what their targets add.
+// Writes primitives as shapes, from their accessors and morph targets.
 #include "gltf_mesh.h"
 
 #include <algorithm>

@@ -23,7 +23,7 @@ class GltfMeshes {
 
     /// One Shape; `skinned`: as the skin of a figure whose points are there already.
     void writePrimitive(const nlohmann::json& primitive, const GltfForm& form, bool skinned = false);
-    /// What chooses among the variants that were written, if any were.
+    /// Writes the Script that chooses among material variants, if there are any.
     void writeVariants();
     /// Whether a primitive wrote points of that name.
     bool hasPoints(const std::string& name) const { return points_.contains(name); }
@@ -41,7 +41,7 @@ class GltfMeshes {
     void tellWithoutPoints(const nlohmann::json& attributes);
 
   private:
-    /// Of a primitive, with a material that may be another than its own.
+    /// Writes a Shape of a primitive, whose material may differ from the primitive's own.
     void writeShape(const nlohmann::json& primitive, const GltfForm& form, bool skinned, std::size_t material,
                     const std::string& def);
     /// The material for each variant of the file; empty if the primitive has none of its own for any.

@@ -42,7 +42,7 @@ class GltfNode {
 Rotation rotationOf(const double* quaternion);
 Vec3f vectorOf(const std::vector<double>& three);
 
-/// What each thing of the file is called in the document: as its author called it, or else by its kind and number.
+/// Chooses the DEF names of the things in the file: the author's name, or else kind and number.
 class GltfNames {
   public:
     enum class List : std::uint8_t { nodes, animations, meshes, materials, cameras, lights, textures };

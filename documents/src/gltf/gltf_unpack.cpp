@@ -1,4 +1,4 @@
-// Finds the modules that unpack meshes, and checks what a file counts before they are asked.
+// Finds the modules that unpack meshes, and checks the counts of a file before it calls them.
 #include "gltf_unpack.h"
 
 #include <rtsg/core/module.h>
@@ -48,7 +48,7 @@ const char* misfit(const MeshoptView& view) {
         if (view.filter != Filter::none) return "indices have no filter";
         if (view.mode == Mode::triangles && view.count % 3 != 0) return "its triangles have no three corners";
     }
-    // Of equal elements the format needs a 64th; of triangles one byte, which stands for 12; of indices one for each.
+    // The format needs one byte for 64 equal elements, for 12 bytes of triangles, and for one index.
     constexpr std::size_t kOfByte = 64;
     if (view.count > view.bytes.size() * kOfByte / stride) return "it counts more elements than its bytes can hold";
     return nullptr;

@@ -26,7 +26,7 @@ struct DracoMesh {
     std::vector<DracoAttribute> attributes;
     std::string indexBytes;  // 32 bits each
 };
-/// What may be taken: bytes in all, and whether the process may hold so many more.
+/// Limits of unpacking: bytes in all, and a function that says whether the process may hold more.
 struct UnpackLimits {
     std::uint64_t most = 0;
     bool (*mayHold)(std::uint64_t more) = nullptr;

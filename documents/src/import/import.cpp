@@ -1,4 +1,4 @@
-// Which kind of file some bytes are, and what the importers share.
+// Finds the kind of a file by its bytes, and holds functions that all importers share.
 #include "import.h"
 
 #include <algorithm>
@@ -68,7 +68,7 @@ std::string_view rootElement(std::string_view text) {
     return name;
 }
 
-/// What documents of XML that are no X3D are, by their outermost element.
+/// The kind of an XML document that is no X3D, by its outermost element.
 std::string_view otherXml(std::string_view head) {
     constexpr std::pair<std::string_view, std::string_view> known[] = {{"ifcXML", "an IFC file, as XML"},
                                                                        {"kml", "a KML file"},
@@ -140,7 +140,7 @@ FileKind kindOfJson(std::string_view head, std::uint64_t size) {
     bool any = false;
     const auto isX3d = [&](std::string_view key) { return any = true, key == "X3D"; };
     if (seeKeys(head, isX3d)) return FileKind::document;
-    // What is behind the head of a file has not been read; X3D would have come early.
+    // Only the head of the file has been read; X3D would show itself there.
     return seeKeys(head, isGltf) || (any && size > head.size()) ? FileKind::gltf : FileKind::document;
 }
 

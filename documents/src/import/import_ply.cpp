@@ -109,7 +109,7 @@ class PlyReader {
         diagnostics_.error({lines_.line(), 1}, std::move(text));
         return false;
     }
-    /// Reports a file that ends within an element. What was read before is used.
+    /// Reports a file that ends within an element. The elements before it are used.
     bool ended(const Element& element) {
         error("the file ends within its " + std::to_string(element.count) + " elements '" + element.name +
               "'; those before are used");

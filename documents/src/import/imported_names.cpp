@@ -1,4 +1,4 @@
-// Gives each name once, and tells apart those that are alike.
+// Gives each name once, and makes equal ones different.
 #include "imported_names.h"
 
 #include <algorithm>

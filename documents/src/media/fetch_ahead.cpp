@@ -1,4 +1,4 @@
-// Finds the fields that name files, and opens those that are on the network.
+// Finds the fields that name files, and starts the fetch of those on the network.
 #include "fetch_ahead.h"
 
 #include <algorithm>

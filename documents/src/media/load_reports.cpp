@@ -1,4 +1,4 @@
-// Finds out what can be loaded, and writes it into the sensors that wait for it.
+// Finds out which files can be loaded, and writes this into the LoadSensors that wait for it.
 #include "load_reports.h"
 
 #include <algorithm>

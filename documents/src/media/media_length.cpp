@@ -1,4 +1,4 @@
-// The headers of WAVE and MP4 files, as far as they say how long there is something to hear or see.
+// Reads the length of WAVE and MP4 files from their headers.
 #include "media_length.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Opens what sound sources and films name, and writes down how long it plays.
+// Opens the files of sound sources and films, and writes down their lengths.
 #include "media_reports.h"
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// The headers of PNG, JPEG and GIF files, as far as they say how large the picture is.
+// Reads the size of PNG, JPEG and GIF files from their headers.
 #include "picture_size.h"
 
 #include <string_view>

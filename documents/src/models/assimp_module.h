@@ -1,4 +1,4 @@
-// What the module for files of other modellers does: one function that makes GLB of a file.
+// The interface of the module for files of other modellers: one function that converts a file to GLB.
 //
 // Threading: it is called in a process of its own, since libassimp cannot be trusted with hostile files.
 #pragma once

@@ -1,4 +1,4 @@
-// Has libassimp make GLB of a file, and imports that.
+// Converts a file to GLB by libassimp, and imports that.
 #include "import_modeller.h"
 
 #include <algorithm>

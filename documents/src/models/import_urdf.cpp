@@ -1,4 +1,4 @@
-// Writes a robot as X3D: its links and joints, what they look like, and who mimics whom.
+// Writes a robot as X3D: its links and joints, their shapes, and mimicking joints.
 #include "import_urdf.h"
 
 #include <algorithm>
@@ -203,7 +203,7 @@ class UrdfWriter {
         const auto isAgain = [&](std::size_t at, std::string_view word) {
             return at != text->npos && text->find(word, at + 1) != text->npos;
         };
-        // What is in several parts is several shapes, of which a geometry can have but one.
+        // A file with several groups or objects gives several shapes, and a geometry can have only one.
         return second != text->npos || isAgain(group, "\ng ") || isAgain(object, "\no ");
     }
     void writeMesh(const UrdfShape& shape, bool isCollision) {

@@ -1,4 +1,4 @@
-// Reads a URDF file: the elements as links and joints, and then how they hang together.
+// Reads a URDF file: the elements as links and joints, and then their hierarchy.
 #include "urdf_model.h"
 
 #include <algorithm>
@@ -151,7 +151,7 @@ class UrdfReader {
         if (!e) return std::nullopt;
         UrdfMaterial material = materialOf(*e);
         if (isDefined(material)) {
-            // What one link defines others may name.
+            // Materials that one link defines can be named by others.
             materials_.try_emplace(material.name, material);
             return material;
         }
@@ -195,7 +195,7 @@ class UrdfReader {
         shape.mesh = *file;
         return true;
     }
-    /// What is there and faulty has been told.
+    /// An attribute that is present but invalid has been reported already.
     bool isIncomplete(const XmlElement& e, std::string_view attribute) {
         if (const std::string* given = e.attribute(attribute); !given || given->empty())
             error(e, e.name + ": it has no " + std::string(attribute) + "; it is left out");
@@ -352,7 +352,7 @@ class UrdfReader {
             reach(link);
         }
     }
-    /// What a joint can be at most.
+    /// The limits that a joint can have.
     static std::pair<double, double> rangeOf(const UrdfJoint& joint) {
         if (joint.kind == UrdfJoint::Kind::continuous) return {-HUGE_VAL, HUGE_VAL};
         return {joint.lower, joint.upper};

@@ -1,4 +1,4 @@
-// Finds how far a robot reaches, and puts the eye there.
+// Finds the extent of a robot, and places the eye.
 #include "urdf_view.h"
 
 #include <algorithm>

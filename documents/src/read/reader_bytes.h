@@ -13,7 +13,7 @@ namespace rtsg::detail {
 
 /// Opens what the resources let, from the folder of the file that is read (the resources' own if it is empty).
 OpenBeside openBeside(Resources resources, std::filesystem::path folder);
-/// As readDocument.
+/// The same as readDocument.
 bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler, Diagnostics& diagnostics,
               const ReaderOptions& options);
 
@@ -21,8 +21,8 @@ bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& 
 bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside, DocumentHandler& handler,
                             Diagnostics& diagnostics, const ReaderOptions& options);
 
-/// What a url names, piece by piece where it is a file or packed. What shows no sign of being a scene is refused
-/// without repeating a word of it. `maximumBytes` is of the unpacked text.
+/// Reads the document behind a url, piece by piece if it is a file or packed. Content that does not look like a scene
+/// is refused without repeating a word of it. `maximumBytes` limits the unpacked text.
 bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside,
                   std::shared_ptr<const Dialect> dialect, DocumentHandler& handler, Diagnostics& diagnostics);
 

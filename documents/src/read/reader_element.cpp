@@ -1,4 +1,4 @@
-// Elements that are no nodes, for XML and JSON alike: scene, head, routes, prototypes, field declarations.
+// Elements that are no nodes, for XML and JSON: scene, head, routes, prototypes, field declarations.
 #include "reader_element.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Elements that are nodes, for XML and JSON alike: which field a node goes into, and its attributes.
+// Elements that are nodes, for XML and JSON: the field that a node goes into, and its attributes.
 #include "reader_element.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds the format of a file, and reads it by that: the library's own formats and those of a dialect alike.
+// Finds the format of a file, and reads the file by it: the library's own formats and those of a dialect alike.
 #include "reader_formats.h"
 
 #include <algorithm>

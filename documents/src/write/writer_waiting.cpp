@@ -1,4 +1,4 @@
-// Joins pieces of text that wait, and puts them into a file that has no name, so that it is gone with the process.
+// Joins pieces of text that wait, and puts them into a file without a name, so that it is gone with the process.
 #include "writer_waiting.h"
 
 #include <algorithm>

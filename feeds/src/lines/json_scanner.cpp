@@ -1,4 +1,4 @@
-// Reads strings, numbers and words of JSON, and skips what nobody asks for.
+// Reads strings, numbers and words of JSON, and skips values that are not needed.
 #include "json_scanner.h"
 
 #include <algorithm>

@@ -16,7 +16,7 @@ inline constexpr std::size_t kLongestLine = std::size_t{1} << 20;
 
 class LineSplitter {
   public:
-    /// Calls `take(line, tooLong)` for each line that has ended. Of a line that is too long the text is its beginning.
+    /// Calls `take(line, tooLong)` for each line that has ended. A line that is too long is cut.
     template <class Take>
     void add(std::string_view bytes, Take&& take) {
         while (!bytes.empty()) {

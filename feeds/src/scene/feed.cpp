@@ -98,7 +98,7 @@ std::optional<FieldRef> Feed::State::find(const feeds::NumberedLine& line) {
     return std::nullopt;
 }
 
-/// What the event would make the scene load or run, which needs the user's own file. Empty if it may happen.
+/// What the event would make the scene load or run, which only the user's own files may do. Empty if it is allowed.
 std::string Feed::State::refusal(const FieldRef& target) {
     if (trusted) return {};
     const NodeType& type = scene.node(target.node).type();

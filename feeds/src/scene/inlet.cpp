@@ -1,4 +1,4 @@
-// Splits what a source reads into lines, reads these, and makes senders wait, or leaves lines out, where too many wait.
+// Splits the input of a source into lines, reads these, and makes senders wait, or drops lines, when too many wait.
 #include "inlet.h"
 
 #include <sys/eventfd.h>

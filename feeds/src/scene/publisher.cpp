@@ -1,4 +1,4 @@
-// Listens to fields, and writes what they send as lines, at a rate where one is asked for.
+// Listens to fields, and writes their events as lines, with a rate if one is set.
 #include <rtsg/feeds/publisher.h>
 
 #include <algorithm>
@@ -49,7 +49,7 @@ Result<std::vector<Wanted>> wantedBy(const Scene& scene, const std::string& text
 }  // namespace
 
 struct Publisher::State {
-    /// What is known of one field.
+    /// The state of one published field.
     struct Topic {
         std::string words;  // "node":…,"field":…
         std::optional<Value> waiting;

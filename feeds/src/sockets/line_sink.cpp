@@ -30,7 +30,7 @@ constexpr std::size_t kMostWaiting = std::size_t{4} << 20;
 constexpr std::size_t kMostSubscribers = 64;
 constexpr auto kFarewell = std::chrono::milliseconds(500);  // for what waits at the end
 
-/// What becomes of lines. All functions are called on the sink's thread.
+/// The target of lines. All functions are called on the sink's thread.
 class Outlet {
   public:
     virtual ~Outlet() = default;
@@ -63,7 +63,7 @@ class FileOutlet final : public Outlet {
                 if (done > 0) problem = "its reader has stopped in the middle of a line";
                 return 1;
             }
-            // What is writable takes so much without waiting.
+            // A descriptor that poll() calls writable takes this many bytes without blocking.
             const ssize_t size =
                 ::write(file_.get(), text.data() + done, std::min<std::size_t>(text.size() - done, PIPE_BUF));
             if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;

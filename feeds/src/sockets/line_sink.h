@@ -25,8 +25,8 @@ struct SinkCounts {
 class LineSink {
   public:
     virtual ~LineSink() = default;
-    /// `place` gets the real port. Errors: as LineSource::open().
-    /// `waits`: write() waits for room. As a file or pipe takes nothing for half a second at most, that ends.
+    /// `place` gets the real port. Errors: as for LineSource::open(). `waits`: write() waits for room, until a file or
+    /// pipe has taken nothing for half a second.
     static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure, bool waits = false);
     /// `line` without its end.
     virtual void write(std::string line) = 0;

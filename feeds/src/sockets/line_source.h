@@ -21,7 +21,7 @@ class LineTaker {
     /// More of a stream. It may wait until there is room, if `mayWait`; otherwise it takes what it can. Returns false
     /// if nothing more is wanted.
     virtual bool came(std::uint64_t stream, std::string_view bytes, bool mayWait) = 0;
-    /// What is left of the stream is a line. `over`: nothing more comes of it.
+    /// The stream pauses: the rest of its text counts as a line. `over`: the stream has ended.
     virtual void paused(std::uint64_t stream, bool over) = 0;
     /// Something else happened that the user should know.
     virtual void note(std::string text) = 0;

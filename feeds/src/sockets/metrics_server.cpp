@@ -1,4 +1,4 @@
-// Answers requests for figures, and asks for them.
+// Serves metrics, and fetches them.
 #include <rtsg/feeds/metrics_server.h>
 
 #include <poll.h>

@@ -42,7 +42,7 @@ struct Content {
     HeldFile file;
 };
 
-/// One address. What is running is the business of the thread that runs it.
+/// One address. While a transfer runs, only its thread uses the transfer's data.
 struct Entry {
     enum class State : std::uint8_t { unknown, waiting, running, there, failed };
     State state = State::unknown;

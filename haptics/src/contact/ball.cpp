@@ -1,4 +1,4 @@
-// Moves a ball among triangles: how far it gets, what it touches then, and along what it slides.
+// Moves a ball among triangles: how far it gets, what it then touches, and along what it slides.
 #include "ball.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What a small ball meets among triangles: where it touches, how far it gets, and where it slides to.
+// A small ball among triangles: where it touches them, how far it can move, and where it slides to.
 //
 // Places are metres from some place near by, in double. Triangles have no thickness and two sides: the ball stays on
 // whichever it is on. Invariant: wherever a function here moves the ball to, the way there was free.

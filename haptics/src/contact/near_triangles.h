@@ -16,7 +16,7 @@
 
 namespace rtsg::haptics {
 
-/// What the renderer knows beside the triangles of one state.
+/// The renderer's data for one state besides the triangles.
 struct TouchTables {
     std::shared_ptr<const std::unordered_map<std::uint32_t, TouchSurface>> surfaces;  // by the appearance's number
     struct Mover {

@@ -1,4 +1,4 @@
-// Moves the proxy after the hand, and makes the force: spring, damper, friction, and what keeps them passive.
+// Moves the proxy after the hand, and computes the force: spring, damper, friction, and passivity.
 #include "touch.h"
 
 #include <algorithm>

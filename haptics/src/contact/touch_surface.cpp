@@ -1,4 +1,4 @@
-// Reads how a surface feels from the metadata of an Appearance.
+// Reads the haptic properties of a surface from the metadata of an Appearance.
 #include <rtsg/haptics/touch_surface.h>
 
 #include <cmath>

@@ -47,7 +47,7 @@ class SpaceMouse final : public HapticDevice {
             held_ += static_cast<std::size_t>(got);
             if (held_ < sizeof(packet_)) continue;
             held_ = 0;
-            // Of its axes z points away from the user, of the world's towards them.
+            // The device's z axis points away from the user, the world's towards the user.
             if (packet_[0] == 0) axes_ = Vec3d(packet_[1], packet_[2], -packet_[3]);
         }
         return {};

@@ -1,4 +1,4 @@
-// A device at the other end of a datagram socket: places come, forces go back.
+// A device at the other end of a datagram socket: receives positions, and sends forces.
 #include <rtsg/haptics/haptic_device.h>
 
 #include <bit>

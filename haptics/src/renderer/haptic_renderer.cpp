@@ -1,4 +1,4 @@
-// Follows a world for the touch, and runs the clock of the hand.
+// Follows a world for touch, and runs the haptic clock.
 #include <rtsg/haptics/haptic_renderer.h>
 
 #include <algorithm>

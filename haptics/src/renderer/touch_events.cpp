@@ -1,4 +1,4 @@
-// Sends contact as a pointer's events, its force to metadata, and to the rigid body that is touched.
+// Sends contact as a pointer's events, and its force to metadata and to the touched rigid body.
 #include "touch_events.h"
 
 #include <vector>
@@ -94,7 +94,7 @@ void TouchEvents::sayForce(Scene& scene, NodeId shape, const Vec3d& force) {
     (void)scene.sendEvent(entry, x3d::MetadataFloat::value.index, Value(std::move(value)));
 }
 
-/// What pushes the hand is pushed by it, at the place of contact.
+/// Pushes the touched body at the place of contact, with the opposite of the force on the hand.
 void TouchEvents::pushBody(Scene& scene, const HapticTick& tick) {
     using Body = x3d::RigidBody;
     const NodeId shape = tick.touching ? tick.shape : NodeId();

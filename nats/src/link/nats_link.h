@@ -1,9 +1,8 @@
-// NatsLink: what librtsg_nats_module.so offers, one connection to a NATS server. Nothing else sees libnats.
+// NatsLink: the interface of librtsg_nats_module.so, one connection to a NATS server. Only the module uses libnats.
 //
-// Invariant: messages of all subscriptions come in the order in which the server sent them. What exceeds the limit of
-// memory is dropped and counted. The connection is made anew when it is lost, with its subscriptions. This side knows
-// nothing of libnats, and the module links nothing of ours. Errors are sentences without passwords.
-// Threading: every function may be called on any thread.
+// Invariant: messages of all subscriptions come in the order in which the server sent them. Messages beyond the limit
+// of memory are dropped and counted. A lost connection is made again, with its subscriptions. The module does not link
+// this library. Errors are sentences without passwords. Threading: every function may be called on any thread.
 #pragma once
 
 #include <chrono>
@@ -28,7 +27,7 @@ struct NatsMessage {
     std::string subject, reply, bytes;
 };
 
-/// What a stream of JetStream holds.
+/// The content of a stream of JetStream.
 struct NatsStream {
     bool exists = false;
     std::uint64_t first = 0, last = 0;  // sequences

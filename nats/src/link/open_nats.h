@@ -23,8 +23,8 @@ std::string withoutSecrets(std::string text, const NatsAddress& address);
 Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const std::string& client,
                                                std::chrono::milliseconds patience = std::chrono::milliseconds(0));
 
-/// What happened to a connection since the last look, in sentences without secrets: that it is lost, or there again,
-/// and what the server complains of.
+/// The events of a connection since the last call, in sentences without secrets: that it was lost or made again, and
+/// the NATS server's complaints.
 class NatsNews {
   public:
     std::vector<std::string> take(NatsLink& link, const NatsAddress& address);

@@ -1,4 +1,4 @@
-// Passes what mirrors ask on to the server, and its answers back.
+// Passes questions of mirrors on to the server, and its answers back.
 #include "asking_mirrors.h"
 
 #include <algorithm>

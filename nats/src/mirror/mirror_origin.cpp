@@ -1,4 +1,4 @@
-// Opens what a mirror follows.
+// Opens the origin of a mirror.
 #include <rtsg/nats/mirror_origin.h>
 
 #include <rtsg/nats/nats_address.h>

@@ -1,4 +1,4 @@
-// Publishes the records of a mirror server to NATS, and keyframes to who joins.
+// Publishes the records of a mirror server to NATS, and keyframes to mirrors that join.
 #include <rtsg/nats/nats_publisher.h>
 
 #include <algorithm>
@@ -199,7 +199,7 @@ bool NatsPublisher::Impl::takeAsked() {
     return true;
 }
 
-/// False if the message makes no sense. Of those nothing is said one by one, as anybody may send them.
+/// Returns false if the message is invalid. Such messages are only counted, since anybody may send them.
 bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     const auto packet = nats::unpack(message.bytes);
     if (!packet || message.reply.empty()) return false;

@@ -1,4 +1,4 @@
-// Stands for a mirror server towards a client of this process, with what comes from a NATS server.
+// Acts as a mirror server towards a client of this process, with records from a NATS server.
 #include <rtsg/nats/nats_subscriber.h>
 
 #include <algorithm>
@@ -370,7 +370,7 @@ void NatsSubscriber::Impl::data(const Packet& packet, bool joining) {
     if (!mirror::read(in, numbers)) return garbage();
     const std::uint64_t window = std::max(greeting_.window, kSmallestCredit);
     if (numbers[2] == 0 && sent_ - acknowledged_ > window) {
-        // What goes on while the client reads is asked for later.
+        // Records that come while the client is behind are requested later.
         mode_ = Mode::behind;
         link_->unsubscribe(subjects_.state);
         return;
@@ -394,7 +394,7 @@ void NatsSubscriber::Impl::data(const Packet& packet, bool joining) {
     toClient(own.bytes(), packet.second);
 }
 
-/// What the server answers to this client alone, with its session.
+/// Handles the server's answers to this client alone, with its session.
 void NatsSubscriber::Impl::answer(const Packet& packet) {
     switch (packet.type) {
         case Message::unknown:

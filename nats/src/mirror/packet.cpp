@@ -1,4 +1,4 @@
-// Packs messages of mirrors for NATS, and unpacks what anybody may have sent.
+// Packs messages of mirrors for NATS, and unpacks untrusted ones.
 #include "packet.h"
 
 #include <cstring>

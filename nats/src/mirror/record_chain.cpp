@@ -1,4 +1,4 @@
-// Decides by the headers of records whether they lead on.
+// Decides by the headers of records whether they continue the stream.
 #include "record_chain.h"
 
 namespace rtsg::nats {
@@ -19,7 +19,7 @@ RecordChain::Step RecordChain::add(std::uint64_t size, std::uint64_t offset, std
                                    bool joining) {
     if (part.empty() || part.size() > size || offset > size - part.size()) return Step::rubbish;
     if (offset == 0) {
-        // What came of a record before is not whole; who has it finds out by this one's offset.
+        // An earlier record is incomplete; its reader notices that by this one's offset.
         next_ = 0;
         const Step step = begin(size, part, joining);
         if (step == Step::rubbish) return step;

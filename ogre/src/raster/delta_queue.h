@@ -19,12 +19,12 @@ class DeltaQueue {
   public:
     static constexpr std::size_t kMost = 256;
 
-    /// What has to do with instances; deltas without that are not counted.
+    /// Adds a delta that concerns instances; deltas that do not are not counted.
     void add(const InstanceDelta& delta);
     /// Deltas that were added since the start.
     std::uint64_t newest() const { return newest_; }
-    /// What was added up to the number `last` and not yet taken, in order. Null: more than that has been taken already,
-    /// or is merged with what came later.
+    /// Takes the deltas up to the number `last` that were not yet taken, in order. Null if later ones have been taken
+    /// already, or if these have been merged with later ones.
     std::optional<std::vector<InstanceDelta>> take(std::uint64_t last);
 
   private:

@@ -1,4 +1,4 @@
-// Follows a shared world, hands what has changed to the rasteriser, and asks it for pictures.
+// Follows a shared world, uploads changes to the rasteriser, and asks it for pictures.
 #include <rtsg/ogre/ogre_renderer.h>
 
 #include <array>
@@ -39,7 +39,8 @@ Result<std::unique_ptr<RasterModule>> openRaster() {
 #endif
 }
 
-/// What a rasteriser cannot do is refused. `traces`: rays do what needs no other primary rays.
+/// Refuses options that a rasteriser does not support. `traces`: rays take part, so options that need no other primary
+/// rays are accepted.
 Result<> checkOptions(const ImageOptions& options, bool traces = false) {
     const RenderSettings& s = options.settings;
     constexpr int kMaxSide = 1 << 14;
@@ -137,7 +138,7 @@ RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& 
 
 namespace {
 
-/// What of a state of a world is the rasteriser's.
+/// The rasteriser's part of a state of a world.
 struct RasterState {
     std::uint64_t deltas = 0;  // up to which number they count
     std::shared_ptr<const LightState> light;
@@ -157,14 +158,14 @@ struct OgreRenderer::Impl {
 
     SharedWorld& world;
     LightRenderer::Options options;
-    // Of the scene's thread.
+    // Used on the scene's thread.
     SurfaceTables tables;
     std::shared_ptr<const RasterState> frozen;
     std::string refused;
     Diagnostics said;
     std::size_t taken = 0;  // of the tables'
     DeltaQueue deltas;      // to the thread of the graphics
-    // Of whoever makes pictures, and in module->run().
+    // Used by the thread that makes pictures, and in module->run().
     std::unique_ptr<RasterModule> module;  // outlives what is handed to it
     std::unique_ptr<RasterScene> scene;
     Picture frame;
@@ -365,8 +366,8 @@ Result<Picture> OgreRenderer::nextPicture(const ImageOptions& options, RenderSta
 
 namespace {
 
-/// What was drawn of a layer, as rays start from it. Things have twice the number of their instance's slot, or one
-/// more.
+/// The surfaces that were drawn in a layer, as the start of rays. The number of a drawn thing is twice its instance's
+/// slot, or one more.
 PrimarySight sightOf(const LayerView& layer, const Vec2d& place, int samples, const std::vector<Vec4f>& numbers,
                      std::vector<Vec4f> colors) {
     PrimarySight sight;

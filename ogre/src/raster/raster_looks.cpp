@@ -25,7 +25,7 @@ void RasterTextures::hand(std::uint32_t number, const Texture& texture, bool lin
     const ColorSpace space = linear ? ColorSpace::linear : ColorSpace::display;
     std::vector<Vec4f> sampled;
     if (texture.inTiles()) {
-        // As much of it as a graphics card takes in any case.
+        // The largest size that every graphics card supports.
         constexpr int kMost = 2048;
         lack_("a texture in tiles is shown with 2048 pixels a side at most");
         const int width = std::min(texture.width(), kMost), height = std::min(texture.height(), kMost);
@@ -98,7 +98,7 @@ bool isColor(TextureRole role) {
            role == TextureRole::ambient;
 }
 
-/// What of a material no rasteriser here shows.
+/// Reports the features of a material that the rasteriser does not show.
 void tellOfLacks(const Material& material, const RasterTextures::Lack& lack) {
     if (material.reflectivity != Vec3f(0)) lack("mirrors reflect nothing");
     if (material.refractiveIndex > 0) lack("glass bends nothing");

@@ -45,7 +45,7 @@ class RasterTextures {
     std::uint64_t made_ = 0;
 };
 
-/// What of a mesh a material's drawing depends on.
+/// The properties of a mesh on which the drawing of a material depends.
 struct LookKind {
     bool strokes = false, points = false, normals = false, alphaColored = false;
     friend auto operator<=>(const LookKind&, const LookKind&) = default;

@@ -1,11 +1,11 @@
-// What librtsg_ogre_module.so offers: a rasteriser that is told of meshes, textures, materials and things by number, by
-// a library that nothing else should have to link.
+// The interface of librtsg_ogre_module.so: a rasteriser with numbered meshes, textures, materials and things, by a
+// library that only the module links.
 //
-// Invariant: nothing of OGRE is on this side; the module links nothing of ours. All places are relative to an origin
-// that the caller chooses near the eye, since a rasteriser computes in single precision. Spans are read during the call
-// alone. Numbers are the caller's; what is set again is replaced. Errors are sentences.
-// Threading: driver() and run() on any thread; all else within run(), since the graphics context belongs to one thread
-// of the process, which the module keeps for it.
+// Invariant: this header does not mention OGRE, and the module does not link this library. All places are relative to
+// an origin that the caller chooses near the eye, since a rasteriser computes in single precision. Spans are read
+// during the call alone. The caller chooses the numbers; setting a number again replaces its content. Errors are
+// sentences. Threading: driver() and run() on any thread; all else within run(), since the graphics context belongs to
+// one thread of the process, which the module keeps for it.
 #pragma once
 
 #include <array>
@@ -106,7 +106,7 @@ struct RasterThing {
     glm::vec3 position{0};
 };
 
-/// What reaches surfaces at one place.
+/// The lights, fog and cuts at one place.
 struct RasterSurroundings {
     std::vector<std::uint32_t> lights;
     std::vector<glm::vec4> cuts;  // planes: left out is what lies where dot(xyz, place) + w < 0
@@ -143,8 +143,8 @@ struct RasterView {
     float pixelSpread = 0, pixelSize = 0;  // how wide a pixel is at distance 1, or of an orthographic eye
     float nearDistance = 0, farDistance = 0, visibilityLimit = 0;
     float sampleShare = 1;  // of a pixel's width, for which one of its samples stands
-    /// Of an eye that is scaled unevenly: from the world to the space in which its pixels are square, where lights fall
-    /// on surfaces as it sees them.
+    /// For an eye that is scaled unevenly: the matrix from the world to the space in which its pixels are square, where
+    /// lighting is computed.
     glm::mat3 square{1.0f};
     bool uneven = false;
     bool headlight = false;
@@ -157,8 +157,8 @@ class RasterModule {
   public:
     virtual ~RasterModule() = default;
     virtual std::string driver() const = 0;  // its name, for reports
-    /// Does it on the thread of the graphics context, and waits. Whoever comes while another's work is done waits, too.
-    /// What it throws comes out of here.
+    /// Runs `work` on the thread of the graphics context, and waits; calls of several threads wait for each other.
+    /// Exceptions of `work` are thrown from here.
     virtual void run(const std::function<void()>& work) = 0;
 
     virtual void setMesh(std::uint32_t number, const RasterMesh& mesh) = 0;
@@ -177,12 +177,12 @@ class RasterModule {
     /// Draws the layers one over the other. `pixels`: width * height premultiplied display values, row by row from the
     /// top.
     virtual void draw(int width, int height, const std::vector<RasterView>& views, std::vector<glm::vec4>& pixels) = 0;
-    /// What is in front at the middle of each pixel of a layer, clear things too: x: its number and 1, or 0 for
-    /// nothing; y: its depth along the view, in metres. Not what is clear altogether there. Precondition: numbers are
-    /// below kMostNamed.
+    /// The frontmost thing at the middle of each pixel of a layer, also if it is partly transparent: x is its number
+    /// plus 1, or 0 for nothing; y its depth along the view, in metres. Things that are wholly transparent there do not
+    /// count. Precondition: numbers are below kMostNamed.
     virtual void drawNumbers(int width, int height, const RasterView& view, std::vector<glm::vec4>& pixels) = 0;
     static constexpr std::uint32_t kMostNamed = (1u << 24) - 2;  // which a float holds exactly
-    /// What went wrong since the last call; empty: nothing.
+    /// The first error since the last call; empty if there was none.
     virtual std::string problem() = 0;
 };
 

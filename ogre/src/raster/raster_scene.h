@@ -40,7 +40,7 @@ class RasterScene {
     /// Around what is seen of a layer.
     WorldBox box(std::uint16_t layer) const;
     const Vec3d& origin() const { return origin_; }
-    /// Of a layer of the last bring(), by its number in the list.
+    /// The sky of a layer of the last bring(), by its index in the list.
     const RasterSky& sky(std::size_t layer) const { return skies_[layer].sky; }
     const OgreRenderer::Counts& counts() const { return counts_; }
     RasterContent content() const;
@@ -54,7 +54,7 @@ class RasterScene {
         std::vector<std::uint32_t> materials;  // numbers that it uses, and its things, at most two
         std::uint32_t mesh = 0;                // number
     };
-    /// What of a mesh its instances' things depend on, besides the numbers in it.
+    /// The properties of a mesh on which the things of its instances depend, besides the numbers in it.
     struct MeshTraits {
         bool drawn = false, solid = true, fogged = false, colored = false, generated = false;
         LookKind kind;

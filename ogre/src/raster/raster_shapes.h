@@ -30,8 +30,8 @@ class RasterCorners {
   public:
     /// All arrays of a mesh, with its vertices in that order.
     RasterArrays start(std::shared_ptr<const Mesh> mesh, std::size_t channel);
-    /// What of the mesh is other than of the last one: places, and looks if they are; nothing (false) if it is to start
-    /// anew.
+    /// Sets `out` to the parts of the mesh that differ from the last one: positions, and texture coordinates and
+    /// colours if they differ. Returns false if the mesh must be uploaded as a whole.
     bool next(std::shared_ptr<const Mesh> mesh, std::size_t channel, RasterArrays& out);
 
   private:

@@ -1,4 +1,4 @@
-// RigidBodyPhysics where the library was built without ODE: it says so, once for each collection or sensor.
+// RigidBodyPhysics for builds without ODE: it warns once for each collection or sensor.
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/physics/rigid_body_physics.h>

@@ -1,10 +1,10 @@
 // The engine of one scene: ODE's worlds, bodies, geometries and joints beside the nodes that they stand for.
 //
-// Bodies are in doubles here and in floats in their fields. As long as a field holds the value that was written last,
-// the doubles count; otherwise somebody has set the field, and it counts. Everything is built anew when the structure
-// changes (bodies, joints, collidables, shapes come or go, or what cannot change in flight), from the fields and the
-// doubles. Threading: the scene's thread; steps of several scenes wait for each other, as ODE has one source of random
-// numbers.
+// Bodies are in doubles here and in floats in their fields. While a field holds the value that was written last, the
+// doubles are used; otherwise somebody has set the field, and its value is used. Everything is built again from the
+// fields and the doubles when the structure changes: bodies, joints, collidables or shapes come or go, or a field
+// changes that ODE cannot change in place. Threading: the scene's thread; steps of several scenes wait for each other,
+// as ODE has one source of random numbers.
 #pragma once
 
 #include <cstdint>

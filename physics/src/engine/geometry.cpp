@@ -1,5 +1,4 @@
-// Makes the engine's geometry of a Shape: boxes, balls and cylinders as such, all others as the triangles that are
-// drawn.
+// Makes the engine's geometry of a Shape: boxes, balls and cylinders exactly, all others as their triangles.
 #include <cmath>
 
 #include <rtsg/core/rotation.h>

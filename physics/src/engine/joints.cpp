@@ -1,4 +1,4 @@
-// The joints of clause 37 as ODE's: where they hold, how far they go, and what they send of it.
+// The joints of clause 37 as ODE's: their anchors, their limits, and their outputs.
 #include <algorithm>
 #include <cmath>
 

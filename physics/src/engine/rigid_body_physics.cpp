@@ -1,4 +1,4 @@
-// The frame of rigid bodies: what has been set since, the steps up to the cascade's time, and the events of it.
+// The frame of rigid bodies: new values of fields, the steps up to the cascade's time, and their events.
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>

@@ -1,4 +1,4 @@
-// Builds the engine's worlds from the scene: collections of bodies, their geometry, and who may touch whom.
+// Builds the engine's worlds from the scene: collections of bodies, their geometry, and which of them may collide.
 #include <algorithm>
 #include <cmath>
 

@@ -85,7 +85,7 @@ std::unique_ptr<NodeType> makeType(const spec::Type& type) {
     return std::move(makeNodeTypes(table, NodeType::Kind::user).front());
 }
 
-/// What a type may not be here, though it could be compiled.
+/// Refuses types that can be compiled but are too large here.
 void checkSize(const spec::Type& type, spec::Model& model) {
     if (type.level > kMostLevel) model.error(type.where, fmt::format("a level is at most {}", kMostLevel));
     if (type.fields.size() > kMostFields)

@@ -1,4 +1,4 @@
-// The tree and the pages of a view in which some objects are elsewhere.
+// The tree and the pages of a view in which some objects have moved.
 #include "moved_top.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Finds what lies near a point: from the tree over everything into Embree's point queries.
+// Finds triangles near a point: from the tree over everything into Embree's point queries.
 #include "top.h"
 
 namespace rtsg::bvh {

@@ -1,4 +1,4 @@
-// Which clusters a picture's tiles may see, by their boxes, and from near to far.
+// Finds the clusters that a picture's tiles may see, by their boxes, ordered from near to far.
 #include "primary_hits.h"
 
 #include <algorithm>
@@ -111,7 +111,7 @@ struct PrimaryHits::Found {
         const auto count = [](int first, int end) { return (end - 1) / kBlocksAside - first / kBlocksAside + 1; };
         return std::size_t{1} * count(left, right) * count(top, bottom);
     }
-    /// Of a tile.
+    /// The bits of a tile's blocks.
     std::uint32_t blocks(int x, int y) const {
         // Sixteen bits by rows of four: each row's bits take the columns'.
         const std::uint32_t columns = blocksIn(x, left, right), rows = blocksIn(y, top, bottom);

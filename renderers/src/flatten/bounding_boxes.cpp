@@ -1,4 +1,4 @@
-// How large displayed bounding boxes are, and the twelve lines that all of them share.
+// Sizes of displayed bounding boxes, and the twelve lines that all of them share.
 #include "bounding_boxes.h"
 
 #include <algorithm>

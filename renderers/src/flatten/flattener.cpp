@@ -493,7 +493,7 @@ const InstanceDelta& Flattener::apply(const Scene& scene, const ChangeSet& chang
 
 namespace {
 
-/// What was said of a type's geometry is not so where somebody else makes it.
+/// Diagnostics about a type's geometry are void if another source makes its meshes.
 void forgetGeometryOf(std::string_view type, Diagnostics& diagnostics) {
     const auto isOfType = [&](const Diagnostic& one) {
         return one.code == DiagnosticCode("geometry") && one.text.starts_with(type) && one.text.size() > type.size() &&

@@ -1,4 +1,4 @@
-// How finely curved geometry is cut: by the pixels that its error is seen as, by metres, or by its own size.
+// Chooses how finely curved geometry is divided: by its error in pixels, in metres, or relative to its size.
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-// Levels of detail: what is seen of them and what is heard, and who is told when an eye has moved.
+// Levels of detail: the visible one and the one for sound, and updates when an eye has moved.
 #include <rtsg/core/x3d.h>
 
 #include "flattener_impl.h"

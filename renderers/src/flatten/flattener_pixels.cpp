@@ -1,4 +1,4 @@
-// Follows what depends on the picture: Billboards, layouts, ScreenGroups, and text whose size is in points.
+// Updates everything that depends on the picture: Billboards, layouts, ScreenGroups, and text whose size is in points.
 #include <algorithm>
 
 #include <fmt/format.h>

@@ -10,7 +10,7 @@
 namespace rtsg {
 
 bool isExr(const HeadBytes& file);
-/// As whyNotWithin().
+/// See whyNotWithin().
 std::string whyNotWithinExr(const HeadBytes& file);
 
 }  // namespace rtsg

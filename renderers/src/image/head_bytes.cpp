@@ -1,4 +1,4 @@
-// Reads numbers of a file's head, and compares the size that it says with that of the file.
+// Reads numbers of a file's head, and compares the stated size with that of the file.
 #include "head_bytes.h"
 
 #include <algorithm>

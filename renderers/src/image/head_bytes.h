@@ -39,7 +39,7 @@ class HeadBytes {
 
 constexpr std::uint64_t kLargestSide = std::uint64_t{1} << 20;
 
-/// Of the pixels that a reader takes memory for.
+/// The size of the pixels for which a reader takes memory.
 struct HeadSize {
     std::uint64_t width = 0, height = 0, layers = 1;
     std::uint64_t bits = 8;         // a pixel

@@ -63,7 +63,8 @@ class MovieMaker {
     virtual std::string add(std::span<const std::uint8_t> rgba) = 0;
     /// The last picture once more.
     virtual std::string repeat() = 0;
-    /// Once at most, of one or two channels, from the beginning of the first picture on. Of a shape that has sound.
+    /// Adds the sound of one or two channels, from the beginning of the first picture on. Call it at most once, for a
+    /// film with sound.
     virtual std::string sound(const FileSound& sound) = 0;
     virtual std::string finish() = 0;
 };

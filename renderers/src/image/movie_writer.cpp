@@ -1,4 +1,4 @@
-// Films out of pictures: which bytes go where is the module's, which file they go into is decided here.
+// Writes films of pictures: the module decides their bytes, this file their place.
 #include <rtsg/renderers/movie_writer.h>
 
 #include <unistd.h>

@@ -16,13 +16,13 @@ namespace rtsg {
 
 namespace {
 
-// What a byte of a file holds at most, in bytes of pixels.
+// The most bytes of pixels that one byte of a file can stand for, by compression.
 constexpr std::uint64_t kDeflate = 1032;      // 258 bytes of two bits
 constexpr std::uint64_t kLzw = 4096;          // an entry of a full table, of twelve bits
 constexpr std::uint64_t kRuns = 128;          // a run of 255 takes two bytes
 constexpr std::uint64_t kArithmetic = 32768;  // of coders that spend a small part of a bit on what they expect
 
-/// Of a file whose head goes on for so long that nobody would have written it.
+/// For a file whose head is longer than any writer makes it.
 constexpr HeadSize kUnknown{kLargestSide, kLargestSide, kLargestSide, 8, 1};
 
 /// A JPEG file's segments, each of which says how long it is; behind those that begin a scan comes what is coded.
@@ -159,7 +159,7 @@ std::optional<HeadSize> pnmSize(const HeadBytes& file) {
     if (numbers.size() < 2) return head.size() < kLongest ? std::nullopt : std::optional(kUnknown);
     const std::uint64_t bytes = numbers.size() > 2 && numbers[2] > 255 ? 2 : 1;
     const std::uint64_t colours = kind == '3' || kind == '6' ? 3 : 1;
-    // As text a number has one sign at least; of two tones eight are in a byte.
+    // In text form a number takes at least one character; black and white pixels take one bit each.
     const std::uint64_t bits = kind == '4' ? 1 : kind <= '3' ? 8 * colours : 8 * bytes * colours;
     return HeadSize{numbers[0], numbers[1], 1, bits, 1};
 }

@@ -1,5 +1,5 @@
-// What the head of a picture's file says of its size, held against the bytes that there are: no reader takes memory for
-// pixels that the file cannot hold.
+// Checks the size in the head of a picture's file against the length of the file: no reader takes memory for pixels
+// that the file cannot hold.
 //
 // Readers take memory as the head says before they look further, some of them when a file is opened, so this comes
 // before all of them. Each format has a most that a byte can hold; a file that says more is damaged, or was made to

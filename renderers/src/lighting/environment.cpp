@@ -1,4 +1,4 @@
-// The light of an EnvironmentLight: as it comes, as matte surfaces gather it, and as rough ones do.
+// The light of an EnvironmentLight: as it is, gathered for matte surfaces, and blurred for rough ones.
 #include "environment.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Which lights are lamps, and what the tree is told of them.
+// Chooses the lights that are lamps, and their data for the tree.
 #include "lamps.h"
 
 #include <algorithm>

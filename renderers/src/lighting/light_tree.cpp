@@ -1,4 +1,4 @@
-// Building the tree, and the way down it.
+// Builds the tree, and descends it.
 #include "light_tree.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Instants while the shutter is open, and which of a tile's samples is of which.
+// Instants while the shutter is open, and the samples of a tile at each.
 #include "shutter.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The cells of a sky's pictures, and the choice among them and its colours.
+// The cells of a sky's pictures, the choice among them, and their colours.
 #include "sky_light.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What integrators ask of a scene: its lens, its environments, its fogs, its materials.
+// The data of a scene that integrators read: its lens, its environments, its fogs, its materials.
 #include "trace_scene.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Decides where a rasteriser's colours are all that rays would find.
+// Decides where rays would find nothing more than a rasteriser's colours.
 #include "seen_first.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Which tiles of a picture cannot be other than they were: boxes around rays against boxes around changes.
+// Finds the tiles of a picture that cannot have changed: boxes around rays against boxes around changes.
 #include "trail.h"
 
 #include <algorithm>

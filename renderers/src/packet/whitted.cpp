@@ -78,9 +78,9 @@ class Tile {
         }
         loop_.usePlaces(places_);
     }
-    /// What the primary rays of a packet meet where a rasteriser has looked before. Pixels whose colour stays are done,
-    /// and are no longer active. Rays are looked up about the depth that is known; those that meet nothing there, at
-    /// edges that the rasteriser places otherwise, go their whole way later.
+    /// Finds the hits of a packet's primary rays where a rasteriser has looked before. Pixels whose colour stays are
+    /// done, and become inactive. Rays are traced near the known depth; those that hit nothing there, at edges that the
+    /// rasteriser places otherwise, are traced in full later.
     std::uint32_t meetSeen(TilePacket& packet) {
         const SeenFirst& seen = *scene_.seen;
         const PrimarySight& sight = seen.sight();
@@ -279,7 +279,7 @@ class Tile {
         }
         branch(packet, s, lane, weight, fog);
     }
-    /// What absorption leaves of a share. What it takes is dark, and not clear.
+    /// The share that absorption leaves. Absorbed light is dark, not transparent.
     Vec3f darkened(std::uint16_t pixel, const Vec3f& share, const Vec3f& left) {
         const Vec3f lost = share * (Vec3f(1) - left);
         loop_.sumOf(pixel).a += (lost.x + lost.y + lost.z) / 3;

@@ -1,5 +1,5 @@
-// Groups of samples, their means' spread, and when a block has enough, which other groups decide than those that are
-// shown.
+// Groups of samples, the spread of their means, and the decision when a block has enough, which is made by other groups
+// than those that are shown.
 #include "adaptive.h"
 
 #include <algorithm>
@@ -174,7 +174,7 @@ class Sampling {
     bool inside(int pixel) const {
         return x0_ + pixel % kTileSide < settings_.width && y0_ + pixel / kTileSide < settings_.height;
     }
-    /// What a fold of the groups shows, about which the others decide.
+    /// The result of a fold of the groups, about which the other folds decide.
     struct Fold {
         TileResult sums;
         std::uint32_t good = 0, wanted = kAllBlocks;  // blocks that it is to go on with
@@ -307,8 +307,8 @@ class Sampling {
         }
     }
 
-    /// Of what is shown: each fold's own variance, over the others' value. Over its own it would look small where the
-    /// value is large by chance.
+    /// Estimates the variance of the shown value: each fold's own variance, divided by the value of the others. Divided
+    /// by its own value it would look small where that is large by chance.
     void estimate(int pixel, Vec3d& variance, double& square) const {
         Vec3d sum(0);
         for (int f = 0; f < folds_; ++f) sum += show_.mean(f, pixel, shownOf(f, pixel));

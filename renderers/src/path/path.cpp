@@ -499,7 +499,7 @@ class Paths {
         }
         const bool bends = material.refractiveIndex > 0, passes = way == enter || way == straight;
         if (passes && bends) task.media = s.beyond[lane];
-        // What bends light, or would if there were no other body around it, is looked through by bounces alone.
+        // Surfaces that bend light, or would without another body around them, are only reached by bounces.
         if (way == mirror || (passes && bends)) task.density = 0;
         task.weight *= way == straight ? share : fog * share;
         follow(task, way == straight, t, out, lane);

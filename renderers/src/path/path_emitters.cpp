@@ -1,4 +1,4 @@
-// Rays towards chosen emitters and the sky, and what is left of their light on the way.
+// Rays towards chosen emitters and the sky, and the light that arrives along them.
 #include "path_emitters.h"
 
 #include <algorithm>

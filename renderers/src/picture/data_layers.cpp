@@ -1,4 +1,4 @@
-// The rays that find what is seen in a pixel, and the layers made of it.
+// The rays that find the visible surface of a pixel, and the data layers made of it.
 #include "data_layers.h"
 
 #include <algorithm>

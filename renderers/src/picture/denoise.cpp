@@ -37,8 +37,8 @@ constexpr float kLightRange = 4;
 constexpr float kMostLight = 1e15f;  // its square is a number, too
 constexpr float kLog2E = 1.44269504f;
 
-// What a pixel shows, as a number that lanes compare: no surface, a surface that light falls on, a black one, a pixel
-// that may show both.
+// The kind of a pixel's content, as a number for comparisons in lanes: no surface, a lit surface, a black one, or a
+// pixel with both.
 constexpr float kNone = 0, kLit = 1, kDark = 2, kRim = 3;
 
 template <class F>
@@ -123,7 +123,7 @@ class Filter {
         for (int x = 0; x < width_; x += kLanes)
             if (simd::any(load(&kind_[at(x, y)]) != kNone)) eight(x);
     }
-    /// Of a picture, and of the planes here, which have room beside each row.
+    /// The index of a pixel in a picture, and in the planes here, whose rows have padding.
     std::size_t pixelAt(int x, int y) const {
         return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
     }

@@ -9,9 +9,10 @@
 
 namespace rtsg {
 
-/// Of two pictures of the same by independent samples, as many each; `guide` has the layers of one of them. What noise
-/// does not explain stays, mirrored things, too. False: `goesOn`, asked now and then unless it is null, said so, and
-/// the pictures are as they were. Errors: as denoise(); sizes that differ.
+/// Denoises two pictures of the same view with independent samples, as many in each; `guide` has the layers of one of
+/// them. Differences that noise does not explain stay, mirrored things included. Returns false if `goesOn`, which is
+/// called from time to time unless it is null, returned false; the pictures are then unchanged. Errors: as for
+/// denoise(); sizes that differ.
 Result<bool> denoiseHalves(const Picture& guide, Picture& first, Picture& second, const std::function<bool()>& goesOn);
 
 }  // namespace rtsg

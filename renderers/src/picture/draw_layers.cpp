@@ -1,4 +1,4 @@
-// A LayerSet's layers: where each is seen in a picture, through which eye, and one over the other.
+// A LayerSet's layers: their rectangles in a picture, their eyes, and their composition.
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -1,4 +1,4 @@
-// LightTracer: its tables, and what is asked of it before a picture is drawn.
+// LightTracer: its tables, and queries before a picture is drawn.
 #include <rtsg/renderers/light_tracer.h>
 
 #include <chrono>

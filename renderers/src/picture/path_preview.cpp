@@ -1,4 +1,4 @@
-// Judges a denoised picture tile by tile with samples that it was not made of.
+// Judges a denoised picture tile by tile, with samples that are not part of it.
 #include <rtsg/renderers/path_preview.h>
 
 #include <algorithm>
@@ -204,7 +204,7 @@ double PathPreview::denoised() const {
 double PathPreview::noise() const {
     const Impl& s = *impl_;
     if (s.halves[1].samples == 0) return 0;
-    // Of a mean by weights that go with the samples.
+    // The variance of a mean whose weights follow the numbers of samples.
     const double a = s.halves[0].samples, b = s.halves[1].samples, share = a * b / ((a + b) * (a + b));
     double squares = 0, sum = 0;
     for (std::size_t i = 0; i < s.halves[0].mean.pixels.size(); ++i) {

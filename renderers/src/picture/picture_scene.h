@@ -1,4 +1,4 @@
-// What a picture is of: the scene as integrators see it, made of a version of light's tables.
+// The scene of a picture as integrators see it, made of a version of light's tables.
 //
 // Threading: re-entrant.
 #pragma once
@@ -18,7 +18,7 @@ struct Part {
     std::vector<bool> hidden;   // slots that are not there; empty: none
     bool over = false;          // something is seen where nothing is: no background of its own makes it clear
     bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
-    /// What a rasteriser has seen of it; null: none has looked.
+    /// the surfaces that a rasteriser has found; null: none was used
     const PrimarySight* sight = nullptr;
 };
 

@@ -1,4 +1,4 @@
-// Looks at hits of single rays as pictures do at those of packets.
+// Evaluates hits of single rays in the way that pictures evaluate those of packets.
 #include "seen_surfaces.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The eye of a picture: which viewpoint counts, and the camera that it stands for.
+// The eye of a picture: finds the viewpoint, and makes its camera.
 #include <fmt/format.h>
 
 #include <algorithm>

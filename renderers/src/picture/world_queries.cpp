@@ -1,4 +1,4 @@
-// Asks the picker for what pointers and avatars meet.
+// Asks the picker for the hits of pointers and avatars.
 #include <rtsg/renderers/world_queries.h>
 
 #include <string_view>

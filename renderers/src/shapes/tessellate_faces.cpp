@@ -1,4 +1,4 @@
-// IndexedFaceSet: cuts polygons into triangles and keeps which corner came from where.
+// IndexedFaceSet: divides polygons into triangles and keeps the source of each corner.
 #include <fmt/format.h>
 
 #include "tessellate_detail.h"

@@ -1,4 +1,4 @@
-// Looks around a triangle for others in its plane that turn their front to the other side, or are there from both.
+// Finds triangles in the plane of another one that face the other side, or are visible from both.
 #include "coincident.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Lights surfaces by EnvironmentLights where no bounces look for their light: matte parts by their side of the
-// surroundings, glossy parts by what lies around the mirrored direction.
+// Lights surfaces by EnvironmentLights where no bounces sample them: matte parts by the half of the surroundings before
+// them, glossy parts by the surroundings in the mirror direction.
 #include <bit>
 #include <cmath>
 

@@ -1,4 +1,5 @@
-// Keeps sets of bodies as lists that share their ends, and finds what a ray goes through where several surfaces meet.
+// Keeps sets of bodies as lists with common tails, and finds the interface that a ray crosses where several surfaces
+// meet.
 #include "media.h"
 
 #include <algorithm>

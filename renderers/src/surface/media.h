@@ -30,7 +30,7 @@ class Media {
         return scene.materials[scene.slot(instance).material].material.refractiveIndex > 0;
     }
     Set aroundEye() const { return aroundEye_; }
-    /// Of what is there, 1/m.
+    /// The absorption of the bodies in a set, in 1/m.
     const Vec3f& absorption(Set set) const;
 
     struct Interface {
@@ -38,8 +38,8 @@ class Media {
         float eta = 1;    // the index there over that on this side; 0: there is no surface
         float apart = 0;  // how far other surfaces in the same place may be from the one that was met, in metres
     };
-    /// What a ray that runs in these bodies goes through at a hit of one. A body that it leaves without having come
-    /// into it was around it before.
+    /// The interface that a ray in these bodies crosses at a hit. If it leaves a body that it never entered, that body
+    /// surrounded it before.
     Interface cross(Set from, const Ray& ray, const Hit& hit);
     /// The same where the other surfaces in that place are known.
     Interface cross(Set from, const Vec3f& direction, const Hit& hit, std::span<const Hit> others);
@@ -68,7 +68,7 @@ class Media {
 /// The closed bodies that a place lies in.
 std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& place);
 
-/// What a ray runs in that goes straight through surface after surface.
+/// The bodies around a ray that passes straight through several surfaces.
 struct RunsIn {
     Media* media = nullptr;  // null: nobody knows
     Media::Set set = 0;

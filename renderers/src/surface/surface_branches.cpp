@@ -1,4 +1,4 @@
-// Finds the light that surfaces mirror, bend and let through, eight lanes at a time.
+// Finds the light that surfaces mirror, refract and transmit, eight lanes at a time.
 #include "surface_branches.h"
 
 #include <bit>

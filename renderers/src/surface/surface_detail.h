@@ -35,8 +35,8 @@ inline float opacityOf(const Material& material, float opacity) {
     return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : share(opacity);
 }
 
-/// Of the light that goes straight through a surface, what its absorption leaves. In a body it counts along the way; a
-/// surface that bends nothing is a sheet.
+/// The share of light that the absorption of a surface leaves. In a body it depends on the distance; a surface that
+/// bends nothing is a thin sheet.
 inline Vec3f leftBySheet(const Material& material) {
     return material.refractiveIndex > 0 || material.absorption == Vec3f(0) ? Vec3f(1) : glm::exp(-material.absorption);
 }

@@ -40,8 +40,8 @@ struct alignas(64) SurfacePacket {
     alignas(64) float occlusion[16];  // what is left of light from all around (glTF's occlusion)
     std::uint32_t lights[16];
     const Material* material[16];
-    /// Of what bends light: its index behind the surface over that before it; 0 coverage: there is no surface. What a
-    /// lane's ray runs in, and runs in behind the surface, as `media` counts it.
+    /// For surfaces that bend light: the index behind the surface divided by the one before it. Coverage 0 means that
+    /// there is no surface. `media` counts the bodies that a lane's ray is in, before and behind the surface.
     alignas(64) float eta[16];
     Media* media = nullptr;  // of the tile; null: nobody asks
     std::uint32_t within[16], beyond[16];

@@ -1,4 +1,4 @@
-// Fetches and interpolates what sixteen hits need for shading.
+// Fetches and interpolates the data for shading sixteen hits.
 #include "surface_packet.h"
 
 #include <array>
@@ -393,7 +393,8 @@ std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& 
         const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
         off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;
     }
-    // As far as a ray that leaves the triangle itself starts from it, there is no curve.
+    // A ray that leaves the triangle itself may start as far as this from it; within that distance the curve does not
+    // matter.
     const float error = glm::dot(glm::abs(facing), s.error.get(lane));
     if (!(glm::dot(off, facing) > 2 * error)) return std::nullopt;
     return place + off;

@@ -1,4 +1,4 @@
-// What is made of the hits of a packet, and what light leaves them: shading, shadows, what shines through.
+// Shades the hits of a packet: prepares surfaces, and computes lighting, shadows and transmitted light.
 //
 // Threading: a packet belongs to one tile.
 #pragma once

@@ -1,7 +1,7 @@
-// TextureLanes: what TextureLookup finds for lanes of one instance and one material, eight lanes at a time.
+// TextureLanes: does the look-ups of TextureLookup for lanes of one instance and one material, eight lanes at a time.
 //
-// Invariant: a lane gets the same, bit for bit, whatever the others are, and the same as by TextureLookup.
-// Threading: one thread's. What it refers to must outlive it.
+// Invariant: a lane's result does not depend on other lanes, and is the same, bit for bit, as that of TextureLookup.
+// Threading: one thread. The objects that it refers to must outlive it.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Draws the places and directions that particles set out with.
+// Draws random start positions and directions of particles.
 #include "particle_emitters.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The picture of a particle system: what is drawn at the place of each particle, and its colour and texture by its age.
+// The geometry of a particle system: a shape at the place of each particle, with colour and texture by its age.
 #include <algorithm>
 #include <cmath>
 

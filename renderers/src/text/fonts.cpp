@@ -1,4 +1,4 @@
-// Finds and loads the module that knows fonts.
+// Finds and loads the module for fonts.
 #include "fonts.h"
 
 #include <rtsg/core/module.h>

@@ -1,4 +1,4 @@
-// Which pictures of films MovieTextures show.
+// Chooses the pictures of films that MovieTextures show.
 #include <rtsg/renderers/movie.h>
 
 #include <algorithm>

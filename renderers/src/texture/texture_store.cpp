@@ -179,7 +179,7 @@ void tellOfNone(const Scene& scene, const Node& node, const std::string& why, Di
 
 }  // namespace
 
-/// What is on the network may be there another time.
+/// A file on the network may be available later.
 bool TextureStore::mayComeLater(const Scene& scene, const Node& node, const Array<String>& urls) const {
     if (!resources_.policy().fetcher) return false;
     const auto folders = resources_.foldersOf(scene, node, node.type().findExact("url"));

@@ -1,4 +1,4 @@
-// Which lines and points there are.
+// Keeps the list of lines and points.
 #include "strokes.h"
 
 #include <utility>

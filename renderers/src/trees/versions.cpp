@@ -1,4 +1,4 @@
-// Keeps the list of held versions and of what only they still read.
+// Keeps the list of held versions and of the data that only they still use.
 #include "versions.h"
 
 #include <algorithm>

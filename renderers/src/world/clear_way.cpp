@@ -1,4 +1,4 @@
-// ClearWay: the order in which rays meet what they pass.
+// ClearWay: the order in which rays meet the surfaces that they pass through.
 #include "clear_way.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// From what a ray met to the place where it did, with bounds on its error, and away from there.
+// Computes the point of a hit, with bounds on its error, and the start of a ray that leaves it.
 #include <algorithm>
 #include <bit>
 #include <cmath>

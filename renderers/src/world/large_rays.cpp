@@ -1,4 +1,4 @@
-// LargeRays: what of a view is large, where no lines, points or filters have a say.
+// LargeRays: hits on the large triangles of a view, if no lines, points or filters are involved.
 #include "large_rays.h"
 
 #include "ray_view_impl.h"

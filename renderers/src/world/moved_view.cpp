@@ -1,4 +1,4 @@
-// Ways between two states, and the world on its way.
+// Motion between two states, and the world at an instant between them.
 #include "moved_view.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// PrimaryRays: of what a view's rays meet, that which rests.
+// PrimaryRays: the resting part of the hits of a view's rays.
 #include "primary_rays.h"
 
 #include "ray_view_impl.h"

@@ -1,4 +1,4 @@
-// Queries: what every ray of light, sound and picking goes through. Nothing here locks or allocates.
+// Queries that every ray of light, sound and picking uses. Nothing here locks or allocates.
 #include <algorithm>
 #include <bit>
 #include <cmath>

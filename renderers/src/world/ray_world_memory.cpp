@@ -1,4 +1,4 @@
-// How much there is, and where its bytes are.
+// Counts and memory use.
 #include <unordered_map>
 #include <unordered_set>
 

@@ -1,4 +1,4 @@
-// Versions of the world: made from lists of pages, and let go of when their readers have done.
+// Versions of the world: made from lists of pages, and released when their readers are done.
 #include <utility>
 
 #include "ray_world_impl.h"

@@ -1,5 +1,5 @@
-// The shared world: one flattener and one RayWorld on the bus, the list of those who start from them, and states of
-// all of it for readers on other threads.
+// The shared world: one flattener and one RayWorld on the bus, their subscribers, and states of all of it for readers
+// on other threads.
 #include <rtsg/renderers/shared_world.h>
 
 #include <algorithm>
@@ -302,8 +302,8 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::latest(std::chrono::nanos
     using Clock = std::chrono::steady_clock;
     Impl& s = *impl_;
     const Clock::time_point end = Clock::now() + patience;
-    // What is current while it waits does not count: a scene that asks for rays before each frame hands a state over
-    // that this frame makes old at once, and nobody would ever have the newest one.
+    // The state that is current while the caller waits does not count: a scene that asks for rays before each frame
+    // hands a state over that this frame makes old at once, and then no reader would ever get the newest one.
     const std::uint64_t asked = s.current.load(std::memory_order_acquire);
     for (std::chrono::microseconds pause{50};; pause = std::min(2 * pause, std::chrono::microseconds(1000))) {
         std::shared_ptr<const WorldState> state = s.states.get();

@@ -1,4 +1,4 @@
-// The common part of a shared world's renderers: they follow it, and find the nodes that they treat themselves.
+// The common part of a shared world's renderers: they follow it, and find the nodes that they render themselves.
 #include <rtsg/renderers/world_renderer.h>
 
 #include <atomic>

@@ -23,8 +23,8 @@ struct GlbClip {
     std::vector<GlbChannel> channels;
 };
 
-/// In the order of their clocks. What else clocks move is counted in `leftOut`: by other interpolators, and fields of
-/// other nodes.
+/// The clips in the order of their clocks. `leftOut` counts other motion by clocks: by other interpolators, and of
+/// fields of other nodes.
 std::vector<GlbClip> findClips(const Scene& scene, std::size_t& leftOut);
 
 }  // namespace rtsg::mesh_files

@@ -1,4 +1,4 @@
-// What a scene shows, and a file that it is written to piece by piece; shared by the writers of mesh files.
+// The visible shapes of a scene, and a file that they are written to piece by piece, for all writers of mesh files.
 //
 // Threading: one thread a file.
 #pragma once

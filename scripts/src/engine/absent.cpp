@@ -1,4 +1,4 @@
-// In place of the engine in builds without scripts (RTSG_SCRIPTS=OFF): there is no language.
+// Replaces the engine in builds without scripts (RTSG_SCRIPTS=OFF): there is no language.
 #include <rtsg/scripts/run_scripts.h>
 
 namespace rtsg {

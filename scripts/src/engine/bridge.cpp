@@ -1,6 +1,5 @@
-// The functions by which a script acts on the scene. Each function checks everything that comes from the script; it
-// answers with a sentence (a string) where it refuses, which the prelude turns into an exception at the script's own
-// line.
+// The functions by which a script acts on the scene. Each function checks everything that comes from the script; if it
+// refuses, it answers with a sentence (a string), which the prelude turns into an exception at the script's own line.
 #include <fmt/format.h>
 
 #include <rtsg/core/script_language.h>

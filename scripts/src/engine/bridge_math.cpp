@@ -1,6 +1,6 @@
-// The elementary functions of Math, of which SpiderMonkey's own differ between its versions, C libraries and
-// processors: sin, cos, tan and pow are the C library's, the others are compiled for the processor, with fused
-// multiply-adds where it has them.
+// The elementary functions of Math. SpiderMonkey's own differ between its versions, C libraries and processors: sin,
+// cos, tan and pow are the C library's, the others are compiled for the processor, with fused multiply-adds if it has
+// them.
 #include <rtsg/core/portable_math.h>
 
 #include "bridge.h"

@@ -1,4 +1,4 @@
-// Counts what scripts hold, by the engine's own gauges, and by a count of everything where these do not suffice.
+// Counts the memory of scripts, by the engine's own gauges, and by a count of everything if these do not suffice.
 #include "memory.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Parses scripts for their faults alone.
+// Parses scripts only to find syntax errors.
 #include "syntax.h"
 
 #include "runtime.h"

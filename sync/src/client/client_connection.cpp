@@ -314,7 +314,8 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
     return ready > 0;
 }
 
-/// As wait() and poll() do: a socket that was not found empty may hold something of which no descriptor tells.
+/// The same rules as in wait() and poll(): a socket that was not read until it was empty may hold messages that no
+/// descriptor announces.
 MirrorClient::Waiting MirrorClient::Impl::waiting() const {
     MirrorClient::Waiting waiting;
     waiting.descriptors = {socket_.descriptor(), monitor_.descriptor()};

@@ -138,7 +138,7 @@ struct ChangeEncoder::Parts {
         used = 0;
     }
 
-    /// What decoding the present set charges. If it is far below the limit, this is a quick upper bound.
+    /// The memory that decoding the present set takes. If it is far below the limit, this is a quick upper bound.
     std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
         constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes at least 6 bytes, a text at least 1
         const std::uint64_t changes =

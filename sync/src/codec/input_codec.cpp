@@ -156,7 +156,7 @@ std::vector<BehaviourUse> readUses(Reader& in, std::size_t count) {
     return uses;
 }
 
-/// What decoding the input charges. A run state is not charged, because it is longer encoded than decoded.
+/// The memory that decoding the input takes. A run state does not count, because it is longer encoded than decoded.
 std::uint64_t costOf(const FrameInput& input) {
     // Edits and events are held twice while they are sorted in; the first copy is in the frame's own account.
     std::uint64_t cost = (input.edits.size() + input.events.size()) * wire::kChangeCost +

@@ -17,7 +17,7 @@
 
 namespace rtsg::wire {
 
-/// What a column states before its nodes.
+/// The properties of a column that stand before its nodes.
 struct ColumnHead {
     FieldIndex field = 0;
     FieldType type = FieldType::SFFloat;

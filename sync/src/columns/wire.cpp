@@ -117,7 +117,7 @@ constexpr unsigned kExclusiveMin = 1, kHidden = 2, kMin = 4, kMax = 8, kAllowed 
                    kExclusiveMax = 128;
 
 void putField(ByteBuffer& out, const FieldDef& field) {
-    // As in finish(), a default of another type counts as none.
+    // A default of another type counts as none, as in finish().
     const bool hasDefault =
         field.holds(field.defaultValue) && !(field.defaultValue == zeroOf(field.type, field.custom.get()));
     const bool hasMin = field.min != -std::numeric_limits<double>::infinity();

@@ -1,11 +1,10 @@
 // EditHistory: knows how to take back what each author has done to a scene, request by request.
 //
-// Invariant: taking back never undoes what somebody else did. It leaves alone, and names, what is gone, has another
-// value than the request left, or is a new node that others have worked on. What was taken back can be done again until
-// its author does something new. A destroyed node comes back under a new number, which the whole history then uses.
-// Events are not taken back, because their consequences are the scene's own. Memory is bounded: the oldest requests are
-// forgotten.
-// Threading: the scene's thread, between frames.
+// Invariant: taking back never undoes what somebody else did. It leaves alone, and names, nodes that are gone, fields
+// with another value than the request left, and new nodes that others have worked on. An undone request can be done
+// again until its author does something new. A destroyed node comes back under a new number, which the whole history
+// then uses. Events are not taken back, because their consequences are the scene's own. Memory is bounded: the oldest
+// requests are forgotten. Threading: the scene's thread, between frames.
 #pragma once
 
 #include <cstdint>

@@ -39,7 +39,7 @@ class Request {
     Result<const NodeType*> typeOf(NodeId id) const;
     Result<> checkKind(const Change& c);
     Result<> checkCode(const Change& c);
-    /// What the origin loads when this field changes, as "Inline.url". Empty if nothing.
+    /// The thing that the origin loads when this field changes, such as "Inline.url"; empty if there is none.
     std::string loadedBy(NodeId id, FieldIndex field);
     Result<> checkField(NodeId id, FieldIndex field, const Value& value, bool event) const;
     NodeId real(NodeId id) const {

@@ -49,7 +49,7 @@ struct Verdict {
     bool read(wire::Reader& in);  // stands behind the session
 };
 
-/// What the origin remembers about peers that write to its scene.
+/// The origin's data about peers that write to its scene.
 struct Writers {
     HeldPointers pointers;
     EditHistory history;
@@ -60,7 +60,7 @@ struct Writers {
 Result<MirrorRequest> examine(Scene& scene, const Submission& submission);
 /// Call it on the scene's thread, between frames.
 Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers);
-/// What a request concerns. A malformed one, which will be refused, touches nothing.
+/// The nodes and fields that a request concerns. A malformed one, which will be refused, touches nothing.
 struct RequestTouch {
     bool eventsAlone = true;
     std::vector<NodeId> nodes;

@@ -22,7 +22,7 @@ class FieldPatterns {
     static Result<FieldPatterns> make(const std::vector<std::string>& patterns);
     bool empty() const { return patterns_.empty(); }
 
-    /// Of a node, one after the other: the numbers of the patterns that name it.
+    /// The patterns that name a node, as numbers one after the other.
     struct Match {
         std::size_t pattern = 0;
         std::string name;  // of the node, as that pattern has it

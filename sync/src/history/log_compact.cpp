@@ -107,7 +107,7 @@ class FieldCut {
         bool renamed = set.isSnapshot();
         for (const Change& change : set.changes) {
             if (change.kind == ChangeKind::createNode) created_.insert(change.node.value);
-            // Of a scope it is part of the names of all nodes in it.
+            // The name of a scope is part of the names of all nodes in it.
             if (change.kind == ChangeKind::setName && !created_.contains(change.node.value)) renamed = true;
         }
         if (renamed) {
@@ -163,7 +163,7 @@ class FieldCut {
     std::unordered_set<std::uint32_t> created_;  // in the present set
 };
 
-/// What is written of a log's states: they themselves, or those of a scene with fewer changes.
+/// The states that are written: those of the log, or those of a scene with fewer changes.
 class Written {
   public:
     Written(Merger& merger, FieldCut* cut) : merger_(merger), cut_(cut) {}

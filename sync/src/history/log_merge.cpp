@@ -79,7 +79,7 @@ class MergedSide {
         const auto found = typeOf_.find(type.value);
         return found == typeOf_.end() ? type : found->second;
     }
-    /// What the root has besides children is the first log's.
+    /// All fields of the root except its children are the first log's.
     std::optional<Change> turned(const Scene& scene, const Change& change) const {
         Change own = change;
         const bool ofRoot = change.node == scene.root();
@@ -127,7 +127,7 @@ class MergedSource {
         return note(replayer_.scene().snapshot());
     }
     bool waits() const { return next_.has_value(); }
-    /// Of the next state.
+    /// The time of the next state.
     double time() const { return replayer_.time(); }
     double start() const { return start_; }
     const Replayer& replayer() const { return replayer_; }
@@ -153,7 +153,7 @@ class MergedSource {
         if (auto ok = note(replayer_.lastSet()); !ok) return std::unexpected(ok.error());
         return taken;
     }
-    /// What the log lacks; empty: nothing.
+    /// The first gap of the log; empty if there is none.
     std::string lacks() const {
         return check_.first() ? fmt::format("{}: {}", file(), check_.first()->text) : std::string();
     }
@@ -235,7 +235,7 @@ class Merging {
     }
 
   private:
-    /// Of its next state, in the merged log.
+    /// The time of its next state in the merged log.
     double timeOf(const MergedSource& source) const {
         return options_.bySceneTime ? source.time() : a_.start() + (source.time() - source.start());
     }

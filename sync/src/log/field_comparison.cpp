@@ -277,8 +277,8 @@ struct FieldComparison::State {
         const auto of = [](const Side& side, const Place& place) {
             return place.node ? told(side.touched.cause(side.scene, place.node, place.field)) : std::string();
         };
-        // What the second scene did is under test. If it did nothing, the cause in the first scene tells what it should
-        // have done.
+        // The second scene is under test. If nothing happened in it, the cause in the first scene tells what should
+        // have happened.
         const bool second = b.touched.has(w.b.node, w.b.field);
         if (!ofEither && second) return of(b, w.b);
         std::string x = of(a, w.a);

@@ -81,7 +81,7 @@ void LogFiles::read(std::uint64_t offset, std::size_t length, ByteBuffer& into) 
                                     static_cast<off_t>(offset - files_[file].from));
         if (got < 0 && errno == EINTR) continue;
         if (got <= 0 && isLast) break;  // the file has shrunk or cannot be read
-        // What lies behind such a file stays where it is.
+        // Later files keep their offsets.
         const auto size = got > 0 ? static_cast<std::size_t>(got) : std::min<std::uint64_t>(length, left);
         if (got <= 0) std::memset(at, 0, size);
         at += size;

@@ -101,7 +101,7 @@ std::filesystem::path laterPiece(const std::filesystem::path& piece) {
 
 namespace {
 
-/// What a file says of the session to which it belongs.
+/// The marks by which a file names its session.
 struct Marks {
     std::optional<StreamHead> head;
     std::optional<RecordHeader> first;  // of its first keyframe, if that follows the head

@@ -119,7 +119,7 @@ class Run {
         report_.divergence = Divergence{s.sequence(), s.now(), {}, {}, std::move(text)};
     }
 
-    /// What led to the first state of a later piece is in earlier pieces.
+    /// The causes of the first state of a later piece are in earlier pieces.
     Result<> checkBegin() const {
         const std::optional<double> began = recorded_.head().start;
         const double before = began ? recorded_.scene().now() - *began : 0;
@@ -147,7 +147,7 @@ class Run {
         if (!*first) return fail("no intact state", {}, test_.log.string());
         if (auto ok = checkBegin(); !ok) return ok;
         if (test_.build) {
-            // What the scene loads must have the same time as in the session.
+            // Files that the scene loads must get the same time as in the session.
             if (const double t = recorded_.scene().now(); t > 0) scene_.newFrame(t);
             if (auto ok = test_.build(scene_); !ok) return ok;
             scene_.seal();

@@ -130,7 +130,7 @@ void Region::judge(const ShapePlaces& places, PlaceId id) {
 
 // ---- steps -------------------------------------------------------------------------------------------------------
 
-/// Finds the centre. As for viewpoints, the way up follows first parents.
+/// Finds the centre. The path upwards follows first parents, as for viewpoints.
 void Region::findCentre(const Scene& whole) {
     std::vector<NodeId> way;
     known_ = true;

@@ -16,8 +16,8 @@
 
 namespace rtsg {
 
-/// As in a hello: `region:` and [NAME | x,y,z] radius [margin], separated by commas. Without a centre it is where the
-/// viewer is.
+/// A region in the form of a hello: `region:` and [NAME | x,y,z] radius [margin], separated by commas. Without a centre
+/// it is around the viewer.
 struct RegionWish {
     std::string name;  // the node at the centre
     bool isFixed = false;

@@ -1,5 +1,5 @@
-// NearFirst: chooses what one slow peer gets first of merged frames: changes near the viewer, and those of views and
-// sounds.
+// NearFirst: chooses the changes of merged frames that one slow peer gets first: those near the viewer, and those of
+// views and sounds.
 //
 // It keeps a scene that equals the peer's scene once everything sent has arrived, so that each set has the right hash.
 // Of frames merged up to state m the first set leads to state m - 1, in which values that can wait are as before. The

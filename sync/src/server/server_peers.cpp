@@ -1,4 +1,4 @@
-// What a mirror server says to each peer: the order of records, credit, answers and requests.
+// The messages of a mirror server to each peer: the order of records, credit, answers and requests.
 #include <algorithm>
 
 #include <fmt/format.h>

@@ -55,7 +55,7 @@ using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string&
 /// A symbol of the module: a function without arguments that returns a StartWeb.
 #define RTSG_WEB_SYMBOL "rtsg_start_web_4"
 
-/// Of WebSockets for one protocol, whose messages the module does not read.
+/// Settings of WebSockets for one protocol, whose messages the module does not read.
 struct SocketSettings {
     int listener = -1;       // a socket that listens; the module closes it
     bool loopback = true;    // it listens there, so browsers' requests must name this machine
@@ -81,7 +81,7 @@ class SocketModule {
   public:
     virtual ~SocketModule() = default;
     virtual std::size_t connections() const = 0;
-    /// What has happened. A client's next message is read when its last one was taken here.
+    /// The events since the last call. A client's next message is read after its last one was taken here.
     virtual std::vector<SocketNews> takeNews() = 0;
     /// True if a message of so many bytes has room: within the bound, or because nothing waits.
     virtual bool hasRoom(std::uint64_t client, std::size_t bytes) const = 0;

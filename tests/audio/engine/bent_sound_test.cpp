@@ -1,4 +1,4 @@
-// What edges bend of a source that moves, as it is played, against the exact field of the half plane at every moment.
+// Sound of a moving source round edges, as it is played, against the exact field of the half plane at every moment.
 #include <cmath>
 #include <complex>
 #include <filesystem>

@@ -55,7 +55,7 @@ class OneTone {
         for (int i = 0; i < count; ++i)
             ASSERT_TRUE(engine_->renderLive(tables_.latest(), rays, engine_->liveEnd(), sound_));
     }
-    /// What the right ear hears beside the left one, over the last fifth of a second.
+    /// The sound at the right ear relative to the left one, over the last fifth of a second.
     std::complex<double> right() const {
         std::array<std::complex<double>, 2> sums{};
         const std::size_t frames = sound_.samples.size() / 2;

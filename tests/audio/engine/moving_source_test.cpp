@@ -203,7 +203,7 @@ const std::string kWall =
     "{ point [ -900 -900 "
     "0, 900 -900 0, 900 900 0, -900 900 0 ] } } } }\n";
 
-/// What comes by way of the wall alone: all, less what comes straight.
+/// The sound by way of the wall alone: all sound minus the direct sound.
 SoundBuffer reflection(const std::string& text, AcousticOptions options, double fps, double seconds, double start,
                        double speed, const glm::dvec3& axis = {0, 0, 1}) {
     const auto place = [&](double t) { return axis * (start + speed * t); };

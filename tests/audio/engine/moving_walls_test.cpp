@@ -122,7 +122,7 @@ double restingLevel(const std::string& body, double z) {
         .back();
 }
 
-/// What is heard while a body crosses the straight way, beside what is heard where it rests anywhere on its path.
+/// The sound while a body crosses the direct path, beside the sound with the body at rest anywhere on its path.
 struct Resting {
     double far = 0, in = 0, lowest = 100, highest = -100;
 };

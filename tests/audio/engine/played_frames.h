@@ -1,4 +1,4 @@
-// What an engine plays of a scene in which something changes from frame to frame.
+// The sound that an engine plays of a scene that changes from frame to frame.
 #pragma once
 
 #include <cmath>

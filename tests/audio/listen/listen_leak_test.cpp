@@ -60,7 +60,7 @@ class ListenLeak : public Listen {
             }
         return texts;
     }
-    /// What is told while something moves for some seconds.
+    /// The warnings while something moves for some seconds.
     std::vector<std::string> heardWhile(const std::string& body, double seconds,
                                         const std::function<void(Scene&, double)>& move) {
         Scene scene;

@@ -33,7 +33,7 @@ class ListenSealed : public Listen {
         }
         return texts;
     }
-    /// What is told when a scene is listened to; `at` is called before each frame.
+    /// The warnings while a scene is listened to; `at` is called before each frame.
     std::vector<std::string> heard(
         const std::string& body, const std::function<void(Scene&, double)>& at = [](Scene&, double) {},
         double seconds = .1) {

@@ -194,7 +194,7 @@ TEST_F(Listen, WhatLeadsIntoAStreamDestinationIsKeptAndNotHeard) {
     scene.newFrame(.1);
     ASSERT_TRUE(sound.renderFrame());
     for (const float sample : sound.block()) ASSERT_EQ(sample, 0);
-    // What is edited is heard from its frame on, which therefore ends no sound.
+    // An edit is heard from its frame on, so it ends no sound.
     const auto now = [&] {
         scene.seal();
         ASSERT_TRUE(sound.renderFrame());
@@ -427,7 +427,7 @@ TEST_F(Listen, WhatIsMissingIsSaid) {
     EXPECT_EQ(nothing->sound.frames(), 9600u);
     EXPECT_EQ(nothing->sound.peak(), 0.0f);
 
-    // What was heard for a while is no scene without sounds.
+    // A scene whose sounds were heard for a while is not one without sounds.
     Scene passing;
     load(passing, "DEF Out AudioDestination { children OscillatorSource { } }\nViewpoint { }");
     ListenOptions ends = options();

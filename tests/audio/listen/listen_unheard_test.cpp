@@ -1,4 +1,4 @@
-// What is told where nothing is heard of anything: why, of which node, in which line.
+// The warning when nothing is heard: the reason, the node, and the line.
 #include <string>
 
 #include <gmock/gmock.h>

@@ -18,7 +18,7 @@ namespace {
 
 using SofaOfRoom = test::Listen;
 
-/// What a reader that is not ours finds in a file.
+/// Reads a file by an independent reader.
 class ReadSofa {
   public:
     explicit ReadSofa(const std::string& file) : hrtf_(mysofa_load(file.c_str(), &error), mysofa_free) {

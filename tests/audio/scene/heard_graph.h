@@ -1,4 +1,4 @@
-// What a graph of audio nodes gives, heard through an AudioDestination.
+// The output of a graph of audio nodes, heard through an AudioDestination.
 #pragma once
 
 #include <array>

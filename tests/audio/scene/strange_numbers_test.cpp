@@ -67,7 +67,7 @@ class StrangeNumbers : public testing::Test {
         for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
         return scene_;
     }
-    /// As a ROUTE would.
+    /// Sets the field as a ROUTE would.
     void set(const NumberField& field, float number) {
         const FieldType type = scene_.node(field.node).type().fields[field.field].type;
         const Value value = type == FieldType::SFFloat      ? Value(number)

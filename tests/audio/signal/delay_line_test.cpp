@@ -27,7 +27,7 @@ DelayLine toneLine(std::size_t count, std::size_t longest) {
     return line;
 }
 
-/// What is read a block at once must be what is read one by one.
+/// Reading a block at once must give the same as reading samples one by one.
 void expectSame(const DelayLine& line, std::size_t index, const std::vector<double>& delays, const char* what) {
     std::vector<float> block(delays.size());
     line.read(index, delays, block);

@@ -25,7 +25,7 @@ inline std::complex<double> onRigidSphere(double x, double angle) {
     return sum / (x * x);
 }
 
-/// Of ear 0 (left) or 1, of sound from an azimuth to the right of ahead, degrees.
+/// The pressure at ear 0 (left) or 1, for sound from an azimuth in degrees to the right of ahead.
 inline std::complex<double> earOnSphere(double radius, double hertz, double azimuth, int ear, double speed = 343) {
     const double side = std::sin(azimuth * std::numbers::pi / 180);
     return onRigidSphere(2 * std::numbers::pi * hertz * radius / speed, std::acos(ear == 0 ? -side : side));

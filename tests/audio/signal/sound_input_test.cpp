@@ -100,7 +100,7 @@ TEST(SoundStream, WhatIsNoSoundIsSaid) {
     }
 }
 
-/// What comes of it until it has ended, block by block, without the silence of waiting.
+/// The samples until its end, block by block, without the silence of waiting.
 std::vector<float> heardOf(SoundInput& input, std::int64_t& first, double seconds = 60) {
     std::vector<float> heard;
     const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);

@@ -89,7 +89,7 @@ TEST(Convolver, EqualsTheSumInTheTimeDomain) {
 
 namespace {
 
-/// What a convolver of blocks of 64 makes of an input, whose response becomes another one before some blocks.
+/// The output of a convolver of blocks of 64 for an input, whose response is replaced before some blocks.
 std::vector<float> changing(std::span<const float> input, std::size_t turn,
                             const std::vector<std::pair<std::size_t, std::vector<float>>>& responses) {
     Convolver convolver(64, 64, turn);

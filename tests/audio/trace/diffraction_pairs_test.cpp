@@ -39,7 +39,8 @@ Pressure bentTwice(const TwoEdges& e, double waveNumber) {
     return twoWedgeField(path, waveNumber);
 }
 
-/// What an edge's sources send on, of Biot, Tolstoy and Medwin as Svensson, Fred and Vanderkooy (1999) have it.
+/// The field that an edge's sources send on, after Biot, Tolstoy and Medwin in the form of Svensson, Fred and
+/// Vanderkooy (1999).
 double sentOn(double nu, double in, double out, double coshEta) {
     const double c = std::cosh(nu * std::acosh(std::max(1.0, coshEta)));
     double sum = 0;

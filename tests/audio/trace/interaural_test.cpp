@@ -17,8 +17,8 @@ std::shared_ptr<const Hrtf> sphere() {
     return Hrtf::sphere(kEarRate, .0875, 343);
 }
 
-/// What comes from some directions with some energies, and has nothing in common: the largest correlation of the ears
-/// within a millisecond, in an octave.
+/// The largest correlation of the ears within a millisecond, in an octave, for uncorrelated sound from some directions
+/// with some energies.
 double correlationOf(const Hrtf& head, std::span<const std::pair<glm::dvec3, double>> heard, int band) {
     constexpr int kLags = 201;
     constexpr double kStep = 15;  // Hz

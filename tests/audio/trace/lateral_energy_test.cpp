@@ -46,7 +46,7 @@ TEST(LateralEnergy, OfRandomEnergyByBatches) {
     EXPECT_LT(found.ci95.lf[kBand1k], .12);
 }
 
-/// What a Lambert floor y = 0 sends: all of it, and times the squared cosine to the x axis.
+/// The energy that a Lambert floor y = 0 sends: all of it, and weighted by the squared cosine to the x axis.
 std::array<double, 2> fromFloor(double absorption, const glm::dvec3& source, const glm::dvec3& listener) {
     double all = 0, lateral = 0;
     constexpr int kSteps = 1500;

@@ -1,5 +1,5 @@
-// What walls within centimetres of a listener scatter to it: against an integral, the law of a lossless room, and the
-// same paths the other way round.
+// Scattering to a listener by walls within centimetres: against an integral, the law of a lossless room, and the same
+// paths in reverse.
 #include <cmath>
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What walls scatter: of a trace, and of a plane in closed form.
+// Scattering by walls: of a trace, and of a plane in closed form.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,8 @@ inline double scatteredEnergy(const TraceResult& result) {
     return sum;
 }
 
-/// What a Lambert plane z = 0 sends from a source at height h to a listener at height k above the same point.
+/// The energy that a Lambert plane z = 0 sends from a source at height h to a listener at height k above the same
+/// point.
 inline double fromPlaneBelow(double absorption, double h, double k) {
     constexpr int kSteps = 400'000;
     double sum = 0;

@@ -1,4 +1,4 @@
-// What tests of the tracer have in common of their options.
+// Options that tests of the tracer share.
 #pragma once
 
 #include <cstdint>

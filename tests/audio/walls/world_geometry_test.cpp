@@ -78,7 +78,7 @@ struct Room {
     }
 };
 
-/// What mirrors, without the numbers: offset, bounds and share of each plane in use.
+/// The mirroring planes without their numbers: offset, bounds and share of each plane in use.
 std::vector<std::array<double, 6>> described(const WorldGeometry& geometry) {
     std::vector<std::array<double, 6>> all;
     const auto rounded = [](double value) { return std::round(value * 1e6) * 1e-6 + 0.0; };

@@ -27,7 +27,7 @@ struct FollowerScene {
     }
 };
 
-/// Of a chain of `order` filters, t / tau = s after a step from 0 to 1.
+/// The response of a chain of `order` filters to a step from 0 to 1, at t / tau = s.
 double damped(int order, double s) {
     double rest = 0, term = std::exp(-s);
     for (int k = 0; k < order; ++k) {
@@ -115,7 +115,7 @@ TEST(Followers, AChaserAddsUpHalfCosines) {
         }
         EXPECT_LT(glm::length(glm::dvec2(f.node().get(C::value_changed)) - expected), 1e-5) << i << " seed " << seed;
     }
-    // What has arrived is exactly there, and rests.
+    // A follower that has arrived is exactly at its destination, and rests.
     EXPECT_EQ(f.node().get(C::value_changed), Vec2f(steps.back().second));
     EXPECT_FALSE(f.node().get(C::isActive));
     EXPECT_TRUE(f.scene.newFrame(100)->changes.empty());

@@ -138,7 +138,7 @@ TEST(Drags, ASphereTurnsThePointThatWasHitToWhereTheRayMeetsIt) {
             }
             const Vec3f p = s.node().get(x3d::SphereSensor::trackPoint_changed);
             EXPECT_LT(glm::distance(glm::dvec3(p), expected), 2e-5);
-            // What was at the point before the offset turned it is where the point is now; about the axis of both.
+            // The point before the offset and the point now are the same point, rotated about the axis of both.
             const Rotation r = s.node().get(x3d::SphereSensor::rotation_changed);
             const glm::dmat3 turn(glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z)));
             const glm::dmat3 offset(glm::rotate(glm::dmat4(1), double(.5f), glm::dvec3(1, 0, 0)));

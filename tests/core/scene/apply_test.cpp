@@ -78,7 +78,7 @@ TEST_F(RunsOfValues, GiveTheirValuesAndTheHashOfThese) {
     }
 }
 
-/// What the set before left as the term of a value is the last one's, in a run of values and alone.
+/// The hash term that the last set left for a value is that of its last value, in a run of values and alone.
 TEST_F(RunsOfValues, OfAFieldThatComesTwiceTheLastValueCountsInTheNextSet) {
     const auto at = [](NodeId node, float x) {
         return changeTo(node, x3d::Transform::translation.index, Vec3f(x, 0, 0));
@@ -146,8 +146,8 @@ TEST_F(RunsOfValues, WakeThoseWhomTheyConcern) {
     for (std::size_t i = 50; i < 100; ++i) EXPECT_TRUE(scene.node(nodes[i]).get(x3d::TimeSensor::isActive)) << i;
 }
 
-/// What moves is mostly what moved before: sets that name the same fields in the same order, with others between them
-/// that are like these nearly, or as far as somewhere in the middle.
+/// Moving scenes mostly change the same fields: these sets name the same fields in the same order, with others between
+/// them that are almost the same, or the same up to the middle.
 struct RunsThatComeAgain : testing::Test {
     static constexpr std::size_t kNodes = 800;  // two fields each: more than a chunk of what is noted
     using Place = std::pair<NodeId, FieldIndex>;

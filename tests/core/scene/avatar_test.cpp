@@ -9,7 +9,7 @@
 namespace rtsg {
 namespace {
 
-/// What lies where dot(normal, p) < offset is solid.
+/// The half space dot(normal, p) < offset is solid.
 struct Wall {
     glm::dvec3 normal;
     double offset;

@@ -374,7 +374,7 @@ TEST(BusBacklog, IsMergedBesideTheScenesThread) {
     }
 }
 
-/// What waits is merged, taken, forgotten and begun again at the same time, on three threads.
+/// The backlog is merged, taken, cleared and started again at the same time, on three threads.
 TEST(BusBacklog, IsWholeHoweverItIsTakenWhileItIsMerged) {
     const unsigned seed = std::random_device{}();
     RecordProperty("seed", static_cast<int>(seed));

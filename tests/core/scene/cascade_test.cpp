@@ -1,4 +1,4 @@
-// What travels in one frame: routes that come too late, edits meanwhile, IS connections that go both ways, and forged
+// The events of one frame: routes that come too late, edits meanwhile, IS connections in both directions, and forged
 // ones.
 #include <functional>
 #include <map>
@@ -157,7 +157,7 @@ class Meddled : public testing::Test {
         for (int i = 1; i < kCount; ++i) EXPECT_TRUE(scene_.addRoute(node_[0], kPlace, node_[i], kPlace));
         scene_.newFrame(0);
     }
-    /// What the nodes say after an event of the first one; -1 for one that is gone.
+    /// The values of the nodes after an event of the first one; -1 for one that is gone.
     std::vector<float> run() {
         EXPECT_TRUE(scene_.sendEvent(node_[0], kPlace, Vec3f(1)));
         scene_.newFrame(1);

@@ -320,7 +320,7 @@ TEST_F(ListenersTest, OfTwoEventsToAFieldWithoutRoutesBothAreHeardAndTheLastOneS
     ASSERT_TRUE(scene_.sendEvent(named("F"), x3d::BooleanFilter::set_boolean.index, true));
     scene_.newFrame(1);
     EXPECT_EQ(heard(), (Lines{"W 11.000000 at 1.000000", "W 12.000000 at 1.000000"}));
-    // As it is where nobody listens.
+    // The value is the same as without a listener.
     EXPECT_EQ(scene_.node(named("W")).get(x3d::Switch::whichChoice), 12);
 }
 

@@ -42,7 +42,7 @@ struct NavigatedScene {
         for (const Diagnostic& d : scene.diagnostics().all()) text += d.text + "\n";
         return text;
     }
-    /// Of the viewer.
+    /// Checks the viewer's pose.
     void expect(const Vec3d& position, const Vec3d& ahead, double tolerance = 1e-6) {
         const ViewerPose pose = viewerPose(scene);
         const Vec3d given = pose.orientation * Vec3d(0, 0, -1);

@@ -78,7 +78,7 @@ TEST(NodeArena, WhatIsExpectedAgainAndNotNeededIsThereOnce) {
     const std::size_t much = std::size_t{20} << 20;
     arena.expect(much);
     auto* const first = static_cast<std::byte*>(arena.allocate(kBlock));
-    // As of a scene in which many nodes go and as many come: these take what was freed.
+    // In a scene where many nodes go and as many come, new ones take freed blocks.
     for (int i = 0; i < 10; ++i) {
         arena.expect(much - (std::size_t{4} << 20));
         EXPECT_EQ(static_cast<std::byte*>(arena.allocate(kBlock)) - first, (i + 1) * std::ptrdiff_t{kBlock});

@@ -92,7 +92,7 @@ TEST(NodeTable, EqualsAMapUnderRandomEdits) {
             ASSERT_TRUE(inOrder && expected == model.end()) << "seed " << seed << " step " << step;
             for (const std::uint32_t id : gone) ASSERT_EQ(scene.find(NodeId{id}), nullptr);
         }
-        // What the scene makes itself goes on behind the highest number.
+        // Nodes that the scene makes itself get numbers after the highest.
         EXPECT_GE(scene.createNode(x3d::Group::type).value, next - 1);
     }
 }

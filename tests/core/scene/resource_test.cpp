@@ -1,4 +1,4 @@
-// What urls may open: core/resource.h.
+// The files that urls may open: core/resource.h.
 #include <filesystem>
 #include <fstream>
 
@@ -274,7 +274,7 @@ class ResourceFolders : public ResourceTest {
         });
         return text;
     }
-    /// As the scene that loaded the files has it; a replica elsewhere must agree.
+    /// The folders in the scene that loaded the files; a replica elsewhere must agree.
     std::string foldersOf(std::string_view type) {
         Diagnostics diagnostics;
         Scene scene, replica;

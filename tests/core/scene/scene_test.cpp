@@ -1,4 +1,4 @@
-// What the headers of scenes, sets and behaviours promise, one by one: edits, order within a set, frames, threads.
+// The promises of the headers of scenes, sets and behaviours, one by one: edits, order within a set, frames, threads.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -229,7 +229,7 @@ TEST(SceneFrames, WithoutBehavioursEventsStillTravelAlongRoutes) {
     EXPECT_TRUE(scene.node(clock).get(x3d::TimeSensor::isActive));
 }
 
-/// What the behaviours below have done; they are plain functions and find it here.
+/// The calls of the behaviours below, which are plain functions and find it here.
 struct Calls {
     int first = 0, second = 0, asked = 0;
     bool looks = false;

@@ -159,7 +159,7 @@ void expectSameThroughout(std::uint32_t seed, bool small, unsigned threads) {
             if (what == 0) done = scene.set(target, x3d::Transform::center, Vec3f(static_cast<float>(frame)));
             if (what == 1) done = scene.sendEvent(target, x3d::Transform::translation.index, Vec3f(1));
             if (what == 2) (void)scene.createNode(x3d::TimeSensor::type);
-            // What was cut by the routes before must be cut anew.
+            // A division by the old routes must be made again.
             NodeId far = scene.findName(fmt::format("T{}", kPlenty / 3 - 1 - which % 10));
             if (!far) far = scene.findName(fmt::format("T{}", 9 - which % 10));
             if (what >= 5 && frame > 8)

@@ -245,7 +245,7 @@ TEST(DisPdu, TruncatedAndRandomBytesNeverCrash) {
         const auto pdu = decode(bytes);
         if (!pdu) continue;
         ++read;
-        // What can be read can be written, and is then read as the same.
+        // A PDU that can be read can be written, and is then read as the same.
         const auto again = decode(encode(*pdu));
         ASSERT_TRUE(again) << round;
         EXPECT_TRUE(*again == *pdu) << round;

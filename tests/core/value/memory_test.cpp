@@ -27,7 +27,7 @@ TEST(Memory, HeldIsWhatTheSystemCounts) {
     constexpr std::size_t size = std::size_t{64} << 20;
     std::string much(size, 'x');
     EXPECT_GE(heldMemory(), before + size / 2);
-    // What is reserved and not used does not count.
+    // Memory that is reserved and not used does not count.
     const std::uint64_t now = heldMemory();
     void* const reserved = std::malloc(size);
     EXPECT_LT(heldMemory(), now + size / 2);

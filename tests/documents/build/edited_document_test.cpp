@@ -404,7 +404,7 @@ class Editor {
         return any([](const Node& node) { return node.is(T::type); });
     }
     std::size_t childCount(NodeId id) { return scene_.node(id).get(T::children).size(); }
-    /// What the document would no longer say.
+    /// Removes a node from the document.
     void drop(NodeId id) {
         if (!scene_.parents(id).empty()) return;
         std::vector<NodeId> below;

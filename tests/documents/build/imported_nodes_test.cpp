@@ -57,7 +57,7 @@ TEST_F(ImportedNodesTest, AreReadWithTheirNodes) {
     ASSERT_EQ(exports.size(), 1U);
     EXPECT_EQ(exports[0].exportedName + ' ' + exports[0].localName, "OUT T");
     EXPECT_EQ(exports[0].node, scene_.findName("T"));
-    // Of what an Inline has loaded.
+    // The content of an Inline.
     ASSERT_EQ(importedNodes(scene_, room).size(), 1U);
     EXPECT_EQ(importedNodes(scene_, room)[0].inlineNode, holder);
     const auto offered = exportedNodes(scene_, room);

@@ -1,5 +1,5 @@
-// What documents that others made may take of memory: Inlines, prototypes and worlds, packed and in data: urls. Each
-// test states its bound.
+// Memory that untrusted documents may take: Inlines, prototypes and worlds, compressed and in data: urls. Each test
+// states its bound.
 #include <fstream>
 
 #include <gmock/gmock.h>

@@ -40,7 +40,7 @@ TEST(NodePlaces, AreThoseOfTheFilesThatNodesAreFrom) {
     });
     EXPECT_EQ(bodies, 1);
     EXPECT_EQ(inner, 1);
-    // What nobody has read is from nowhere, and a replica reads nothing.
+    // A node that was not read from a file has no place, and a replica reads none.
     EXPECT_EQ(readIn(scene, scene.createNode(x3d::Group::type)), ":0:0");
     EXPECT_EQ(readIn(scene, NodeId{123456}), ":0:0");
     Scene replica;

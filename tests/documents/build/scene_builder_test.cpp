@@ -1,4 +1,4 @@
-// What a SceneBuilder makes of commands, good and bad.
+// The scenes that a SceneBuilder makes of commands, good and bad.
 #include <rtsg/documents/scene_builder.h>
 
 #include <thread>

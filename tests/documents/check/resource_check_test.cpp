@@ -1,4 +1,4 @@
-// What is said of urls that lead to nothing, and where the document names them.
+// Warnings about urls that lead to nothing, with the positions at which the document names them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -47,7 +47,7 @@ TEST(ResourceCheck, AnInstanceOfAPrototypeLeadsToItsBody) {
         "#X3D V4.0 utf8\nPROFILE Full\nPROTO P [ ] { Appearance { texture ImageTexture {\n url \"x.png\" } } }\n"
         "Shape { appearance P { } }\nShape { appearance P { } }\n",
         true);
-    // Of the same words at the same place one is enough.
+    // The same words at the same position are reported once.
     EXPECT_THAT(text, HasSubstr("test:4:2: warning: ImageTexture.url: 'x.png' is not there"));
     EXPECT_EQ(text.find("warning"), text.rfind("warning"));
 }

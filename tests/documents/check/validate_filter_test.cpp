@@ -1,4 +1,4 @@
-// What does not fit together in a document: profiles, indices, keys, places, scripts.
+// Inconsistencies in a document: profiles, indices, keys, places, scripts.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

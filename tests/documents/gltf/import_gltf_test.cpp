@@ -200,7 +200,7 @@ TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
     EXPECT_THAT(c, HasSubstr("route animation0_0_part0.value_changed node1_points0.point"));
 }
 
-// Of clips that move the same node one plays at a time; others go on beside it.
+// Clips that move the same node play one at a time; others go on beside it.
 TEST(ImportGltf, AClipThatStartsStopsThoseThatMoveTheSame) {
     GltfParts parts;
     const int times = parts.floats("SCALAR", 1, {0, 10});
@@ -552,7 +552,7 @@ TEST(ImportGltf, SplinesAreHermiteSplines) {
         const double expected = t < 1 ? hermite(t, 1, 0, 4, -3, 1) : hermite((t - 1) / 3, 3, 1, 6, 2, 5);
         EXPECT_NEAR(spline.doorAt(t).x, expected, 2e-3) << t;
     }
-    // What a file says is no reason for more memory than it is worth: many targets get few lines.
+    // The memory for a file is in proportion to its size: many targets get few lines.
     std::vector<float> many(6 * 400'000, 0.f);
     for (std::size_t i = 0; i < many.size(); i += 7) many[i] = static_cast<float>(i % 11);
     GltfParts parts;

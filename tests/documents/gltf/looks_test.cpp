@@ -1,5 +1,5 @@
-// What extensions add to glTF's materials: glass, panes and coats as metadata that the tracer knows, and what of them
-// is left out, which is said once.
+// Extensions of glTF's materials: glass, panes and coats as metadata for the tracer, and one warning about the effects
+// that are left out.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What becomes of a file of another program: its commands, and what is said of it.
+// The import of a file of another program: its commands and its diagnostics.
 #pragma once
 
 #include <array>

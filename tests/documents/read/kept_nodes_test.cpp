@@ -1,5 +1,5 @@
-// What is in the wrong place, of an unknown type, or spelled as in another version: nothing of it is lost, and what
-// refers to it still finds it.
+// Nodes in the wrong place, of an unknown type, or spelled as in another version: nothing of them is lost, and
+// references still find them.
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -68,7 +68,7 @@ TEST(KeptNodes, WhatStandsWhereItDoesNotBelongIsFoundByItsName) {
     }
 }
 
-/// What an XML scene says, and `parent.field` of it as a text.
+/// The scene of an XML text, and `parent.field` of it as a text.
 std::string placed(std::string_view body, std::string_view def, std::string_view name, std::string& problems) {
     Scene scene;
     Diagnostics diagnostics;

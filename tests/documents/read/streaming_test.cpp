@@ -372,7 +372,7 @@ std::size_t mostMemory() {
     return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
 }
 
-/// What converting a file takes beyond what the process had before, in a process of its own.
+/// The memory for converting a file beyond what the process had before, in a process of its own.
 std::size_t memoryOf(const std::string& in, const std::string& out) {
     int ends[2];
     if (::pipe(ends) != 0) return SIZE_MAX;

@@ -136,7 +136,7 @@ TEST(RoundTrip, DeclaredListsBesideOpenOnesComeBack) {
     }
 }
 
-// What a Script or a peer may set, and what no document can say.
+// A Script or a peer may set such values, and no document can express them.
 TEST(RoundTrip, ValuesThatAreNotFiniteAreLeftOutAndNamed) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
     Scene scene;
@@ -292,7 +292,7 @@ std::vector<std::string> filesOfScenes() {
     return files;
 }
 
-/// What an encoding cannot say. Everything else in these files must survive.
+/// The parts that an encoding cannot express. Everything else in these files must survive.
 std::string_view exception(std::string_view file, Encoding encoding) {
     if (file == "pythonSAI/HelloWorldProgramOutput.x3d" && encoding == Encoding::classicVrml)
         return "its DEF names contain '.', which ClassicVRML does not allow";

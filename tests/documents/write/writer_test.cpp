@@ -144,7 +144,7 @@ TEST(Writer, PlacesOfInstancesAreSaid) {
                           "name='G' USE='J' containerField='geometry'/>\n      </Shape>\n      <ProtoInstance "
                           "name='S' USE='I'/>\n"));
     EXPECT_EQ(Read(xml).handler.text(), Read(kDocument).handler.text());
-    // What the file does not say of a node of unknown type is not made up.
+    // A containerField that the file does not give for a node of unknown type is not made up.
     const std::string unknown =
         "<X3D version='4.0' profile='Full'><Scene><Appearance><Polish/></Appearance></Scene></X3D>";
     EXPECT_THAT(rewrite(unknown, Encoding::xml), HasSubstr("<Polish/>"));

@@ -171,7 +171,7 @@ TEST(FeedLine, PrintedValuesComeBackBitForBit) {
     EXPECT_EQ(*valueOf(lineOf(asLine(strings)), FieldType::MFString), strings);
 }
 
-/// What this reader takes, another one takes, and the other way round; lines are made by damaging good ones.
+/// This reader accepts exactly the lines that another one accepts; lines are made by damaging good ones.
 TEST(FeedLine, AgreesWithAnotherReaderOfJson) {
     std::mt19937 random(11);
     const std::string good = R"({"t":1.5,"node":"A\u00e9","field":"f","value":[1,-2.5,0],"x":{"y":[true,null,{}]}})";

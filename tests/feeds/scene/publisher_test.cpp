@@ -1,4 +1,4 @@
-// What fields send: with a rate, the newest value is there at the end, too.
+// The events that fields send: with a rate, the newest value is there at the end, too.
 #include <rtsg/feeds/publisher.h>
 
 #include <fstream>

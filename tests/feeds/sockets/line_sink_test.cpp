@@ -80,7 +80,7 @@ TEST(LineSink, AFullDiskIsSaidAndItsLinesAreCounted) {
     EXPECT_EQ(sink->counts().missed, 5u);
 }
 
-/// As on a disk that is full.
+/// A file that cannot grow acts like a full disk.
 TEST(LineSink, AFileThatMayNotGrowHasWholeLines) {
     test::TempFolder folder;
     const std::filesystem::path file = folder.path() / "lines";

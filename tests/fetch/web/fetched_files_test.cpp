@@ -37,7 +37,7 @@ class FetchedFilesTest : public testing::Test {
         settings.rules.allowed = {*WebAddress::parse(server.address("/"))};
         origin = std::make_unique<WebFetcher>(settings);
     }
-    /// What a replica with no permission reads of an address, once it has the origin's changes.
+    /// The bytes that a replica without permission reads from an address, once it has the origin's changes.
     static std::string replicated(const Scene& scene, const std::string& address) {
         WebFetcher fetcher(FetchSettings{});
         Scene replica;

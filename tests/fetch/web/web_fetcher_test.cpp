@@ -1,4 +1,5 @@
-// What is fetched, from whom, how much and for how long: rtsg/fetch/web_fetcher.h. Servers are on loopback, and lie.
+// The files that are fetched, from which servers, how much and for how long: rtsg/fetch/web_fetcher.h. The servers are
+// on loopback, and misbehave.
 #include <rtsg/fetch/web_fetcher.h>
 
 #include <chrono>

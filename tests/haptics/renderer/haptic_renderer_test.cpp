@@ -1,4 +1,4 @@
-// What a hand feels in scenes: closed forms of force and friction, things that move and come, events, and bad hands.
+// The forces on a hand in scenes: closed forms of force and friction, moving things, events, and bad hands.
 #include <cmath>
 #include <filesystem>
 #include <limits>

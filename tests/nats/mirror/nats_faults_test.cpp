@@ -1,4 +1,4 @@
-// What goes wrong between a scene and its mirrors over NATS, each with its outcome: every hash equal at the end.
+// Faults between a scene and its mirrors over NATS, each with its outcome: every hash equal at the end.
 #include <random>
 
 #include "link/open_nats.h"

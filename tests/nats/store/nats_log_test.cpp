@@ -59,7 +59,7 @@ std::uint64_t recordsIn(const std::filesystem::path& file) {
 
 class NatsStore : public test::WithNats {
   protected:
-    /// What is stored is what is in the file.
+    /// The stored bytes are those in the file.
     void expectStored(const NatsServer& nats, const std::string& file) {
         const std::string copy = folder_ / "copy.rlog";
         std::filesystem::remove(copy);

@@ -1,4 +1,4 @@
-// What becomes of Embree's objects when the process ends.
+// Embree's objects at the end of the process.
 #include <cstdlib>
 #include <memory>
 

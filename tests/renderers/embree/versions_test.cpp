@@ -1,4 +1,4 @@
-// What versions pin, what they do not, and which mask bits are theirs.
+// The data that versions keep, those that they do not keep, and their mask bits.
 #include "trees/versions.h"
 
 #include <gtest/gtest.h>

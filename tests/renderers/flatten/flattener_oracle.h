@@ -285,7 +285,7 @@ inline double difference(const glm::dmat4& a, const WorldFromLocal& b) {
     return worst / size;
 }
 
-/// What a subscriber knows that has only the deltas.
+/// The knowledge of a subscriber that has only the deltas.
 struct Follower {
     std::map<std::uint32_t, Instance> instances;
     std::map<std::uint32_t, Placed> placed;

@@ -1,4 +1,4 @@
-// What a type means for the hierarchy is worked out once, and stays where it is.
+// The role of a type in the hierarchy is computed once and kept.
 #include <algorithm>
 #include <vector>
 

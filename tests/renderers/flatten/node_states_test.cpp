@@ -1,4 +1,4 @@
-// What is kept by the numbers of nodes takes memory for the nodes there are, however far apart the numbers lie.
+// States by node number take memory for the existing nodes, however far apart the numbers lie.
 #include <gtest/gtest.h>
 
 #include "flatten/node_states.h"

@@ -94,7 +94,7 @@ TEST(Camera, AxesStayOrthonormalUnderScaleShearAndMirroring) {
     }
 }
 
-// What is flat has no space to look from: the view is turned, and nothing more.
+// A flat frame has no space to look from: the view is turned, and nothing more.
 TEST(Camera, WhatIsFlatIsSeenWithoutItsScale) {
     const WorldFromLocal flat{{1, 0, 0}, {0, 0, 0}, {0, 0, 1}, {0, 0, 0}};
     const Camera camera = Camera::perspective(flat, {0, 0, 0}, {}, 1, 1);

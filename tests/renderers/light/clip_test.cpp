@@ -15,7 +15,7 @@ using namespace test;
 
 const char* const kEye = "OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } ";
 
-/// As a share of the picture.
+/// The lit share of the picture.
 double lit(const Picture& p, int channel) {
     double sum = 0;
     for (const Vec4f& pixel : p.pixels) sum += pixel[channel];

@@ -30,7 +30,7 @@ std::filesystem::path temporaryLayers(const std::string& name) {
     return std::filesystem::temp_directory_path() / fmt::format("rtsg_{}_{}", ::getpid(), name);
 }
 
-/// What a file holds, by the names of its channels.
+/// The content of a file by the names of its channels.
 struct Exr {
     OIIO::ImageSpec spec;
     std::map<std::string, std::vector<float>> channels;
@@ -261,7 +261,7 @@ TEST(DataLayers, FilesOfTwoRunsAreTheSameBytes) {
     EXPECT_NE(one.find("1970:01:01 00:00:00"), std::string::npos);
 }
 
-/// What OpenImageIO finds in a file's bytes.
+/// The content that OpenImageIO finds in a file's bytes.
 struct Found {
     OIIO::ImageSpec spec;
     std::vector<std::byte> pixels;

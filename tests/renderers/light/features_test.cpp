@@ -22,7 +22,7 @@ using namespace test;
 constexpr int kSide = 33;  // pixels; 16 is the middle
 constexpr double kField = 0.7853982;
 
-/// What is to be seen at a pixel, and what is picked there.
+/// The colour at a pixel, and the pick there.
 struct Seen {
     Vec3d color;  // as light
     const char* picked;

@@ -135,7 +135,7 @@ TEST(LightTracer, AlphaThatIsNoShareCountsAsTheNearestOne) {
     EXPECT_LT(s.stats.secondaryRays, 100'000u);
 }
 
-/// What no scene should have, of some types.
+/// Values of some types that no scene should have.
 std::optional<Value> wildValue(FieldType type, std::mt19937_64& random) {
     const float wild[] = {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, -1, 0, 1e-45f, 1e-30f, 1e20f, 1};
     const auto number = [&] { return wild[random() % std::size(wild)]; };

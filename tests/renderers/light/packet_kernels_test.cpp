@@ -1,4 +1,4 @@
-// What is done to all lanes of a packet: the same numbers whatever the machine's width, and the right ones.
+// Operations on all lanes of a packet: correct numbers, the same for every width of the machine.
 #include <bit>
 #include <cmath>
 #include <cstring>

@@ -1,4 +1,4 @@
-// What makes paths quick changes no mean, and what it is worth.
+// The parts that make paths fast change no mean, and their benefit.
 #include <cmath>
 #include <functional>
 #include <string>

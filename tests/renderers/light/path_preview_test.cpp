@@ -60,7 +60,7 @@ double error(const Picture& picture, const Picture& truth) {
     return compare(bare, truth)->rmse;
 }
 
-/// What comes of two halves of `samples` together.
+/// The preview of two halves of `samples` together.
 PathPreview previewOf(Traced& scene, int samples) {
     PathPreview preview;
     for (std::uint64_t half = 0; half < 2; ++half)

@@ -1,4 +1,4 @@
-// What renderers without rays read of a scene is what the light tracer sees.
+// The data that renderers without rays read of a scene are those of the light tracer.
 #include <rtsg/renderers/surface_tables.h>
 
 #include <array>

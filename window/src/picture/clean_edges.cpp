@@ -56,7 +56,7 @@ class EdgeCleaner {
         const int acrossX = alongRows ? 0 : side, acrossY = alongRows ? side : 0;
         const int here = luma_[place(x, y)], other = luma_[place(x + acrossX, y + acrossY)];
         const int middle = here + other, limit = std::abs(here - other) / 2;
-        // Of thin things and of textures nothing is known of the line.
+        // The line of an edge is not known for thin things and for textures.
         const auto isFlat = [&](int px, int py, int as) {
             return !inside(px, py) || 3 * std::abs(luma_[place(px, py)] - as) <= std::abs(here - other);
         };

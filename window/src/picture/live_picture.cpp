@@ -32,8 +32,8 @@ constexpr int kWidthStep = 16;      // widths change in steps, or pictures would
 constexpr double kAnyAspect = 16. / 9;
 constexpr double kFirstGuess = 2e-7;  // seconds a pixel
 constexpr double kOfFirst = 0.6;      // of the budget, for the first picture after a rest: it answers somebody
-// Of pictures that take over what has not changed: how much longer than the budget one may take, below which share of
-// it the next are larger, how long one that is larger may take at first, and how often they change, in seconds.
+// For pictures that reuse unchanged pixels: how much longer than the budget one may take; the share of the budget below
+// which the next are larger; how long a larger one may take at first; and how often sizes change, in seconds.
 constexpr double kLate = 1.25, kEarly = 0.6, kLargerAtFirst = 2.5, kSizeEvery = 0.5, kSizeAfterLate = 3;
 
 double secondsSince(Clock::time_point start) {
@@ -119,7 +119,7 @@ class PictureSize {
 }  // namespace
 
 struct LivePicture::Impl {
-    /// What is to be pictured.
+    /// The state and the eye of the next picture.
     struct Subject {
         std::shared_ptr<const WorldState> state;
         std::optional<Camera> eye;
@@ -279,7 +279,7 @@ struct LivePicture::Impl {
         return camera && *camera == *keptBy;
     }
 
-    /// As many pixels as the budget allows; the whole picture if these are all.
+    /// Makes a picture with as many pixels as the budget allows, or the whole picture if that is all of them.
     Result<> coarse(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
         const bool isSame = seenByTheSame(what), eyeStarts = std::exchange(eyeRested, isSame) && !isSame;
@@ -349,7 +349,7 @@ struct LivePicture::Impl {
             better.add(one.picture, wish.samples);
             publish(better.mean(), one.camera, what, samples(), start);
         }
-        // What changes next may leave most of it: that is tried.
+        // The next change may leave most of the picture unchanged, so the next picture tries to reuse pixels.
         if (isFirst) remember(one, what.width, 0);
         return {};
     }

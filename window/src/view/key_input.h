@@ -18,7 +18,7 @@ namespace rtsg {
 
 class KeyTranslator {
   public:
-    /// What the scene is to hear of an event of kind key or text. Repetitions of a key are heard as its text alone.
+    /// The scene's inputs for an event of kind key or text. Repetitions of a key give its text only.
     std::vector<KeyInput> take(const WindowEvent& event);
     /// Text that belongs to no key, since the last call.
     std::string takeText();

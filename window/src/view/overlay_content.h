@@ -1,4 +1,4 @@
-// What is drawn over the picture, as plain data: it is made on the scene's side and drawn by the window's module.
+// The content of the overlay as plain data: the scene's side makes it, and the window's module draws it.
 //
 // Invariant: nothing here knows how it is drawn; two contents that are equal look the same. Nodes go by their numbers.
 // Threading: plain data.
@@ -71,7 +71,7 @@ struct OverlayContent {
     friend bool operator==(const OverlayContent&, const OverlayContent&) = default;
 };
 
-/// What somebody did in it.
+/// A user's action in the overlay.
 struct OverlayAction {
     enum class Kind : std::uint8_t {
         viewpoint,  // node: to be looked from

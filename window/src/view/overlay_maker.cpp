@@ -27,7 +27,7 @@ std::string called(const Scene& scene, NodeId id) {
     return name.empty() ? fmt::format("{} #{}", node->type().name, id.value) : std::string(name);
 }
 
-/// What hangs below a node, in the order of its fields; of an instance of a PROTO also its body.
+/// The nodes below a node, in the order of its fields; for an instance of a PROTO also its body.
 std::vector<NodeId> childrenOf(const Scene& scene, const Node& node) {
     std::vector<NodeId> below;
     const FieldIndex body = node.type().body();

@@ -26,7 +26,8 @@ class OverlayMaker {
     void toggle(NodeId node);
     void pick(NodeId node) { picked_ = node; }
     NodeId picked() const { return picked_; }
-    /// What a ray has met, from a root node on: the innermost that has a name, or else the last; the tree opens there.
+    /// Opens the tree at the picked path, which begins at a root node: at the innermost node with a name, or else at
+    /// the last.
     void pickOnPath(const std::vector<NodeId>& path);
     /// Triangles along all paths.
     std::size_t triangles() const { return triangles_; }

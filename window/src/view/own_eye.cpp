@@ -18,7 +18,7 @@ namespace {
 using Root = x3d::RtsgScene;
 constexpr double kBeforeIt = 1e-3;  // of the way back from what a ray meets
 
-/// Of the other scene's world what stops an avatar. Pointers meet nothing: nodes have other numbers there.
+/// The obstacles for avatars in the other scene's world. Pointers meet nothing, since nodes have other numbers there.
 class Walls final : public SpaceQueries {
   public:
     explicit Walls(SharedWorld& world) : queries_(world) {}

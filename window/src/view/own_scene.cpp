@@ -100,7 +100,7 @@ void OwnScene::find() {
     });
 }
 
-/// What the sensor would send for this eye, which it may not see.
+/// The values that the sensor would send for this eye, which it may not detect.
 void OwnScene::want(const Kept& kept, const ViewerPose& eye, std::map<Place, Value>& wanted) const {
     const Node* sensor = shown_.find(kept.sensor);
     if (!sensor || !sensor->get(Sensor::enabled)) return;

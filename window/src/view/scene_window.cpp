@@ -111,7 +111,7 @@ struct SceneWindow::Impl {
         buttons = event.buttons;
         send(Root::pointer.index, Value(input.toValue()));
     }
-    /// What is seen there is described in the overlay.
+    /// Selects the node at a place of the picture in the overlay.
     void pick(const PointerInput& at) {
         if (!queries) queries.emplace(world, options.picture.resources);
         std::optional<PointerHit> hit;
@@ -164,7 +164,7 @@ struct SceneWindow::Impl {
     }
 
     void ask(SceneWindowRequest request) {
-        // Of a drag along the time line the last place counts.
+        // In a drag along the time line only the last place counts.
         if (request.kind == SceneWindowRequest::Kind::seek && !requests.empty() && requests.back().kind == request.kind)
             requests.pop_back();
         requests.push_back(std::move(request));
@@ -464,7 +464,7 @@ bool SceneWindow::turn(std::chrono::milliseconds atMost) {
         const bool isSteered = event.kind == Kind::sticks;
         if (s.statistics.events == before && s.dropped.empty() && s.requests.empty() && !isSteered && !s.called)
             continue;
-        // What was done is the scene's turn, once all that has come is read.
+        // Read all waiting events before the scene's turn.
         for (WindowEvent more = s.window->next(0); more.kind != Kind::none && !s.closed; more = s.window->next(0))
             s.handle(more);
         break;

@@ -1,6 +1,6 @@
-// What librtsg_sdl.so offers: a window, and what people do in it, by a library that nothing else should have to link.
+// The interface of librtsg_sdl.so: a window and its events, by a library that only the module links.
 //
-// Invariant: nothing of SDL is on this side; the module links nothing of ours. Errors are sentences.
+// Invariant: this header does not mention SDL, and the module does not link this library. Errors are sentences.
 // Threading: all calls on the thread that opened the window, but wake(), which any may make.
 #pragma once
 
@@ -38,7 +38,7 @@ struct WindowEvent {
         button,   // of a gamepad: down, padButton
         overlay,  // it was for the overlay: present() is due
     };
-    /// Of a gamepad. Sticks are 0 in the middle and in a zone around it, 1 at the right and at the bottom.
+    /// Buttons of a gamepad. Sticks are 0 in the middle and in a zone around it, 1 at the right and at the bottom.
     enum class PadButton : std::uint8_t { none, leftShoulder, rightShoulder, start, back };
     /// Keys that are no text. Others are named by what they write without modifiers, in `character`.
     enum class Key : std::uint8_t {
@@ -85,9 +85,10 @@ class WindowModule {
     /// Fills the window with a picture: `pixels` are B, G, R, X, row by row from the top, enlarged as needed. False:
     /// the display refused.
     virtual bool present(const std::uint8_t* pixels, int width, int height) = 0;
-    /// What present() draws over the picture from now on; null: nothing. False: the module was built without overlay.
+    /// Sets the overlay that present() draws from now on; null: none. Returns false if the module was built without
+    /// overlay.
     virtual bool setOverlay(std::shared_ptr<const OverlayContent> content) = 0;
-    /// What people have done in it since the last call.
+    /// The users' actions in the overlay since the last call.
     virtual std::vector<OverlayAction> takeActions() = 0;
     virtual void setTitle(const std::string& title) = 0;
     virtual void toggleFullscreen() = 0;

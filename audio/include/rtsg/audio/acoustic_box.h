@@ -1,4 +1,4 @@
-// AcousticBox: an axis-aligned box in the world, in double; what was hit by a path, what a moved thing took up.
+// AcousticBox: an axis-aligned box in world coordinates, in double precision: the extent of a path or of a moved shape.
 //
 // Threading: a plain value.
 #pragma once
@@ -23,16 +23,16 @@ struct AcousticBox {
         low = glm::min(low, box.low);
         high = glm::max(high, box.high);
     }
-    /// Whether they have a point in common.
+    /// Whether the two boxes have a point in common.
     bool meets(const AcousticBox& box) const {
         return low.x <= box.high.x && box.low.x <= high.x && low.y <= box.high.y && box.low.y <= high.y &&
                low.z <= box.high.z && box.low.z <= high.z;
     }
-    /// From a point to the nearest in the box; 0 inside.
+    /// Distance from a point to the nearest point of the box; 0 inside.
     double distance(const glm::dvec3& point) const {
         return glm::length(glm::max(glm::max(low - point, point - high), glm::dvec3(0)));
     }
-    /// Whether any place between two, both included, is nearer to it than `margin` along every axis.
+    /// Whether the segment between two points comes nearer to the box than `margin` along every axis.
     bool meetsWay(const glm::dvec3& from, const glm::dvec3& to, double margin) const {
         double first = 0, last = 1;
         for (int i = 0; i < 3; ++i) {

@@ -3,12 +3,14 @@
 //     auto engine = AcousticEngine::create({.binaural = true});
 //     (*engine)->render(*tables.latest(), *world.freeze(), t, sound);      // to scene time t
 //
-// Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to the
-// panning or a head; reflections through a Convolver with the impulse response of the traced room, traced anew when
-// emitter or listener have moved, or a wall within reach of its paths. Clips keep their channels. Time runs in samples:
-// scene time t is sample t * sampleRate; places in between are smooth. Levels: 1 is full scale.
-// Threading: one thread at a time, which need not be the scene's: the state and the rays are all that it reads. Tracing
-// runs on all cores. Source: ISO/IEC 19775-1 V4.0 clause 16; Vorlaender 2008, 11.4 for the split into direct and rest.
+// The sound of an emitter is made in two parts. Direct sound goes through a delay line of its own (propagation delay,
+// hence Doppler) to panning or to a head. Reflections go through a Convolver with the impulse response of the traced
+// room. The response is traced anew when the emitter, the listener or a wall near its paths has moved. Clips keep their
+// channels. Time is counted in samples: scene time t is sample t * sampleRate. Positions are interpolated in between.
+// Level 1 is full scale.
+// Threading: one thread at a time, which need not be the scene's, because the engine reads only the state and the rays.
+// Tracing uses all cores. Source: ISO/IEC 19775-1 V4.0 clause 16; Vorlaender 2008, 11.4 for the split into direct and
+// rest.
 #pragma once
 
 #include <cstdint>
@@ -31,110 +33,113 @@ namespace rtsg {
 class MaterialTable;
 
 struct AcousticOptions {
-    /// x3d: direct sound has the level that the node's distance law gives (times intensity, gain), reflections keep the
-    /// physical ratio to it. physical: pressure 1 is that at 1 m, 1 / d beyond.
+    /// x3d: direct sound has the level that the node's distance law gives (times intensity and gain), and reflections
+    /// keep the physical ratio to it. physical: the pressure is 1 at a distance of 1 m and falls as 1 / d.
     enum class Levels : std::uint8_t { x3d, physical };
 
     int sampleRate = 48000;
     bool binaural = false;
-    /// The head of binaural sound, and of SpatialSounds with enableHRTF; null: a sphere, of the listener's
-    /// interauralDistance if it has one.
+    /// The head for binaural sound, and for SpatialSounds with enableHRTF. Null: a rigid sphere, with the listener's
+    /// interauralDistance if that is set.
     std::shared_ptr<const Hrtf> hrtf;
-    /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels; 0: not.
+    /// 1 to 7: makes ambisonic sound of this order (see ambisonics.h) instead of two channels; 0: does not.
     int ambisonicOrder = 0;
-    /// Directions and levels are found once in a block, and are smooth in between.
+    /// Directions and levels are computed once a block and interpolated in between.
     std::size_t blockSize = 256;
     Levels levels = Levels::x3d;
-    /// How the responses that are heard are traced. Metrics want more rays (see listen()).
+    /// The options for tracing the responses that are heard. Room-acoustic figures need more rays (see listen()).
     TraceOptions trace = heardTrace();
-    /// Goes before what the scene says of its air, and that before trace.air.
+    /// Takes precedence over the air that the scene describes, which takes precedence over trace.air.
     AirChoice air;
     AcousticMaterial defaultMaterial;
-    /// Goes before what the scene says of the materials that it has a name of; see SoundScene.
+    /// These take precedence over the scene's values for materials of the same name; see SoundScene.
     std::shared_ptr<const MaterialTable> materials;
-    /// A response is traced anew at most this often (seconds of scene time), and only when something moved by more
+    /// A response is traced anew at most once in this time (seconds of scene time), and only if something moved by more
     /// than `moveTolerance` metres or the walls changed.
     double retraceSeconds = 0.2;
     double moveTolerance = 0.1;
-    /// Authors put a Sound into the thing that sounds. Shapes around it that measure no more than this from corner
-    /// to corner (metres) let its sound pass, unless the listener is in them too: that is a room.
+    /// Authors put a Sound inside the shape that makes it. Shapes around a Sound whose diagonal is no longer than this
+    /// (metres) let its sound pass, unless the listener is inside them too: then they are a room.
     double bodySize = 2.5;
-    /// No reflections at all: direct sound only.
+    /// False: direct sound only.
     bool reflections = true;
-    /// Scene time from which on there are reflections; before it direct sound is all that is made, quickly.
+    /// Scene time from which on reflections are made. Before it only direct sound is made, which is quick.
     double reflectedFrom = -std::numeric_limits<double>::infinity();
-    /// Rooms are traced on a thread of its own, and sound goes on with what was traced before; for renderLive() only.
+    /// Traces rooms on a thread of its own, while sound goes on with the earlier responses; for renderLive() only.
     bool background = false;
     /// Keeps the sounds that StreamAudioDestinations receive, see AcousticEngine::streams().
     bool keepStreams = false;
     /// Scene time of the first sample.
     double startTime = 0;
-    /// These say which files urls of clips may open, and where relative urls start.
+    /// Which files the urls of clips may open, and the folders of relative urls.
     Resources resources;
-    /// The file that the scene was read from, if it was: what is said of a node in it has its line.
+    /// The file that the scene was read from, if any; diagnostics about its nodes name their lines.
     std::filesystem::path document;
-    /// A scene opens no microphone, pipe or device: who runs it says what each source hears.
+    /// The sounds for microphones, pipes and devices. A scene opens none of them itself: the user says what each node
+    /// hears.
     ClipLibrary::UsersSounds given;
 
-    /// With so many rays for a quality of 1, and as many candidates of images.
+    /// The number of rays for quality 1. The number of candidate images is that of quality 1, too.
     static constexpr std::uint64_t kHeardRays = 2000;
-    /// How responses that are heard are traced for a quality above 0. Their error by chance falls as 1 / quality. Rays
-    /// grow with its square, and above 1 candidates of images do, too. `rtsg chart heard` measures error and time.
+    /// Options for tracing heard responses at a quality above 0. The random error falls as 1 / quality. The number of
+    /// rays grows with its square, and above 1 so does the number of candidate images. `rtsg chart heard` measures
+    /// error and time.
     static TraceOptions heardTrace(double quality = 1);
-    /// The same for the quality that has so many rays.
+    /// The same for the quality that needs this number of rays.
     static TraceOptions heardTraceOf(std::uint64_t rays);
 };
 
-/// The responses that were heard.
+/// Statistics of the responses that were heard.
 struct HeardResponses {
-    std::uint64_t responses = 0;  // traced
-    std::uint64_t turned = 0;     // made again from what had been traced, as the listener turned
-    std::uint64_t rays = 0;       // the most in one,
-    std::uint64_t raysInAll = 0;  // and of all together
-    std::size_t images = 0;       // the most in one
-    /// Sources within earshot of which nothing was traced so far, so that they are heard without reflections; and the
-    /// longest time that one was, seconds. Sound that waits for its responses has none.
+    std::uint64_t responses = 0;  // traced anew
+    std::uint64_t turned = 0;     // made again from an earlier trace because the listener turned
+    std::uint64_t rays = 0;       // the most for one response
+    std::uint64_t raysInAll = 0;  // the sum over all responses
+    std::size_t images = 0;       // the most for one response
+    /// Sources within earshot for which nothing has been traced yet, so that they are heard without reflections; and
+    /// the longest time that a source was heard so, seconds. Sound that waits for its responses has no such sources.
     std::size_t unreflected = 0;
     double longestWait = 0;
 };
 
-/// A source of which nothing is heard because no way leads from it to the listener.
+/// A source that is not heard because no path leads from it to the listener.
 struct SealedSource {
     std::string name;  // of the emitter
     NodeId sound;
     glm::dvec3 source{0}, listener{0};
     double seconds = 0;  // scene time
     Seal seal;
-    std::optional<double> until = std::nullopt;  // scene time, if it was let out again
+    std::optional<double> until = std::nullopt;  // scene time at which a path was found again, if one was
 };
 
-/// A source of which nothing was heard, whatever it played, because of itself or of how far away it was.
+/// A source that was not heard at all: because of its own fields, or because it was too far away.
 struct UnheardSource {
-    /// off: not enabled; empty: nothing leads into it; silent: its intensity or gain is 0; deaf: the listener's gain
-    /// is; far: it was out of its reach; still: what leads into it made no sound.
+    /// off: not enabled; empty: it has no input; silent: its intensity or gain is 0; deaf: the listener's gain is 0;
+    /// far: the listener was out of its reach; still: its input was silent.
     enum class Why : std::uint8_t { off, empty, silent, deaf, far, still };
     std::string name;  // of the emitter
     NodeId sound;
     Why why = Why::far;
-    double nearest = 0;  // metres from the listener, at any time
-    std::string reach;   // the fields that say how far it is heard
+    double nearest = 0;  // smallest distance from the listener, metres
+    std::string reach;   // the fields that set how far it is heard
 };
 
-/// A hole or a crack through which sound of a source is lost.
+/// A hole or a crack through which a source loses sound.
 struct SoundLeak {
-    std::string name;  // of the emitter by which it was found
+    std::string name;  // of the emitter that it was found with
     NodeId sound;
     glm::dvec3 source{0};
     double seconds = 0;  // scene time
     RoomOpening opening;
 };
 
-/// The sound that leads into a StreamAudioDestination, with its gain.
+/// The input of a StreamAudioDestination, with its gain.
 struct StreamedSound {
     NodeId node;
     std::string name;                      // DEF; without one the type and a number
-    std::vector<std::string> identifiers;  // as its streamIdentifier was last
-    SoundBuffer sound;  // from the start time on; as many channels as there were at most, and one goes to all of them
+    std::vector<std::string> identifiers;  // the latest value of streamIdentifier
+    SoundBuffer sound;  // from the start time on; with the largest number of channels that the input had; mono goes to
+                        // all of them
 };
 
 class AcousticEngine {
@@ -142,52 +147,52 @@ class AcousticEngine {
     static Result<std::unique_ptr<AcousticEngine>> create(const AcousticOptions& options);
     ~AcousticEngine();
 
-    /// Renders the scene time from the end of the last call (at first the start time) to `untilSeconds`, in whole
-    /// blocks, and appends it to `sound`. The latency of heads is taken out. The state is that of `untilSeconds`:
-    /// places are on their way there, smoothly, from those of the call before; what else changed (fields, what comes
-    /// and goes, who is put somewhere else) is heard from the first block that begins then or later, and until then
-    /// what the call before was given; at the first call it is so from the start. Walls, and with them reflections,
-    /// are those of `state` all the way. States may be skipped. Where time goes back, nothing is made, and the next
-    /// call goes on from there. `rays` are of the same state and used in the call only.
+    /// Renders the sound from the end of the last call (at first the start time) to the scene time `untilSeconds`, in
+    /// whole blocks, and appends it to `sound`. The delay of heads is compensated. `state` is the state at
+    /// `untilSeconds`. Positions move smoothly from those of the previous call to those of this one. Other changes
+    /// (fields, nodes that come and go, jumps) are heard from the first block that begins after them; until then the
+    /// previous state counts. At the first call `state` counts from the start. The walls, and so the reflections, are
+    /// those of `state` for the whole call. States may be skipped. If time goes back, no sound is made, and the next
+    /// call goes on from there. `rays` must be of the same state and are used only during the call.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound);
 
-    /// The same for sound that does not wait, of one block: the poses are those at `poseSeconds`, which may lie before
-    /// or after its end. Responses come when they are ready, in the background if the options say so.
+    /// The same for one block of live sound. `poseSeconds` is the time of the positions; it may be before or after the
+    /// end of the block. Responses are used when they are ready; the options may have them traced in the background.
     Result<> renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
                         double poseSeconds, SoundBuffer& sound);
-    /// When the next block of renderLive() ends, seconds. Counted in samples: times of today are too coarse to be added
-    /// up without losing one now and then.
+    /// The time at which the next block of renderLive() ends, seconds. It is computed from a count of samples, because
+    /// adding up clock times loses a sample now and then.
     double liveEnd() const;
 
-    /// Reads the clips that the state names, and computes the head, so that none of this has to be done while sound is
-    /// made.
+    /// Reads the clips of the state and computes the head beforehand, so that render() need not.
     void prepare(const AcousticState& state);
     /// The number of channels that render() appends.
     int channels() const;
     Air airOf(const AcousticState& state) const;
-    /// The room ready to be traced, as it is for sound from `source`: its own body left out. Good until the next call;
-    /// `rays` must live as long.
+    /// The room as it is for sound from `source`: without the shape that the source is inside of. Valid until the next
+    /// call; `rays` must live as long.
     OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);
     const HeardResponses& heard() const;
-    /// If the options keep them: one a node, in the order of their first sound, in whole blocks up to the last sample.
+    /// Filled only if the options keep streams: one entry a node, in the order of their first sound, in whole blocks up
+    /// to the last sample.
     const std::vector<StreamedSound>& streams() const;
-    /// The findings of each Analyser and DynamicsCompressor in the samples up to the end of the last call.
+    /// The results of each Analyser and DynamicsCompressor for the samples up to the end of the last call.
     AudioFindings analyse();
-    /// Diagnostics about clips that could not be heard so far, once each.
+    /// Diagnostics about clips that could not be played, once each.
     const Diagnostics& diagnostics() const;
-    /// The sources that played while they were sealed off from the listener, in the order in which that was found: each
-    /// once, and again whenever it is sealed anew, or from the other side; the first thousand.
+    /// The sources that played while no path led from them to the listener, in the order in which this was found. A
+    /// source is listed once, and again when it is sealed off anew or from the other side; at most a thousand.
     const std::vector<SealedSource>& sealed() const;
-    /// Those of which nothing can have been heard so far; empty once any sound was in its reach.
+    /// The sources that cannot have been heard so far; empty as soon as one source was within its reach.
     std::vector<UnheardSource> unheard() const;
-    /// Notes what a trace for figures found, by the same rule: `seal` is what keeps the emitter from the listener, or
-    /// none.
+    /// Records the result of a trace for room-acoustic figures, by the same rule. `seal`: the shapes between emitter
+    /// and listener, or none.
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);
-    /// The leaks of rooms, each once, by whichever source it was found first; the first thousand. They are looked for
-    /// when a source is first heard in a room that loses some of its sound, and again half a second after walls changed
-    /// there (after five if these never rest), for eight sources at most.
+    /// The leaks of rooms, each once, with the source that it was found with; at most a thousand. They are looked for
+    /// when a source is first heard in a room that loses some of its sound, and again half a second after the walls
+    /// have changed there (after five seconds if the walls keep changing); for eight sources at most.
     const std::vector<SoundLeak>& leaks() const;
-    /// Notes those that a trace for figures found.
+    /// Records the leaks that a trace for room-acoustic figures found.
     void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings);
 
   private:

@@ -1,10 +1,10 @@
-// AcousticGeometry: what sound needs to know of the world: materials, reflecting planes, nearest hits.
+// AcousticGeometry: the view of the world that sound needs: materials, reflecting planes, nearest hits.
 //
-// Coplanar surfaces share one plane whatever triangles, shapes or materials they are made of, so that a box has six
-// planes and every mirror image of a source exists once. Surfaces reflect from both sides.
-// Invariant: `closest` never reports a surface of the plane it is told to leave out; that, not an offset, is what keeps
-// a ray from hitting the wall it starts on. Whether a surface lies before or behind a point is decided in double
-// precision. Threading: all queries are const and safe from many threads.
+// Coplanar surfaces share one plane, whatever triangles, shapes or materials they are made of. So a box has six planes,
+// and every mirror image of a source exists once. Surfaces reflect on both sides.
+// Invariant: `closest` never reports a surface on the plane that it is told to leave out. This, not an offset, keeps a
+// ray from hitting the wall that it starts on. Whether a surface lies before or behind a point is decided in double
+// precision. Threading: all queries are const and may be called from many threads.
 #pragma once
 
 #include <algorithm>
@@ -21,8 +21,8 @@
 
 namespace rtsg {
 
-/// Fractions of the incident energy. Reflected is 1 - absorption - transmission, of which `scattering` leaves by
-/// Lambert's law and the rest like a mirror. Transmitted sound passes straight on.
+/// All values are fractions of the incident energy. The reflected fraction is 1 - absorption - transmission. Of this,
+/// `scattering` is reflected diffusely by Lambert's law, and the rest specularly. Transmitted sound passes straight on.
 struct AcousticMaterial {
     Bands absorption = allBands(0.1);
     Bands scattering = allBands(0.1);
@@ -45,18 +45,19 @@ struct ReflectingPlane {
     double offset = 0;           // dot(normal, p) for p on the plane
     glm::dvec3 center{0};        // bounding sphere of the surfaces on it
     double radius = 0;
-    /// The largest share of energy that any surface on it mirrors in any band; an upper bound will do.
+    /// The largest share of energy that any surface on the plane reflects specularly in any band; an upper bound will
+    /// do.
     double mirrors = 1;
 
     double signedDistance(const glm::dvec3& p) const { return glm::dot(normal, p) - offset; }
 };
 
 struct AcousticHit {
-    double distance = 0;         // in double, on the plane; without a plane off the surface by less than `clear`
-    glm::dvec3 normal{0, 0, 1};  // unit, on either side
+    double distance = 0;         // on the plane, in double precision; without a plane its error is less than `clear`
+    glm::dvec3 normal{0, 0, 1};  // unit; may point to either side
     std::uint32_t plane = kNoPlane;
     std::uint32_t material = 0;
-    /// Metres before the surface from where no ray that leaves it meets it again, for AcousticRays; 0: not known.
+    /// A ray that starts on this surface meets nothing nearer than this many metres, for AcousticRays; 0: not known.
     double clear = 0;
 };
 
@@ -64,40 +65,40 @@ struct AcousticHit {
 struct WallTriangle {
     glm::dvec3 corners[3];
     glm::dvec3 normal{0, 0, 1};  // of its plane; unit
-    double offset = 0;           // dot(normal, p) for p on that
-    double margin = 0;           // metres that its edges may be from where its plane and its neighbours' meet
+    double offset = 0;           // dot(normal, p) for p on that plane
+    double margin = 0;           // metres between its edges and the lines where its plane meets those of its
+                                 // neighbours, at most
     std::uint32_t plane = kNoPlane, material = 0;
 };
 
-/// A closed body of walls, by the box around it that is square in the space of its mesh.
+/// A closed body of walls, given by its box, which is axis-aligned in the space of its mesh.
 struct WallBody {
     glm::dvec3 middle{0};
-    glm::dmat3 half{0.0};          // m, from there to the middles of three sides
-    glm::dmat3 boxFromWorld{1.0};  // of p - middle: from -1 to 1 along each axis
-    double fill = 1;               // of the box, the share that it takes up
+    glm::dmat3 half{0.0};          // m, from the middle of the box to the middles of three sides
+    glm::dmat3 boxFromWorld{1.0};  // maps p - middle to -1 to 1 along each axis
+    double fill = 1;               // the share of the box that the body fills
 };
 
-/// An edge round which sound bends: where two surfaces meet, or the rim of one.
+/// An edge that diffracts sound: where two surfaces meet, or the rim of one surface.
 struct WallEdge {
     glm::dvec3 from{0}, axis{0};  // unit axis
     double length = 0;
-    /// Unit, in the surfaces and away from the edge; of a rim both are the same.
+    /// Unit vectors in the two surfaces, square to the edge and away from it; both are the same at a rim.
     glm::dvec3 faceA{0}, faceB{0};
     std::uint32_t material = 0;
-    /// The only body that has this edge; null if that is not closed. The pointer is good until walls change.
+    /// The only body that has this edge; null if the edge belongs to no closed body. Valid until the walls change.
     const WallBody* body = nullptr;
 };
 
-/// A cylinder, a part of one, or a sphere, that facets stand for whose edges turn a little each. Their corners are on
-/// it, and their edges are no WallEdges.
+/// A cylinder, a part of one, or a sphere, recognised in a mesh of facets with small angles between them. The corners
+/// of the facets lie on it, and their edges are not in WallEdges.
 struct RoundBody {
     bool sphere = false;
     glm::dvec3 center{0};
     double radius = 0;
-    double facet = 0;  // radians that it turns from a facet to the next, at most
+    double facet = 0;  // the largest angle between neighbouring facets, radians
     std::uint32_t material = 0;
-    /// For a cylinder: its unit axis, half of its length, and its arc, which is all within `halfArc` radians of
-    /// `middle`.
+    /// For a cylinder: its unit axis, half its length, and its arc, which lies within `halfArc` radians of `middle`.
     glm::dvec3 axis{0, 0, 1};
     double halfLength = 0;
     glm::dvec3 middle{1, 0, 0};
@@ -106,19 +107,19 @@ struct RoundBody {
 
 constexpr std::uint32_t kNoSolid = std::numeric_limits<std::uint32_t>::max();
 
-/// A surface beside a place.
+/// A surface near a point.
 struct NearSurface {
-    glm::dvec3 normal{0, 0, 1};  // unit, on the side that it faces
-    double distance = 0;         // of the place from its plane, on that side
-    /// Which closed mesh it is of whose faces have one side (X3D `solid`): the air is there where they face. Else
-    /// kNoSolid, and the air may be on both.
+    glm::dvec3 normal{0, 0, 1};  // unit, on the side of the point
+    double distance = 0;         // of the point from the surface's plane
+    /// The closed mesh with one-sided faces (X3D `solid`) that the surface belongs to: the air is on the front side.
+    /// Otherwise kNoSolid, and the air may be on both sides.
     std::uint32_t solid = kNoSolid;
 };
 
-/// Up to sixteen rays that are asked about together.
+/// Up to sixteen rays that are traced together.
 struct AcousticRays {
     static constexpr int kMost = 16;
-    /// One vector for each ray, x beside x, so that processors compute several at a time.
+    /// One vector for each ray, stored by component for vector instructions.
     struct Vectors {
         alignas(64) double x[kMost] = {}, y[kMost] = {}, z[kMost] = {};
 
@@ -127,10 +128,10 @@ struct AcousticRays {
     };
     int count = 0;
     Vectors origin, direction;  // unit directions
-    /// Unit normal of the surface that a ray starts on, on the side to which it goes; 0 if it starts on none.
+    /// Unit normal of the surface that a ray starts on, on the side that the ray goes to; 0 if it starts on none.
     Vectors facing;
     double maxDistance[kMost] = {};
-    double clear[kMost] = {};  // of the surface that a ray starts on, AcousticHit::clear
+    double clear[kMost] = {};  // AcousticHit::clear of the surface that a ray starts on
     std::uint32_t except[kMost] = {};
 
     void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double most,
@@ -152,21 +153,21 @@ class AcousticGeometry {
   public:
     virtual ~AcousticGeometry() = default;
 
-    /// By AcousticHit::plane; empty when there are too many to mirror sources in (then only rays reflect).
+    /// Indexed by AcousticHit::plane. Empty if there are too many planes for image sources; then there are only rays.
     virtual std::span<const ReflectingPlane> planes() const = 0;
     virtual std::span<const AcousticMaterial> materials() const = 0;
     /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
     virtual bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                          std::uint32_t except, AcousticHit& hit) const = 0;
-    /// Whether a surface lies on the way from a place on plane `except`, before it by `facing` (unit), to one that
-    /// touches none; what closest() would say.
+    /// Whether a surface blocks the way from a point on plane `except` to a point that touches no surface; gives the
+    /// same answer as closest(). `facing`: unit normal of the plane, on the side of the way.
     virtual bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
                          double distance, std::uint32_t except) const {
         static_cast<void>(facing);
         AcousticHit hit;
         return closest(origin, direction, distance, except, hit);
     }
-    /// closest() and blocked() for several rays at a time; a bit for each that met something.
+    /// closest() and blocked() for several rays at a time; the result has a bit for each ray that hit something.
     virtual std::uint32_t closestOf(const AcousticRays& rays, AcousticHits& hits) const {
         std::uint32_t met = 0;
         for (int i = 0; i < rays.count; ++i)
@@ -182,22 +183,23 @@ class AcousticGeometry {
                 met |= 1u << i;
         return met;
     }
-    /// Distance from a point to the nearest surface, metres; infinity in the void.
+    /// Distance from a point to the nearest surface, metres; infinity if there is none.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
     using SurfaceVisitor = std::function<void(const NearSurface&)>;
-    /// Visits the surfaces that come within `radius` of a point and whose planes do; one may be visited several times.
+    /// Visits the surfaces within `radius` of a point whose planes are within it too; a surface may be visited several
+    /// times.
     virtual void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const = 0;
-    /// All triangles that come within `radius` of a point. False: they are not known, or too many to be worth it.
+    /// Finds all triangles within `radius` of a point. False: they are not known, or there are too many.
     virtual bool trianglesNear(const glm::dvec3& point, double radius, std::vector<WallTriangle>& found) const {
         static_cast<void>(point), static_cast<void>(radius), static_cast<void>(found);
         return false;
     }
-    /// Whether a way leads from one place to the other, however often it is turned by walls. Takes some thousand rays.
+    /// Whether a path leads from one point to the other, with any number of reflections. Takes some thousand rays.
     virtual Passage passage(const glm::dvec3& a, const glm::dvec3& b) const {
         static_cast<void>(a), static_cast<void>(b);
         return Passage::unknown;
     }
-    /// The same, for questions of whose answers nobody need take note: what they reach may change unseen.
+    /// The same geometry, for questions whose answers need not be recorded: a later change there is not reported.
     virtual const AcousticGeometry& unnoted() const { return *this; }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }

@@ -1,7 +1,8 @@
-// AcousticRenderer: AcousticTables and an AcousticEngine on one live world, for those with a single thread.
+// AcousticRenderer: AcousticTables and an AcousticEngine on one live world, for programs with a single thread.
 //
-// SoundRenderer is this on a SharedWorld. render() when the scene has come to where sound should be.
-// Threading: one thread, the scene's. To render on another, use the two parts. Tracing runs on all cores.
+// SoundRenderer does the same on a SharedWorld. Call render() when the scene has reached the time up to which sound is
+// wanted.
+// Threading: the scene's thread. To render on another thread, use the two parts. Tracing uses all cores.
 #pragma once
 
 #include <memory>
@@ -18,7 +19,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     using Options = AcousticOptions;
     using Levels = AcousticOptions::Levels;
 
-    /// `world` must outlive this, and be applied the same deltas, before this is.
+    /// `world` must outlive this object, and must be given each delta before this object is.
     static Result<std::unique_ptr<AcousticRenderer>> create(const RayWorld& world, const Options& options);
     ~AcousticRenderer() override;
 
@@ -26,7 +27,7 @@ class AcousticRenderer final : public InstanceSubscriber {
 
     /// AcousticEngine::render() with the state and the rays of the latest apply().
     Result<> render(double untilSeconds, SoundBuffer& sound);
-    /// With another state, on any one thread.
+    /// The same with a given state, on any one thread.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound) {
         return engine_->render(state, rays, untilSeconds, sound);
     }
@@ -35,7 +36,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     const SoundScene& scene() const { return tables_.scene(); }
     NodeId nodeOfMaterial(std::uint32_t material) const { return tables_.nodeOfMaterial(material); }
     OpenedGeometry geometryFor(const glm::dvec3& source);
-    /// The air that the options and the scene say.
+    /// The air that results from the options and the scene.
     Air air();
     const HeardResponses& heard() const { return engine_->heard(); }
     const std::vector<StreamedSound>& streams() const { return engine_->streams(); }

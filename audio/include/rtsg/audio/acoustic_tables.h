@@ -1,12 +1,13 @@
-// AcousticTables: what sound must know of a scene, as versions that any thread may render from.
+// AcousticTables: the data of a scene that sound needs, as versions that any thread may render from.
 //
 //     AcousticTables tables(world, {});                     // on the scene's thread, fed after the world
 //     std::shared_ptr<const AcousticState> now = tables.latest();
 //     engine->render(*now, *world.freeze(), t, sound);      // on any thread, with rays of the same state
 //
-// Invariant: a version never changes, needs no scene, and is that of one ChangeSet. Following costs what changed; a
-// version costs two pointers, and a copy of the emitters when these changed since the last.
-// Threading: all members on the scene's thread; what latest() gave may be read from any.
+// Invariant: a version never changes, does not need the scene, and is that of one ChangeSet. The work of an update
+// depends on what has changed. A version costs two pointers, and a copy of the emitters if they have changed since the
+// last version.
+// Threading: all members on the scene's thread; a state from latest() may be read on any thread.
 #pragma once
 
 #include <cstdint>
@@ -27,20 +28,20 @@ struct AcousticState {
 
 class AcousticTables final : public InstanceSubscriber {
   public:
-    /// `world` must outlive this, and be applied the same deltas, before this is. `defaults`: of surfaces without
-    /// AcousticProperties. `resources`: where urls of clips start. `keepsStreams`, `materials`: as SoundScene has them.
+    /// `world` must outlive this object, and must be given each delta before this object is. `defaults`: for surfaces
+    /// without AcousticProperties. `resources`: for the urls of clips. `keepsStreams`, `materials`: as in SoundScene.
     explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {}, Resources resources = {},
                             bool keepsStreams = false, std::shared_ptr<const MaterialTable> materials = nullptr);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
-    /// latest(), as an AcousticState, for readers of the whole world's state.
+    /// latest() for readers that hold the state of the whole world.
     std::shared_ptr<const void> freeze() override { return latest(); }
 
-    /// The state as of the last apply(); the same one until the next.
+    /// The state as of the last apply(). It stays the same object until the next apply().
     std::shared_ptr<const AcousticState> latest();
     const SoundScene& scene() const { return sounds_; }
-    /// The node that says a material, by AcousticHit::material; none of the default one.
+    /// The node that defines a material, by AcousticHit::material; none for the default material.
     NodeId nodeOfMaterial(std::uint32_t material) const { return walls_.nodeOf(material); }
 
   private:

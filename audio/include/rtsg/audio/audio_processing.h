@@ -1,9 +1,9 @@
 // The arithmetic of the audio graph's nodes on samples: filter, delay, compressor, shaper, spectrum, periodic wave.
 //
-// It is that of the Web Audio API, from which X3D takes these nodes; states are in double precision. If X3D's tables
-// have other defaults, the scene's count. Threading: one thread an object; free functions are pure. Source:
-// W3C Web Audio API 1.1, sections 1.8 (AnalyserNode), 1.13 (BiquadFilterNode), 1.18 (DelayNode), 1.19
-// (DynamicsCompressorNode), 1.28 (PeriodicWave), 1.31 (WaveShaperNode).
+// The arithmetic is that of the Web Audio API, from which X3D takes these nodes; states are in double precision. If
+// defaults differ, those of X3D count. Threading: one thread an object; free functions are pure. Source: W3C Web Audio
+// API 1.1, sections 1.8 (AnalyserNode), 1.13 (BiquadFilterNode), 1.18 (DelayNode), 1.19 (DynamicsCompressorNode), 1.28
+// (PeriodicWave), 1.31 (WaveShaperNode).
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@
 
 namespace rtsg {
 
-/// One channel through a filter of two poles and two zeros.
+/// A filter with two poles and two zeros, for one channel.
 class Biquad {
   public:
     enum class Type : std::uint8_t { lowpass, highpass, bandpass, lowshelf, highshelf, peaking, notch, allpass };
@@ -22,7 +22,7 @@ class Biquad {
     struct Coefficients {
         double b0 = 1, b1 = 0, b2 = 0, a1 = 0, a2 = 0;
     };
-    /// `q` is in dB for lowpass and highpass; `gainDb` counts for shelves and peaking alone.
+    /// `q` is in dB for lowpass and highpass; `gainDb` is used by shelves and peaking only.
     static Coefficients coefficients(Type type, double hz, double sampleRate, double q, double gainDb);
 
     void process(const Coefficients& c, std::span<float> samples);
@@ -31,10 +31,10 @@ class Biquad {
     double x1_ = 0, x2_ = 0, y1_ = 0, y2_ = 0;
 };
 
-/// One channel, later; between samples linear.
+/// A delay of one channel, with linear interpolation between samples.
 class AudioDelay {
   public:
-    /// 0 <= delay, in samples; it may differ from block to block.
+    /// 0 <= delay, in samples; the delay may change from block to block.
     void process(double delay, std::span<float> samples);
 
   private:
@@ -42,7 +42,7 @@ class AudioDelay {
     std::size_t written_ = 0;
 };
 
-/// All channels alike, by the loudest.
+/// Compresses all channels by the same gain, which follows the loudest.
 class Compressor {
   public:
     struct Settings {
@@ -50,14 +50,14 @@ class Compressor {
         double attack = 0.003, release = 0.25;  // seconds for 10 dB
         friend bool operator==(const Settings&, const Settings&) = default;
     };
-    /// The static curve: an amplitude for an amplitude. Straight up to the threshold, bent over the knee, from there on
-    /// 1 / ratio in decibels.
+    /// The static curve from amplitude to amplitude: linear up to the threshold, curved over the knee, and above it
+    /// with a slope of 1 / ratio in decibels.
     static double curve(const Settings& settings, double amplitude);
-    /// The gain after compression: (1 / curve(1)) to the power of .6.
+    /// The make-up gain: (1 / curve(1)) to the power of .6.
     static double makeUp(const Settings& settings);
 
     void process(const Settings& settings, double sampleRate, std::span<std::vector<float>> channels);
-    /// dB by which the last sample was reduced, at most 0; without make-up.
+    /// The gain of the compressor at the last sample in dB, at most 0; without make-up gain.
     double reductionDb() const;
 
   private:
@@ -66,17 +66,17 @@ class Compressor {
     std::vector<double> gains_;      // of a block
 };
 
-/// A curve over -1 to 1, linear between its points; as it is without any.
+/// A curve over -1 to 1, linear between its points. Without points it changes nothing.
 float shaped(std::span<const float> curve, float x);
 
-/// One channel through a curve at several times the rate, so that what the curve adds above half the rate does not come
-/// back as other tones. The filters on both ways (Kaiser's window, 100 dB) let pass up to .45 of the rate and are late.
+/// Applies a curve to one channel at a multiple of the sample rate, so that frequencies above half the rate which the
+/// curve adds do not alias. The resampling filters (Kaiser window, 100 dB) pass up to .45 of the rate and add a delay.
 class OversampledShaper {
   public:
-    /// Samples by which what comes out is later than without.
+    /// The delay of the output, in samples.
     static constexpr std::size_t kDelay = 128;
 
-    /// `factor`: 2 or 4; another one than before begins anew.
+    /// `factor`: 2 or 4; another factor than before resets the filters.
     void process(std::span<const float> curve, unsigned factor, std::span<float> samples);
 
   private:
@@ -84,17 +84,17 @@ class OversampledShaper {
 
     unsigned factor_ = 0;
     std::vector<double> filter_;      // at the higher rate
-    std::vector<double> low_, high_;  // the last samples at either rate, twice each so that they lie in a row
+    std::vector<double> low_, high_;  // the last samples at either rate, stored twice so that they are contiguous
     std::size_t lowAt_ = 0, highAt_ = 0;
 };
 
-/// Decibels of each of fftSize / 2 bins, by a Blackman window over the last fftSize samples (a power of two, 32 to
-/// 32768).
+/// The spectrum of the last fftSize samples (a power of two, 32 to 32768) by a Blackman window: fftSize / 2 bins in
+/// decibels.
 class SpectrumAnalyser {
   public:
     explicit SpectrumAnalyser(std::size_t fftSize = 2048);
     void write(std::span<const float> samples);
-    /// Smoothed with what the last call gave.
+    /// Smoothed with the result of the last call.
     std::vector<double> decibels(double smoothing);
 
   private:
@@ -103,7 +103,7 @@ class SpectrumAnalyser {
     std::vector<double> smoothed_;
 };
 
-/// One turn of a wave as a Fourier series.
+/// One period of a wave as a Fourier series.
 class PeriodicWave {
   public:
     /// SINE, SQUARE, SAWTOOTH, TRIANGLE; anything else is SINE.
@@ -111,7 +111,7 @@ class PeriodicWave {
     /// A wave made of cosines and sines, scaled to a peak of 1. The first number of each is ignored.
     static PeriodicWave custom(std::span<const float> real, std::span<const float> imag);
 
-    /// At `phase` turns, of the harmonics up to `most`.
+    /// The value at `phase` periods, from the harmonics up to `most`.
     double at(double phase, std::size_t most) const;
     std::size_t harmonics() const { return cosines_.size() - 1; }
 

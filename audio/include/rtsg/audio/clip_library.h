@@ -1,8 +1,9 @@
-// ClipLibrary: the sounds of AudioClips, read once and converted to one rate; and playing voices from them.
+// ClipLibrary: reads the sounds of AudioClips once, converts them to one sample rate, and plays voices from them.
 //
-// A clip that cannot be read is silent, with a warning. What urls may open says core/resource.h; all clips together
-// have as many samples, converted, as its policy lets, and each of them before it is. A clip that plays faster than it
-// was made loses what would lie above half the sample rate; beyond 16 times as fast some of that is heard, folded down.
+// A clip that cannot be read is silent, with a warning. core/resource.h describes which urls may be opened; its policy
+// limits the samples of each clip before conversion, and of all clips together after it. A clip that plays faster than
+// it was recorded loses the content above half the sample rate; more than 16 times as fast, some of that content is
+// aliased.
 // Threading: one thread.
 #pragma once
 
@@ -24,10 +25,11 @@ namespace rtsg {
 
 class ClipLibrary {
   public:
-    /// A sound that is there, or one that comes while it is heard: at the rate of the library, and of one library.
+    /// A sound that is complete, or one that arrives while it is heard. It has the library's rate and belongs to one
+    /// library.
     using Given = std::variant<std::shared_ptr<const SoundBuffer>, std::shared_ptr<SoundInput>>;
     using GivenSounds = std::map<std::string, Given, std::less<>>;
-    /// The sounds that the user names.
+    /// The sounds that the user gives.
     struct UsersSounds {
         /// The sounds of MicrophoneSources by their mediaDeviceID; "" stands for all other names.
         GivenSounds microphones;
@@ -39,17 +41,18 @@ class ClipLibrary {
     ClipLibrary(int sampleRate, Resources resources, UsersSounds given = {})
         : sampleRate_(sampleRate), resources_(std::move(resources)), given_(std::move(given)) {}
 
-    /// At the library's rate, with the channels it has; never null.
+    /// At the library's rate, with its own channels; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
-    /// Whether the user has said what it hears: that begins when it is first heard, whenever its node began.
+    /// Whether the user has given the sound of this voice. Such a sound begins when it is first heard, whenever its
+    /// node began.
     bool isGiven(const SoundVoice& voice) const { return given(voice) != nullptr; }
-    /// Null unless it comes while it is heard.
+    /// Null unless the sound arrives while it is heard.
     std::shared_ptr<SoundInput> inputOf(const SoundVoice& voice) const;
     int sampleRate() const { return sampleRate_; }
     const Diagnostics& diagnostics() const { return diagnostics_; }
-    /// Adds to what could not be heard as it should.
+    /// Adds a warning about something that cannot be heard as it should.
     void note(std::string text) { diagnostics_.warning({}, std::move(text)); }
-    /// Says once of a node that what it made was no sound: no numbers, or far beyond all loudness.
+    /// Reports once that a node made invalid samples: not finite, or far too loud.
     void noteNoSound(const std::string& name);
 
   private:
@@ -64,7 +67,7 @@ class ClipLibrary {
     Resources resources_;
     UsersSounds given_;
     std::map<std::pair<SoundVoice::Kind, std::vector<std::string>>, std::shared_ptr<const SoundBuffer>>
-        heard_;  // of what was given, by kind and names of the voice
+        heard_;  // of the sounds given, by kind and names of the voice
     using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
     std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
     std::uint64_t samplesRead_ = 0;
@@ -73,11 +76,11 @@ class ClipLibrary {
     Diagnostics diagnostics_;
 };
 
-/// Plays one voice on from where it is. By the rules of time-dependent nodes a voice that sounds keeps its start.
+/// Plays one voice. By the rules of time-dependent nodes, a voice keeps its start time while it sounds.
 class VoicePlayer {
   public:
-    /// Adds the samples from `first` on, as many as each channel of `out` holds, at the library's rate, scene time 0
-    /// being sample 0. What has one channel goes to all.
+    /// Adds the samples from `first` on, as many as the channels of `out` hold, at the library's rate; sample 0 is
+    /// scene time 0. Mono goes to all channels.
     void play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first, std::span<std::vector<float>> out);
     /// The number of channels that the voice plays.
     std::size_t channels(const SoundVoice& voice, ClipLibrary& clips);
@@ -85,7 +88,7 @@ class VoicePlayer {
   private:
     void load(const SoundVoice& voice, ClipLibrary& clips);
     void playInput(const SoundVoice& voice, double rate, std::int64_t first, std::span<std::vector<float>> out) const;
-    /// The part that repeats, in samples: the whole clip unless the voice says otherwise.
+    /// The part that repeats, in samples: the whole clip unless the voice sets a loop.
     struct Loop {
         double begin, end;
     };
@@ -101,11 +104,11 @@ class VoicePlayer {
     std::vector<std::string> urls_;
     std::vector<std::filesystem::path> folders_;
     Array<float> buffer_;
-    std::pair<double, int> format_;  // of the buffer: samples a second and channels
+    std::pair<double, int> format_;  // of the buffer: sample rate and channels
     double phase_ = 0;               // clip: samples; oscillator: turns
-    double start_ = 0;               // the startTime it plays from
+    double start_ = 0;               // the startTime that it plays from
     bool playing_ = false, finished_ = false;
-    bool repeated_ = false;  // it has come to the beginning of its loop from the end
+    bool repeated_ = false;  // whether the loop has been repeated
 };
 
 }  // namespace rtsg

@@ -1,9 +1,10 @@
-// Convolver: one signal through a long response, block by block, without delay beyond the block.
+// Convolver: convolves one signal with a long response, block by block, with no delay beyond the block.
 //
-// Partitioned overlap-save in two sizes: the first fifteen blocks of a response in parts of a block, what
-// is behind them in parts of sixteen, whose work is done once in sixteen blocks (Gardner 1995; Wefers 2015, 5.2
-// and 6.1). A new response fades in smoothly, so that a moving source or wall makes no click; one that comes meanwhile
-// waits. The first one is heard at once; where something sounds already, that fades in as if it began there.
+// Partitioned overlap-save with two sizes of partitions: the first fifteen blocks of a response have partitions of one
+// block, the rest has partitions of sixteen blocks, which are computed once in sixteen blocks (Gardner 1995; Wefers
+// 2015, 5.2 and 6.1). A new response fades in smoothly, so that a moving source or wall makes no click. A response that
+// arrives during a fade waits. The first response is used at once; if sound is playing already, it fades in as if it
+// had just begun.
 // Threading: one thread per object.
 #pragma once
 
@@ -17,21 +18,21 @@ namespace rtsg {
 
 class Convolver {
   public:
-    /// `turn`: which block of sixteen does the work of long parts, counted from the first block, whenever a response
-    /// comes that has them. Convolvers that run side by side take turns, so that no block has the work of all.
+    /// `turn`: which of sixteen blocks computes the long partitions, counted from the first block, whenever a response
+    /// with such partitions arrives. Give convolvers that run side by side different turns, so that no block has all
+    /// the work.
     explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256, std::size_t turn = 0);
     ~Convolver();
     Convolver(Convolver&&) noexcept;
     Convolver& operator=(Convolver&&) noexcept;
 
-    /// Another one of the same input: this one is told what comes, first of the two in each block, and what process()
-    /// of the other is given counts for nothing.
+    /// Another convolver with the same input. In each block, call process() of this one first; the input that is passed
+    /// to the other one is ignored.
     Convolver beside() const;
-    /// From here on with an input of its own, which so far was the same. Does nothing for one that was not beside
-    /// another.
+    /// Gives this convolver its own input from here on; until now it shared one. Does nothing for one that did not.
     void part();
 
-    /// A response made ready to be convolved with.
+    /// A response that has been transformed for the convolution.
     class Response {
       public:
         Response() = default;
@@ -43,21 +44,21 @@ class Convolver {
     static Response prepare(std::size_t blockSize, std::span<const float> response);
 
     std::size_t blockSize() const;
-    /// 1: the next block has the work of long parts; 0 as long as no response had any.
+    /// 1: the next block computes the long partitions; 0 if no response has had any.
     std::size_t blocksUntilLongWork() const;
-    /// Empty for silence. Takes effect with the next block.
+    /// Takes effect with the next block. An empty response is silence.
     void setResponse(std::span<const float> response);
-    /// Precondition: prepared for blocks of this size.
+    /// Precondition: the response was made for this block size.
     void setResponse(const Response& response);
     void setResponse(Response&& response);
-    /// The response that waits for the next block fades over in so many samples; later ones do so as usual.
+    /// The response that waits for the next block fades in over this many samples; later ones fade as usual.
     void fadeOnceIn(std::size_t samples);
-    /// Forgets what it heard and which response it had, as if it were new, and keeps its memory: where responses are
-    /// short, one that follows needs no other.
+    /// Resets the convolver as if it were new but keeps its memory. For short responses the next one then needs no
+    /// allocation.
     void restart();
-    /// Responses come evenly from here on, not smoothly: of one that changes on and on no step is heard.
+    /// From here on responses fade linearly, not smoothly: if the response changes continually, no step is heard.
     void fadeEvenly();
-    /// Adds to `output`; both of blockSize() samples.
+    /// Adds to `output`; both have blockSize() samples.
     void process(std::span<const float> input, std::span<float> output);
 
   private:

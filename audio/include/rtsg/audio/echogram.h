@@ -1,9 +1,9 @@
-// Echogram: what a listener receives from one source, as energy over time in octave bands.
+// Echogram: the sound that a listener receives from one source, as energy over time in octave bands.
 //
-// Energy is intensity-like: a source of unit power gives 1 / (4 pi d^2) per square metre at distance d in free
-// field. Time counts from emission. Discrete arrivals (image sources) are kept apart from the binned remainder, so that
-// nothing is smeared that is known exactly; the two never overlap. What edges bend is there twice: as energies of
-// octaves among the arrivals, and with its phases, for who makes pressure of it.
+// Energy has the meaning of intensity: a source of unit power gives 1 / (4 pi d^2) per square metre at distance d in a
+// free field. Time counts from emission. Discrete arrivals (image sources) are stored apart from the binned rest, so
+// that exact times stay exact; no energy is in both. Diffracted sound is stored twice: as octave-band energies among
+// the arrivals, and as complex pressures for making a pressure response.
 // Threading: a plain value.
 #pragma once
 
@@ -22,61 +22,64 @@ namespace rtsg {
 struct Arrival {
     double seconds = 0;
     Bands energy{};
-    glm::dvec3 direction{0};  // unit, world frame, from the listener towards where it comes from
+    glm::dvec3 direction{0};  // unit, world frame, from the listener to where the sound comes from
     std::uint32_t order = 0;  // reflections; 0 is direct sound
-    /// For a mirror image of the source: when the source moves by `way`, the image moves by turn * way. Else 0.
+    /// For an image source: when the source moves by `way`, the image moves by turn * way. Otherwise 0.
     glm::mat3 turn{0.0f};
-    /// If edges change it: the index in EdgeField::straight of what it is without them. Else -1.
+    /// If edges change this arrival: the index in EdgeField::straight of its energy without edges. Otherwise -1.
     std::int32_t straight = -1;
 };
 
-/// The tones of an EdgeWave: five an octave, evenly on the axis of octaves, from that band's lowest on.
+/// The number of frequencies of an EdgeWave: five an octave, evenly spaced in octaves, from the lowest band's lowest
+/// on.
 constexpr std::size_t kEdgeTones = 5 * kBandCount;
-/// Hz; `tone` may lie between two of them.
+/// Hz; a `tone` that is not an integer lies between two frequencies.
 double edgeToneHz(double tone);
 
-/// By tone: pressure re that of the source in the open at 1 m; time as exp(i w t).
+/// The pressure by tone, relative to that of the source at 1 m in a free field; time dependence exp(i w t).
 using EdgeTonePressures = std::array<std::complex<float>, kEdgeTones>;
 
-/// A way by places on edges, each of which moves along its edge where source and listener do.
+/// A path over points on edges. Each point moves along its edge when source or listener move.
 struct EdgeRoute {
-    glm::dvec3 first{0}, last{0};          // the places; of one edge both are the same
-    glm::dvec3 firstAxis{0}, lastAxis{0};  // unit; 0: it stays where it is, as an edge's end does
-    double over = 0;                       // m that it is longer than straight between them, over a round body
+    glm::dvec3 first{0}, last{0};          // the points; the same for a path over one edge
+    glm::dvec3 firstAxis{0}, lastAxis{0};  // unit; 0: the point does not move, like an end of an edge
+    double over = 0;                       // m by which the path over a round body is longer than straight
 };
 
-/// An edge of which wedgeField() knows what it bends, wherever source and listener are.
+/// An edge whose diffraction wedgeField() can compute for any positions of source and listener.
 struct BendingEdge {
-    /// Unit, square to the axis and to each other: in the first face away from the edge, and off it into the air.
+    /// Unit vectors square to the axis and to each other: in the first face away from the edge, and off this face into
+    /// the air.
     glm::dvec3 face{0}, beside{0};
-    double opening = 0;  // radians of air from that face on; 0: there is none
-    Bands mirrors{};     // share of the pressure
+    double opening = 0;  // angle of the air from that face on, radians; 0: no such edge
+    Bands mirrors{};     // reflected share of the pressure
 };
 
-/// A wave that comes by way of one edge or two.
+/// A wave that arrives over one or two edges.
 struct EdgeWave {
     double seconds = 0;
-    glm::dvec3 direction{0};       // as of an arrival
-    std::uint32_t order = 1;       // edges on its way
-    EdgeTonePressures pressure{};  // its phase re that of the delay
+    glm::dvec3 direction{0};       // as in Arrival
+    std::uint32_t order = 1;       // number of edges on the path
+    EdgeTonePressures pressure{};  // phase relative to the delay
     EdgeRoute route;
-    BendingEdge bends;  // if it comes by one edge alone, at the place where that is shortest
+    BendingEdge bends;  // if it arrives over one edge alone, at the point of the shortest path
 };
 
-/// All that edges do to the pressure: the waves, and nothing to what comes straight or mirrored.
+/// The effect of edges on the pressure: diffracted waves. Direct and specular arrivals keep their pressure.
 struct EdgeField {
     std::vector<EdgeWave> waves;
-    std::vector<Bands> straight;  // energies without edges; 0 of what comes by way of edges alone
+    std::vector<Bands> straight;  // energies without edges; 0 for arrivals that come over edges only
 };
 
-/// Bin k covers [k, k + 1) / binsPerSecond + start; the first also what comes earlier.
+/// Bin k covers [k, k + 1) / binsPerSecond + start; the first bin also holds what arrives earlier.
 struct EnergyHistogram {
     double binsPerSecond = 1000;
     std::vector<Bands> bins;
-    /// Such that bins begin with the first arrival, which mostly is the onset of the response; less than a bin.
+    /// Chosen so that the bins begin with the first arrival, which mostly is the onset of the response; less than a
+    /// bin.
     double start = 0;
-    /// The energy of each bin as a figure-of-eight microphone along TraceResult::across hears it: times the squared
-    /// cosine of its direction to that axis. It may have fewer bins; it is empty unless asked for.
+    /// The energy of each bin as a figure-of-eight microphone along TraceResult::across receives it: multiplied by the
+    /// squared cosine between its direction and that axis. There may be fewer bins; empty unless requested.
     std::vector<Bands> lateral = {};
 
     double startOf(std::size_t bin) const { return start + static_cast<double>(bin) / binsPerSecond; }
@@ -85,7 +88,7 @@ struct EnergyHistogram {
         if (bin >= bins.size()) bins.resize(bin + 1, Bands{});
         for (std::size_t b = 0; b < kBandCount; ++b) bins[bin][b] += energy[b];
     }
-    /// Adds `factor` times another histogram of the same resolution and start.
+    /// Adds `factor` times another histogram with the same resolution and start.
     void accumulate(const EnergyHistogram& other, double factor = 1);
 };
 
@@ -94,7 +97,7 @@ struct Echogram {
     EnergyHistogram late;
     EdgeField edges = {};
 
-    /// The energy that counts in the pressure beside that of EdgeField::waves.
+    /// The energy that counts in the pressure in addition to EdgeField::waves.
     const Bands& straightEnergy(const Arrival& arrival) const {
         return arrival.straight < 0 ? arrival.energy : edges.straight[static_cast<std::size_t>(arrival.straight)];
     }

@@ -1,12 +1,12 @@
-// Exact specular reflections: mirror images of a source, each checked on the geometry.
+// Exact specular reflections: mirror images of a source, each checked against the geometry.
 //
-// Candidates are found breadth first and merged when they are the same motion of the source: turned alike and at one
-// position. Two orders of the same walls that give one image (in a box nearly all do) are one candidate; a source and
-// its image in the wall that it touches are two. A candidate counts when the mirror path that leaves the listener
-// towards it ends in the source after the same motion, so nothing is counted twice and no valid path of the given order
-// is missed. Paths pass straight through walls that let sound pass; that does not count in the order. Places on walls:
-// see response/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
-// retracing. Threading: pure function over const geometry.
+// Candidates are found breadth first. Candidates that are the same motion of the source (same orientation and position)
+// are merged. Two orders of the same walls that give one image (in a box nearly all do) are one candidate; a source and
+// its image in the wall that it touches are two. A candidate is valid if the mirror path that leaves the listener
+// towards it ends in the source after the same motion. So nothing is counted twice, and no valid path of the given
+// order is missed. Paths pass straight through walls that transmit sound; this does not count in the order. For points
+// on walls see response/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check
+// by retracing. Threading: pure function over const geometry.
 #pragma once
 
 #include <cstdint>
@@ -22,20 +22,21 @@
 
 namespace rtsg {
 
-/// How much of the energy that a source radiates alike in all directions it sends towards a unit direction in the
-/// world; empty: 1 everywhere.
+/// The directivity of a source: the energy that it sends in a unit direction of the world, relative to a source that
+/// radiates alike in all directions. Empty: 1 everywhere.
 using SourcePattern = std::function<double(const glm::dvec3& direction)>;
 
 struct ImageSourceOptions {
     int maxOrder = 3;
     /// Paths longer than this are left out; metres.
     double maxDistance = std::numeric_limits<double>::infinity();
-    /// When the candidates of an order would exceed this, the order is not begun and `order` of the result says so.
+    /// An order that would exceed this number of candidates is not begun; `order` of the result tells which was the
+    /// last.
     std::size_t maxCandidates = 200'000;
-    /// Paths whose walls leave less than this share of the energy are not followed.
+    /// Paths are not followed once their walls leave less than this share of the energy.
     double minShare = 1e-7;
     /// The radius of a ball around the listener, metres. An image of second or higher order counts as the mean over
-    /// places in this ball, as far as these are seen from the listener. 0: it counts as at the listener.
+    /// places in this ball, as far as these are seen from the listener. 0: it counts at the listener only.
     double ball = 0;
     SourcePattern pattern = {};
 };
@@ -43,7 +44,7 @@ struct ImageSourceOptions {
 struct ImageSources {
     /// The highest order that is complete.
     int order = 0;
-    /// Whether no order above has any: nothing is left to others.
+    /// Whether no higher order has an image, so that all specular paths are found.
     bool complete = false;
     std::size_t candidates = 0;
     /// Sorted by time; direct sound included when it is not blocked.
@@ -54,16 +55,16 @@ struct ImageSources {
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation);
 
-/// The places where images of a source may be, for any number of listeners. Threading: const once made.
+/// The possible positions of images of a source, for any number of listeners. Threading: const once constructed.
 class ImageCandidates {
   public:
-    /// `source` touches no wall; of the options all but `maxDistance` and `pattern` count.
+    /// `source` touches no wall. All options but `maxDistance` and `pattern` are used.
     ImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source, const ImageSourceOptions& options);
     ImageCandidates(ImageCandidates&&) noexcept;
     ImageCandidates& operator=(ImageCandidates&&) noexcept;
     ~ImageCandidates();
 
-    /// The result of findImageSources() as far as it is known without a listener: no arrivals.
+    /// The part of the result of findImageSources() that needs no listener: no arrivals.
     const ImageSources& found() const;
 
     struct Impl;
@@ -72,13 +73,13 @@ class ImageCandidates {
   private:
     std::unique_ptr<Impl> impl_;
 };
-/// The same as above, with candidates that were found before with the same geometry and options.
+/// The same with candidates that were found before for the same geometry and options.
 ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandidates& candidates,
                               const glm::dvec3& listener, const ImageSourceOptions& options, double speedOfSound,
                               const Bands& attenuation);
 
-/// Share of the energy per band that is left on the straight way: 1 in the open, 0 behind a wall that lets nothing
-/// through.
+/// The share of energy per band that is left on the straight way: 1 in the open, 0 behind a wall that transmits
+/// nothing.
 Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
 
 }  // namespace rtsg

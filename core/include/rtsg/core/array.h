@@ -21,7 +21,7 @@ namespace rtsg {
 
 namespace detail {
 
-/// Sits directly before the elements; 16-byte aligned as they are.
+/// Lies directly before the elements, and is aligned to 16 bytes as they are.
 struct ArrayHeader {
     std::atomic<std::uint32_t> owners{1};
     std::uint32_t elementSize = 0;
@@ -44,7 +44,7 @@ inline void release(ArrayHeader* header) noexcept {
 
 }  // namespace detail
 
-/// One pointer wide. An empty array is a null pointer. Equality compares elements.
+/// An array that is one pointer wide; an empty one is a null pointer. Equality compares elements.
 template <class T>
 class Array {
   public:
@@ -62,14 +62,14 @@ class Array {
     explicit Array(std::span<const T> elements) { append(elements); }
     Array(std::initializer_list<T> elements) : Array(std::span<const T>(elements.begin(), elements.size())) {}
 
-    /// `size` value-initialised elements, writable through mutableData() while solely owned.
+    /// Makes `size` value-initialised elements, which mutableData() lets the sole owner write.
     static Array ofSize(std::size_t size) {
         Array result;
         result.resize(size);
         return result;
     }
 
-    /// Takes over a header that was made with its elements behind it, in memory of std::malloc, padded with zeros.
+    /// Takes over a header whose elements follow it in memory of std::malloc, padded with zeros.
     static Array adopt(detail::ArrayHeader* header) noexcept {
         Array result;
         result.header_ = header;
@@ -86,7 +86,7 @@ class Array {
     std::span<const T> span() const noexcept { return {data(), size()}; }
     bool sameStorage(const Array& other) const noexcept { return header_ == other.header_; }
 
-    /// Writing: each call first makes this the sole owner (copying if it is shared).
+    /// Each call that writes first makes this the sole owner, by a copy if the elements are shared.
     T* mutableData() {
         makeSole(size());
         return header_ ? reinterpret_cast<T*>(header_ + 1) : nullptr;
@@ -192,7 +192,7 @@ class Array {
     detail::ArrayHeader* header_ = nullptr;
 };
 
-/// UTF-8, immutable, shared; one pointer wide.
+/// A UTF-8 text, immutable and shared; one pointer wide.
 class String {
   public:
     String() noexcept = default;

@@ -1,9 +1,9 @@
-// Change, ChangeSet and their composition: the one way in which a scene's state moves anywhere.
+// Change, ChangeSet and their composition: the one form in which changes of a scene's state are passed on.
 //
-// Invariant of a sealed set: at most one net effect per (node, field); the order is
-// defineType*, createNode*, (setField | insertChild | removeChild)*, setName*, (removeRoute | addRoute)*,
-// destroyNode*, event*; references only to nodes that exist before the set or are created in it. A snapshot is the
-// set that leads from the empty scene (sequence 0) to a state. Sealed sets are immutable: any thread may read them.
+// Invariant of a sealed set: it has at most one net effect for each (node, field). The order is defineType*,
+// createNode*, (setField | insertChild | removeChild)*, setName*, (removeRoute | addRoute)*, destroyNode*, event*. It
+// refers only to nodes that exist before the set or are created in it. A snapshot is the set that leads from the empty
+// scene (sequence 0) to a state. Sealed sets are immutable: any thread may read them.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ struct Hash128 {
     std::string hex() const;
 };
 
-/// The numbers are part of the wire format.
+/// The kinds of changes. The numbers are part of the wire format.
 enum class ChangeKind : std::uint8_t {
     defineType = 0,   // index: TypeIndex; the type is in ChangeSet::types
     createNode = 1,   // node; index: TypeIndex; other: scope (the PROTO instance or Inline it belongs to, or none)
@@ -67,8 +67,8 @@ struct FieldEvent {
     Value value;
 };
 
-/// Names who asked for a change from outside. `field` is that of the change; kNoField if the node itself, its name or
-/// its routes changed.
+/// Names the author of a change from outside. `field` is that of the change; it is kNoField if the node itself, its
+/// name or its routes changed.
 struct Authored {
     NodeId node;
     FieldIndex field = kNoField;
@@ -79,18 +79,19 @@ struct Authored {
 struct FrameInput;
 
 struct ChangeSet {
-    /// The set leads from state `from` to `to`: a frame to from + 1, a snapshot from 0, a replica's repair to itself.
+    /// The set leads from state `from` to `to`. A frame leads to from + 1, a snapshot starts at 0, and a replica's
+    /// repair leads from a state to itself.
     std::uint64_t from = 0, to = 0;
-    double time = 0;  // seconds, of the last frame in it
-    Hash128 hash;     // of the state it leads to
+    double time = 0;  // of the last frame in the set, in seconds
+    Hash128 hash;     // of the state `to`
     std::vector<Change> changes;
     std::vector<DefinedType> types;
     /// The inputs of the frame, if the scene records them (frame_input.h); a merged set has none.
     std::shared_ptr<const FrameInput> input;
-    /// The authors that Scene::attribute() named, one for a field at most; null if all changes were the application's
-    /// own. They are no part of the state.
+    /// The authors that Scene::attribute() named, at most one for each field; null if the application made all changes
+    /// itself. Authors are no part of the state.
     std::shared_ptr<const std::vector<Authored>> authors;
-    /// The events of this frame from the fields that Scene::listenTo() names, in order; null if there were none. Only
+    /// The events that fields named by Scene::listenTo() sent in this frame, in order; null if there were none. Only
     /// subscribers of the scene that ran the frame get them: they are neither merged nor sent to others.
     std::shared_ptr<const std::vector<FieldEvent>> heard;
 
@@ -98,10 +99,10 @@ struct ChangeSet {
     void clear();
 };
 
-/// New values of one field of some nodes, side by side as they lie in memory.
+/// New values of one field for several nodes, side by side as they lie in memory.
 struct PlainColumn {
     FieldIndex field = kNoField;
-    FieldType type = FieldType::SFBool;  // of at most 16 bytes that own nothing and name no node
+    FieldType type = FieldType::SFBool;  // of at most 16 bytes, without shared data and not SFNode
     std::size_t count = 0;
     const std::byte* values = nullptr;  // of any alignment
 };

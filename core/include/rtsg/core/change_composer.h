@@ -1,6 +1,6 @@
 // ChangeComposer: makes one set of several that follow one another.
 //
-// Invariant: to apply the one has the effect of applying them in turn. Threading: one thread at a time.
+// Invariant: applying the one set has the effect of applying the several in turn. Threading: one thread at a time.
 #pragma once
 
 #include <memory>
@@ -12,18 +12,19 @@ namespace rtsg {
 
 class Scene;
 
-/// Merges consecutive sets into one with the same effect as applying them in turn. Cost grows with the sets.
+/// Merges consecutive sets into one. The cost grows with the size of the sets.
 class ChangeComposer {
   public:
     ChangeComposer();
     ~ChangeComposer();
-    /// Precondition: set.from == the previous set's to.
+    /// Precondition: set.from is the previous set's to.
     void add(const ChangeSet& set);
     bool empty() const;
-    /// `scene` is the one whose sets these are. It knows the types of nodes that went and came back, as they do in
-    /// parts of scenes; without a scene, types are looked up among the built-in ones and those that the sets define.
+    /// Returns the merged set. `scene` is the scene whose sets these are; it knows the types of nodes that went and
+    /// came back, as happens in parts of scenes. Without a scene, types are looked up among the built-in ones and those
+    /// that the sets define.
     ChangeSet take(const Scene* scene = nullptr);
-    /// Does the same into a set whose memory is used again; the composer uses its own memory again, too.
+    /// Does the same into an existing set, and reuses the memory of that set and of the composer.
     void take(ChangeSet& into, const Scene* scene = nullptr);
 
   private:

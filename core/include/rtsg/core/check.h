@@ -1,9 +1,9 @@
 // Checks for programmer errors: a broken precondition ends the program at once and says where, what, and both values.
 //
-// Never for bad input, which gives a Result or a diagnostic. The checks stay in release builds; their cost is one
-// comparison, so they stand where a wrong call would otherwise read memory that is none. Threading: any.
-//     RTSG_CHECK_LT(field, type.fields.size());  ->  scene_edits.cpp:12: check failed: field < type.fields.size(): 9 <
-//     4
+// They are never used for bad input, which gives a Result or a diagnostic. The checks stay in release builds; each
+// costs one comparison, so they stand where a wrong call would otherwise read memory out of bounds. Threading: any.
+//     RTSG_CHECK_LT(field, type.fields.size());
+//       ->  scene_edits.cpp:12: check failed: field < type.fields.size(): 9 < 4
 #pragma once
 
 #include <cstddef>

@@ -7,7 +7,8 @@
 
 namespace rtsg {
 
-/// In HSV space, hue the short way round; a colour without hue takes the other's. The ends come out as they are.
+/// Blends in HSV space, with the hue along the shorter arc. A colour without hue takes that of the other one. At w = 0
+/// and 1 the result is exactly `a` and `b`.
 Color blend(const Color& a, const Color& b, float w);
 
 }  // namespace rtsg

@@ -1,12 +1,12 @@
-// Device input: what pointers, keys, wheels and heads do, as events of a scene like any others.
+// Device input: the actions of pointers, keys, wheels and heads, as events of a scene like any others.
 //
-// Devices are inputOnly fields of the scene's root, so what they do waits for the next frame, stands in change sets,
-// logs and inputs, and comes from a peer in the same way (the values below are what MirrorClient::submitEvent sends). A
-// pointer's ray is cast when its frame begins, at what the geometry was then; what it met goes into the recorded event,
-// so that replicas and replays need no geometry. A frame takes one press or release of a pointer and one key, as
-// outputs send one event a timestamp; what came with them waits for the frames that follow, in order, 256 at most.
-// Moves in between are one move. Pick sensors are evaluated when a frame begins, in the same way.
-// Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2, 38.
+// Devices are inputOnly fields of the scene's root. So an input waits for the next frame, stands in change sets, logs
+// and recorded inputs, and may come from a peer in the same way (MirrorClient::submitEvent sends the values below). A
+// pointer's ray is cast when its frame begins, against the geometry at that time; the hit goes into the recorded event,
+// so replicas and replays need no geometry. A frame takes one press or release of a pointer and one key, as outputs
+// send one event at a timestamp; further ones wait for the next frames, in order, 256 at most. Moves between them
+// become one move. Pick sensors are evaluated when a frame begins, in the same way. Threading: the scene's thread.
+// Source: ISO/IEC 19775-1 V4.0 clauses 20, 21, 23.4.2, 38.
 #pragma once
 
 #include <array>
@@ -28,10 +28,10 @@ struct PointerHit {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector
     Vec2d texCoord{0};
     std::vector<NodeId> path;  // from a root node to the Shape
-    /// A node on the path whose content is placed by the picture and not by fields alone (Billboard, LayoutGroup,
-    /// ScreenGroup ...): where.
+    /// A node on the path whose content is placed by the picture and not by its fields alone (Billboard, LayoutGroup,
+    /// ScreenGroup ...), and the transform that the picture used.
     struct ByPicture {
-        std::size_t at = 0;  // its place on the path
+        std::size_t at = 0;  // the node's index on the path
         glm::dmat4x3 parentFromLocal{1.0};
         friend bool operator==(const ByPicture&, const ByPicture&) = default;
     };
@@ -39,7 +39,7 @@ struct PointerHit {
     friend bool operator==(const PointerHit&, const PointerHit&) = default;
 };
 
-/// The thing that a place in a picture shows, and the ray that finds it.
+/// The hit at a place in a picture, and the ray that found it.
 struct PictureHit {
     Vec3d origin{0}, direction{0, 0, -1};  // world space
     std::optional<PointerHit> hit;
@@ -48,21 +48,21 @@ struct PictureHit {
 struct PointerInput {
     static constexpr std::int32_t kDevices = 64;
     static constexpr std::uint32_t kPrimary = 1;
-    /// absent: it has left the window, or does not point anywhere.
+    /// absent: it has left the window, or points nowhere.
     enum class Kind : std::uint8_t { absent, ray, picture } kind = Kind::ray;
     std::int32_t device = 0;               // below kDevices
-    std::uint32_t buttons = 0;             // those that are down: kPrimary, and others for applications
+    std::uint32_t buttons = 0;             // the buttons that are down: kPrimary, and others for applications
     Vec3d origin{0}, direction{0, 0, -1};  // of a ray, in world space
     /// A place in the picture that the bound viewpoint shows: from 0 (left, top) to 1; `aspect` = width / height.
     double x = 0, y = 0, aspect = 1;
     std::optional<PointerHit> hit;  // made when the frame begins, if the scene has SpaceQueries
 
     Array<double> toValue() const;
-    /// Error: not what toValue() makes. Numbers that are not finite make it absent.
+    /// Error: values that toValue() does not make. With numbers that are not finite, the pointer is absent.
     static Result<PointerInput> fromValue(const Array<double>& value);
 };
 
-/// 21.4.1; the last three are no events of their own but outputs of the KeySensor.
+/// The action keys of 21.4.1; the last three have no key events of their own but outputs of the KeySensor.
 enum class ActionKey : std::uint8_t {
     none = 0,
     f1 = 1,
@@ -81,7 +81,7 @@ enum class ActionKey : std::uint8_t {
 };
 struct KeyInput {
     bool down = true;
-    char32_t character = 0;  // or none, of an action key
+    char32_t character = 0;  // 0 for an action key
     ActionKey action = ActionKey::none;
 
     Array<std::int32_t> toValue() const;
@@ -91,26 +91,27 @@ struct KeyInput {
     static Result<KeyInput> named(std::string_view name, bool down);
 };
 
-/// Queue what a device did for the next frame. Errors: of another thread; a device, key or number that cannot be.
+/// Queue an input for the next frame. Errors: called on another thread; an invalid device, key or number.
 Result<> sendPointer(Scene& scene, const PointerInput& input);
 Result<> sendKey(Scene& scene, const KeyInput& input);
 /// Text that was composed or pasted. StringSensors get it as if it had been typed; '\n' ends a string.
 Result<> sendText(Scene& scene, std::string_view text);
-/// Steps across and down; navigation (navigation.h) answers it.
+/// Queues wheel steps across and down, which navigation (navigation.h) handles.
 Result<> sendWheel(Scene& scene, double across, double down);
-/// Against the bound viewpoint, metres. Recorded and mirrored; no built-in node answers it.
+/// Queues the pose of a head relative to the bound viewpoint, in metres. It is recorded and mirrored; no built-in node
+/// uses it.
 Result<> sendHeadPose(Scene& scene, const Vec3d& position, const Rotation& orientation);
 
-/// The bearing through a place in the picture of the bound viewpoint, as PointerInput has it. A unit direction.
+/// The ray through a place in the picture of the bound viewpoint, as in PointerInput. `direction` has length 1.
 struct Bearing {
     Vec3d origin{0}, direction{0, 0, -1};
 };
 Bearing bearingThrough(const Scene& scene, double x, double y, double aspect);
 
-/// The descriptions of the sensors and Anchors that a pointer is over, to be shown to people; empty ones are left out.
+/// The descriptions of the sensors and Anchors under a pointer, to be shown to people; empty ones are left out.
 std::vector<std::string> pointedDescriptions(const Scene& scene);
 
-/// A place where a ray meets a surface.
+/// A point where a ray meets a surface.
 struct Crossing {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector, on the surface's front
     Vec3d texCoord{0};
@@ -128,16 +129,16 @@ struct ShapeBox {
 class TriangleTest {
   public:
     virtual ~TriangleTest() = default;
-    /// `path`: from a root node to a Shape. False: none of its triangles is asked about.
+    /// `path` leads from a root node to a Shape. Returns false if no triangle of this Shape is asked about.
     virtual bool concerns(const std::vector<NodeId>& path) = 0;
-    /// Corners in world space, finite; there may be no area between them.
+    /// `corners` are in world space and finite; the area between them may be 0.
     virtual bool meets(const std::array<Vec3d, 3>& corners) = 0;
 };
 
-/// A Shape of which a test has met a triangle.
+/// A Shape that has a triangle which a test has met.
 struct Meeting {
     ShapeBox box;
-    double distance = 0;  // metres from the centre that was asked about to the Shape's nearest point
+    double distance = 0;  // metres from the centre that was asked for to the Shape's nearest point
 };
 
 /// Answers questions about where geometry is. The scene asks at the beginning of a frame, never while one runs.
@@ -146,26 +147,28 @@ class SpaceQueries {
     virtual ~SpaceQueries() = default;
     /// `direction` is finite and not zero.
     virtual std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) = 0;
-    /// At a place in the last picture, `x` and `y` from 0 (left, top) to 1; `layer`: only in this layer, the root being
-    /// what is in none. Nothing: there is no picture of layers of which more is known here than of the bound viewpoint.
+    /// The hit at a place in the last picture, `x` and `y` from 0 (left, top) to 1. `layer`: only in this layer; the
+    /// root stands for what is in no layer. Nothing if there is no picture with layers, where the bound viewpoint is
+    /// all that is needed.
     virtual std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) {
         (void)x, (void)y, (void)layer;
         return std::nullopt;
     }
-    /// The paths to all Shapes within `radius` metres that stop avatars, as obstacles().
+    /// The paths to all Shapes within `radius` metres that stop avatars, as for obstacles().
     virtual std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) = 0;
     /// All surfaces that a ray meets within `length` metres (infinity: without end), from either side, the nearest
     /// first. `direction` as above.
     virtual std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) = 0;
-    /// The same for surfaces that avatars meet. They include the proxies of Collision nodes (23.4.2), which are not
-    /// seen, and also the children for which a proxy stands: the caller tells them apart by the paths.
+    /// The same for surfaces that stop avatars. They include the proxies of Collision nodes (23.4.2), which are not
+    /// seen, and also the children that a proxy replaces: the caller tells them apart by their paths.
     virtual std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
         return crossings(origin, direction, length);
     }
     /// The boxes of all Shapes, in no order.
     virtual std::vector<ShapeBox> boxes() = 0;
-    /// The Shapes that `test` concerns and that have a triangle within `radius` metres of `center` which it meets, in
-    /// no order; each asked about, triangle by triangle, until one is met. No points and no lines.
+    /// The Shapes that `test` concerns and that have a triangle within `radius` metres of `center` which the test
+    /// meets, in no order. The triangles of each Shape are tested in turn until one is met. Points and lines are not
+    /// tested.
     virtual std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) = 0;
     /// The corners of a geometry's triangles, lines and points, in its own coordinates; the geometry need not be drawn.
     /// A corner may come several times. A geometry without corners gives none.

@@ -1,9 +1,9 @@
-// Expected failures: a position, a severity, a sentence and a code. Bad input never throws; it ends up here.
+// Expected failures: a position, a severity, a sentence and a code. Bad input gives one of these and never throws.
 //
-// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text [code]`. The code is a
-// short word that stays the same when the sentence is improved; docs/diagnostics.md lists all codes. A report that
-// names no code has that of the source file it comes from (the table in diagnostic.cpp), so that every report has a
-// true one; more exact codes are given where they are useful. Threading: values.
+// Line and column count from 1; 0 means "no position". The printed form is `file:line:col: error: text [code]`. The
+// code is a short word that stays the same when the sentence is improved; docs/diagnostics.md lists all codes. A report
+// that names no code gets the code of the source file it comes from (the table in diagnostic.cpp). More exact codes are
+// given where they are useful. Threading: values.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +24,7 @@ struct SourceLocation {
 
 /// The place in a file from which a node was read.
 struct NodePlace {
-    std::string file;  // as messages name it; empty: of no file
+    std::string file;  // as messages name it; empty if the node comes from no file
     SourceLocation where;
 };
 
@@ -39,7 +39,7 @@ class DiagnosticCode {
         for (const char c : text_)
             if (!((c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-')) throw "a code is a-z, 0-9 and '-'";
     }
-    /// That of the source file which reports; `application` outside this project.
+    /// The code of the source file that reports; `application` outside this project.
     static DiagnosticCode of(std::source_location reporter) noexcept;
 
     std::string_view text() const { return text_; }
@@ -64,8 +64,8 @@ class Diagnostics {
     explicit Diagnostics(std::string file = {}, std::size_t limit = 1000) : file_(std::move(file)), limit_(limit) {}
     void add(Severity severity, SourceLocation where, std::string text,
              DiagnosticCode code = DiagnosticCode::of(std::source_location::current()));
-    /// Adds the diagnostic unchanged, with its own file. One with the text and the place of the last one is counted,
-    /// not added again.
+    /// Adds the diagnostic unchanged, with its own file. If text and place are those of the last one, it is only
+    /// counted.
     void add(Diagnostic diagnostic);
     void error(SourceLocation where, std::string text,
                DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
@@ -75,18 +75,18 @@ class Diagnostics {
                  DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
         add(Severity::warning, where, std::move(text), code);
     }
-    /// About a node.
+    /// Adds a warning about a node.
     void warningAt(const NodePlace& place, std::string text,
                    DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
         add(Diagnostic{Severity::warning, place.file.empty() ? file_ : place.file, place.where, std::move(text), code});
     }
-    /// Appends another collection as it is (an Inline's, say).
+    /// Appends another collection unchanged, such as that of an Inline.
     void append(const Diagnostics& other);
 
     const std::vector<Diagnostic>& all() const { return all_; }
     std::size_t errors() const { return errors_; }
     std::size_t warnings() const { return warnings_; }
-    /// Those counted but not kept.
+    /// How many were counted but not kept.
     std::size_t dropped() const { return dropped_; }
     const std::string& file() const { return file_; }
     void setFile(std::string file) { file_ = std::move(file); }
@@ -98,7 +98,7 @@ class Diagnostics {
     std::size_t errors_ = 0, warnings_ = 0, dropped_ = 0;
 };
 
-/// A value, or why there is none. Whoever gets one looks at it: the compiler warns where it is dropped.
+/// A value, or the reason why there is none. The compiler warns where a result is ignored.
 template <class T = void>
 class [[nodiscard]] Result : public std::expected<T, Diagnostic> {
   public:

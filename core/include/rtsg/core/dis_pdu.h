@@ -1,16 +1,16 @@
-// Protocol data units of Distributed Interactive Simulation: what their bytes mean, both ways.
+// Protocol data units of Distributed Interactive Simulation: decodes and encodes their bytes.
 //
-// Versions 5 to 7 of the protocol, which have the same layout for these types. Numbers are big-endian; positions are
-// metres in the world of the exercise (geocentric as a rule), directions of a body x forward, y to the right, z down,
-// angles radians. A PDU that is decoded is whole and finite; anything else is an error. Threading: values. Source: IEEE
-// 1278.1-2012, clause 7 (layouts) and 6.2 (records); 1278.1A-1998 for the types of radios; RFC 3550 for the header that
-// RTP puts before a datagram.
+// It handles versions 5 to 7 of the protocol, which have the same layout for these types. Numbers are big-endian;
+// positions are metres in the world of the exercise (usually geocentric); a body's x points forward, y to the right, z
+// down; angles are radians. A PDU that is decoded is whole and finite; anything else is an error. Threading: values.
+// Source: IEEE 1278.1-2012, clause 7 (layouts) and 6.2 (records); 1278.1A-1998 for the types of radios; RFC 3550 for
+// the RTP header before a datagram.
 
 // Example:
 //     #include <rtsg/core/dis_pdu.h>
-//     const std::vector<std::uint8_t> datagram = rtsg::dis::encode({{}, rtsg::dis::RemoveEntity{{1, 2, 3}, {4, 5,
-//     6}}}); const auto pdu = rtsg::dis::decode(datagram); if (pdu) std::cout <<
-//     std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
+//     const rtsg::dis::RemoveEntity gone{{1, 2, 3}, {4, 5, 6}};
+//     const auto pdu = rtsg::dis::decode(rtsg::dis::encode({{}, gone}));
+//     if (pdu) std::cout << std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
 #pragma once
 
 #include <array>
@@ -42,11 +42,11 @@ enum class PduType : std::uint8_t {
 
 struct Header {
     std::uint8_t version = 7, exercise = 1;
-    std::uint32_t timestamp = 0;  // of the hour, in 3600 s / 2^31, times 2; odd: of the absolute time
-    std::uint8_t status = 0;      // of version 7
+    std::uint32_t timestamp = 0;  // time within the hour in units of 3600 s / 2^31, times 2; odd: absolute time
+    std::uint8_t status = 0;      // version 7 only
     friend bool operator==(const Header&, const Header&) = default;
 };
-/// The time within the hour that a timestamp says, in seconds from 0 to 3600.
+/// The time within the hour of a timestamp, in seconds from 0 to 3600.
 double secondsOf(std::uint32_t timestamp);
 std::uint32_t timestampOf(double secondsSince1970, bool isAbsolute);
 
@@ -70,7 +70,7 @@ struct EulerAngles {
     friend bool operator==(const EulerAngles&, const EulerAngles&) = default;
 };
 struct Articulation {
-    std::uint8_t designator = 0, change = 0;  // 0: an articulated part; 1: an attached one, whose value is none
+    std::uint8_t designator = 0, change = 0;  // 0: an articulated part; 1: an attached part, without a value
     std::uint16_t attachedTo = 0;
     std::uint32_t type = 0;
     float value = 0;
@@ -82,13 +82,13 @@ struct EntityState {
     EntityId id;
     std::uint8_t force = 0;
     EntityType type, alternativeType;
-    glm::vec3 velocity{0};  // m/s; of the body's axes where the dead reckoning is (6 to 9)
+    glm::vec3 velocity{0};  // m/s; in the body's axes with dead reckoning models 6 to 9
     glm::dvec3 location{0};
     EulerAngles orientation;
     std::uint32_t appearance = 0;
     std::uint8_t deadReckoning = 0;
     std::array<std::uint8_t, 15> deadReckoningParameters{};
-    glm::vec3 acceleration{0}, angularVelocity{0};  // m/s2, axes as the velocity's; rad/s about the body's axes
+    glm::vec3 acceleration{0}, angularVelocity{0};  // m/s2, axes as for velocity; rad/s about the body's axes
     std::uint8_t markingCharacters = 1;             // 1: ASCII
     std::string marking;                            // 11 bytes at most
     std::uint32_t capabilities = 0;
@@ -122,7 +122,7 @@ struct Detonation {
     std::vector<Articulation> articulations;
     friend bool operator==(const Detonation&, const Detonation&) = default;
 };
-/// Also what a Collision-Elastic PDU (type 66) has in common with it; that is decoded and not encoded.
+/// It also holds the common part of a Collision-Elastic PDU (type 66), which is decoded but not encoded.
 struct Collision {
     EntityId issuing, colliding;
     EventId event;
@@ -196,16 +196,16 @@ Result<Outline> outlineOf(std::span<const std::uint8_t> bytes);
 /// Whether decode() knows the type.
 bool isKnown(PduType type);
 
-/// Reads the first PDU of `bytes`, and ignores what follows it. Errors: those of outlineOf(); a type that is none of
-/// these; counts that lead beyond the PDU's end; a number that is not finite.
+/// Reads the first PDU of `bytes`, and ignores what follows it. Errors: those of outlineOf(); a type other than these;
+/// counts that lead beyond the PDU's end; a number that is not finite.
 Result<Pdu> decode(std::span<const std::uint8_t> bytes);
-/// Precondition, checked: lists are no longer than their limits.
+/// Precondition, checked: no list is longer than its limit.
 std::vector<std::uint8_t> encode(const Pdu& pdu);
 
-/// How many bytes of RTP header stand before the PDU: 0 if there is none, which the first byte tells. Error: a header
+/// The length in bytes of the RTP header before the PDU; 0 if the first byte shows that there is none. Error: a header
 /// that ends beyond the datagram.
 Result<std::size_t> rtpHeaderLength(std::span<const std::uint8_t> datagram);
-/// 12 bytes. `timestamp` is the PDU's.
+/// Makes the 12 bytes of the header. `timestamp` is the PDU's.
 std::array<std::uint8_t, 12> rtpHeader(std::uint16_t sequence, std::uint32_t timestamp, std::uint32_t source);
 
 }  // namespace rtsg::dis

@@ -1,4 +1,4 @@
-// One field value as text: parsing and printing in the three text encodings.
+// One field value as text: parses and prints it in the three text encodings.
 //
 // Invariant: parseFieldText(v.type(), printFieldText(v, s), s) == v for ClassicVRML and XML and every value without
 // nodes and without NaN or infinity; numbers are printed as the shortest text that reads back as the same bits.
@@ -17,20 +17,20 @@ namespace rtsg {
 
 enum class TextSyntax : std::uint8_t { classicVrml, xml, json };
 
-/// The whole of `text` must be one value; XML is taken as the attribute's value, entities already resolved. JSON is
-/// not parsed. Nodes: only NULL and [ ] are values. The diagnostic's position counts from the start of `text`.
-/// `custom`: which type SFCustom and MFCustom are. Their own text stands in quotes, and their numbers without; in XML
-/// the text of a single value may stand without, too.
+/// Parses one value, which must be all of `text`. XML means the attribute's value with entities already resolved; JSON
+/// is not parsed. Of nodes, only NULL and [ ] are values. The diagnostic's position counts from the start of `text`.
+/// `custom` is the type of SFCustom and MFCustom. The text form of such a value stands in quotes (in XML a single one
+/// may stand without), its numbers stand without.
 Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax syntax = TextSyntax::classicVrml,
                              const CustomType* custom = nullptr);
 
-/// ClassicVRML with brackets and quotes as needed; XML as an attribute's value before escaping `&`, `<` and quotes;
-/// JSON with vectors as arrays and MF values as arrays of those, NaN and infinity as null. A node prints as NULL, or
-/// as `#` and its number (JSON: the number).
+/// Prints a value: in ClassicVRML with brackets and quotes as needed; in XML as an attribute's value before `&`, `<`
+/// and quotes are escaped; in JSON with vectors as arrays, MF values as arrays of those, and NaN and infinity as null.
+/// A node prints as NULL, or as `#` and its number (JSON: the number).
 std::string printFieldText(const Value& value, TextSyntax syntax = TextSyntax::classicVrml);
 void appendFieldText(std::string& out, const Value& value, TextSyntax syntax);
 
-/// The text as a string of JSON, in its quotes. Bytes that are no UTF-8 become U+FFFD.
+/// The text as a JSON string with its quotes. Bytes that are not UTF-8 become U+FFFD.
 std::string jsonString(std::string_view text);
 
 }  // namespace rtsg

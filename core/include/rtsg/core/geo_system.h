@@ -1,11 +1,10 @@
-// Geographic coordinates: what three numbers of a geoSystem mean, and the geocentric metres that all systems share.
+// Geographic coordinates: converts between the systems that a geoSystem field names and geocentric metres.
 //
-// Geocentric: x towards latitude 0, longitude 0; z to the north pole. All in double. Latitudes and longitudes are in
-// degrees, heights in metres above the ellipsoid (a geoid is not known here).
-// Errors: geodetic both ways 2e-8 m, UTM both ways below 1e-8 m within a zone and 1e-6 m as far as 30 degrees from its
-// middle.
-// Threading: values. Source: ISO/IEC 19775-1 V4.0 25.2; Karney, Transverse Mercator with an accuracy of a few
-// nanometers, J. Geodesy 85 (2011), the sixth order of Krueger's series; Bowring, Survey Review 23 (1976), iterated.
+// Geocentric: x towards latitude 0, longitude 0; z to the north pole. All numbers are double. Latitudes and longitudes
+// are in degrees, heights in metres above the ellipsoid (geoids are not supported). Errors: geodetic both ways 2e-8 m,
+// UTM both ways below 1e-8 m within a zone and 1e-6 m as far as 30 degrees from its middle. Threading: values. Source:
+// ISO/IEC 19775-1 V4.0 25.2; Karney, Transverse Mercator with an accuracy of a few nanometers, J. Geodesy 85 (2011),
+// the sixth order of Krueger's series; Bowring, Survey Review 23 (1976), iterated.
 #pragma once
 
 #include <rtsg/core/diagnostic.h>
@@ -33,12 +32,12 @@ struct GeoSystem {
     /// Reads a geoSystem field (25.2.3). Errors: a word that the standard does not know; UTM without a zone.
     static Result<GeoSystem> read(const Array<String>& words);
 
-    /// Geocentric metres.
+    /// Converts to geocentric metres.
     Vec3d toGeocentric(const Vec3d& coordinates) const;
-    /// The other way round; longitudes are from -180 to 180.
+    /// Converts from geocentric metres; longitudes are from -180 to 180.
     Vec3d fromGeocentric(const Vec3d& point) const;
-    /// East, up and south of a geocentric point as columns: up is the ellipsoid's normal. At a pole longitude 0 counts,
-    /// at the middle of the Earth the axes stay as they are.
+    /// East, up and south at a geocentric point, as columns; up is the ellipsoid's normal. At a pole, longitude 0 is
+    /// used; at the Earth's centre the axes are the Earth's.
     glm::dmat3 frameAt(const Vec3d& geocentric) const;
 };
 

@@ -1,7 +1,7 @@
-// Places the nodes of the Geospatial component in a scene: reads their systems, and subtracts their GeoOrigins.
+// Places the nodes of the Geospatial component in a scene: converts their coordinates, and subtracts their GeoOrigins.
 //
-// A scene without a GeoOrigin is in geocentric metres. All in double. Threading: the scene's thread. Source: ISO/IEC
-// 19775-1 V4.0 25.2.5, 25.3.
+// A scene without a GeoOrigin is in geocentric metres. All numbers are double. Threading: the scene's thread. Source:
+// ISO/IEC 19775-1 V4.0 25.2.5, 25.3.
 #pragma once
 
 #include <optional>
@@ -21,10 +21,10 @@ class GeoReference {
     static Result<GeoReference> of(const Scene& scene, const Node& node);
 
     const GeoSystem& system() const { return system_; }
-    /// Metres, in the coordinates around the node.
+    /// Converts to metres in the coordinates around the node, and back.
     Vec3d toScene(const Vec3d& coordinates) const;
     Vec3d fromScene(const Vec3d& point) const;
-    /// The frame at the point, whose x points east, y up and -z north.
+    /// The transform from a frame at the point, whose x points east, y up and -z north.
     glm::dmat4 placeOf(const Vec3d& coordinates) const;
 
   private:
@@ -33,23 +33,23 @@ class GeoReference {
     glm::dmat3 turn_{1};  // from geocentric directions to the scene's
 };
 
-/// Whether nodes of this type move what is below them by geographic coordinates: GeoLocation, GeoTransform; or, of a
-/// GeoViewpoint, themselves.
+/// Whether nodes of this type place their children by geographic coordinates (GeoLocation, GeoTransform), or themselves
+/// (GeoViewpoint).
 bool isGeoPlace(const NodeType& type);
-/// The GeoOrigin that a node of this component has; null if it has none.
+/// The GeoOrigin of a node of this component; null if it has none.
 const Node* geoOriginOf(const Scene& scene, const Node& node);
-/// From the coordinates in such a node to those around it. A GeoViewpoint's are those of the ground below it: x to the
-/// east, y up. Error: as GeoReference::of().
+/// The transform from the coordinates in such a node to those around it. The inside of a GeoViewpoint has x to the east
+/// and y up at the ground below it. Error: as for GeoReference::of().
 Result<glm::dmat4> geoPlace(const Scene& scene, const Node& node);
 
-/// The points of a GeoCoordinate as they lie around an anchor, which is the first of them that is finite: so that
-/// single precision is enough for them. Error: as GeoReference::of().
+/// The points of a GeoCoordinate relative to an anchor, which is the first finite point, so that single precision is
+/// enough. Error: as for GeoReference::of().
 struct AnchoredPoints {
     Vec3d anchor{0};  // metres, in the coordinates around the geometry
     Array<Vec3f> points;
 };
 Result<AnchoredPoints> geoPoints(const Scene& scene, const Node& coordinate);
-/// The anchor alone, of the coordinates or of a GeoElevationGrid; none for other nodes, and for those with an error.
+/// The anchor alone, for a GeoCoordinate or a GeoElevationGrid; nothing for other nodes, and for those with an error.
 std::optional<Vec3d> geoAnchor(const Scene& scene, const Node& node);
 
 }  // namespace rtsg

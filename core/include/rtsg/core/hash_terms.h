@@ -1,10 +1,10 @@
-// The terms whose sum is a state hash. Each term is the XXH3-128 of canonical bytes, and its seed says what the bytes
-// belong to. A Scene keeps its own hash; these functions are for programs that compute the hash of a scene that they do
-// not hold.
+// The terms whose sum is a state hash. Each term is the XXH3-128 of canonical bytes, with a seed that says what the
+// bytes belong to. A Scene keeps its own hash; these functions are for programs that compute the hash of a scene that
+// they do not hold.
 //
-// Invariant: a term is made of names, node numbers and values, never of a place in a table of types, and a field that
-// has its default has none. So a type may gain fields, and tables types, and no hash that was recorded changes. Source:
-// sync/PROTOCOL.md, "State hash". Threading: free functions without shared state.
+// Invariant: a term depends on names, node numbers and values, never on positions in a table of types, and a field at
+// its default has no term. So types may gain fields, and tables may gain types, without changing recorded hashes.
+// Source: sync/PROTOCOL.md, "State hash". Threading: free functions without shared state.
 #pragma once
 
 #include <string_view>
@@ -14,15 +14,15 @@
 
 namespace rtsg {
 
-/// The kind of thing that a term stands for; it is part of the seed.
+/// What a term stands for; it is part of the seed.
 enum class HashTerm : std::uint8_t { node = 1, field = 2, children = 3, name = 4, route = 5 };
 
 /// The name of a field as a number; 0 in terms that belong to no field.
 using FieldKey = std::uint64_t;
 FieldKey fieldKey(const FieldDef& field);
 
-/// The node's number spread over all 64 bits: XXH3 adds a seed to short inputs, so that of two small numbers side by
-/// side in the seed and in the bytes one could make up for the other.
+/// The node's number spread over all 64 bits. XXH3 adds the seed to short inputs, so small numbers in the seed could be
+/// cancelled by small numbers in the bytes.
 inline std::uint64_t hashSeed(NodeId node, FieldKey field, HashTerm term) {
     return field + static_cast<std::uint64_t>(term) + node.value * 0x9E3779B97F4A7C15ull;
 }

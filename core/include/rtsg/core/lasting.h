@@ -1,10 +1,10 @@
-// lasting: a table that is made once, for functions that look things up.
+// lasting: a table that is made once and never destroyed, for functions that look things up.
 #pragma once
 
 namespace rtsg {
 
-/// What `make` returns, never destroyed: a thread may still run frames while another one ends the process with exit(),
-/// which destroys all other statics. For the initialiser of a static reference.
+/// Keeps the result of `make` for ever: a thread may still run frames while another one ends the process with exit(),
+/// which destroys all other statics. Use it to initialise a static reference.
 template <class Make>
 const auto& lasting(Make make) {
     return *new auto(make());

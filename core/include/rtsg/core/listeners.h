@@ -1,10 +1,10 @@
-// Listeners: functions that hear what one field sends, what happens to one node, and that another world is there.
+// Listeners: functions that are called when a field sends, when a node changes, and when another world is loaded.
 //
-// They are called when a frame, or a set of edits, is complete: the scene is in the state that it led to, and what they
-// edit or send belongs to the next one. So they may do anything, end themselves included. Each costs what it listens
-// to: a scene without listeners pays nothing, nor does a node that nobody listens to. On a replica, where events do not
-// run, they hear of values that changed. Threading: the scene's thread.
-// Source: ISO/IEC 19775-2 V4.0 (registerFieldInterest, registerBrowserInterest); RTSG paper 3.3 (listeners of nodes).
+// They are called when a frame, or a set of edits, is complete: the scene is in the state after it, and whatever they
+// edit or send belongs to the next one. So they may do anything, also end themselves. Only nodes that have listeners
+// cost time. On a replica, where events do not run, listeners hear of values that changed. Threading: the scene's
+// thread. Source: ISO/IEC 19775-2 V4.0 (registerFieldInterest, registerBrowserInterest); RTSG paper 3.3 (listeners of
+// nodes).
 
 // Example:
 //     #include <rtsg/core/listeners.h>
@@ -29,28 +29,29 @@ enum class ListenerId : std::uint32_t {};
 
 struct NodeEvent {
     enum class Kind : std::uint8_t {
-        changed,    // `field` has another value, once a set whatever happened in it
-        entered,    // a way leads to it from the root, and did not before
-        left,       // none does any more
-        destroyed,  // it is gone; nothing is heard of it after this
+        changed,    // `field` has another value; once in a set at most
+        entered,    // a path leads to it from the root, and none did before
+        left,       // no path leads to it any more
+        destroyed,  // it is gone; nothing is heard of it later
     };
     Kind kind = Kind::changed;
     NodeId node;
-    FieldIndex field = kNoField;  // of `changed`
+    FieldIndex field = kNoField;  // for `changed`
     double time = 0;              // of the frame, in seconds
 };
 
 class Listeners {
   public:
-    /// `scene` must outlive it. Several may listen to one scene, in the order in which they began.
+    /// `scene` must outlive it. Several Listeners may listen to one scene; they are called in the order of their
+    /// construction.
     explicit Listeners(Scene& scene);
     ~Listeners();
     Listeners(const Listeners&) = delete;
     Listeners& operator=(const Listeners&) = delete;
 
-    /// Hears every event of the field, in the order of the cascade, also where the value is the one before; and once a
-    /// set, where it was edited instead, the value that it has come to. Errors: no such node, or a field that sends
-    /// nothing (inputOnly, initializeOnly).
+    /// Hears every event of the field, in the order of the cascade, also if the value did not change. If the field was
+    /// edited instead, it hears the final value once in a set. Errors: no such node, or a field that sends nothing
+    /// (inputOnly, initializeOnly).
     using OnField = std::function<void(const FieldEvent& event, double time)>;
     Result<ListenerId> onField(NodeId node, FieldIndex field, OnField call);
     template <class T, class Call>
@@ -62,10 +63,10 @@ class Listeners {
     /// Errors: no such node.
     using OnNode = std::function<void(const NodeEvent& event)>;
     Result<ListenerId> onNode(NodeId node, OnNode call);
-    /// Hears that another world has been loaded (world.h), and that a replica has joined anew: what was known of nodes
-    /// before is void.
+    /// Hears that another world has been loaded (world.h), or that a replica has joined anew: earlier knowledge of
+    /// nodes is then void.
     ListenerId onWorld(std::function<void()> call);
-    /// Also from within a call, whichever. One that has ended already is no error.
+    /// Ends a listener, also during any call. Ending one twice is no error.
     void end(ListenerId listener);
     std::size_t count() const;
 

@@ -1,8 +1,8 @@
-// How much memory the process holds, and how much it may: asked by whatever reads files, before it takes more.
+// The memory that the process holds, and a limit on it, which readers of files check before they take more.
 //
-// The limit is the process's, as setrlimit's are, since memory is: two scenes in one process share it. What counts is
-// the resident set, so memory of all libraries counts, and addresses that are only reserved do not. Nothing is killed:
-// who asks and is refused reads no further, and says so. Threading: any thread.
+// The limit holds for the process, as memory does: two scenes in one process share it. It counts the resident set, so
+// the memory of all libraries counts, and addresses that are only reserved do not. Nothing is killed: a reader that is
+// refused stops and reports it. Threading: any thread.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@
 
 namespace rtsg {
 
-/// The resident set of the process, bytes.
+/// The resident set of the process, in bytes.
 std::uint64_t heldMemory();
-/// Bytes. Unless set, three quarters of the machine's memory, or of what the process's control group may have.
+/// In bytes. The default is three quarters of the machine's memory, or of the limit of the process's control group.
 std::uint64_t memoryLimit();
 void setMemoryLimit(std::uint64_t bytes);
-/// Error: with `more` bytes the process would hold more than the limit. Costs some microseconds.
+/// Error: with `more` bytes the process would exceed the limit. A call takes some microseconds.
 Result<> mayHold(std::uint64_t more = 0);
 
 }  // namespace rtsg

@@ -1,8 +1,7 @@
-// Modules: parts that need large libraries, loaded when they are first needed, so that programs without them start at
-// once.
+// Modules: parts that need large libraries and are loaded on first use, so that programs without them start at once.
 //
-// One is found by its name alone: the program's run path and LD_LIBRARY_PATH say where. It stays until the process
-// ends. Threading: any thread.
+// A module is found by its name, along the program's run path and LD_LIBRARY_PATH. It stays until the process ends.
+// Threading: any thread.
 #pragma once
 
 #include <string_view>

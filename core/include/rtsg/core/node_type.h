@@ -1,6 +1,6 @@
-// NodeType: one row of the spec table: name, component, level and fields with type, access, default, range
-// and aspect. Built-in types come from core/spec/*.x3dspec through the table compiler; PROTOs, Scripts and
-// users' own types are made at run time and look the same.
+// NodeType: one row of the spec table: name, component, level and fields with type, access, default, range and aspect.
+// Built-in types come from core/spec/*.x3dspec through the table compiler; types of PROTOs, Scripts and users are made
+// at run time and have the same form.
 //
 // Invariant: a NodeType never changes once a scene knows it. Field indices are stable within a type.
 // Source: ISO/IEC 19775-1 V4.0, node tables of clauses 7-43, access rules 4.4.2.2. Threading: constant data.
@@ -31,7 +31,7 @@ enum class Unit : std::uint8_t { none, length, angle, mass, force, speed, angula
 using FieldIndex = std::uint16_t;
 constexpr FieldIndex kNoField = 0xFFFF;
 
-/// What a node does by itself, as far as its type tells: the tables' @acts.
+/// Whether a node acts by itself, as far as its type tells: the tables' @acts.
 enum class Acts : std::uint8_t {
     unstated,  // of PROTOs and Scripts; finish() works it out for types of users that no table describes
     never,
@@ -51,8 +51,8 @@ struct FieldDef {
     Access access = Access::inputOutput;
     Aspect aspect = Aspect::none;
     Value defaultValue;
-    /// Inclusive unless exclusive*; infinite when unbounded. Applies to every component of every element. Advice
-    /// for validation, never enforced on set; see inRange().
+    /// Bounds of every component of every element: inclusive unless exclusive*, infinite if there is none. They are
+    /// advice for validation, never enforced on set; see inRange().
     double min = -std::numeric_limits<double>::infinity();
     double max = std::numeric_limits<double>::infinity();
     bool exclusiveMin = false, exclusiveMax = false;
@@ -60,12 +60,12 @@ struct FieldDef {
     std::vector<std::string> allowed;
     /// Node or abstract types that an SFNode/MFNode accepts (empty: any).
     std::vector<std::string> accepts;
-    /// Ours, not the standard's: invisible to files, part of the state (a PROTO instance's `body`, say).
+    /// Not in the standard: invisible to files but part of the state, such as the `body` of a PROTO instance.
     bool hidden = false;
     Unit unit = Unit::none;
-    /// The version of X3D that brought the field, as NodeType::since has it; never less than its node's.
+    /// The version of X3D that introduced the field, as in NodeType::since; never less than that of its node.
     std::uint8_t since = 0;
-    /// Which type it is, where `type` is SFCustom or MFCustom; else null.
+    /// The custom type, if `type` is SFCustom or MFCustom; else null.
     std::shared_ptr<const CustomType> custom;
     /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
     static constexpr std::uint32_t kNoOffset = 0xFFFFFFFF;
@@ -77,11 +77,11 @@ struct FieldDef {
     bool bounded() const {
         return min > -std::numeric_limits<double>::infinity() || max < std::numeric_limits<double>::infinity();
     }
-    /// Whether values of this kind are this field's.
+    /// Whether the value has the type of this field.
     bool holds(const Value& value) const { return isOfType(value, type, custom.get()); }
     std::string typeName() const { return fieldTypeName(type, custom.get()); }
-    /// Whether every number of a value of this field's type is in range. Bounds that are multiples of pi are met
-    /// by their decimal renderings in files too (1.571 in [0, pi/2]). NaN is out of any range.
+    /// Whether every number of a value of this type is in range. Bounds that are multiples of pi also accept their
+    /// decimal form in files (1.571 in [0, pi/2]). NaN is out of any range.
     bool inRange(const Value& value) const;
 };
 
@@ -91,7 +91,7 @@ struct FieldSlot {
     FieldType type = FieldType::SFBool;
     std::uint8_t size = 0;  // bytes in the block
     Aspect aspect = Aspect::none;
-    /// Plain bytes, at most 16, no node, and an author may give it a value: written without further ado.
+    /// Plain bytes, at most 16, no node, and authors may give it a value: it can be written without further checks.
     bool plain = false;
 };
 static_assert(sizeof(FieldSlot) == 8);
@@ -108,18 +108,19 @@ class NodeType {
     std::vector<std::string> implements;      // every abstract type, direct or inherited ("X3DChildNode", ...)
     std::vector<FieldDef> fields;             // hidden ones last
     bool internal = false;                    // not creatable from files (RtsgScene)
-    /// Ten times the version of X3D that has it first, as the tables' @since says; 20 is VRML97.
+    /// Ten times the first version of X3D that has the type, as the tables' @since says; 20 is VRML97.
     std::uint8_t since = 0;
     Acts acts = Acts::unstated;
     bool writesInputs = false;      // when it acts, its inputOutput fields may change too, not only its outputs
-    std::string role;               // what it is to those who draw or hear it: the tables' @role; empty if it has none
-    std::vector<FieldIndex> below;  // the role's: fields whose nodes hang below it in the hierarchy
+    std::string role;               // the tables' @role for renderers of pictures and sound; empty if it has none
+    std::vector<FieldIndex> below;  // for the role: fields whose nodes hang below it in the hierarchy
     /// For PROTOs and EXTERNPROTOs: the declaration as ClassicVRML text, so that a replica can save it.
     std::string declaration;
 
-    /// Computes offsets, the default block and, for a type of a user without @acts, what its abstract types say; call
-    /// once after the fields are complete. False, and the type is unusable, when two public or two hidden fields share
-    /// a name, there are more than a FieldIndex can count, or one of a type from outside does not say which.
+    /// Computes offsets, the default block and, for a user's type without @acts, what its abstract types say. Call it
+    /// once, after the fields are complete. It returns false, and the type is unusable, if two public or two hidden
+    /// fields share a name, if there are more fields than a FieldIndex can count, or if a custom field does not name
+    /// its type.
     [[nodiscard]] bool finish();
 
     /// Finds `name`, or an inputOutput field by `set_name` or `name_changed` (4.4.2.2); kNoField if absent or hidden.
@@ -127,8 +128,8 @@ class NodeType {
     /// Exact name only, hidden fields included; a public field wins over a hidden one of the same name.
     FieldIndex findExact(std::string_view name) const;
     bool isA(std::string_view typeOrAbstract) const;
-    /// The hidden `body` of a PROTO instance or an Inline; kNoField if the type has none. An author's own field may
-    /// have that name too: do not look it up by name.
+    /// The hidden `body` of a PROTO instance or an Inline; kNoField if the type has none. Do not look it up by name: an
+    /// author's field may have the same name.
     FieldIndex body() const;
 
     std::size_t fieldCount() const { return slots_.size(); }
@@ -167,7 +168,7 @@ std::span<const std::unique_ptr<NodeType>> builtinTypes();
 const NodeType* findBuiltinType(std::string_view name);
 /// The abstract types' names, for `isA` and validation.
 bool isAbstractType(std::string_view name);
-/// Names of the types, abstract or not, whose own @role gives them nodes below; those that inherit it are not listed.
+/// Names of the types, abstract or not, whose own @role has `below`; types that inherit it are not listed.
 std::span<const std::string_view> builtinGroupTypes();
 
 }  // namespace rtsg

@@ -1,11 +1,11 @@
-// NURBS: points and derivatives of non-uniform rational B-splines, for drawing and for interpolators.
+// NURBS: points and derivatives of non-uniform rational B-splines, for geometry and for interpolators.
 //
-// Invariant: a knot vector that does not fit (another number than control points plus order, falling, or more than
-// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails. The
+// Invariant: a knot vector that does not fit (not as many as control points plus order, decreasing, or with more than
+// order - 1 equal ones inside) is replaced by a uniform one, as the standard wants; evaluation then never fails. The
 // clause does not say whether an open curve with "a default uniform knot vector" reaches its first and last control
 // point: here it does, as in X_ITE. Weights that are missing, or not above 0, count as 1. Threading: plain data, const
-// members re-entrant. Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1
-// and A4.3.
+// members are re-entrant. Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2,
+// A3.1 and A4.3.
 #pragma once
 
 #include <array>
@@ -18,14 +18,14 @@
 
 namespace rtsg {
 
-/// The functions that control points are blended with, along one parameter.
+/// The basis functions of the control points, along one parameter.
 class NurbsBasis {
   public:
     static constexpr int kMostOrder = 16;
 
     NurbsBasis() = default;
-    /// Ends of even knots: at the outer control points (order equal knots at each end), or going on evenly, for points
-    /// of which the first order - 1 come again in the end.
+    /// The ends of uniform knots. `clamped`: the curve ends at the outer control points (`order` equal knots at each
+    /// end). `periodic`: the knots go on evenly, for points whose first order - 1 are repeated at the end.
     enum class EvenEnds : std::uint8_t { clamped, periodic };
     /// Precondition: fits(order, count). `replaced` is set if the knots do not fit.
     NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced = nullptr,
@@ -36,7 +36,7 @@ class NurbsBasis {
 
     int order() const { return order_; }
     std::size_t count() const { return count_; }
-    /// The domain.
+    /// The ends of the domain.
     double first() const { return knots_[static_cast<std::size_t>(order_) - 1]; }
     double last() const { return knots_[count_]; }
     /// The parameters at which pieces begin and end, from first() to last(), each once.
@@ -59,8 +59,8 @@ class NurbsBasis {
 /// Homogeneous control points: the point in space is (x, y, z) / w.
 using NurbsPoints = std::vector<Vec4d>;
 /// Makes control points of nodes' fields, whose points are the (x, y, z) of homogeneous ones. The clause leaves open
-/// whether they are these or points in space. Browsers and the files that circulate take them as homogeneous: a corner
-/// of a round square of side 2 is (.7071, .7071) with a weight of .7071.
+/// whether they are homogeneous or points in space; browsers and existing files take them as homogeneous: a corner of a
+/// round square of side 2 is (.7071, .7071) with a weight of .7071.
 NurbsPoints nurbsPoints(std::span<const Vec3d> points, std::span<const double> weights);
 
 struct NurbsCurve {
@@ -74,7 +74,7 @@ struct NurbsSurface {
     NurbsBasis u, v;
     NurbsPoints points;
     Vec3d at(double s, double t, Vec3d* alongU = nullptr, Vec3d* alongV = nullptr) const;
-    /// Unit, along the cross product of both directions; where that has no direction, that of places nearby; else 0.
+    /// A unit vector along the cross product of both slopes; where that is 0, the normal of places nearby; else 0.
     Vec3d normal(double s, double t) const;
 };
 

@@ -1,9 +1,9 @@
-// Partial hashes: the terms of the state hash by node and by field, computed from what is stored now.
+// Partial hashes: the terms of the state hash by node and by field, computed from the present values.
 //
-// Invariant: the sum of hashOfNode() over all nodes of a sealed scene is Scene::hash(), unless memory was changed
-// behind the scene's back: then this sees it, as the running hash cannot. Two scenes that differ are compared by the
-// sums of ranges of nodes, so that the place is found in a logarithmic number of steps. Threading: the scene's thread,
-// or any while it stands still.
+// Invariant: the sum of hashOfNode() over all nodes of a sealed scene is Scene::hash(). Memory that was changed behind
+// the scene's back shows as a difference, since the running hash does not see it. Two scenes that differ are compared
+// by the sums of ranges of nodes, so the place is found in a logarithmic number of steps. Threading: the scene's
+// thread, or any thread while the scene does not change.
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@
 
 namespace rtsg {
 
-/// Modulo 2^128.
+/// Adds modulo 2^128.
 inline Hash128 operator+(Hash128 a, Hash128 b) {
     const std::uint64_t low = a.low + b.low;
     return {low, a.high + b.high + (low < a.low ? 1 : 0)};
@@ -25,7 +25,7 @@ struct NodeHashes {
 };
 
 NodeHashes hashesOf(const Scene& scene, const Node& node);
-/// The sum of all of these.
+/// The sum of the parts.
 Hash128 hashOfNode(const Scene& scene, const Node& node);
 
 }  // namespace rtsg

@@ -1,9 +1,9 @@
 // Elementary functions whose results have the same bits with every C library, compiler and processor.
 //
-// C libraries round them differently, and one library may differ between processors. Whatever reaches the state of a
-// scene is computed with these: then state hashes agree, and a session comes out the same when its inputs are run again
-// elsewhere. For pictures and sound alone, std::sin and its like serve as well. (std::sqrt, std::fmod, std::remainder
-// and what rounds to whole numbers are exact by IEEE 754.)
+// C libraries round them differently, and one library may differ between processors. Everything that reaches the state
+// of a scene is computed with these functions: then state hashes agree, and a session that is run again elsewhere from
+// its inputs is the same. For pictures and sound, std::sin and the like are good enough. (std::sqrt, std::fmod,
+// std::remainder and rounding to whole numbers are exact by IEEE 754.)
 //
 // Accuracy: at most 1 unit in the last place, subnormal results included. Arguments outside the domain give NaN; zeros,
 // infinities and NaN are treated as in ISO C, annex F. Threading: functions without state. They expect the default
@@ -15,7 +15,7 @@
 
 namespace rtsg::portable {
 
-/// Of angles in radians.
+/// Angles are in radians.
 double sin(double angle);
 double cos(double angle);
 double tan(double angle);
@@ -25,7 +25,7 @@ struct SineCosine {
 /// Both at once, with the same bits as sin() and cos(), for little more than one of them.
 SineCosine sineCosine(double angle);
 
-/// Radians.
+/// Results are in radians.
 double asin(double x);
 double acos(double x);
 double atan(double x);

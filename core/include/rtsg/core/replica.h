@@ -1,10 +1,11 @@
 // Replica: a copy of a scene for another thread, which reads it and follows the original at its own pace.
 //
-// This is how frames overlap: while one thread runs the cascade of frame N+1, others picture, sound, mirror or log
-// their copies, each at the state that it has reached. A copy costs its nodes and what changes; arrays are shared.
-// Invariant: scene() is always in a state that the original had, with its hash; nothing is lost, whoever is slow.
-// Threading: made on the original's thread; everything else, the copy included, belongs to the one thread that calls
-// it first. May outlive the original, which is then at rest. Destroy it on its own thread, or when that has ended.
+// With replicas frames overlap: while one thread runs the cascade of frame N+1, others draw, play, mirror or log their
+// copies, each at the state that it has reached. A copy costs its nodes and its changes; arrays are shared. Invariant:
+// scene() is always in a state that the original had, with its hash; nothing is lost, however slow a thread is.
+// Threading: make it on the original's thread; everything else, the copy included, belongs to the one thread that calls
+// it first. It may outlive the original, which then no longer changes. Destroy it on its own thread, or when that has
+// ended.
 #pragma once
 
 #include <memory>
@@ -25,13 +26,13 @@ class Replica {
 
     /// The copy; subscribers attach to its bus. Its behaviours are off. Empty before the first poll() or drain().
     Scene& scene();
-    /// Catches up with everything that has happened, as one set: what pictures and sound want. True if there was any.
+    /// Catches up with all changes as one set, as pictures and sound need it. Returns true if there were any.
     bool poll();
-    /// Catches up set by set: what logs want. Returns their number. Sets come merged all the same once more of them
-    /// wait than the bus keeps.
+    /// Catches up set by set, as logs need it. Returns the number of sets. If more sets wait than the bus keeps, some
+    /// come merged.
     std::size_t drain();
 
-    /// False when a set could not be applied; failure() then says why, and the copy stays where it is.
+    /// False if a set could not be applied: failure() then says why, and the copy stays at its state.
     bool attached() const;
     std::string failure() const;
 

@@ -1,6 +1,6 @@
-// The static form of node tables, as spec_compiler writes them, and how they become NodeTypes.
+// The static form of node tables, which spec_compiler writes, and functions that make NodeTypes of them.
 //
-// Invariant: everything here points to constant data of the program; rows are shared between nodes.
+// Invariant: everything here points to constant data of the program; fields are shared between nodes.
 // Threading: free functions, no state.
 #pragma once
 
@@ -27,7 +27,7 @@ struct SpecField {
     bool exclusiveMin, exclusiveMax, hidden;
     Unit unit;
     std::uint8_t since;       // as NodeType::since; 0: that of the node
-    std::string_view custom;  // of SFCustom and MFCustom: "Quantity float64 2"; else empty
+    std::string_view custom;  // for SFCustom and MFCustom: "Quantity float64 2"; else empty
 };
 
 /// The tags of a node type, which NodeType has under the same names.
@@ -58,7 +58,7 @@ struct SpecTable {
     std::span<const std::uint16_t> fieldLists;
     std::span<const SpecNode> nodes;
     std::span<const SpecAbstract> abstracts;   // sorted by name
-    std::span<const std::string_view> groups;  // abstract or not: whose own tag gives them nodes below
+    std::span<const std::string_view> groups;  // types, abstract or not, whose own tag has `below`
 };
 
 /// The standard's nodes and our own internal ones; generated.
@@ -67,11 +67,11 @@ const SpecTable& builtinSpecTable();
 /// Null if there is none of that name.
 const SpecAbstract* findAbstract(std::string_view name);
 
-/// Registers the type that SpecField::custom describes. Errors: another one has its name.
+/// Registers the type that SpecField::custom describes. Errors: another type has its name.
 Result<std::shared_ptr<const CustomType>> fieldTypeOf(std::string_view custom);
 
-/// One finished NodeType a node of the table, in its order. Field types of the table are registered. Throws
-/// std::logic_error where one has the name of another.
+/// Makes one finished NodeType for each node of the table, in its order, and registers the field types of the table.
+/// Throws std::logic_error if two have the same name.
 std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, NodeType::Kind kind);
 
 }  // namespace rtsg

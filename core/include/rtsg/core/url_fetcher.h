@@ -1,6 +1,6 @@
-// UrlFetcher: what brings files from addresses of the network for Resources (resource.h), which knows no network.
+// UrlFetcher: fetches files from network addresses for Resources (resource.h), which knows no network.
 //
-// The one of the program is rtsg/fetch/web_fetcher.h. Invariant: an address has one content as long as the fetcher
+// The program uses the one in rtsg/fetch/web_fetcher.h. Invariant: an address has one content as long as the fetcher
 // lives, so that all who open it see the same bytes. Threading: any thread.
 #pragma once
 
@@ -12,19 +12,20 @@
 namespace rtsg {
 
 struct FetchedContent {
-    std::string address;    // that answered, after redirects
-    std::string mediaType;  // as the server states it, without parameters; or empty
-    int descriptor = -1;    // a file of these bytes, open at its beginning, for the caller to close
+    std::string address;    // the address that answered, after redirects
+    std::string mediaType;  // as the server states it, without parameters; may be empty
+    int descriptor = -1;    // a file with the content, at its beginning; the caller closes it
 };
 
 class UrlFetcher {
   public:
     virtual ~UrlFetcher() = default;
 
-    /// Waits for what stands at an address, which WebAddress (web_address.h) has brought into its one form. Errors: it
-    /// is not allowed, more than `maximumBytes`, or what happened on the way.
+    /// Waits for the content at an address in the form that WebAddress (web_address.h) gives it. Errors: it is not
+    /// allowed; it has more than `maximumBytes`; the transfer failed.
     virtual Result<FetchedContent> fetch(const std::string& address, std::uint64_t maximumBytes) = 0;
-    /// Starts that. True as long as fetch() would wait; false if this fetcher always fetches while one waits.
+    /// Starts a fetch. Returns true as long as fetch() would wait; false if this fetcher can only fetch while one
+    /// waits.
     virtual bool awaits(const std::string& address, std::uint64_t maximumBytes) = 0;
 };
 

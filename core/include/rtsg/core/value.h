@@ -1,5 +1,4 @@
-// X3D's field types, one for all types that come from outside, their C++ representations, and Value: one value of any
-// of them.
+// X3D's field types, one more type for all custom ones, their C++ representations, and Value: one value of any of them.
 //
 // Invariant: `mf(sf(t)) == t` for every MF type; a Value is 24 bytes and copying it never copies elements.
 // Source: ISO/IEC 19775-1 V4.0 clause 5. Matrices are stored in the order the file gives them (row by row).
@@ -77,14 +76,14 @@ struct Image {
     friend bool operator==(const Image&, const Image&) = default;
 };
 
-/// A value of a type that is not X3D's: custom_field.h makes and reads it. The type's name and layout travel in it, so
-/// that whoever lacks the type keeps what it says. Empty: of no type, as no field of a node is.
+/// A value of a custom type, which custom_field.h makes and reads. The type's name and layout are part of it, so that
+/// programs that lack the type keep the value. An empty one has no type; no field of a node has such a value.
 struct CustomValue {
     Array<char> box;
     friend bool operator==(const CustomValue&, const CustomValue&) = default;
 };
 
-/// Names a node; 0 is no node (NULL). Never reused within a session.
+/// Names a node; 0 is no node (NULL). Numbers are never used again within a session.
 struct NodeId {
     std::uint32_t value = 0;
     explicit operator bool() const { return value != 0; }
@@ -100,7 +99,7 @@ enum class FieldType : std::uint8_t {
     SFVec2f, MFVec2f, SFVec2d, MFVec2d, SFVec3f, MFVec3f, SFVec3d, MFVec3d, SFVec4f, MFVec4f,
     SFVec4d, MFVec4d, SFRotation, MFRotation, SFMatrix3f, MFMatrix3f, SFMatrix3d, MFMatrix3d,
     SFMatrix4f, MFMatrix4f, SFMatrix4d, MFMatrix4d,
-    SFCustom, MFCustom,  // which type it is, FieldDef::custom says
+    SFCustom, MFCustom,  // FieldDef::custom says which type it is
 };
 // clang-format on
 constexpr int kFieldTypeCount = 44;
@@ -150,7 +149,7 @@ struct FieldTypeInfo {
     std::uint8_t components;   // numbers in one element; 0 for String, Image, Node, Custom
 };
 const FieldTypeInfo& info(FieldType type);
-/// One of X3D's. Null optional semantics: returns false when `name` is no field type.
+/// Finds one of X3D's types. Returns false if `name` is no field type.
 bool fieldTypeFromName(std::string_view name, FieldType& out);
 
 namespace detail {
@@ -227,7 +226,7 @@ class Value {
     static Value zero(FieldType type);
     /// Reads the block representation (`info(type).size` bytes) at `storage`.
     static Value fromStorage(FieldType type, const void* storage);
-    /// Becomes the value at `storage`, of a type that owns nothing. Precondition: `size == info(type).size`.
+    /// Becomes the value at `storage`, of a type without shared data. Precondition: `size == info(type).size`.
     void setPlain(FieldType type, const void* storage, std::size_t size) noexcept {
         if (type_ != type) {
             if (owns()) dropOwned();
@@ -251,7 +250,7 @@ class Value {
         return boxed() ? static_cast<const void*>(*reinterpret_cast<detail::ArrayHeader* const*>(inline_) + 1)
                        : static_cast<const void*>(inline_);
     }
-    /// Bit for bit: NaN equals the same NaN, 0 differs from -0.
+    /// Compares bits: NaN equals the same NaN, and 0 differs from -0.
     friend bool operator==(const Value& a, const Value& b) noexcept;
 
   private:
@@ -264,7 +263,7 @@ class Value {
 };
 static_assert(sizeof(Value) == 24);
 
-/// Assigns / releases / compares a value in block representation, whatever its type.
+/// Copies, destroys or compares a value of any type in block representation.
 void copyStorage(FieldType type, void* target, const void* source);
 void destroyStorage(FieldType type, void* target);
 bool equalStorage(FieldType type, const void* a, const void* b);

@@ -1,12 +1,12 @@
 // DisNetwork: lets the DIS nodes of a scene read and write PDUs over UDP, where the user allows it.
 //
-// A networkReader hears what is about its entity, at most once each readInterval; a networkWriter sends its state each
-// writeInterval, and what it fires, meets and detonates at once; a DISEntityManager makes an EspduTransform for each
-// entity that no node of the scene stands for, with the model that fits best. PDUs that are heard are inputs of the
-// frame (rtsg/core/dis_input.h): logs, replays and mirrors need no network, and a mirror opens none. No socket is
-// opened for an address that has not been allowed. Whatever a datagram holds, memory and time of a frame are limited.
-// Threading: the scene's thread; no call waits, but for a name that is looked up once. Source: ISO/IEC 19775-1 V4.0,
-// clause 28; IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
+// A networkReader receives PDUs about its entity, at most once in each readInterval. A networkWriter sends its state
+// each writeInterval, and sends fire, collision and detonation events at once. A DISEntityManager makes an
+// EspduTransform for each entity that no node of the scene represents, with the model that fits best. PDUs that are
+// received are inputs of the frame (rtsg/core/dis_input.h): logs, replays and mirrors need no network, and a mirror
+// opens none. No socket is opened for an address that has not been allowed. Memory and time of a frame are limited for
+// any datagrams. Threading: the scene's thread; no call waits, except for a name that is looked up once. Source:
+// ISO/IEC 19775-1 V4.0, clause 28; IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -34,30 +34,31 @@
 namespace rtsg {
 
 struct DisOptions {
-    /// Addresses that nodes may use: "HOST", "HOST:PORT", "[IPV6]:PORT", as their fields have the host; or "any".
+    /// Addresses that nodes may use: "HOST", "HOST:PORT" or "[IPV6]:PORT", with the host as in their fields; or "any".
     std::vector<std::string> allowed;
-    std::uint8_t version = 7, exercise = 1;       // of what is sent; what is heard may be of any exercise
+    std::uint8_t version = 7, exercise = 1;       // for PDUs that are sent; received ones may be of any exercise
     std::function<double()> wallClock = nullptr;  // seconds since 1970; else the system's
 };
 
 class DisNetwork {
   public:
     /// The most datagrams of an address in a frame, PDUs that wait for a node's readInterval, and entities of a
-    /// manager. More are left out, and a diagnostic says so.
+    /// manager. Further ones are left out, and a diagnostic says so.
     static constexpr std::size_t kMostDatagrams = 4096, kMostWaiting = 64, kMostEntities = 4096;
-    /// Seconds between two PDUs of an entity at most, and without any before it is gone.
+    /// The longest time in seconds between two PDUs of an entity, and the time without a PDU after which an entity is
+    /// gone.
     static constexpr double kHeartbeat = 5, kTimeout = 2.4 * kHeartbeat;
 
-    /// `scene` must outlive it. A scene without such nodes pays a look at its changes.
+    /// `scene` must outlive it. In a scene without such nodes it only looks at changes.
     explicit DisNetwork(Scene& scene, DisOptions options = {},
                         std::unique_ptr<DisTransport> transport = udpTransport());
     ~DisNetwork();
     DisNetwork(const DisNetwork&) = delete;
     DisNetwork& operator=(const DisNetwork&) = delete;
 
-    /// Before the frame at `t`, on the scene's clock: what has come goes into it.
+    /// Call it before the frame at `t`, on the scene's clock: the datagrams that have come go into the frame.
     void receive(double t);
-    /// After a frame: what it did goes out.
+    /// Call it after a frame: sends what the frame has caused.
     void send();
 
     struct Counts {

@@ -1,4 +1,4 @@
-// DisTransport: takes datagrams from somewhere and brings them there.
+// DisTransport: sends and receives datagrams.
 //
 // Invariant: no call waits for a datagram. Threading: one thread. Source: IEEE 1278.2-2015 (UDP, multicast, broadcast);
 // ISO/IEC 19775-1 V4.0, clause 28 (address, port, multicastRelayHost).
@@ -23,14 +23,15 @@ struct DisAddress {
 class DisTransport {
   public:
     virtual ~DisTransport() = default;
-    /// From now on what comes to the address is kept for receive(). A group that cannot be joined falls back to the
-    /// relay, if there is one: then what comes to the address's port of this machine is. Error: the system's.
+    /// From now on, datagrams to the address are kept for receive(). If a multicast group cannot be joined and there is
+    /// a relay, datagrams to the address's port on this machine are kept instead. Error: the system's.
     virtual Result<> listen(const DisAddress& address, const DisAddress& relay) = 0;
     virtual void stopListening(const DisAddress& address) = 0;
-    /// Up to `most` datagrams, in order; what is left over waits. Does not wait itself. Returns how many there were.
+    /// Passes up to `most` datagrams to `take`, in order, without waiting; others stay in the queue. Returns their
+    /// number.
     virtual std::size_t receive(const DisAddress& address, std::size_t most,
                                 const std::function<void(std::span<const std::uint8_t>)>& take) = 0;
-    /// Error: the system's; a datagram that finds no room is lost, as on the way.
+    /// Error: the system's. A datagram that finds no room is lost, as it could be on its way.
     virtual Result<> send(const DisAddress& address, const DisAddress& relay, std::span<const std::uint8_t> bytes) = 0;
 };
 /// A transport over the system's sockets: unicast, broadcast and multicast, IPv4 and IPv6.

@@ -1,9 +1,9 @@
 // CommandList: a recording of DocumentHandler commands that can be replayed into any handler, any number of times.
 //
-// It is how a PROTO body, an Inline's document and the nodes of a default value are kept. Recording is cheap: names
-// are shared between commands and values share their elements. Invariant: replaying gives the recorded calls, in
-// order, with their positions; of more than the limits let only the first are there. Threading: recording by one
-// thread; replaying a finished list by any number.
+// A PROTO body, an Inline's document and the nodes of a default value are kept in such lists. Recording is cheap: names
+// are shared between commands and values share their elements. Invariant: replaying gives the recorded calls, in order,
+// with their positions; if there were more than the limits allow, only the first ones are kept. Threading: recording on
+// one thread; replaying a finished list on any number.
 #pragma once
 
 #include <string_view>
@@ -16,7 +16,7 @@ namespace rtsg {
 
 class CommandList final : public DocumentHandler {
   public:
-    /// Of what may come from anybody.
+    /// Limits for documents from untrusted sources.
     struct Limits {
         std::uint64_t nodes = UINT64_MAX;
         std::uint64_t bytes = UINT64_MAX;  // of memory that the commands and their values take
@@ -24,16 +24,16 @@ class CommandList final : public DocumentHandler {
     CommandList() = default;
     explicit CommandList(Limits limits) : limits_(limits) {}
 
-    /// The first node was left out, or value, or whatever came when the limit of bytes was reached, and all after it.
+    /// Whether a limit was reached: from then on all commands are left out.
     bool isFull() const override { return isFull_; }
-    /// Whether that was for the nodes, and where it stands.
+    /// Whether the limit of nodes was reached (else that of bytes), and the position at which it happened.
     bool hasTooManyNodes() const { return fullOfNodes_; }
     SourceLocation fullAt() const { return fullAt_; }
 
     bool empty() const { return commands_.empty(); }
     std::size_t size() const { return commands_.size(); }
     void replay(DocumentHandler& handler) const;
-    /// The type of the first node at the outermost level, PROTO declarations aside; empty if there is none.
+    /// The type of the first node at the outermost level, outside of PROTO declarations; empty if there is none.
     std::string_view firstNodeType() const;
 
     void beginDocument(const DocumentHeader& header) override;
@@ -88,8 +88,8 @@ class CommandList final : public DocumentHandler {
         bool hasValue = false;
         Access access = Access::inputOutput;
         FieldType type = FieldType::SFBool;
-        // Into headers_, externs_ or documentations_ (of a declaration: one more than that, 0 for none); a component's
-        // level.
+        // Index into headers_, externs_ or documentations_ (for a declaration one more than that, 0 for none); or a
+        // component's level.
         std::uint32_t index = 0;
         SourceLocation where;
         String names[4];
@@ -101,7 +101,8 @@ class CommandList final : public DocumentHandler {
     };
 
     Command& add(Kind kind, SourceLocation where);
-    /// Counts memory for a value or a name. False: it and all that follows is left out.
+    /// Counts memory for a value or a name. Returns false if it exceeds the limit; then it and all that follows is left
+    /// out.
     bool take(std::size_t bytes, SourceLocation where);
     String shared(std::string_view text);
 
@@ -109,7 +110,7 @@ class CommandList final : public DocumentHandler {
     std::uint64_t nodes_ = 0, bytes_ = 0;
     bool isFull_ = false, fullOfNodes_ = false;
     SourceLocation fullAt_;
-    Command dropped_;  // what a command is written into that is left out
+    Command dropped_;  // receives a command that is left out
     std::vector<Command> commands_;
     std::vector<DocumentHeader> headers_;
     std::vector<Extern> externs_;

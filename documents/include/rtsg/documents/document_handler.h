@@ -25,10 +25,10 @@ struct DocumentHeader {
     Encoding encoding = Encoding::classicVrml;
     std::string version = "4.0";  // "2.0" for VRML97
     std::string profile{};        // empty if the document names none
-    /// Within a node that is no Script or shader, all values that are no nodes come before its first node: a writer
-    /// need not wait for more of them.
+    /// True if, in each node that is no Script or shader, all values that are no nodes come before its first child:
+    /// then a writer need not wait for more of them.
     bool valuesFirst = false;
-    SourceLocation where{};  // of the profile, or of what should name it
+    SourceLocation where{};  // position of the profile, or of the place where it is missing
 };
 
 /// The statements of a document about itself that come before its nodes (7.2.5).
@@ -60,8 +60,8 @@ struct FieldDeclaration {
     Access access = Access::inputOutput;
     FieldType type = FieldType::SFBool;
     std::string name;
-    std::shared_ptr<const Documentation> about{};  // null where nothing is said
-    std::shared_ptr<const CustomType> custom{};    // which type, of SFCustom and MFCustom
+    std::shared_ptr<const Documentation> about{};  // null if there are no remarks
+    std::shared_ptr<const CustomType> custom{};    // the type, for SFCustom and MFCustom
 };
 
 class DocumentHandler {
@@ -81,8 +81,8 @@ class DocumentHandler {
                            SourceLocation where) = 0;
     virtual void endNode(SourceLocation where) = 0;
     virtual void useNode(std::string_view def, std::string_view field, SourceLocation where) = 0;
-    /// A field of the open node with its value. Node-valued fields come as beginNode/useNode; an SFNode NULL or
-    /// an empty MFNode comes as a Value.
+    /// Sets a field of the open node. Node-valued fields come as beginNode/useNode; an SFNode NULL or an empty MFNode
+    /// comes as a Value.
     virtual void setField(std::string_view name, Value value, SourceLocation where) = 0;
     /// Inside a Script, shader or PROTO interface; nodes for a node-valued default follow as beginNode(..., name).
     virtual void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) = 0;
@@ -102,13 +102,13 @@ class DocumentHandler {
                             SourceLocation where) = 0;
     virtual void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) = 0;
 
-    /// A comment, without what encloses it and without white space at either end; it means nothing. Those within a
-    /// value come before it.
+    /// A comment without its delimiters and without white space at either end. Comments within a value come before the
+    /// value.
     virtual void comment(std::string_view text, SourceLocation where);
-    /// About the PROTO or EXTERNPROTO that comes next.
+    /// Remarks on the PROTO or EXTERNPROTO that comes next.
     virtual void documentation(const Documentation& about, SourceLocation where);
 
-    /// True: what comes now would be left out, for a limit that was told of; so a reader may stop at once.
+    /// Whether all further commands would be left out because of a limit, which was reported; a reader may then stop.
     virtual bool isFull() const;
 };
 
@@ -118,7 +118,7 @@ inline bool DocumentHandler::isFull() const {
     return false;
 }
 
-/// Takes everything and does nothing: for those who care for some of it.
+/// Does nothing with all commands: a base for handlers that use some of them.
 class NullHandler : public DocumentHandler {
   public:
     void beginDocument(const DocumentHeader&) override {}

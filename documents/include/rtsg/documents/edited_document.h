@@ -1,11 +1,11 @@
-// EditedDocument: a scene follows the document that it was loaded from while somebody edits that.
+// EditedDocument: keeps a scene in step with its document while somebody edits the document.
 //
-// What was edited becomes edits of the scene: the difference between the document before and now, not between the
-// document and the scene. So what the scene has done meanwhile stays where the document says what it said before, and
-// everybody on the bus gets no more than what was edited. Nodes keep their numbers as far as they are the same: by DEF,
-// then by place in the parent. Types of PROTOs that were edited stay known to the scene beside the new ones.
-// Invariant: of a scene in which nothing has happened, what follows is the document that the edited file would make.
-// Threading: the scene's thread, between frames. Memory: one more copy of the document.
+// The difference between the old and the new document becomes edits of the scene; the scene itself is not compared. So
+// the scene keeps what it has changed since, wherever the document is unchanged, and the bus carries only what was
+// edited. Nodes keep their numbers where they are the same: by DEF, then by position in the parent. Types of edited
+// PROTOs stay known to the scene beside the new ones. Invariant: if the scene has not changed since, the result is the
+// scene that the edited file would give. Threading: the scene's thread, between frames. Memory: one more copy of the
+// document.
 
 // Example:
 //     #include <rtsg/documents/edited_document.h>
@@ -30,21 +30,22 @@ namespace rtsg {
 
 class EditedDocument {
   public:
-    /// Precondition: `scene` holds what was loaded, and has run no frame since. It must outlive this.
+    /// Precondition: `scene` holds a loaded document and has run no frame since. It must outlive this.
     explicit EditedDocument(Scene& scene);
     ~EditedDocument();
 
-    /// An empty scene that knows the types of users that this one knows, to read the edited document into.
+    /// An empty scene that knows the custom types of this one, for reading the edited document.
     std::unique_ptr<Scene> emptyScene() const;
-    /// The scene's edits, not sealed: what leads from the document that was followed last to `edited`, which holds the
-    /// document as it is now and has run no frame. What the scene refuses, because it has changed meanwhile, is named
-    /// in `diagnostics` and left out. Error, and nothing is done: from within a frame.
+    /// Edits the scene, without sealing: the edits lead from the document of the last call to `edited`, which holds the
+    /// present document and has run no frame. Edits that the scene refuses, because it has changed meanwhile, are
+    /// reported in `diagnostics` and left out. Error, after which nothing has changed: the call comes from within a
+    /// frame.
     Result<> follow(std::unique_ptr<Scene> edited, Diagnostics& diagnostics);
-    /// Reads the file, and follows it. False, and the scene stays as it was: an error is in the file, or in one that it
-    /// inlines; `diagnostics` has it with its place.
+    /// Reads the file, and calls follow(). Returns false, and leaves the scene as it was, if there is an error in the
+    /// file or in one that it inlines; `diagnostics` has it with its position.
     bool followFile(const std::filesystem::path& file, Diagnostics& diagnostics, const LoadOptions& options = {});
 
-    /// The files from which Inlines and EXTERNPROTOs of the document were read, each once, sorted.
+    /// The files of Inlines and EXTERNPROTOs of the document, each once, sorted.
     std::vector<std::filesystem::path> filesWithin(const Resources& resources) const;
 
   private:

@@ -1,5 +1,5 @@
-// Filter: a document handler that passes commands on to another handler, changed or not; filters chain between a reader
-// and a writer or builder.
+// Filter: a document handler that passes commands on to another handler, changed or unchanged; filters form a chain
+// between a reader and a writer or builder.
 //
 // Invariant: a filter keeps begin and end calls nested. Threading: one thread a stream. Source: RTSG paper 3.1.
 #pragma once
@@ -12,8 +12,8 @@
 
 namespace rtsg {
 
-/// Passes everything on; override what shall differ. Without a next handler it drops everything, which makes it a base
-/// for handlers that look at a few commands only.
+/// Passes all commands on; override those that shall differ. Without a next handler it drops them, which makes it a
+/// base for handlers that need a few commands only.
 class Filter : public DocumentHandler {
   public:
     /// `next` must outlive the filter; null drops everything.
@@ -90,7 +90,7 @@ class Filter : public DocumentHandler {
     DocumentHandler* next_;
 };
 
-/// Counts what passes.
+/// Counts the commands that pass.
 class CountFilter final : public Filter {
   public:
     using Filter::Filter;

@@ -1,4 +1,4 @@
-// The filters of documents that have a name, as `rtsg convert --filter` takes them.
+// The named filters of documents, which `rtsg convert --filter` offers.
 //
 // Threading: one thread a stream. Source: RTSG paper 3.1.
 #pragma once
@@ -20,21 +20,21 @@ class ScriptLanguage;
 /// A filter of `rtsg convert --filter NAME`, or NAME=ARGUMENT.
 struct FilterInfo {
     std::string_view name;
-    std::string_view argument;  // what stands for it in help; empty: it takes none
+    std::string_view argument;  // placeholder in the help text; empty: the filter has no argument
     std::string_view what;
 };
 std::span<const FilterInfo> filters();
 
 struct FilterContext {
-    Diagnostics& diagnostics;                  // what filters report; must outlive them
-    std::optional<Resources> resources{};      // what they may open; none given: Resources::ofFile(file)
-    std::filesystem::path file{};              // of the document, where relative urls start
-    const ScriptLanguage* scripts = nullptr;   // by which "validate" checks the texts of Scripts; null: not at all
-    std::shared_ptr<const Dialect> dialect{};  // of the document; null: none
+    Diagnostics& diagnostics;                  // receives the filters' reports; must outlive them
+    std::optional<Resources> resources{};      // what filters may open; the default is Resources::ofFile(file)
+    std::filesystem::path file{};              // of the document; relative urls start beside it
+    const ScriptLanguage* scripts = nullptr;   // checks the programs of Scripts for "validate"; null: no check
+    std::shared_ptr<const Dialect> dialect{};  // that of the document; null: none
 };
 
-/// By its name, with its argument behind an equals sign: "quantise=1e-3". Filters that look at a document as a whole
-/// keep it in memory, and pass it on when it ends. Errors: there is none of that name, or its argument is wrong.
+/// Makes a filter by its name, with its argument behind an equals sign: "quantise=1e-3". Filters that need the whole
+/// document keep it in memory, and pass it on when it ends. Errors: there is none of that name; its argument is wrong.
 Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, DocumentHandler& next,
                                                     const FilterContext& context);
 

@@ -1,10 +1,10 @@
-// LanguageServer: what an editor asks about documents that are being written, by the Language Server Protocol.
+// LanguageServer: helps editors with documents while they are written, by the Language Server Protocol.
 //
-// It reports faults with their places while somebody types, mends misspelled names, completes types, fields and names,
-// says what a node or a field is and where the standard has it, and finds what a name means. Documents of ClassicVRML
-// and XML have all of it, those of JSON the faults. Whatever an editor sends: a message that is no JSON, of a kind that
-// is not known or of wrong members is answered with an error or passed over; sizes and numbers are limited.
-// Threading: one thread. Source: Language Server Protocol 3.17; JSON-RPC 2.0.
+// It reports errors with their positions while somebody types, corrects misspelled names, completes types, fields and
+// names, explains nodes and fields with their clause of the standard, and finds the definition of a name. For JSON it
+// only reports errors; for ClassicVRML and XML it does all. An invalid message (no JSON, an unknown kind, wrong
+// members) is answered with an error or ignored; sizes and numbers are limited. Threading: one thread. Source: Language
+// Server Protocol 3.17; JSON-RPC 2.0.
 #pragma once
 
 #include <cstdint>
@@ -19,8 +19,9 @@ namespace rtsg {
 class ScriptLanguage;
 
 struct LanguageServerOptions {
-    ResourcePolicy policy{};                  // of what documents name by url, beside what is in their own folders
-    const ScriptLanguage* scripts = nullptr;  // by which the texts of Scripts are checked; null: not at all
+    ResourcePolicy policy{};                  // for urls in documents; files in a document's own folder are always
+                                              // allowed
+    const ScriptLanguage* scripts = nullptr;  // checks the programs of Scripts; null: no check
     std::uint64_t maximumBytes = std::uint64_t{32} << 20;  // of a message, and so of a document
     std::size_t maximumDocuments = 256;                    // that are open at once
 };
@@ -33,11 +34,11 @@ class LanguageServer {
 
     /// Takes a message of the editor, without the protocol's header.
     void receive(std::string_view message);
-    /// Documents were edited since their faults were reported.
+    /// Whether documents were edited since their errors were reported.
     bool hasWork() const;
-    /// Reports the faults of one of these. Call it when no message waits, since the next may edit the document again.
+    /// Reports the errors of one such document. Call it when no message waits, since the next one may be another edit.
     void work();
-    /// The editor has said exit. `wasAsked`: it has asked for the shutdown before.
+    /// Whether the editor has said exit. `wasAsked`: it has asked for the shutdown before.
     bool hasEnded() const;
     bool wasAsked() const;
 
@@ -46,8 +47,8 @@ class LanguageServer {
     std::unique_ptr<State> state_;
 };
 
-/// Serves an editor over two descriptors until it ends the session. Errors: what comes is not framed as the protocol
-/// says, or too long; the editor is gone without an exit.
+/// Serves an editor over two descriptors until it ends the session. Errors: a message is not framed as the protocol
+/// says, or too long; the editor ended without an exit.
 Result<> serveEditor(int in, int out, const LanguageServerOptions& options);
 
 }  // namespace rtsg

@@ -1,7 +1,7 @@
 // Reading whole files: encoding detection, gzip, SceneBuilder, Inlines and EXTERNPROTOs.
 //
-// Threading: one thread, which may have others help it with long lists. Never throws for bad input: it is in the
-// diagnostics, with positions. Source: RTSG paper 3.1.
+// Threading: one thread, which may use others for long lists. Bad input never throws; the diagnostics have it, with
+// positions. Source: RTSG paper 3.1.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -25,25 +25,26 @@
 
 namespace rtsg {
 
-/// From now on prototypes and scripts of the scene can be made of documents (document_services.h). Whatever loads a
-/// document calls it; who goes on with a session of a log or a mirror, without one, does so too.
+/// Lets prototypes and scripts of the scene be made of documents from now on (document_services.h). Functions that load
+/// a document call it. Call it yourself if you continue a session of a log or a mirror without loading a document.
 void registerDocuments(Scene& scene);
-/// The same, with formats and node types of one's own for all that the scene reads and writes from now on; null: none.
+/// The same, with formats and node types of the application for all that the scene reads and writes; null: none.
 void registerDocuments(Scene& scene, std::shared_ptr<const Dialect> dialect);
-/// That, and the node types that the scene itself has of users' tables; null if there are neither. Valid as long as the
+/// That dialect, with the custom node types that the scene itself has; null if there are neither. Valid as long as the
 /// scene.
 std::shared_ptr<const Dialect> dialectOf(const Scene& scene);
 
 struct LoadOptions {
     bool loadInlines = true;
-    std::optional<Resources> resources;  // none given: of loadFile Resources::ofFile(file), of loadText Resources(base)
+    std::optional<Resources> resources;  // the default is Resources::ofFile(file) in loadFile, and Resources(base) in
+                                         // loadText
     Progress progress;
-    unsigned threads = 0;     // as ReadOptions
-    bool namedByUrl = false;  // as BuildOptions
-    std::string clip{};       // as ReadOptions
+    unsigned threads = 0;     // as in ReadOptions
+    bool namedByUrl = false;  // as in BuildOptions
+    std::string clip{};       // as in ReadOptions
 };
 
-/// Reads a file into a scene, and appends to its content. False if the file has nothing usable.
+/// Reads a file and appends its nodes to the scene. Returns false if the file has nothing usable.
 bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
               const LoadOptions& options = {});
 /// Reads text; `base` is the folder that relative urls start from.

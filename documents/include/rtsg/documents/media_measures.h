@@ -1,4 +1,4 @@
-// Who measures what a scene's urls lead to, where documents alone do not tell: lengths of films, sizes of texts.
+// Functions that measure media for a scene where documents alone do not tell: lengths of films, sizes of texts.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -11,7 +11,7 @@
 
 namespace rtsg {
 
-/// How many seconds the sound or film in a file plays; nothing if that cannot be told.
+/// The length in seconds of the sound or film in a file; nothing if it is unknown.
 using MediaLength = std::function<std::optional<double>(const Resource& file)>;
 
 /// Measures a Text in its own units, by its fields and fonts: width and height of the whole, the upper left corner (x,

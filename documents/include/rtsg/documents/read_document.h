@@ -1,8 +1,7 @@
 // Reads a document of any encoding, plain or gzip, as a stream of commands to a handler.
 //
-// Threading: one thread, which may have others help it with long lists. Never throws for bad input: it is in the
-// diagnostics, with positions. Reading ends where the process holds as much as it may (memory.h). Source: RTSG
-// paper 3.1.
+// Threading: one thread, which may use others for long lists. Bad input never throws; the diagnostics have it, with
+// positions. Reading ends when the process reaches its memory limit (memory.h). Source: RTSG paper 3.1.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +18,7 @@ namespace rtsg {
 
 class Resources;
 
-/// Reports bytes read of bytes in all; for progress bars.
+/// Called with the bytes read and the total; for progress bars.
 using Progress = std::function<void(std::uint64_t done, std::uint64_t total)>;
 
 /// Detects the encoding from the content (after gunzip), never from the name alone.
@@ -28,19 +27,19 @@ Encoding detectEncoding(std::string_view head);
 struct ReadOptions {
     Progress progress{};
     /// The number of threads that read a list of numbers of more than 4 MiB of text: 0 means one for each core; 8 at
-    /// most are used. The result is the same for any number. The handler, the diagnostics and the progress are called
-    /// by the caller's thread alone.
+    /// most are used. The result is the same for any number. The handler, the diagnostics and the progress function are
+    /// called on the caller's thread only.
     unsigned threads = 0;
-    bool headerless = false;  // ClassicVRML may come without its header's line
-    /// Of text that says nothing of its size: a packed file, a pipe. If it is another than this, also of the memory
-    /// that the process takes while it reads.
+    bool headerless = false;  // ClassicVRML may lack its header line
+    /// The limit for text whose size is unknown: a packed file, a pipe. A value other than the default also limits the
+    /// memory that the process takes while it reads.
     std::uint64_t maximumBytes = std::uint64_t{4} << 30;
-    /// Of a file with several animations (glTF) the one that plays, by its author's name or its DEF; an error if there
-    /// is none. Empty: the first.
+    /// The animation to play of a file with several (glTF), by its author's name or its DEF; an error if there is none.
+    /// Empty: the first.
     std::string clip{};
     /// Formats and node types beyond the library's own (dialect.h); null: none.
     std::shared_ptr<const Dialect> dialect{};
-    /// readDocumentFile() opens an http or https address by these, and only with them.
+    /// With these, readDocumentFile() can open http and https addresses; without them it cannot.
     const Resources* resources = nullptr;
 };
 

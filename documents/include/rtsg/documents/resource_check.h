@@ -1,8 +1,8 @@
 // Checks whether the files that a scene names by url can be opened: pictures, sounds, scripts, shaders, documents.
 //
-// Opens each file as a player of the scene would, and reads none. One url of a list is enough. A missing file is a
-// warning, as it is when the scene is played. Inlines that a loader was asked to load have been reported by the loader.
-// Threading: the scene's thread.
+// It opens each file in the same way as a player of the scene would, and reads none. One working url of a list is
+// enough. A missing file is a warning, as it is when the scene is played. Inlines are not checked if the loader was to
+// load them, since it has reported them. Threading: the scene's thread.
 #pragma once
 
 #include <deque>
@@ -22,28 +22,28 @@
 
 namespace rtsg {
 
-/// Notes where a document names files. This filter stands before the builder of the scene.
+/// Records the positions at which a document names files. Put this filter before the builder of the scene.
 class UrlPlaces final : public Filter {
   public:
     using Filter::Filter;
     void setField(std::string_view name, Value value, SourceLocation where) override;
-    /// The next of the places where the field was given these urls; the last one again when there are no more, since a
-    /// prototype's body stands for all its instances. No place if the document has none.
+    /// The next position at which the field was given these urls; the last one again if there are no more, since a
+    /// prototype's body serves all its instances. No position if the document has none.
     SourceLocation next(std::string_view field, const Array<String>& urls);
 
   private:
     std::map<std::string, std::deque<SourceLocation>, std::less<>> places_;
 };
 
-/// `places`: of the document that the scene was made of, for complaints with positions.
+/// `places` are those of the document of the scene, for diagnostics with positions.
 void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics,
                     UrlPlaces* places = nullptr);
 
-/// The files that urls of the scene open: what must not be written while the scene is played. Each url that names a
-/// file that is there counts, not just the first of a list.
+/// The files that urls of the scene open, which must not be overwritten while the scene is played. Each url that names
+/// an existing file counts, not just the first of a list.
 std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resources& resources);
 
-/// The same of a document that makes no scene, as it goes by; not of the documents that it loads.
+/// The same for a document that passes by without a scene; files of documents that it loads are not included.
 class DocumentFiles final : public Filter {
   public:
     DocumentFiles(DocumentHandler& next, Resources resources) : Filter(next), resources_(resources.withoutNetwork()) {}

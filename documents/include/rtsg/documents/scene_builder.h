@@ -1,10 +1,10 @@
 // SceneBuilder: turns the commands of a document into nodes, names, routes and prototypes of a Scene.
 //
-// Everything that needs meaning is checked here (readers check form): do fields exist and take this value or node, are
-// DEF names known, do ROUTEs connect what may be connected, are IS pairs legal. A refused part is reported with its
-// position and left out; the rest of the document is kept. Children are gathered and attached once, bottom-up, so the
-// cost is linear in the document. The builder does not recurse with the depth of nodes, only with that of prototypes,
-// which is limited. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 4.4.3 (DEF/USE), 4.4.4-4.4.6 (PROTO,
+// It checks meaning, after readers have checked form: that fields exist and take this value or node, that DEF names are
+// known, that ROUTEs connect fields of one type, that IS pairs are legal. A refused part is reported with its position
+// and left out; the rest of the document is kept. Children are gathered and attached once, bottom-up, so the cost is
+// linear in the document. The builder does not recurse with the depth of nodes, only with that of prototypes, which is
+// limited. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 4.4.3 (DEF/USE), 4.4.4-4.4.6 (PROTO,
 // EXTERNPROTO, IMPORT/EXPORT), 4.4.8.2 (ROUTE); table 4.4 (IS); RTSG paper 3.1.
 #pragma once
 
@@ -22,14 +22,15 @@
 namespace rtsg {
 
 struct BuildOptions {
-    std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
-    std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
+    std::filesystem::path file;          // the document's own path, if it has one; prevents Inlines of itself
+    std::optional<Resources> resources;  // what urls may open, and limits; the default is Resources::ofFile(file)
     bool loadInlines = true;
-    bool detached = false;       // roots() are put nowhere: that is the caller's
-    bool namedByUrl = false;     // not by the user: its own nodes are limited, as those of Inlines are
-    bool leavesAwaited = false;  // Inlines whose content the network would have to be waited for stay empty
+    bool detached = false;       // roots() are put into no field; the caller does that
+    bool namedByUrl = false;     // the document was named by a url and not by the user: its nodes are limited, as those
+                                 // of Inlines are
+    bool leavesAwaited = false;  // Inlines that would have to wait for the network stay empty
     NodeId scope;                // the PROTO instance or Inline that the nodes belong to; none: the document itself
-    MediaLength mediaLength;     // of InlineLoader: for what is neither a WAVE nor an MP4 file
+    MediaLength mediaLength;     // for InlineLoader: measures files that are neither WAVE nor MP4
 };
 
 class SceneBuilder final : public DocumentHandler {
@@ -79,32 +80,32 @@ class SceneBuilder final : public DocumentHandler {
     std::unique_ptr<State> state_;
 };
 
-/// Creates an instance of a PROTO or EXTERNPROTO that `scene` knows, with its body, from the declaration kept in the
-/// type: works on a replica that never saw the file. The instance has no parent yet.
+/// Creates an instance, with its body, of a PROTO or EXTERNPROTO that `scene` knows, from the declaration kept in the
+/// type. So it also works on a replica that never saw the file. The instance has no parent yet.
 Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnostics, NodeId scope = {},
                            const BuildOptions& options = {});
 
-/// Loads and unloads Inline and InlineGeometry nodes while a scene runs, and tells LoadSensors, sounds, films and
-/// texture projectors what their urls lead to: call update() between frames on the scene that owns the files. A replica
-/// needs none: the content reaches it as changes.
+/// Loads and unloads Inline and InlineGeometry nodes while a scene runs, and gives LoadSensors, sounds, films and
+/// texture projectors the properties of their files. Call update() between frames on the scene that owns the files. A
+/// replica needs none: the content reaches it as changes.
 class InlineLoader {
   public:
     InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options = {});
     ~InlineLoader();
     enum class Texts : std::uint8_t {
         all,
-        /// Those of whose sizes somebody may hear: a route or listener that is there, or any Script. So fonts are
-        /// loaded, and the state depends on which there are, only where that serves somebody.
+        /// Only those whose size somebody uses: a route, a listener or any Script. So fonts are loaded, and the state
+        /// depends on them, only where that is needed.
         heard,
     };
-    /// From now on Texts send their sizes, which `measure` finds; without it they send none.
+    /// From now on Texts send their sizes, which `measure` computes; without it they send none.
     void measureTexts(TextMeasure measure, Texts which = Texts::all);
-    /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
-    /// or told something.
+    /// Checks the Inlines whose `load` or `url` changed since the last call. Returns how many nodes were loaded,
+    /// unloaded or given properties.
     std::size_t update();
-    /// Has fetched, at once, what nodes name by addresses. True as long as something is still to come: call it again.
+    /// Starts the fetches of all addresses that nodes name. Returns true as long as some are pending: call it again.
     bool fetchAhead();
-    /// True if something is still to come, from the network say: another update() is due soon.
+    /// Whether something is pending, for example from the network: another update() is due soon.
     bool awaits() const;
 
   private:

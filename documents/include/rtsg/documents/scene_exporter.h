@@ -1,10 +1,10 @@
-// SceneExporter: a scene as the commands of a document, for a writer, a filter or another SceneBuilder.
+// SceneExporter: sends a scene as the commands of a document to a writer, a filter or another SceneBuilder.
 //
-// What came from a document comes out as that document: DEF and USE, PROTO declarations and instances (never their
-// expanded bodies), Inlines (never their content), ROUTEs, IMPORT and EXPORT, head. It needs nothing but the scene's
-// state, so a replica saves the same document as the origin. Nodes that are shared or routed but nameless get names
-// of the form _1. Cost is linear in the document; nesting is limited by memory only.
-// Threading: the scene's thread. Source: RTSG paper 3.1; ISO/IEC 19775-1 V4.0 4.4.
+// A scene that came from a document gives the same document: DEF and USE, PROTO declarations and instances (never their
+// expanded bodies), Inlines (never their content), ROUTEs, IMPORT and EXPORT, head. It needs only the scene's state, so
+// a replica saves the same document as the origin. Nodes that are shared or routed but nameless get names of the form
+// _1. Cost is linear in the document; nesting is limited by memory only. Threading: the scene's thread. Source: RTSG
+// paper 3.1; ISO/IEC 19775-1 V4.0 4.4.
 #pragma once
 
 #include <rtsg/core/scene.h>
@@ -12,27 +12,27 @@
 
 namespace rtsg {
 
-/// Says what is written as the nodes that it consists of. A name that would then stand there twice gets a number at its
-/// end.
+/// What is replaced by the nodes that it consists of. A name that would then occur twice gets a number at its end.
 struct ExportOptions {
-    /// An instance of a PROTO or EXTERNPROTO becomes the first node of its body. The others, which act and are not
-    /// shown, stand in a Switch at the end; routes to and from the instance go to the nodes behind its IS connections.
+    /// An instance of a PROTO or EXTERNPROTO becomes the first node of its body. The other nodes of the body, which are
+    /// not rendered, go into a Switch at the end; routes to and from the instance go to the nodes behind its IS
+    /// connections.
     bool expandPrototypes = false;
-    /// An Inline that has its content becomes a Group.
+    /// An Inline becomes a Group with its content, if it is loaded.
     bool expandInlines = false;
-    /// CADLayer.visible is a list with a value for each child, as in X3D 3.1 to 3.3.
+    /// CADLayer.visible is written as a list with a value for each child, as in X3D 3.1 to 3.3.
     bool listsVisible = false;
 };
 
 class SceneExporter {
   public:
-    /// `diagnostics` gets what a document cannot express, such as a reference into a PROTO's body.
+    /// `diagnostics` receives what a document cannot express, such as a reference into a PROTO's body.
     SceneExporter(const Scene& scene, Diagnostics& diagnostics, ExportOptions options = {});
     ~SceneExporter();
 
     /// Sends beginDocument ... endDocument. `encoding` goes into the header.
     void write(DocumentHandler& handler, Encoding encoding = Encoding::classicVrml);
-    /// The same of one node with all below it: no head, no declarations, no routes.
+    /// Sends one node with all nodes below it: no head, no declarations, no routes.
     void writeNode(DocumentHandler& handler, NodeId node, Encoding encoding = Encoding::classicVrml);
 
   private:

@@ -1,8 +1,8 @@
-// The world of a scene: the document in it as a whole, pieces of documents that come into it, and another world in its
-// place.
+// The world of a scene: functions for its whole document, for pieces of documents that are added, and for another world
+// that replaces it.
 //
-// Threading: the scene's thread, outside of frames. Never throws for bad input: it is in the diagnostics, with
-// positions. Source: ISO/IEC 19775-2 V4.0 (createX3DFromString and its kin, loadURL, replaceWorld, getProfile ...).
+// Threading: the scene's thread, outside of frames. Bad input never throws; the diagnostics have it, with positions.
+// Source: ISO/IEC 19775-2 V4.0 (createX3DFromString and related services, loadURL, replaceWorld, getProfile ...).
 
 // Example:
 //     #include <rtsg/documents/world.h>
@@ -35,7 +35,7 @@
 
 namespace rtsg {
 
-// ---- what a world says of itself -----------------------------------------------------------------------------------
+// ---- statements about a world --------------------------------------------------------------------------------------
 
 struct DocumentInfo : DocumentHead {
     struct Import {
@@ -46,59 +46,59 @@ struct DocumentInfo : DocumentHead {
     };
     std::vector<Import> imports;
     std::vector<Export> exports;
-    std::vector<std::string> prototypes, externPrototypes;  // that the document itself declares
+    std::vector<std::string> prototypes, externPrototypes;  // declared by the document itself
 };
 DocumentInfo documentInfo(const Scene& scene);
 
 // ---- imports and exports -------------------------------------------------------------------------------------------
-// Of the document itself, or, with `scope`, of what an Inline has loaded. Editing them is an edit like any other.
+// These functions are for the document itself, or, with `scope`, for the content of an Inline. Their edits are ordinary
+// edits of the scene.
 
-/// The node that an IMPORT statement makes known under `localName`. There is no node if its Inline is not loaded, or
-/// exports no such name.
+/// An IMPORT statement. `node` is none if the Inline is not loaded, or exports no such name.
 struct ImportedNode {
     std::string localName;
-    NodeId inlineNode;  // none: no node has the name that the statement gives
+    NodeId inlineNode;  // none: no node has the name in the statement
     std::string exportedName;
     NodeId node;
 };
-/// The node that an EXPORT statement offers to documents that inline this one. There is no node if none has the name.
+/// An EXPORT statement, for documents that inline this one. `node` is none if no node has the name.
 struct ExportedNode {
     std::string exportedName, localName;
     NodeId node;
 };
-/// In the order of the statements.
+/// Listed in the order of the statements.
 std::vector<ImportedNode> importedNodes(const Scene& scene, NodeId scope = {});
 std::vector<ExportedNode> exportedNodes(const Scene& scene, NodeId scope = {});
 /// The node that is imported, or exported, under this name; none if there is none.
 NodeId findImported(const Scene& scene, std::string_view localName, NodeId scope = {});
 NodeId findExported(const Scene& scene, std::string_view exportedName, NodeId scope = {});
-/// Makes a name known in the document to which the Inline belongs, also in the place of an import that had it; without
-/// `localName` it is the exported one. The Inline need not be loaded yet. Errors: no Inline, or one without a name; a
-/// node there has the name.
+/// Imports a node into the document to which the Inline belongs, and replaces an import of the same name; without
+/// `localName` the exported name is used. The Inline need not be loaded yet. Errors: the node is no Inline, or has no
+/// name; a node in the document has the local name.
 Result<> updateImportedNode(Scene& scene, NodeId inlineNode, std::string_view exportedName,
                             std::string_view localName = {});
-/// Routes to the node stay. Errors: nothing was imported under this name.
+/// Routes to the node stay. Errors: nothing is imported under this name.
 Result<> removeImportedNode(Scene& scene, std::string_view localName, NodeId scope = {});
-/// Offers a node of the document, or one that it imports, also in the place of another one. Errors: a node without a
-/// name there.
+/// Exports a node of the document, or one that it imports, and replaces an export of the same name. Errors: the node
+/// has no name in the document.
 Result<> updateExportedNode(Scene& scene, std::string_view exportedName, NodeId node, NodeId scope = {});
 /// Errors: nothing is exported under this name.
 Result<> removeExportedNode(Scene& scene, std::string_view exportedName, NodeId scope = {});
 
 // ---- pieces --------------------------------------------------------------------------------------------------------
 
-/// Nodes that were read, with their routes, and hang nowhere yet: that is for the caller to do.
+/// Nodes that were read, with their routes; the caller puts them into a field.
 struct Fragment {
     std::vector<NodeId> roots;  // in the order of the document
     DocumentHead head;
     std::vector<std::pair<std::string, NodeId>> names;  // sorted
 
-    /// The node that has this name in the piece; none if there is none. In the scene it has the name too, unless a node
-    /// there had it before.
+    /// The node that has this name in the piece; none if there is none. The scene has the name too, unless one of its
+    /// nodes had it before.
     NodeId find(std::string_view name) const;
 };
-/// Without an encoding's header the text is ClassicVRML. IMPORT and EXPORT statements are left out, and reported.
-/// Nothing if the text has nothing usable.
+/// Reads a text, a stream or a file; without an encoding's header, a text is ClassicVRML. IMPORT and EXPORT statements
+/// are left out, and reported. Returns nothing if there is nothing usable.
 std::optional<Fragment> createX3DFromString(Scene& scene, std::string_view text, Diagnostics& diagnostics,
                                             const LoadOptions& options = {});
 std::optional<Fragment> createX3DFromStream(Scene& scene, std::istream& stream, Diagnostics& diagnostics,
@@ -108,15 +108,15 @@ std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::p
 
 // ---- worlds --------------------------------------------------------------------------------------------------------
 
-/// Everything but what is below the piece, and what Scene::hold() holds, is destroyed; the piece's nodes are the root's
-/// children, and have their names. Subscribers and replicas get it as one set; Listeners::onWorld hears of it. Types
-/// of PROTOs stay known. Errors: from within a frame; nodes that are not there.
+/// Destroys all nodes except those of the piece and those kept by Scene::hold(), and makes the piece's roots the
+/// children of the scene's root, with their names. Subscribers and replicas get it as one set; Listeners::onWorld hears
+/// of it. Types of PROTOs stay known. Errors: a call from within a frame; nodes that do not exist.
 Result<> replaceWorld(Scene& scene, const Fragment& piece);
-/// Reads a file, then replaces the world by it. If the file has nothing usable, returns false, and the world stays.
+/// Reads a file, then replaces the world by it. If the file has nothing usable, it returns false and the world stays.
 bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
                const LoadOptions& options = {});
-/// The scene as a document, in the encoding that the file's name says. Errors: a name that says none; what the system
-/// says.
+/// Writes the scene as a document, in the encoding of the file's name. Errors: a name without an encoding; errors of
+/// the system.
 Result<> saveWorld(const Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
                    Existing existing = Existing::keep);
 

@@ -1,11 +1,12 @@
-// Feed: events for a scene from outside, as lines of JSON or CSV: from a pipe, a file, sockets, or an MQTT broker.
+// Feed: reads events for a scene from outside, as lines of JSON or CSV: from a pipe, a file, sockets, or an MQTT
+// broker.
 //
-// A line is {"node":"DOOR","field":"translation","value":[1,0,0]}, perhaps with "t" and "author", as `rtsg run --watch`
-// prints it; or CSV. Events go into the next frame. Of a field that has a value, each frame takes the newest one; a
-// field that only takes events gets one a frame, and the others wait for the frames after.
-// Invariant: whatever comes, memory is bounded and the scene goes on. A line that makes no sense is named by its number
-// and counted. What comes by a socket changes neither urls nor Scripts, as mirrors with the permission for events.
-// Threading: a thread of its own reads; all calls on the scene's thread.
+// A line is {"node":"DOOR","field":"translation","value":[1,0,0]}, optionally with "t" and "author", as `rtsg run
+// --watch` prints it; or CSV. Events go into the next frame. For a field that has a value, each frame takes the newest
+// one; an inputOnly field gets one event in a frame, and the others wait for later frames. Invariant: for any input,
+// memory is bounded and the scene goes on. An invalid line is reported by its number and counted. Lines from a socket
+// cannot change urls or Scripts, like mirrors with the permission for events. Threading: a thread of its own reads; all
+// calls on the scene's thread.
 
 // Example:
 //     #include <rtsg/feeds/feed.h>
@@ -35,12 +36,12 @@ struct FeedOptions {
     std::string source;
     /// Allows an address that other machines can reach.
     bool insecure = false;
-    /// Events wait for their times, and deliver() waits for lines: for a scene in simulated time. Otherwise only those
-    /// of a regular file do.
+    /// Events wait for their times, and deliver() waits for lines: for a scene in simulated time. If false, only events
+    /// of a regular file wait for their times.
     bool timed = false;
-    /// An eventfd that is written when something has come. -1: none.
+    /// An eventfd that is written when lines have come. -1: none.
     int call = -1;
-    /// Asked while deliver() waits for lines.
+    /// Called while deliver() waits for lines; true ends the wait.
     std::function<bool()> cancelled = nullptr;
 };
 
@@ -48,35 +49,36 @@ struct FeedCounts {
     std::uint64_t lines = 0;    // that were read
     std::uint64_t events = 0;   // that were sent to the scene
     std::uint64_t merged = 0;   // values that a newer one replaced before their frame
-    std::uint64_t faulty = 0;   // lines that made no sense, or whose event was refused
-    std::uint64_t flooded = 0;  // lines left out since too many waited
+    std::uint64_t faulty = 0;   // invalid lines, or lines whose event was refused
+    std::uint64_t flooded = 0;  // lines left out because too many waited
 };
 
 class Feed {
   public:
     /// The most lines that wait, and the bytes that they hold. A sender that can wait then waits.
     static constexpr std::size_t kMostWaiting = 16384, kMostBytes = std::size_t{16} << 20;
-    /// The most events of fields that only take events, which wait for later frames.
+    /// The most events of inputOnly fields that wait for later frames.
     static constexpr std::size_t kMostPutOff = 4096;
 
-    /// Opens the source and begins to read. `scene` must outlive it. Errors: what the source or the system says; an
-    /// address that others reach, without `insecure`.
+    /// Opens the source and begins to read. `scene` must outlive it. Errors: those of the source or the system; an
+    /// address that other machines can reach, without `insecure`.
     static Result<std::unique_ptr<Feed>> start(Scene& scene, FeedOptions options);
     ~Feed();
     Feed(const Feed&) = delete;
     Feed& operator=(const Feed&) = delete;
 
-    /// Call it before the frame at `t`, in seconds since the start: sends what has come, of a timed source what is due.
+    /// Call it before the frame at `t`, in seconds since the start: sends the events that have come, or those that are
+    /// due if the source is timed.
     void deliver(double t);
-    /// When the next event that waits for its time is due, or one was put off; infinity if there is none.
+    /// The time of the next event that waits; infinity if there is none.
     double nextAt() const;
     /// The source, with the port filled in.
     const std::string& source() const;
     FeedCounts counts() const;
     /// True if a line of a timed source has not been due yet.
     bool hasLeft() const;
-    /// What was wrong since the last call, at most a hundred: of many equal faults the first eight, then each that
-    /// doubles their number.
+    /// The faults since the last call, at most a hundred. Of equal faults the first eight are reported, then each one
+    /// that doubles their number.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:

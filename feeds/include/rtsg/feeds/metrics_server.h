@@ -1,9 +1,8 @@
-// MetricsServer: figures of a running program for Prometheus and `rtsg top`, by HTTP at /metrics.
+// MetricsServer: offers measurements of a running program to Prometheus and `rtsg top`, by HTTP at /metrics.
 //
-// Invariant: it answers GET and HEAD, one request a connection, with the text that the program gives when it is asked;
-// so nothing is computed while nobody asks. Connections, requests and their time are bounded.
-// Threading: a thread of its own, on which the program's text is made. Source: Prometheus' text format 0.0.4; HTTP/1.1
-// (RFC 9112).
+// Invariant: it answers GET and HEAD, one request for each connection, with the text that the program makes at that
+// moment; nothing is computed otherwise. Connections, requests and their time are bounded. Threading: a thread of its
+// own, on which the program's text is made. Source: Prometheus' text format 0.0.4; HTTP/1.1 (RFC 9112).
 #pragma once
 
 #include <cstdint>
@@ -21,7 +20,8 @@ namespace rtsg {
 class MetricsServer {
   public:
     /// `listen`: "9100" is that port on loopback, "HOST:9100" another address; port 0 is a free one. `text` is called
-    /// on the server's thread. Errors: what the system says; an address that others reach, unless `insecure`.
+    /// on the server's thread. Errors: those of the system; an address that other machines can reach, unless
+    /// `insecure`.
     static Result<std::unique_ptr<MetricsServer>> start(const std::string& listen, bool insecure,
                                                         std::function<std::string()> text);
     ~MetricsServer();
@@ -37,16 +37,16 @@ class MetricsServer {
     std::unique_ptr<State> state_;
 };
 
-/// The figures at such an address ("9100", "HOST:9100", "http://HOST:9100/metrics"). Waits some seconds at most.
+/// Fetches the text of such an address ("9100", "HOST:9100", "http://HOST:9100/metrics"). Waits some seconds at most.
 Result<std::string> fetchMetrics(const std::string& address);
 
-/// Builds the text: each name once, with its meaning and all of its values.
+/// Builds the text: each name once, with its description and all of its values.
 class MetricsText {
   public:
     enum class Kind : std::uint8_t { gauge, counter };
     /// `labels`: empty, or `{source="…"}` as label() makes it. Values of one name must follow each other.
     void add(std::string_view name, Kind kind, std::string_view help, double value, std::string_view labels = {});
-    /// How often something took how long: `bounds` in seconds, `counts` for each and one more beyond.
+    /// Adds a histogram of durations: `bounds` in seconds, `counts` for each bound and one more for longer durations.
     void addHistogram(std::string_view name, std::string_view help, std::span<const double> bounds,
                       std::span<const std::uint64_t> counts, double sum);
     static std::string label(std::string_view name, std::string_view value);

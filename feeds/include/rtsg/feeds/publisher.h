@@ -1,10 +1,9 @@
-// Publisher: what fields of a scene send goes out as lines of JSON: to a pipe, a file, sockets, or an MQTT broker.
+// Publisher: writes the events of a scene's fields as lines of JSON: to a pipe, a file, sockets, or an MQTT broker.
 //
-// A line is {"t":1.5,"node":"DOOR","field":"rotation","value":[0,1,0,0.8]}, which a Feed takes. Without a rate every
-// event is a line, clicks included, in the order in which they happened; with one, a field has its newest value so many
-// times a second at most.
-// Invariant: no reader holds up the scene. Lines that one has no room for are left out whole, and counted.
-// Threading: a thread of its own sends; all calls on the scene's thread.
+// A line is {"t":1.5,"node":"DOOR","field":"rotation","value":[0,1,0,0.8]}, which a Feed can read. Without a rate every
+// event is a line, in the order in which they happened; with a rate, the newest value of a field is written at most so
+// many times a second. Invariant: no reader holds up the scene. If there is no room for a line, the whole line is left
+// out, and counted. Threading: a thread of its own sends; all calls on the scene's thread.
 
 // Example:
 //     #include <rtsg/core/x3d.h>
@@ -32,12 +31,12 @@
 namespace rtsg {
 
 struct PublishOptions {
-    /// "-" (standard output), a file to add to, udp://HOST:PORT (a datagram for each line), tcp://HOST:PORT (whoever
-    /// connects there), mqtt://HOST[:PORT]/TOPIC.
+    /// "-" (standard output), a file to append to, udp://HOST:PORT (a datagram for each line), tcp://HOST:PORT (it
+    /// listens there for readers), mqtt://HOST[:PORT]/TOPIC.
     std::string target;
     /// "DEF.field", or "DEF.*" for all of its fields that send events.
     std::vector<std::string> fields;
-    /// Lines of each field a second at most; 0: one for each event.
+    /// The most lines a second for each field; 0: one line for each event.
     double rate = 0;
     /// The time on the scene's clock from which `t` counts.
     double start = 0;
@@ -50,35 +49,36 @@ struct PublishOptions {
 struct PublishCounts {
     std::uint64_t events = 0;     // that were heard
     std::uint64_t lines = 0;      // that were handed to the target
-    std::uint64_t missed = 0;     // that the target, or one of those connected, did not get
+    std::uint64_t missed = 0;     // that the target, or one of its readers, did not get
     std::size_t subscribers = 0;  // connections now
 };
 
 class Publisher {
   public:
-    /// Opens the target and begins to listen. `scene` must outlive it. Errors: no such node or field, or one that sends
-    /// nothing; what the target or the system says; an address that others reach, without `insecure`.
+    /// Opens the target and begins to listen to the fields. `scene` must outlive it. Errors: no such node or field, or
+    /// a field that sends nothing; those of the target or the system; an address that other machines can reach, without
+    /// `insecure`.
     static Result<std::unique_ptr<Publisher>> start(Scene& scene, PublishOptions options);
     /// Ends as close() does.
     ~Publisher();
     Publisher(const Publisher&) = delete;
     Publisher& operator=(const Publisher&) = delete;
 
-    /// The coming frame's time since the start, in seconds, which its lines have. Without this call they have the
-    /// scene's time less the start, rounded to a microsecond, since doubles of times since 1970 are exact to a quarter
-    /// of that.
+    /// Sets the time of the next frame for its lines, in seconds since the start. Without this call, lines have the
+    /// scene's time minus the start, rounded to a microsecond, since times since 1970 are not exact beyond that as
+    /// doubles.
     void expect(double t);
-    /// Call it after the frame at `t`, in seconds since the start: sends what waited for its turn.
+    /// Call it after the frame at `t`, in seconds since the start: sends values that waited because of the rate and are
+    /// due now.
     void frame(double t);
-    /// Sends what waits, for its turn too, for half a second at most; the counts are final then. Nothing is sent after
-    /// it.
+    /// Sends all waiting lines, for half a second at most; the counts are then final. Nothing is sent later.
     void close();
-    /// When the next value that waits is due; infinity if there is none.
+    /// The time at which the next waiting value is due; infinity if there is none.
     double nextAt() const;
     /// The target, with the port filled in.
     const std::string& target() const;
     PublishCounts counts() const;
-    /// What went wrong since the last call: each thing once.
+    /// The faults since the last call, each once.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:

@@ -1,9 +1,8 @@
-// FetchedFiles: what came from the network, as nodes of the scene, so that logs, mirrors and whoever runs a log again
-// know it, and need no network for what is in the nodes.
+// FetchedFiles: files from the network, as nodes of the scene, so that logs, mirrors and reruns know them, and need no
+// network for files whose bytes are in the nodes.
 //
-// A FetchedFile node hangs nowhere. It has the address that was asked for, the one that answered, the SHA-256 of the
-// bytes, and the bytes themselves if they are to travel. Whoever fetches publishes; whoever follows takes. Threading:
-// the scene's thread.
+// A FetchedFile node is in no field. It has the requested address, the one that answered, the SHA-256 of the bytes, and
+// optionally the bytes. The process that fetches publishes; followers take. Threading: the scene's thread.
 #pragma once
 
 #include <set>
@@ -17,12 +16,12 @@ namespace rtsg {
 
 class FetchedFiles {
   public:
-    /// Of a larger file the hash alone is published.
+    /// For larger files only the hash is published.
     static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
-    /// `withBytes`: they travel, too.
+    /// `withBytes`: the nodes have the bytes, too.
     FetchedFiles(WebFetcher& fetcher, bool withBytes) : fetcher_(fetcher), withBytes_(withBytes) {}
-    /// Makes a node of each file that was opened since the last call, unless the scene has one of that address. Call it
-    /// between frames. Returns their number.
+    /// Makes a node for each file that was opened since the last call, unless the scene has a node of that address.
+    /// Call it between frames. Returns their number.
     std::size_t publish(Scene& scene);
 
   private:
@@ -31,8 +30,8 @@ class FetchedFiles {
     std::size_t published_ = 0;
 };
 
-/// Gives the fetcher what the nodes of a scene say, now and with each set; a node that says nothing sensible is
-/// ignored. Attach it before those who open files. The fetcher must outlive it.
+/// Gives the fetcher the files in the nodes of a scene, now and with each set; an invalid node is ignored. Attach it
+/// before subscribers that open files. The fetcher must outlive it.
 class FetchedFilesFollower final : public Subscriber {
   public:
     explicit FetchedFilesFollower(WebFetcher& fetcher) : fetcher_(fetcher) {}
@@ -43,7 +42,7 @@ class FetchedFilesFollower final : public Subscriber {
     WebFetcher& fetcher_;
 };
 
-/// Does what a follower does for the scene as it is.
+/// Does the same once, for the present state of the scene.
 void keepFetchedFiles(const Scene& scene, WebFetcher& fetcher);
 
 }  // namespace rtsg

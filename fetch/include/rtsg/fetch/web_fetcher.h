@@ -1,11 +1,12 @@
 // WebFetcher: fetches files from http and https addresses that the user allows (FetchRules), by libcurl.
 //
-// Each redirect is checked like the address that led to it, and each connection where it goes, so that no name,
-// redirect or answer of a name server leads elsewhere. No proxies, passwords, cookies or other protocols; certificates
-// are checked. Bytes, unpacked, and seconds are bounded. What has come is kept as long as the fetcher lives, and in a
-// folder that processes share, from which it is taken again if the server says that it has not changed. Contents that a
-// log or a peer brings along need no network and no permission; where it brings their hashes, others are refused.
-// Threading: any thread; each address is fetched once. Source: RFC 9110, RFC 9111.
+// Each redirect is checked like the first address, and each connection by the IP address that it goes to, so that no
+// name, redirect or answer of a name server leads elsewhere. There are no proxies, passwords, cookies or other
+// protocols; certificates are checked. Unpacked bytes and seconds are bounded. A fetched file is kept as long as the
+// fetcher lives, and in a cache folder that processes share, from which it is reused if the server says that it has not
+// changed. Contents from a log or a peer need no network and no permission; if a log or a peer has only their hashes,
+// contents with other hashes are refused. Threading: any thread; each address is fetched once. Source: RFC 9110, RFC
+// 9111.
 #pragma once
 
 #include <cstdint>
@@ -22,24 +23,24 @@ namespace rtsg {
 
 struct FetchSettings {
     FetchRules rules;
-    std::filesystem::path certificates;  // a PEM file of authorities instead of the system's
-    std::filesystem::path cache;         // a folder of ours alone; empty: none
+    std::filesystem::path certificates;  // a PEM file of certificate authorities; replaces the system's
+    std::filesystem::path cache;         // a folder that nothing else uses; empty: no cache
     std::uint64_t cacheBytes = std::uint64_t{1} << 30;
     std::uint64_t totalBytes = std::uint64_t{4} << 30;  // of all files together
     std::size_t totalFiles = 10'000;
-    double connectSeconds = 10;  // until there is a connection
-    double stallSeconds = 15;    // without a byte
-    double totalSeconds = 300;   // of one file
-    /// awaits() starts to fetch on threads of the fetcher, and nobody need wait.
+    double connectSeconds = 10;  // until the connection is made
+    double stallSeconds = 15;    // without receiving a byte
+    double totalSeconds = 300;   // for one file
+    /// awaits() starts to fetch on threads of the fetcher and does not block.
     bool inBackground = false;
 };
 
 /// The folder for this user's cache: rtsg/web below $XDG_CACHE_HOME or ~/.cache. Empty if there is neither.
 std::filesystem::path userFetchCache();
 
-/// What came from an address. Without bytes it tells which content it had.
+/// A file from an address. Without bytes it tells which content the address had.
 struct FetchedFile {
-    std::string address, source;  // that was asked for; that answered, after redirects
+    std::string address, source;  // the requested one; the one that answered, after redirects
     std::string mediaType;
     std::string hash;  // SHA-256, 64 hexadecimal digits
     std::string bytes;
@@ -57,12 +58,12 @@ class WebFetcher final : public UrlFetcher {
     Result<FetchedContent> fetch(const std::string& address, std::uint64_t maximumBytes) override;
     bool awaits(const std::string& address, std::uint64_t maximumBytes) override;
 
-    /// Calls `take` for what has come from the network since the call that returned `from`, in order; 0: since the
-    /// beginning. Returns what to call with next. Not for what keep() brought.
+    /// Calls `take` for each file that came from the network since the call that returned `from`, in order; 0: since
+    /// the beginning. Returns the number for the next call. Files given to keep() are left out.
     std::size_t forEachFetched(std::size_t from, bool withBytes, const std::function<void(FetchedFile)>& take) const;
-    /// From now on its address has this content, and no other.
+    /// From now on the address of the file has this content, and no other.
     Result<> keep(FetchedFile file);
-    /// Whether keep() has brought the bytes of any.
+    /// Whether keep() has been given the bytes of any file.
     bool hasKeptBytes() const;
     const FetchSettings& settings() const;
 

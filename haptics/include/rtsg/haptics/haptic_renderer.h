@@ -1,12 +1,12 @@
-// HapticRenderer: the touch of a world: a hand feels its surfaces, a thousand times a second.
+// HapticRenderer: renders a world to the sense of touch: a hand feels its surfaces, a thousand times a second.
 //
-// A subscriber like light and sound, on the same world and the same BVH. Its thread takes the newest state, asks the
-// device where the hand is, finds how far a small ball (the proxy) can follow it, and gives the device the force that
-// draws the hand back. The scene never waits for it. Contact is an event of the scene: the proxy is a pointing device,
-// so TouchSensors answer, logs and mirrors have it, and replays need no device.
-// Invariants: the force is finite and at most maxForce; surfaces at rest give no energy. Threading: the scene's thread;
-// but touch() on any one thread while no device is started.
-// Source: ISO/IEC 19775-1 V4.0 20.4.4 (what contact does); the paper's section 8 names haptics as future work.
+// It is a subscriber like light and sound, on the same world and the same BVH. Its thread takes the newest state, asks
+// the device for the position of the hand, finds how far a small ball (the proxy) can follow the hand, and gives the
+// device the force that pulls the hand back. The scene never waits for it. Contact is an event of the scene: the proxy
+// is a pointing device, so TouchSensors react, logs and mirrors have it, and replays need no device. Invariants: the
+// force is finite and at most maxForce; surfaces at rest give no energy. Threading: the scene's thread; touch() on any
+// one thread while no device is started. Source: ISO/IEC 19775-1 V4.0 20.4.4 (effects of contact); the paper's section
+// 8 names haptics as future work.
 #pragma once
 
 #include <memory>
@@ -20,13 +20,14 @@
 namespace rtsg {
 
 struct HapticReport {
-    std::string scheduling;                      // "SCHED_FIFO", or why not
-    std::uint64_t ticks = 0, missed = 0;         // missed: those that began later than the one after them should have
-    std::uint64_t unknown = 0;                   // ticks without a hand
-    double medianSeconds = 0, worstSeconds = 0;  // of the work of a tick
+    std::string scheduling;                      // "SCHED_FIFO", or the reason why it is not used
+    std::uint64_t ticks = 0, missed = 0;         // missed: ticks that began later than their successor should have
+                                                 // begun
+    std::uint64_t unknown = 0;                   // ticks without a hand position
+    double medianSeconds = 0, worstSeconds = 0;  // of the computation in a tick
     double largestForce = 0;                     // N
-    std::uint64_t contacts = 0;                  // how often touching began
-    std::string failure;                         // why it feels no longer; empty while it does
+    std::uint64_t contacts = 0;                  // how often contact began
+    std::string failure;                         // why it no longer works; empty while it does
     Diagnostics diagnostics;
 };
 
@@ -38,28 +39,28 @@ class HapticRenderer final : public WorldRenderer {
 
     using WorldRenderer::renderFrame;
     const HapticOptions& options() const;
-    /// A place of the device's space in the world.
+    /// Converts a position in the device's space to the world.
     Vec3d inWorld(const Vec3d& place) const;
-    /// Brings the surfaces up to date; forces are the thread's.
+    /// Brings the surfaces up to date; forces are computed on the haptic thread.
     Result<> renderFrame() override;
 
-    /// One tick with the world's newest state, for programs with a clock of their own. `hand`: world, metres. A place
-    /// that is not finite, or that jumps, is not known.
+    /// Computes one tick with the world's newest state, for programs with their own clock. `hand` is in world
+    /// coordinates, in metres. A position that is not finite, or that jumps, counts as unknown.
     HapticTick touch(const Vec3d& hand, double seconds);
-    /// Starts the thread. Precondition: attached, none is started. Error: the thread cannot be had.
+    /// Starts the thread. Precondition: attached, and no thread is started. Error: the thread cannot be started.
     Result<> start(std::unique_ptr<HapticDevice> device);
     /// Ends it.
     HapticReport stop();
     HapticReport report() const;
     /// The last tick.
     HapticTick latest() const;
-    /// The device has no more to do, or there is none.
+    /// Whether the device has finished, or there is none.
     bool hasEnded() const;
-    /// Sends what has been touched since the last call as events of the scene: the proxy as a pointer; the force to
-    /// MetadataFloats named "force" in a touched TouchSensor's metadata, and to `forces` of the RigidBody that the
-    /// shape belongs to, against the hand's.
+    /// Sends contacts since the last call as events of the scene: the proxy as a pointer; the force to MetadataFloats
+    /// named "force" in a touched TouchSensor's metadata; and the opposite force to `forces` of the RigidBody that the
+    /// shape belongs to.
     void sendEvents();
-    /// The ticks since the last call, if they are kept.
+    /// The ticks since the last call, if HapticOptions::keepsTicks is set.
     std::vector<HapticTick> takeTicks();
 
   protected:

@@ -1,5 +1,5 @@
-// MirrorOrigin: what a MirrorClient follows, opened by its address: a mirror server's endpoint, or a session that a
-// NATS server passes on. Whoever takes an endpoint from a user opens it here.
+// MirrorOrigin: opens the origin of a MirrorClient by its address: the endpoint of a mirror server, or a session that a
+// NATS server passes on. Code that receives an endpoint from a user opens it here.
 //
 // Threading: one thread.
 
@@ -26,8 +26,8 @@ namespace rtsg {
 
 class MirrorOrigin {
   public:
-    /// Tries for `patience` to connect to a NATS server; whether a mirror server is there only its client finds out.
-    /// Errors: an address of a NATS server that is none; no connection.
+    /// Tries for `patience` to connect to a NATS server. A mirror server is not contacted; only its client finds out
+    /// whether it is there. Errors: an invalid address of a NATS server; no connection.
     static Result<MirrorOrigin> open(const std::string& address,
                                      std::chrono::milliseconds patience = std::chrono::seconds(5));
 
@@ -35,9 +35,9 @@ class MirrorOrigin {
     const std::string& endpoint() const { return nats_ ? nats_->endpoint() : shown_; }
     /// For messages; without secrets.
     const std::string& shown() const { return shown_; }
-    /// Leaves out what a NATS server does not carry. Error: keys, which are ZeroMQ's.
+    /// Removes options that a NATS server does not support. Error: keys, which are for ZeroMQ only.
     Result<> prepare(MirrorClientOptions& options) const;
-    /// What has happened to the connection with a NATS server.
+    /// The events of the connection with a NATS server since the last call.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:

@@ -1,9 +1,8 @@
 // NatsAddress: a session at a NATS server, as nats://[USER:PASSWORD@]HOST[:PORT][,HOST[:PORT]...]/NAME.
 //
-// tls:// in place of nats:// asks for encryption. NAME is a part of subjects, so it is made of letters, digits, '-' and
-// '_'. Port 4222 need not be named. What authenticates us (user and password, or a token alone before the @) goes to
-// the NATS server and into no text of ours.
-// Threading: values.
+// tls:// in place of nats:// asks for encryption. NAME is a part of subjects, so it consists of letters, digits, '-'
+// and '_'. Port 4222 is the default. Credentials (user and password, or a token alone before the @) go to the NATS
+// server and appear in no message. Threading: values.
 #pragma once
 
 #include <string>
@@ -15,17 +14,17 @@
 namespace rtsg {
 
 struct NatsAddress {
-    std::vector<std::string> servers;  // as urls, with what authenticates us
-    std::string secret;                // that part alone; empty if there is none
+    std::vector<std::string> servers;  // as urls with credentials
+    std::string secret;                // the credentials alone; empty if there are none
     std::string name;
     std::string shown;  // the address without secrets, for messages
 
-    /// Errors: no host, a port that is none, a name with other characters or of more than 64. They do not repeat the
-    /// text, as it may have a password in it.
+    /// Errors: no host; an invalid port; a name with other characters or more than 64. Errors do not repeat the text,
+    /// since it may contain a password.
     static Result<NatsAddress> parse(std::string_view text);
 };
 
-/// True if the text begins as such an address does.
+/// Whether the text begins like such an address.
 bool isNatsAddress(std::string_view text);
 
 }  // namespace rtsg

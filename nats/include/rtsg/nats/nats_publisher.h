@@ -1,11 +1,11 @@
-// NatsPublisher: publishes what a mirror server serves to a NATS server, from where any number of mirrors take it.
+// NatsPublisher: publishes the stream of a mirror server to a NATS server, for any number of mirrors.
 //
-// A new record goes out once, however many mirrors there are. Who joins asks, and so gets the last keyframe and what
-// follows it; all who ask within a moment get it by one publication. Questions, requests and commands of mirrors go to
-// the server, and its answers back to who asked (PROTOCOL.md, "NATS"). To the server all of them are one peer, with
-// that peer's permission, and a name of their own behind it. Invariant: it keeps no scene, and passes records on in the
-// bytes that the server sent. Whatever mirrors send, its memory is bounded. A lost connection to the NATS server is
-// made anew; mirrors then ask for what they missed. Threading: a thread of its own; all functions on any.
+// A new record is published once for all mirrors. A mirror that joins asks, and gets the last keyframe and the records
+// after it; all that ask within a moment share one publication. Questions, requests and commands of mirrors go to the
+// server, and its answers go back to the sender (PROTOCOL.md, "NATS"). To the server all of them are one peer, with
+// that peer's permission and their own names behind its name. Invariant: it keeps no scene, and passes records on in
+// the server's bytes. Its memory is bounded for any messages of mirrors. A lost connection to the NATS server is made
+// again; mirrors then ask for what they missed. Threading: a thread of its own; all functions on any.
 
 // Example:
 //     #include <rtsg/nats/nats_publisher.h>
@@ -42,18 +42,18 @@ struct NatsPublisherOptions {
 
 struct NatsPublisherStatistics {
     std::uint64_t records = 0, messages = 0, bytes = 0;  // published, without answers
-    std::uint64_t states = 0;                            // times that a keyframe and what follows it were published
+    std::uint64_t states = 0;                            // how often a keyframe and the records after it were published
     std::uint64_t resumed = 0;                           // mirrors that got only what they had missed
-    std::uint64_t asked = 0;                             // messages of mirrors
-    std::uint64_t garbage = 0;                           // those of them that made no sense
+    std::uint64_t asked = 0;                             // messages from mirrors
+    std::uint64_t garbage = 0;                           // invalid ones among them
     std::uint64_t failed = 0;                            // messages that could not be published
 };
 
 class NatsPublisher {
   public:
-    /// Errors: the address is none, there is no connection, the server's keys are no client's.
+    /// Errors: an invalid address; no connection; keys that are not a client's.
     static Result<std::unique_ptr<NatsPublisher>> start(NatsPublisherOptions options);
-    /// Mirrors get the server's goodbye if the server ends before.
+    /// If the server ends before this, mirrors get its goodbye.
     ~NatsPublisher();
 
     /// The address without secrets.

@@ -1,10 +1,10 @@
 // NatsSubscriber: lets a MirrorClient of this process follow a scene that a NatsPublisher publishes.
 //
-// To the client it is a mirror server at a local endpoint: hashes, repairs, requests and their verdicts are those of
-// the server behind it. It takes records from the NATS server, asks for what is missing, and passes on what the client
-// asks. Whole scenes alone are published, so parts, regions, inputs and limits of rate are refused. Invariant: the
-// client gets each record once and in order. A client that is more than its window behind gets what it missed when it
-// has read the rest: frames where the publisher still has them, else a keyframe. Threading: a thread of its own; all
+// For the client it is a mirror server at a local endpoint: hashes, repairs, requests and verdicts are those of the
+// server behind it. It takes records from the NATS server, asks for missing ones, and passes on the client's questions.
+// Only whole scenes are published, so parts, regions, inputs and rate limits are refused. Invariant: the client gets
+// each record once and in order. A client that is more than its window behind first reads what waits for it; then it
+// gets the missing frames if the publisher still has them, else a keyframe. Threading: a thread of its own; all
 // functions on any.
 
 // Example:
@@ -27,16 +27,16 @@
 namespace rtsg {
 
 struct NatsSubscriberStatistics {
-    std::uint64_t messages = 0;  // of NATS, read
-    std::uint64_t dropped = 0;   // messages that found no room: this process is too slow
-    std::uint64_t gaps = 0;      // times that records were missing
-    std::uint64_t joins = 0;     // times that the server was asked for a state, or for what was missed
-    std::uint64_t garbage = 0;   // messages that made no sense
+    std::uint64_t messages = 0;  // messages from NATS that were read
+    std::uint64_t dropped = 0;   // messages without room, because this process is too slow
+    std::uint64_t gaps = 0;      // how often records were missing
+    std::uint64_t joins = 0;     // how often the server was asked for a state, or for missing records
+    std::uint64_t garbage = 0;   // invalid messages
 };
 
 class NatsSubscriber {
   public:
-    /// Tries for `patience` to connect. Errors: the address is none; no connection.
+    /// Tries for `patience` to connect. Errors: an invalid address; no connection.
     static Result<std::unique_ptr<NatsSubscriber>> start(
         const std::string& address, std::chrono::milliseconds patience = std::chrono::milliseconds(0));
     ~NatsSubscriber();

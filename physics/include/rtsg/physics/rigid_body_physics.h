@@ -3,8 +3,8 @@
 // In each frame all RigidBodyCollections take the steps of kStep that end by its time, at multiples of kStep of the
 // scene's clock: the motion depends on neither the frame rate nor the machine's speed. The results are events of that
 // frame, recorded and mirrored like others, so replicas and replays need no engine. Inputs of a frame act from its time
-// on. Without ODE (libode-dev when the library was built) the nodes rest, and a diagnostic says so. Threading: the
-// scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 37.
+// on. Without ODE (libode-dev when the library was built) the nodes do nothing, and a diagnostic says so. Threading:
+// the scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 37.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -12,8 +12,9 @@
 //     rtsg::Scene scene;
 //     rtsg::RigidBodyPhysics physics(scene);  // before or after the scene is loaded
 //     rtsg::Diagnostics diagnostics;
-//     (void)rtsg::loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n RigidBodyCollection { bodies RigidBody { } }",
-//     diagnostics); for (int k = 0; k <= 60; ++k) scene.newFrame(k / 60.0);  // it has fallen 4.9 m
+//     const char* text = "#X3D V4.0 utf8\nPROFILE Full\n RigidBodyCollection { bodies RigidBody { } }";
+//     (void)rtsg::loadText(scene, text, diagnostics);
+//     for (int k = 0; k <= 60; ++k) scene.newFrame(k / 60.0);  // it has fallen 4.9 m
 #pragma once
 
 #include <cstdint>
@@ -25,24 +26,24 @@ namespace rtsg {
 
 class RigidBodyPhysics {
   public:
-    /// Seconds.
+    /// The length of a step in seconds.
     static constexpr double kStep = 1.0 / 120;
-    /// Frames that are further apart than this many seconds lose what is more, and say so.
+    /// If frames are further apart than this many seconds, the rest of the time is skipped, which a diagnostic reports.
     static constexpr double kLongestFrame = 10;
-    /// The most points of contact in a step, and Contact nodes of a sensor. A diagnostic reports that there were more.
+    /// The most points of contact in a step, and Contact nodes of a sensor. A diagnostic reports when there were more.
     static constexpr std::size_t kMostContacts = 50'000, kMostReported = 256;
-    /// The most rows of a step by `preferAccuracy`, whose cost grows with their third power. Beyond them iterations
-    /// solve the step, and a diagnostic says so.
+    /// The most rows of a step with `preferAccuracy`, whose cost grows with their third power. Larger steps are solved
+    /// by iteration, and a diagnostic says so.
     static constexpr std::size_t kMostAccurateRows = 600;
 
-    /// `scene` must outlive it, and has one at a time: bodies rest when it goes. A scene without such nodes pays
+    /// `scene` must outlive it, and can have one at a time; bodies stop when it ends. A scene without such nodes pays
     /// nothing.
     explicit RigidBodyPhysics(Scene& scene);
     ~RigidBodyPhysics();
     RigidBodyPhysics(const RigidBodyPhysics&) = delete;
     RigidBodyPhysics& operator=(const RigidBodyPhysics&) = delete;
 
-    /// The library was built with an engine.
+    /// Whether the library was built with an engine.
     static bool isAvailable();
     struct Counts {
         std::size_t bodies = 0, awake = 0, geometries = 0, contacts = 0;  // now; the contacts of the last step

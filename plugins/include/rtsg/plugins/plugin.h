@@ -1,11 +1,12 @@
-// Extensions: what is added to a program without building it anew: node types with what they do, formats of files, and
-// what renderers make of nodes. Plug-ins and node tables fill it; scenes, worlds and renderers take it.
+// Extensions: additions to a program without building it again: node types and their behaviour, file formats, and node
+// renderers. Plug-ins and node tables add them; scenes, worlds and renderers use them.
 //
-// A plug-in is a shared library with one exported function, which RTSG_PLUGIN writes. It says with which version it was
-// compiled: C++ interfaces of another one would not fit, so that one is refused. A plug-in is loaded because the user
-// of a program names it, never because a file, a log or a peer does. Its code runs with all the rights of the program.
-// Threading: fill it on one thread, before scenes take it; what it holds is then constant, and called as the registry
-// says that it goes to. Source: RTSG paper 3.1, 4.1.1 (loaded and registered at run time).
+// A plug-in is a shared library with one exported function, which RTSG_PLUGIN defines. It states the version that it
+// was compiled with; plug-ins of another version are refused, since their C++ interfaces would not fit. A plug-in is
+// loaded only if the user names it, never because a file, a log or a peer does. Its code runs with all rights of the
+// program. Threading: fill it on one thread, before scenes use it; after that it is constant, and its functions are
+// called as the registry that they are added to says. Source: RTSG paper 3.1, 4.1.1 (loaded and registered at run
+// time).
 
 // Example:
 //     #include <rtsg/plugins/plugin.h>
@@ -32,27 +33,27 @@
 
 namespace rtsg {
 
-/// Makes a subscriber for a scene that runs; null: none for this one.
+/// Makes a subscriber for a scene that runs; null: no subscriber for this scene.
 using SubscriberMaker = std::function<std::unique_ptr<Subscriber>(Scene& scene)>;
 
 class Extensions {
   public:
-    // ---- what a plug-in adds. What comes later is asked first, and all of it before what is built in.
-    // -----------------
+    // ---- additions of a plug-in: later ones are asked first, and all of them before built-in ones ----
     void add(FormatReader reader);
     void add(FormatWriter writer);
     /// Errors: there is another type of that name.
     Result<> add(std::shared_ptr<const NodeType> type);
-    /// All of a table that rtsg_node_table has compiled: `extensions.add(workshop::nodeTypes())`.
+    /// Adds all types of a table that rtsg_node_table has compiled: `extensions.add(workshop::nodeTypes())`.
     Result<> add(std::vector<std::unique_ptr<NodeType>> types);
-    /// A field type for tables, files and nodes, which stays known to the process. Errors: those of registerFieldType.
+    /// Adds a field type for tables, files and nodes, which stays known to the process. Errors: those of
+    /// registerFieldType.
     Result<std::shared_ptr<const CustomType>> addFieldType(std::string_view name, CustomLayout layout,
                                                            CustomFunctions functions = {});
-    /// What nodes of the type do. It must not throw.
+    /// Sets the behaviour of nodes of the type. It must not throw.
     void addBehaviour(std::string type, const Behaviour& behaviour);
-    /// The triangles of a geometry node, also in the place of a built-in type's.
+    /// Sets the source of triangles of a geometry type, which may be a built-in type.
     void addMeshSource(std::string type, MeshSource source);
-    /// What renderers of class R make of nodes of the type, in the place of what they make of them themselves:
+    /// Sets how renderers of class R render nodes of the type, instead of their own way:
     /// `extensions.addNodeRenderer<LightRenderer>("Pane", nodeRendererFor<LightRenderer>(...))`.
     template <class R>
     void addNodeRenderer(std::string type, NodeRenderer renderer) {
@@ -62,20 +63,19 @@ class Extensions {
             return suits;
         });
     }
-    /// Follows each scene that a program runs.
+    /// Adds a subscriber to each scene that a program runs.
     void addSubscriber(SubscriberMaker maker) { subscribers_.push_back(std::move(maker)); }
 
-    // ---- what a program does with it
-    // ----------------------------------------------------------------------------------
-    /// Formats and node types; null if there are none. A later add() does not change it.
+    // ---- use by a program ----
+    /// Formats and node types; null if there are none. A later add() does not change the object.
     std::shared_ptr<const Dialect> dialect() const { return dialect_; }
-    /// The scene reads and writes the formats, files in it may name the node types, and its nodes act.
+    /// Registers with a scene: it can read and write the formats, its files may use the node types, and its nodes act.
     void registerWith(Scene& scene) const;
     void registerWith(SharedWorld& world) const;
-    /// Whether it has node renderers of its own now.
+    /// Returns whether the renderer has got node renderers.
     bool registerWith(Renderer& renderer) const;
 
-    /// The subscribers of one scene, which they follow until this is destroyed. The scene must outlive it.
+    /// The subscribers of one scene; they follow it until this object is destroyed. The scene must outlive it.
     class Attached {
       public:
         std::size_t count() const { return all_.size(); }
@@ -84,7 +84,7 @@ class Extensions {
         friend class Extensions;
         std::vector<std::pair<std::unique_ptr<Subscriber>, Attachment>> all_;
     };
-    /// Errors: a maker throws; the others are there in any case, and the first error is told.
+    /// Errors: a maker throws. The other subscribers are attached in any case, and the first error is returned.
     Result<> attachSubscribers(Scene& scene, Attached& attached) const;
 
   private:
@@ -95,27 +95,27 @@ class Extensions {
     std::vector<SubscriberMaker> subscribers_;
 };
 
-/// What a plug-in's function returns. The first two members are the same in every version.
+/// The result of a plug-in's function. The first two members are the same in every version.
 struct PluginEntry {
     std::uint32_t size;   // of this structure
     const char* version;  // of the library that it was compiled with
-    /// Adds what the plug-in has. After an exception, or an error of what it returns, nothing of it is added.
+    /// Adds the extensions of the plug-in. If it throws or returns an error, nothing is added.
     Result<> (*add)(Extensions& extensions);
 };
 
-/// The function's name, and the version that it must say.
+/// The function's name, and the version that it must return.
 constexpr const char* kPluginFunction = "rtsg_plugin";
 constexpr const char* kPluginVersion = RTSG_PLUGIN_VERSION;
 
-/// Loads a plug-in, and adds what it has. It stays loaded until the process ends. Errors, each with the file's name: no
-/// such file; no shared library, or one that lacks something; no plug-in; one of another version; what it throws or
-/// returns.
+/// Loads a plug-in, and adds its extensions. It stays loaded until the process ends. Errors, each with the file's name:
+/// no such file; no shared library, or one with missing symbols; no plug-in; another version; an exception or error of
+/// the plug-in.
 Result<> loadPlugin(const std::filesystem::path& file, Extensions& extensions);
 
 /// Adds the node types of a table (.x3dspec), which may inherit from the standard's types. Errors of the table go to
-/// `diagnostics`, with positions; false, and nothing is added, if it has any.
+/// `diagnostics`, with positions; then it returns false and adds nothing.
 bool loadNodeTable(const std::filesystem::path& file, Extensions& extensions, Diagnostics& diagnostics);
-/// The same of a text; `diagnostics` has its name.
+/// The same for a text; `diagnostics` has its name.
 bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& diagnostics);
 
 }  // namespace rtsg

@@ -1,10 +1,10 @@
-// Denoising: pictures of few samples made smooth for people who watch a scene live.
+// Denoising: smooths pictures with few samples, for people who watch a scene live.
 //
-// It is a preview: what the filter of one picture cannot tell from noise (shadows and reflections that are sharp, in
-// mirrors above all) is blurred, and no interval holds for what comes out. Surfaces, their edges and their textures
-// stay. PathPreview (path_preview.h) has two pictures to tell noise by, and shows none that is worse. Threading:
-// re-entrant; uses parallelFor(). Source: Dammertz et al. 2010 (edge-avoiding wavelets), Schied et al. 2017 (weights by
-// variance, light without the surface's colour).
+// The result is a preview: details that one picture does not tell from noise (sharp shadows and reflections, above all
+// in mirrors) are blurred, and no error interval holds for it. Surfaces, their edges and their textures stay sharp.
+// PathPreview (path_preview.h) uses two pictures to recognise noise, and shows no result that is worse than the mean.
+// Threading: re-entrant; uses parallelFor(). Source: Dammertz et al. 2010 (edge-avoiding wavelets), Schied et al. 2017
+// (weights by variance, light without the surface's colour).
 //
 // Example:
 //     #include <rtsg/renderers/denoise.h>
@@ -20,11 +20,11 @@
 
 namespace rtsg {
 
-/// RenderSettings::layers that denoise() tells surfaces by.
+/// The RenderSettings::layers by which denoise() tells surfaces apart.
 extern const std::uint32_t kLayersOfDenoising;
 
-/// Errors: a picture of display values; layers that are missing; one whose error is known (Picture::interval), which a
-/// filter would make untrue.
+/// Errors: a picture of display values; layers are missing; the picture has an error interval (Picture::interval),
+/// which a filter would make wrong.
 Result<> denoise(Picture& picture);
 
 }  // namespace rtsg

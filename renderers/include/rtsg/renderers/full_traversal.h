@@ -1,11 +1,9 @@
-// FullTraversalRenderer: the baseline of the paper's measurements (its inView): no listeners; each frame the whole
-// scene is traversed, compared with what the last frame found, and the differences go to a RayWorld of its own.
+// FullTraversalRenderer: the baseline of the paper's measurements (its inView). It has no listeners: each frame it
+// traverses the whole scene, compares it with the last frame, and sends the differences to its own RayWorld.
 //
-// Invariant: after renderFrame() its RayWorld answers as one that follows a Flattener would.
-// It exists to be measured against, and to check the incremental path by one that shares no state with it: for both it
-// must not start from a SharedWorld, as all other renderers do.
-// Threading: the scene's thread.
-// Source: paper sections 2, 4 and 6.1.
+// Invariant: after renderFrame() its RayWorld gives the same answers as one that follows a Flattener. It exists for
+// measurements, and to check the incremental code by code that shares no state with it. Therefore, unlike all other
+// renderers, it must not start from a SharedWorld. Threading: the scene's thread. Source: paper sections 2, 4 and 6.1.
 #pragma once
 
 #include <cstdint>
@@ -19,17 +17,17 @@ namespace rtsg {
 
 class FullTraversalRenderer final : public Renderer {
   public:
-    /// Looks at every node and updates what is known of it.
+    /// Visits every node and updates the renderer's record of it.
     static constexpr Operation collect{1};
 
-    /// `meshes`: none: tessellate().
+    /// Without `meshes` it uses tessellate().
     explicit FullTraversalRenderer(const RayWorld::Options& options = {}, MeshSource meshes = {});
     ~FullTraversalRenderer() override;
 
     Result<> attachToScene(Scene& scene) override;
     Result<> renderFrame() override;
-    /// For layouts, ScreenGroups and text in points, as Flattener::setViewer(); from the next frame on. Billboards and
-    /// levels of detail know no viewer here.
+    /// Sets the sights for layouts, ScreenGroups and text in points, as Flattener::setViewer() does, from the next
+    /// frame on. Billboards and levels of detail have no viewer here.
     void setSights(std::vector<LayerSight> sights);
 
     const RayWorld& world() const;
@@ -37,7 +35,7 @@ class FullTraversalRenderer final : public Renderer {
     const InstanceDelta& delta() const;
     struct Stats {
         std::uint64_t nodesVisited = 0;  // by the last frame
-        double traverseSeconds = 0;      // to visit and compare, without the RayWorld's update
+        double traverseSeconds = 0;      // for the traversal and the comparison, without the update of the RayWorld
     };
     Stats stats() const;
     std::string subscriberName() const override { return "full traversal"; }

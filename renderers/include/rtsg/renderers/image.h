@@ -1,6 +1,6 @@
-// Pictures into files: one, a numbered row of them, a film or an animation, of a scene that runs meanwhile.
+// Writes pictures of a running scene to files: one, a numbered sequence, a film or an animated GIF.
 //
-// Threading: the scene's thread; a picture itself is made by several.
+// Threading: the scene's thread; each picture is made by several threads.
 #pragma once
 
 #include <cstdint>
@@ -20,43 +20,43 @@ struct AnimationOptions {
     int frames = 1;
     double framesPerSecond = 25;
     double start = 0;  // scene time of the first frame, seconds
-    /// Runs the scene to a frame's time, where Scene::newFrame is not all that is done in a frame: Inlines are loaded,
-    /// events sent.
+    /// Runs the scene to a frame's time, for callers that do more in a frame than Scene::newFrame, such as loading
+    /// Inlines and sending events.
     std::function<void(double t)> runTo{};
-    /// Called after each frame with the number done; false stops.
+    /// Called after each frame with the number of frames done; false stops.
     std::function<bool(int)> progress{};
-    /// Called with every picture's counts.
+    /// Called with the statistics of every picture.
     std::function<void(const RenderStats&)> stats{};
 };
-/// Runs the renderer's scene and writes its pictures into PictureFiles; the picture before the first is the state of
-/// the last LightRenderer::remember(). A single frame needs no name for several. Returns how many frames are in files:
+/// Runs the renderer's scene and writes its pictures by PictureFiles; the picture before the first is the state of the
+/// last LightRenderer::remember(). A single frame needs no name for several. Returns the number of frames in files:
 /// all, unless `progress` or that of the settings ended it; a file is complete or absent. Errors: those of picture()
 /// and PictureFiles; several frames without a name for them; layers for another format than .exr.
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
-/// The same with another renderer's pictures of the scene: `next` makes that of its present state.
+/// The same with pictures of another renderer: `next` makes one of the scene's present state.
 Result<int> renderToFile(Scene& scene, const std::function<Result<Picture>(RenderStats&)>& next,
                          const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
-/// The files of pictures that come one after the other, by the name that is given: one for each, where it holds a place
-/// for a number such as %04d; a film (.mp4); a GIF that moves, once all are there; else one that each replaces.
-/// Threading: one thread.
+/// The files of a sequence of pictures. The name decides: with a place for a number such as %04d, one file for each
+/// picture; .mp4, a film; .gif with several, an animated GIF that is written at the end; otherwise one file that each
+/// picture replaces. Threading: one thread.
 class PictureFiles {
   public:
     PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap = {},
                  MovieWriter::Sound sound = MovieWriter::Sound::none);
 
-    /// Whether there is room for more than one, and whether all of them are one file.
+    /// Whether the name allows several pictures, and whether they all go into one file.
     bool takesSeveral() const { return kind_ != Kind::one; }
     bool together() const { return kind_ == Kind::film || kind_ == Kind::gif; }
     /// Adds a picture. `skipped` pictures before it were not made: in a film or GIF the previous picture stays for
-    /// their time too, or this one if it is the first. Errors: those of writePicture() and MovieWriter.
+    /// their time too; if this is the first, it stays longer itself. Errors: those of writePicture() and MovieWriter.
     Result<> add(Picture picture, std::uint64_t skipped = 0);
     /// Calls MovieWriter::addSound(). Error: there is no film yet, since no picture has been added.
     Result<> addSound(std::span<const float> samples, int sampleRate, int channels);
-    /// The last one stays as long as `skipped` more. Without a picture there is no file.
+    /// Ends the files; the last picture stays for the time of `skipped` more. Without a picture there is no file.
     Result<> finish(std::uint64_t skipped = 0);
 
   private:

@@ -1,10 +1,10 @@
-// Irradiance: how much light falls on a place, measured by paths, with its interval; for people who light rooms.
+// Irradiance: measures by paths how much light falls on a place, with an interval; for people who light rooms.
 //
-// Units: what X3D's colours are once they are decoded (docs/color.md), times steradian: a surface that shows radiance 1
-// everywhere above gives pi, as a light of intensity 1 head-on does, so E = pi L F with the form factor F.
-// The headlight is the viewer's and does not count; of lights those of the whole scene do. Fog lies on what is seen.
-// Threading: re-entrant; several threads measure. Source: Kajiya 1986; intervals by independent groups of samples; Van
-// Oosterom & Strackee 1983 (solid angles).
+// Units: those of X3D's colours in linear light (docs/color.md), times steradian. A hemisphere of radiance 1 gives pi,
+// and so does a light of intensity 1 head-on; so E = pi L F with the form factor F. The headlight belongs to the viewer
+// and does not count; of the lights, those of the whole scene do. Fog is not included. Threading: re-entrant; it uses
+// several threads. Source: Kajiya 1986; intervals by independent groups of samples; Van Oosterom & Strackee 1983 (solid
+// angles).
 #pragma once
 
 #include <cstdint>
@@ -16,38 +16,38 @@
 namespace rtsg {
 
 struct IrradianceSettings {
-    double error = 0.01;                 // half the interval over the value: what to reach
-    std::uint64_t samples = 1ull << 26;  // at most; they double from 8192 on
+    double error = 0.01;                 // the target: half the interval divided by the value
+    std::uint64_t samples = 1ull << 26;  // the largest number; they double from 8192 on
     std::uint64_t seed = 1;
     Shadows shadows = Shadows::automatic;
-    /// The TessellationOptions::chordError with which curved geometry was cut. The intervals include the light that
-    /// curved lamps lack because they are cut. 0: lamps are taken to be the triangles that they were cut into.
+    /// The TessellationOptions::chordError of curved geometry. The intervals include the light that curved lamps lose
+    /// by tessellation. 0: lamps are taken as the triangles that they consist of.
     double chordError = 0;
     unsigned threads = 0;  // 0: one a core
-    /// Called now and then by the thread that asks, with the number of samples; false ends the measurement.
+    /// Called from time to time by the calling thread, with the number of samples; false ends the measurement.
     std::function<bool(std::uint64_t)> progress;
 };
 
 struct Irradiance {
     Vec3d value{0}, interval{0};                // red, green, blue; half the 95 % interval
-    double luminous = 0, luminousInterval = 0;  // of all three as an eye weighs them (Rec. 709's Y)
-    /// The part of luminousInterval that stands for the light which curved lamps may lack because they are cut, and for
-    /// rounding.
+    double luminous = 0, luminousInterval = 0;  // weighted for the eye (Y of Rec. 709)
+    /// The part of luminousInterval for the light that curved lamps may lose by tessellation, and for rounding.
     double luminousCut = 0;
     std::uint64_t samples = 0;
-    /// The share of the ways that light may come which was cut off after 10,000 bounces: so much of white light is
-    /// missing, and in no interval.
+    /// The share of light paths that were cut off after 10,000 bounces: so much of white light is missing, and the
+    /// interval does not include it.
     double missing = 0;
-    bool reached = false;  // the error, by `luminous`; nothing at all counts as reached
+    bool reached = false;  // whether `luminous` has reached the error; total darkness counts as reached
 };
 
-/// The lights that are on and do not count: those that shine in their group alone (`global` FALSE), which such a place
-/// is not in, and those of layers. In order of their numbers.
+/// The lights that are on but do not count: those that shine in their group only (`global` FALSE) and those of layers;
+/// ordered by node number.
 std::vector<NodeId> lightsLeftOut(const LightState& state);
 
-/// On a small white surface at `place` that faces `normal` (world space, any length), and as far before it as floats
-/// are off there (some 2^-22 of its coordinates), so that a place on a wall is seen from the wall's front. The same for
-/// any number of threads. Errors: a normal without length, numbers that are not finite, an error that is not positive.
+/// Measures on a small white surface at `place` that faces `normal` (world space, any length). The place is shifted
+/// along the normal by the rounding error of floats there (some 2^-22 of its coordinates), so that a place on a wall is
+/// on the wall's front. The result is the same for any number of threads. Errors: a normal without length, numbers that
+/// are not finite, an error that is not positive.
 Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
                                      const Vec3d& normal, const IrradianceSettings& settings = {});
 

@@ -1,9 +1,9 @@
-// LightRenderer: pictures of a scene by rays, as one of the renderers of a SharedWorld.
+// LightRenderer: ray-traced pictures of a scene, as one of the renderers of a SharedWorld.
 //
-// Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed.
-// Materials, lights, sky and textures, which only light needs, are here; places are the world's. Levels of detail are
-// chosen for the eye of the last picture, and hold for all who see in the world; sound has its own. Threading: as
-// WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+// Invariant: a picture shows the scene's present state, whether it was loaded, run, mirrored or replayed. Materials,
+// lights, sky and textures, which only light needs, are kept here; positions are the world's. Levels of detail are
+// chosen for the eye of the last picture, for all renderers of pictures in this world; sound has its own. Threading: as
+// for WorldRenderer; each picture is made by several threads. Source: paper section 5.1 and Listing 1.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -30,23 +30,24 @@
 
 namespace rtsg {
 
-/// Two eyes' pictures as one: the left one's on the left or above; each is as large as the settings say.
+/// Two eyes' pictures in one, the left eye's on the left or above; each has the size of the settings.
 enum class Stereo : std::uint8_t { none, beside, above };
 
 struct ImageOptions {
     RenderSettings settings;
-    std::string viewpoint;  // DEF name or description; empty: the bound one
+    std::string viewpoint;  // DEF name or description; empty: the bound viewpoint
     bool panorama = false;  // Camera::around()
     double lensRadius = 0;  // Camera::lensRadius
-    double focus = 0;       // metres, of the lens and of stereo; 0: the far distance, of a lens 1 m
+    double focus = 0;       // metres, for the lens and for stereo; 0: infinity for stereo, 1 m for a lens
     Stereo stereo = Stereo::none;
     double eyeDistance = 0.063;  // metres
-    /// Whether a picture takes from the last one whatever cannot have changed since. A still scene costs nothing;
+    /// Whether a picture reuses the parts of the last one that cannot have changed. A still scene costs nothing;
     /// pictures by `whitted` keep the tiles whose rays met nothing that has changed (RenderStats::kept). The pictures
-    /// are the same as without. It holds a picture and a version of the world.
+    /// are the same as without it. It keeps a picture and a version of the world in memory.
     bool keep = true;
-    /// A picture by `path` of what is the same as in the picture before goes on adding samples to that one, up to
-    /// 16,384 a pixel (RenderStats::samples); else it is that one. Counts where `keep` does, without `error`.
+    /// If nothing has changed since the last picture by `path`, more samples are added to it, up to 16,384 a pixel
+    /// (RenderStats::samples); without `refine` the last picture is returned. It works if `keep` is true and `error` is
+    /// not used.
     bool refine = false;
 
     /// The size of the whole picture, with both eyes.
@@ -54,11 +55,12 @@ struct ImageOptions {
     int fileHeight() const { return stereo == Stereo::above ? 2 * settings.height : settings.height; }
 };
 
-/// How somebody looks at states of a world, where that is other than options say.
+/// How one viewer looks at states of a world, where this differs from the options.
 struct OwnLook {
-    std::optional<Camera> eye;  // one of their own, in what the bound viewpoint's layer shows; shaped to the picture
-    /// What is sized in pixels is laid out for a picture of this size, of which this one is a coarser copy; 0: for this
-    /// one.
+    std::optional<Camera> eye;  // the viewer's own eye, for the layer of the bound viewpoint; fitted to the picture's
+                                // shape
+    /// Things in pixels are laid out for a picture of this size, of which this one is a coarser copy; 0: for the size
+    /// of this one.
     int wholeWidth = 0, wholeHeight = 0;
 };
 
@@ -71,31 +73,31 @@ class LightRenderer final : public WorldRenderer {
         ImageOptions image;
         Resources resources;  // what urls of textures may open, and where relative ones start
     };
-    /// Asked of node renderers once a picture is traced: to draw into frame(), which is linear radiance.
+    /// Sent to node renderers when a picture is traced, so that they draw into frame(), which is linear radiance.
     static constexpr Operation kDraw{1};
 
-    /// Attached on return; if that failed, attached() is false and renderFrame() says why.
+    /// Attaches to the world; if that failed, attached() is false and renderFrame() says why.
     explicit LightRenderer(SharedWorld& world);
     LightRenderer(SharedWorld& world, Options options);
     ~LightRenderer() override;
 
     /// Makes the picture of the scene's present state: frame(). Errors: as picture().
     Result<> renderFrame() override;
-    /// On the scene's thread: the present state, with the levels of detail for the eye of its picture. renderFrame() of
-    /// it, on any thread while the scene goes on, makes the picture that renderFrame() would make now. Errors: as
-    /// picture().
+    /// Called on the scene's thread: returns the present state, with levels of detail for the eye of its picture.
+    /// renderFrame() of that state, on any thread while the scene goes on, makes the picture that renderFrame() would
+    /// make now. Errors: as for picture().
     Result<std::shared_ptr<const WorldState>> prepare();
-    /// The picture of that state, bit for bit the one that renderFrame() makes on the scene's thread in it; levels of
-    /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
+    /// Makes the picture of that state, bit for bit the one that renderFrame() makes on the scene's thread. It uses the
+    /// levels of detail of the state; the next state will have them for this eye. Errors: as for picture(); node
     /// renderers are registered here, which draw on the scene's thread only.
     Result<> renderFrame(const WorldState& state) override;
-    /// renderFrame(state) with other options, by whoever looks on; hands the picture out, and ImageOptions::keep
-    /// counts. A state that is laid out for another size is taken as it is, and the next is asked for. Errors: as
-    /// renderFrame().
+    /// Does the same as renderFrame(state) with other options, for any viewer, and returns the picture;
+    /// ImageOptions::keep is used. A state with a layout for another size is accepted, and a layout for this size is
+    /// requested for the next. Errors: as for renderFrame().
     Result<Picture> nextPicture(const WorldState& state, const ImageOptions& options, const OwnLook& look,
                                 RenderStats* stats = nullptr);
-    /// On the scene's thread: lets the present state count as the picture before the next one, for
-    /// RenderSettings::shutter and kMotion. If these are asked for, every picture does so by itself. Errors: those of
+    /// Called on the scene's thread: makes the present state the picture before the next one, for
+    /// RenderSettings::shutter and kMotion. If these are used, every picture does so by itself. Errors: those of
     /// picture().
     Result<> remember(const ImageOptions& options);
     /// The last picture, empty before the first; camera() is the one it was taken with.
@@ -103,15 +105,15 @@ class LightRenderer final : public WorldRenderer {
     const Camera& camera() const;
     const RenderStats& stats() const;
 
-    /// renderFrame() with other options; hands the picture out. Errors: an unknown viewpoint, an impossible size, an
-    /// integrator that is not built in; whatever a node renderer reports.
+    /// Does the same as renderFrame() with other options, and returns the picture. Errors: an unknown viewpoint, an
+    /// invalid size, an integrator that is not built in; errors of node renderers.
     Result<Picture> picture(const ImageOptions& options, RenderStats* stats = nullptr);
-    /// The same of a picture in a series, as renderFrame() makes them: ImageOptions::keep counts.
+    /// The same for a picture in a series, as in renderFrame(): ImageOptions::keep is used.
     Result<Picture> nextPicture(const ImageOptions& options, RenderStats* stats = nullptr);
 
     const LightTracer& tracer() const;
-    /// Diagnostics of materials, lights and textures, and of light that pictures lack, since the start. The world has
-    /// diagnostics of its own.
+    /// Diagnostics since the start: of materials, lights and textures, and of light that pictures lack. The world has
+    /// its own.
     const Diagnostics& diagnostics() const;
     std::string subscriberName() const override { return "light renderer"; }
 

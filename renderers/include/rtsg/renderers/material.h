@@ -1,5 +1,4 @@
-// Material and Light: X3D's Appearance and light nodes as the flat numbers that shading reads; no node is looked at per
-// hit.
+// Material and Light: X3D's Appearance and light nodes as plain numbers for shading, so that no node is read for a hit.
 //
 // Reflection and refraction, which X3D's Material cannot say, are read from its metadata, so that other browsers still
 // show the file: a MetadataSet named "RTSG" (or the entry alone, with reference "RTSG") holding MetadataFloats
@@ -39,24 +38,24 @@ class Environment;
 enum class ShadingModel : std::uint8_t { unlit, phong, physical };
 enum class AlphaMode : std::uint8_t { automatic, opaque, mask, blend };
 
-/// A GeneratedCubeMapTexture (34.4.2): its sides are drawn anew for each picture, from the middle of the shape that has
-/// it and without that shape. Or a RenderedTexture (X3D 4.1): one picture through the picture's own eye, without the
+/// A GeneratedCubeMapTexture (34.4.2), whose sides are drawn anew for each picture, from the middle of its shape and
+/// without that shape. Or a RenderedTexture (X3D 4.1), which is one picture through the picture's own eye, without the
 /// shapes that show it.
 struct GeneratedCube {
     NodeId node;
-    int size = 128;  // pixels a side; of a RenderedTexture its width
+    int size = 128;  // pixels along a side; width of a RenderedTexture
     int height = 0;  // of a RenderedTexture
     bool isFlat() const { return height > 0; }
 };
 
-/// A texture as a material uses it; one of the three, or none.
+/// A texture as a material uses it: one of the three kinds, or none.
 struct TextureUse {
     std::shared_ptr<const Texture> texture;
     std::shared_ptr<const SpaceTexture> space;
     std::shared_ptr<const GeneratedCube> generated;
     TextureAccess access;
     TextureMatrix matrix;
-    std::shared_ptr<const glm::mat4> matrix3;  // of a transform of three coordinates, in place of `matrix`
+    std::shared_ptr<const glm::mat4> matrix3;  // of a transform of three coordinates; replaces `matrix`
     String mapping;                            // of TexCoords::mapping; empty: the first channel
     bool namesTransform = false;               // there is a texture transform of that name
     explicit operator bool() const { return texture || space || generated; }
@@ -68,9 +67,8 @@ struct TextureUse {
     }
 };
 
-/// One texture of a MultiTexture (18.4.3). It is combined with the result of the stage before, which for the first
-/// stage is the material's colour. Its coordinates are the channel with its place in the list, or the last channel if
-/// there are fewer.
+/// One texture of a MultiTexture (18.4.3). It is combined with the result of the stage before, or in the first stage
+/// with the material's colour. It uses the texture coordinates of the same number, or the last ones if there are fewer.
 struct TextureStage {
     enum class Mode : std::uint8_t {
         modulate,
@@ -97,7 +95,7 @@ struct TextureStage {
     enum class Function : std::uint8_t { none, complement, alphaReplicate };
     TextureUse use;
     Mode color = Mode::modulate, alpha = Mode::modulate;
-    Source source = Source::previous;  // of what the texture is combined with
+    Source source = Source::previous;  // the colour that the texture is combined with
     Function function = Function::none;
 };
 
@@ -123,7 +121,7 @@ constexpr std::size_t kTextureRoles = 8;
 struct Hatching {
     static constexpr float kApart = 8;
     bool present = false;
-    bool filled = true;  // else there is nothing between the lines
+    bool filled = true;  // else the surface between the lines is invisible
     Vec3f color{1};      // as in the field
     std::int32_t style =
         0;  // 1 horizontal, 2 vertical, 3 rising, 4 falling, 5 both of 1 and 2, 6 both of 3 and 4; 0 none
@@ -137,7 +135,7 @@ struct Material {
     Vec3f base{0};      // diffuseColor or baseColor; unlit: emissiveColor
     Vec3f specular{0};  // phong
     Vec3f emissive{0};  // not unlit's
-    /// The same colours in linear light: decoded, but of a PhysicalMaterial, whose fields hold linear numbers.
+    /// The same colours in linear light: decoded, except for a PhysicalMaterial, whose fields hold linear numbers.
     struct Linear {
         Vec3f base{0}, specular{0}, emissive{0};
     } linear;
@@ -155,14 +153,14 @@ struct Material {
     std::vector<TextureStage> stages;  // of a MultiTexture in place of the base texture
     Vec4f factor{1};                   // its colour and alpha
     Hatching hatching;
-    /// For the back of surfaces that are not solid; null: as the front.
+    /// For the back of surfaces that are not solid; null: the same as the front.
     std::shared_ptr<const Material> back;
 
     /// Sets `linear` from the others.
     void decodeColors();
     const TextureUse& texture(TextureRole role) const { return textures[static_cast<std::size_t>(role)]; }
     bool textured() const;
-    /// Whether anything can be seen through it: shadow rays then have to look closer.
+    /// Whether anything is visible through it: shadow rays then need a closer look.
     bool transmits() const;
     /// Whether any texture of a MultiTexture, or its own `alpha`, is less than opaque somewhere.
     bool stagesHaveAlpha() const;
@@ -173,16 +171,16 @@ struct Material {
 /// X3D's default without an Appearance or a material: unlit white.
 Material defaultMaterial();
 
-/// `appearance` may be none or of another type than Appearance: then the default. Missing textures are reported and
-/// left out, as the standard wants.
+/// If `appearance` is none or of another type than Appearance, the result is the default. Missing textures are reported
+/// and left out, as the standard wants.
 Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics);
 
-/// The stages of a MultiTexture, and its `factor`, where no material is around it.
+/// Reads the stages of a MultiTexture, and its `factor`, where there is no material.
 Material readMultiTexture(const Scene& scene, const Node& node, TextureStore& textures, Diagnostics& diagnostics);
 
 struct Light {
-    /// projector and projectorParallel: what lies in the pyramid or the box before them gets the colours of a picture.
-    /// environment: from all around, infinitely far away.
+    /// projector and projectorParallel: things in the pyramid or the box before them get the colours of a picture.
+    /// environment: light from all directions, infinitely far away.
     enum class Kind : std::uint8_t { directional, point, spot, projector, projectorParallel, environment };
     Kind kind = Kind::directional;
     bool shadows = false;  // the field; the tracer may cast them regardless
@@ -194,8 +192,8 @@ struct Light {
     Vec3d position{0};          // world
     Vec3f direction{0, 0, -1};  // world, unit
     Vec3f attenuation{1, 0, 0};
-    float radius = 100;        // metres of its own frame, as attenuation is
-    float localFromWorld = 1;  // lengths
+    float radius = 100;        // metres in its own frame, as for attenuation
+    float localFromWorld = 1;  // scale of lengths
     float beamWidth = 0, cutOffAngle = 0;
     /// For projectors. `right` and `up` are unit vectors of the picture in world space. `extent` is the picture's left,
     /// bottom, right and top, in world lengths, for a TextureProjector at distance 1. The projector shines from
@@ -204,16 +202,16 @@ struct Light {
     Vec4f extent{0};
     float nearDistance = 0, farDistance = std::numeric_limits<float>::infinity();
     std::shared_ptr<const Texture> picture;
-    /// For EnvironmentLights, which need both: the light from all around, and the rotation into its frame.
+    /// For EnvironmentLights, which need both: the light from all directions, and the rotation into its frame.
     std::shared_ptr<const trace::Environment> environment;
     glm::mat3 localFromWorldTurn{1.0f};
 };
 
-/// `node` of a type that is no light gives one that is off. A projector is without its picture, and its extent without
-/// the picture's shape: see showPicture(). An EnvironmentLight is without its environment.
+/// Reads a light; a node that is no light gives one that is off. A projector has no picture yet, and its extent does
+/// not yet have the picture's shape: see showPicture(). An EnvironmentLight has no environment yet.
 Light readLight(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal, ScopeId scope);
-/// Puts its picture into a projector, or switches it off if there is none. The angle of a TextureProjector is that of
-/// the picture's shorter side, as a Viewpoint's is.
+/// Gives a projector its picture, or switches it off if there is none. The angle of a TextureProjector is that of the
+/// picture's shorter side, as for a Viewpoint.
 void showPicture(Light& projector, std::shared_ptr<const Texture> picture);
 
 struct Fog {
@@ -222,7 +220,7 @@ struct Fog {
     float visibilityRange = 0;  // world metres; 0: no fog
     Vec3f along{0};             // a unit vector of the world in which a volumetric fog thickens; else zero
     float begin = 0;            // along it, from the world's origin, in metres
-    /// How deep a place in the world is in the fog, whose way from the eye is `run` metres long.
+    /// The depth of a place in the fog; the path from the eye to it is `run` metres long.
     float depth(const Vec3f& place, float run) const {
         return along == Vec3f(0) ? run : glm::dot(along, place) - begin;
     }
@@ -230,7 +228,7 @@ struct Fog {
 /// Reads a Fog or LocalFog node. A volumetric fog whose direction is zero is no fog.
 Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
 
-/// Leaves out what lies in the world where dot(normal, x) + offset < 0. `normal` is a unit vector.
+/// Cuts off the half space dot(normal, x) + offset < 0. `normal` is a unit vector.
 struct CutPlane {
     Vec3d normal{0, 1, 0};
     double offset = 0;

@@ -1,4 +1,5 @@
-// Mesh: the one type of triangles (or of lines or points) that every geometry node becomes and every renderer reads.
+// Mesh: the type of triangles (or of lines or points) that every geometry node is converted to and every renderer
+// reads.
 //
 // Invariant: all indices are in range, all referenced positions are finite and below 1e18, and
 // cross(b - a, c - a) of a triangle points to its front (X3D's `ccw` is already applied). Zero-area triangles
@@ -34,7 +35,7 @@ struct Bounds {
     Vec3f center() const { return empty() ? Vec3f(0) : min + 0.5f * (max - min); }
 };
 
-/// Values of 2, 3 or 4 floats bound to the corners of triangles: normals, texture coordinates, colours.
+/// Values of 2, 3 or 4 floats at the corners of triangles: normals, texture coordinates, colours.
 ///
 /// The value of corner c of triangle t is number i of the array, with k = t * triangleStep + c * cornerStep and
 /// i = index ? index[k] : k. So per vertex, per corner and per face are one formula without branches on a binding.
@@ -62,7 +63,7 @@ class MeshAttribute {
     int components() const { return components_; }
     std::uint32_t valueCount() const { return count_; }
     const float* data() const { return data_; }
-    /// The shared arrays: values as the MF type they came in, indices maybe empty.
+    /// The shared arrays: values of the original MF type; indices may be empty.
     const Value& values() const { return values_; }
     const Array<std::int32_t>& indices() const { return indices_; }
     std::uint32_t triangleStep() const { return triangleStep_; }
@@ -105,8 +106,8 @@ struct TexCoords {
     MeshAttribute values;
     /// s = dot(sFromPosition.xyz, position) + sFromPosition.w, likewise t and r. Used only while !values.present().
     Vec4f sFromPosition{0}, tFromPosition{0}, rFromPosition{0};
-    /// TextureCoordinateGenerator (18.4.8): coordinates that depend on who looks are made where they are needed, from
-    /// the place, the normal and the view; the affine map above is not used then.
+    /// TextureCoordinateGenerator (18.4.8): coordinates that depend on the viewer are computed when they are needed,
+    /// from the position, the normal and the view; the affine map above is then not used.
     enum class Generator : std::uint8_t {
         none,
         sphere,
@@ -123,9 +124,8 @@ struct TexCoords {
         worldSpaceReflection,
     };
     Generator generator = Generator::none;
-    std::vector<float> parameter;  // as the node has it
-    /// Whether the author gave them. Otherwise they lie flat on the geometry, and textures that need three coordinates
-    /// make their own.
+    std::vector<float> parameter;  // as in the node
+    /// Whether the author gave them. If not, textures that need three coordinates make their own.
     bool authored = false;
     /// X3D 4.0 `mapping`: the name that a texture's mapping field refers to. Empty: the default channel.
     String mapping;
@@ -148,32 +148,33 @@ struct Mesh {
     Array<std::int32_t> triangles;
     std::uint32_t triangleCount = 0;
     std::uint32_t triangleStride = 3;  // 3 or 4 integers
-    /// Lines or points in place of triangles, of which there are none then: whatever looks for triangles finds nothing.
-    /// Stroke i runs from corner 0 to corner 1 of entry i of `triangles`, a point from itself to itself; corner 2 is
-    /// corner 1 again, so attributes are interpolated with v = 0.
+    /// The mesh has lines or points instead of triangles (triangleCount is 0, so that code for triangles finds none).
+    /// Stroke i runs from corner 0 to corner 1 of entry i of `triangles`, a point from itself to itself; corner 2
+    /// equals corner 1, so attributes are interpolated with v = 0.
     enum class Strokes : std::uint8_t { none, points, lines };
     Strokes strokes = Strokes::none;
     std::uint32_t strokeCount = 0;
-    /// Absent: faceted, shade with the geometric normal; lines and points are lit where they are there, and else not.
+    /// If absent, triangles are faceted and shaded with the geometric normal; lines and points are lit only if they
+    /// have normals.
     MeshAttribute normals;
     MeshAttribute colors;
-    /// FogCoordinate (24.4.3): how much of the colour is a fog's, from 0 to 1, in the first of two components.
+    /// FogCoordinate (24.4.3): the fog's share of the colour, from 0 to 1, in the first of two components.
     MeshAttribute fogDepths;
-    /// Tangent of X3D 4.1, as TANGENT of glTF 2.0 (3.7.2.1): where a normal texture's s runs in the surface, of any
-    /// length, and in the fourth component whether t runs along normal x tangent (0 or above) or against it. Absent:
-    /// normal textures go by the texture coordinates.
+    /// Tangent of X3D 4.1, as TANGENT of glTF 2.0 (3.7.2.1): the direction of a normal texture's s in the surface, of
+    /// any length; the fourth component says whether t runs along normal x tangent (0 or above) or against it. If
+    /// absent, normal textures follow the texture coordinates.
     MeshAttribute tangents;
     /// At least one channel when triangleCount > 0.
     std::vector<TexCoords> texCoords;
     /// X3D `solid`: the back need not be drawn.
     bool solid = true;
-    /// Its unit is a pixel of the picture wherever it stands: text of a ScreenFontStyle (36.4.4).
+    /// Its unit is a pixel of the picture at any distance: text of a ScreenFontStyle (36.4.4).
     bool inPixels = false;
     /// The mesh's origin in the coordinates of its geometry node. It is 0 except for geographic geometry, which lies
     /// millions of metres from the node's origin while positions are floats.
     Vec3d anchor{0};
-    /// The length to which TessellationOptions::chordError was relative, in the mesh's own unit; 0: the mesh was not
-    /// cut from anything curved.
+    /// The length that TessellationOptions::chordError is relative to, in the mesh's own unit; 0: the geometry is not
+    /// curved.
     float curveSize = 0;
     /// The bounds of the positions that triangles use.
     Bounds bounds;
@@ -190,17 +191,17 @@ struct Mesh {
         const Vec3f a = vertex(triangle, 0);
         return a + u * (vertex(triangle, 1) - a) + v * (vertex(triangle, 2) - a);
     }
-    /// Unit; (0, 0, 1) for a triangle without area.
+    /// A unit vector; (0, 0, 1) for a triangle without area.
     Vec3f geometricNormal(std::uint32_t triangle) const;
-    /// Unit; the geometric normal where none is given or what is given has no direction.
+    /// A unit vector; the geometric normal if there is none or it has no direction.
     Vec3f shadingNormal(std::uint32_t triangle, float u, float v) const;
     /// (s, t, r, q); 0, 0, 0, 1 for a channel that does not exist.
     Vec4f texCoord(std::uint32_t triangle, float u, float v, std::size_t channel = 0) const;
-    /// Opaque white without colours.
+    /// Opaque white if there are no colours.
     ColorRGBA color(std::uint32_t triangle, float u, float v) const;
 
-    /// Whether it has an inside: triangles run along each edge as often in one direction as in the other. Edges connect
-    /// places, so that seams of attributes do not count. It is computed at the first call, on whatever thread.
+    /// Whether it has an inside: along each edge, triangles run as often in one direction as in the other. Edges
+    /// connect positions, so that seams of attributes do not count. It is computed at the first call, on any thread.
     bool isClosed() const;
 
   private:
@@ -217,30 +218,31 @@ struct Mesh {
     mutable Answer closed_;
 };
 
-/// Everything at once, for channel 0. Preconditions: triangle < triangleCount; u, v >= 0; u + v <= 1.
+/// All values of a surface point, with channel 0. Preconditions: triangle < triangleCount; u, v >= 0; u + v <= 1.
 SurfacePoint interpolate(const Mesh& mesh, std::uint32_t triangle, float u, float v);
 
-/// How position changes with (s, t) on a triangle, for tangent-space normal maps. False when the mapping is singular.
+/// The derivatives of the position by s and t on a triangle, for tangent-space normal maps. False if the mapping is
+/// singular.
 bool textureTangents(const Mesh& mesh, std::uint32_t triangle, std::size_t channel, Vec3f& dPds, Vec3f& dPdt);
 
-/// A mesh with one index for all attributes, as rasterisers want it: corners that agree in every attribute become one
+/// A mesh with one index for all attributes, as rasterisers need it: corners that agree in every attribute become one
 /// vertex.
 struct VertexArrays {
-    Array<Vec3f> positions, normals;  // normals always: geometric ones where the mesh is faceted
+    Array<Vec3f> positions, normals;  // normals are always there: geometric ones if the mesh is faceted
     Array<Vec2f> texCoords;           // of one channel
     Array<ColorRGBA> colors;          // empty without colours
     Array<std::uint32_t> triangles;   // 3 per triangle
 };
 VertexArrays vertexArrays(const Mesh& mesh, std::size_t channel = 0);
 
-/// Checks the invariant at the top of this file, every index included; empty when it holds. Linear; for tests.
+/// Checks the invariant at the top of this file for every index; empty if it holds. Takes linear time; for tests.
 std::string findDefect(const Mesh& mesh);
 
 /// Sum of triangle areas, and the volume enclosed (positive when fronts face outwards), in double precision.
 double surfaceArea(const Mesh& mesh);
 double enclosedVolume(const Mesh& mesh);
 
-/// Bytes reachable from the mesh, arrays shared with the scene included.
+/// Bytes that the mesh refers to, including arrays shared with the scene.
 std::size_t memoryUse(const Mesh& mesh);
 
 // ---------------------------------------------------------------------------------------------------------------

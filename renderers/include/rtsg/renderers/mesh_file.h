@@ -1,9 +1,9 @@
-// Mesh files: what a scene shows at this moment as STL, OBJ, PLY or GLB, for other programs.
+// Mesh files: writes the visible shapes of a scene as STL, OBJ, PLY or GLB, for other programs.
 //
-// Invariant: what is written is what the flattener gives: every shape at every place where it is seen, in triangles,
-// one unit a metre. STL, OBJ and PLY have the corners in world space; a GLB has a mesh for each geometry and material,
-// shared by its places, with viewpoints, lights, and what clocks move by interpolators of Transforms. Colours are the
-// materials' own, in a GLB as light; texts of scripts stay behind. Threading: the scene's thread. Source: as
+// Invariant: the file has what the flattener gives: every shape at every place where it is visible, in triangles, in
+// metres. STL, OBJ and PLY have the corners in world space. A GLB has one mesh for each geometry and material, shared
+// by its places, with viewpoints, lights, and animations of Transforms by clocks and interpolators. Colours are those
+// of the materials, in a GLB as light; script programs are not written. Threading: the scene's thread. Source: as for
 // documents/src/import/import.h; glTF 2.0 (ISO/IEC 12113:2022).
 #pragma once
 
@@ -17,16 +17,15 @@ namespace rtsg {
 
 enum class MeshFormat : std::uint8_t { stl, obj, ply, glb };
 
-/// Finds the format in a file's name: .stl, .obj, .ply or .glb. False if the name has none of these.
+/// Finds the format by a file's name: .stl, .obj, .ply or .glb. False for other names.
 bool meshFormatFromName(const std::filesystem::path& file, MeshFormat& format);
 
 struct MeshFileContent {
     std::size_t shapes = 0, triangles = 0;
 };
 
-/// Errors: a scene that shows no triangles, a file that cannot be written. `diagnostics` hears of geometry that has
-/// none, and of what is left out of the file. `pictures`: what urls of textures may open, for a GLB, which has their
-/// bytes.
+/// Errors: the scene shows no triangles; the file cannot be written. `diagnostics` names geometry without triangles,
+/// and what is left out of the file. `pictures`: what urls of textures may open, for a GLB, which has their bytes.
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
                                       Diagnostics& diagnostics, Existing existing = Existing::replace,
                                       const Resources& pictures = {});

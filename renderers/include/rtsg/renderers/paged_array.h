@@ -1,13 +1,14 @@
-// PagedArray: an array of which a version costs one pointer, and a change in the next version the way to it.
+// PagedArray: an array with cheap versions: a version costs one pointer, and a later change copies the path to its
+// page.
 //
 //     PagedArrayWriter<int> numbers;  numbers.resize(1000);
 //     const PagedArray<int> before = numbers.freeze();      // keeps what it is
 //     numbers.change(7) = 1;                                // copies the page that `before` shares, and no other
 //
-// A tree of pages. The writer changes pages in place which no version has seen, and copies others, so a version is
-// never written to and may be read from any thread while the writer goes on. Elements that were never changed are T{}.
-// Light and sound keep their tables so. What rays read is in pages of another kind (src/trees/paged.h).
-// Threading: the writer on one thread; versions from any number.
+// The array is a tree of pages. The writer changes pages in place that belong to no version, and copies others, so a
+// version never changes and any thread may read it while the writer goes on. Elements that were never changed are T{}.
+// Light and sound keep their tables in such arrays; rays read another kind of pages (src/trees/paged.h). Threading: the
+// writer on one thread; versions on any number.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +19,7 @@
 
 namespace rtsg {
 
-/// 2^kLeafBits elements to a page: few where they are large, or changed here and there.
+/// A page has 2^kLeafBits elements: choose few if they are large, or if changes are scattered.
 template <class T, unsigned kLeafBits = 4>
 class PagedArray {
   public:
@@ -29,8 +30,8 @@ class PagedArray {
         return items ? items[at % kLeaf] : none();
     }
 
-    /// The page that holds an element, for those who look up many; null while none of it was changed. Lives as long as
-    /// this version. Precondition: at < size().
+    /// The page that holds an element, for looking up many; null if none of its elements was changed. It lives as long
+    /// as this version. Precondition: at < size().
     const T* page(std::size_t at) const {
         const Node* node = root_.get();
         for (unsigned level = levels_; level > 0 && node; --level)
@@ -39,8 +40,8 @@ class PagedArray {
     }
     static constexpr std::size_t kPerPage = std::size_t{1} << kLeafBits;
 
-    /// Calls visit(index, in a, in b) for every element on a page that the two do not share; beyond the end of either
-    /// elements are T{}. Takes time with the pages that differ.
+    /// Calls visit(index, in a, in b) for every element on a page that the two do not share; elements beyond the end
+    /// are T{}. The time follows the number of pages that differ.
     template <class Visit>
     static void differences(const PagedArray& a, const PagedArray& b, const Visit& visit) {
         compare(a.root_.get(), a.levels_, b.root_.get(), b.levels_, 0, visit);
@@ -51,7 +52,7 @@ class PagedArray {
     static constexpr std::size_t kLeaf = kPerPage, kFan = 1 << kFanBits;
     struct Node {
         explicit Node(std::uint64_t e) : epoch(e) {}
-        std::uint64_t epoch;  // of the writer when it was made
+        std::uint64_t epoch;  // of the writer when it made the node
     };
     struct Leaf : Node {
         using Node::Node;
@@ -107,7 +108,7 @@ class PagedArrayWriter : private PagedArray<T, kLeafBits> {
   public:
     using Base::size, Base::operator[];
 
-    /// Grows only.
+    /// Makes the array larger, never smaller.
     void resize(std::size_t elements) {
         size_ = std::max(size_, elements);
         while (size_ > (levels_ == 0 ? Base::kLeaf : Base::kFan * Base::span(levels_))) {
@@ -119,18 +120,18 @@ class PagedArrayWriter : private PagedArray<T, kLeafBits> {
             ++levels_;
         }
     }
-    /// For writing. Precondition: at < size().
+    /// Returns an element for writing. Precondition: at < size().
     T& change(std::size_t at) {
         std::shared_ptr<Node>* link = &root_;
         for (unsigned level = levels_; level > 0; --level) link = &own<Inner>(*link).children[Base::childOf(at, level)];
         return own<Leaf>(*link).items[at % Base::kLeaf];
     }
-    /// The array as it is now.
+    /// Returns a version: the array as it is now.
     PagedArray<T, kLeafBits> freeze() {
         ++epoch_;
         return *this;
     }
-    /// The same for reading at once: the next change may change it too.
+    /// Returns the present array for immediate reading: the next change may change it, too.
     const PagedArray<T, kLeafBits>& now() const { return *this; }
 
   private:

@@ -1,11 +1,11 @@
-// Picking and collision: what a ray meets, what lies nearest to a point, and how far a ball may travel.
+// Picking and collision: the first surface along a ray, the nearest surface to a point, and how far a ball may travel.
 //
-// All three ask the BVH that light and sound are traced in, so they cost what a ray costs and need no update of their
-// own. Answers are exact for the triangles as they stand in world space, computed in double precision, whatever the
-// instances' transforms (unequal scaling and mirroring included); the BVH only proposes candidates, with a margin.
-// Threading: const; from any number of threads, while others trace, between two apply() of world and flattener.
-// Source: Ericson, Real-Time Collision Detection (2005), 5.1.5 (closest point) and 5.5.6 (moving sphere and triangle);
-// ISO/IEC 19775-1 V4.0 20.2 (what picking tells), 23.4.2 (Collision's proxies, which stop avatars and are not picked).
+// All three query the BVH in which light and sound are traced, so they cost as much as a ray and need no update of
+// their own. Answers are exact for the triangles in world space, computed in double precision, whatever the instances'
+// transforms (uneven scaling and mirroring included); the BVH only proposes candidates, with a margin. Threading:
+// const; any number of threads, while others trace, between two apply() of world and flattener. Source: Ericson,
+// Real-Time Collision Detection (2005), 5.1.5 (closest point) and 5.5.6 (moving sphere and triangle); ISO/IEC 19775-1
+// V4.0 20.2 (results of picking), 23.4.2 (Collision's proxies, which stop avatars and are not picked).
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@
 
 namespace rtsg {
 
-/// One point of one surface. It is false if nothing was found; its other members then have no meaning.
+/// A point on a surface. It converts to false if nothing was found; its other members then have no meaning.
 struct Pick {
     InstanceId instance;
     NodeId shape, geometry;
@@ -41,7 +41,7 @@ struct Pick {
 /// (Instance::felt).
 enum class Surfaces : std::uint8_t { seen, felt };
 
-/// Tells which surfaces an eye sees, so that rays of pointers pass through all others.
+/// Tells which surfaces an eye sees, so that rays of pointers pass through the others.
 class SeenSurfaces {
   public:
     virtual ~SeenSurfaces() = default;
@@ -56,23 +56,23 @@ class Picker {
     Picker(const RayWorld& world, const Flattener& flattener) : world_(&world), flattener_(&flattener) {}
     const RayWorld& world() const { return *world_; }
 
-    /// The first surface within `maximum` metres; the direction need not be a unit vector.
-    /// Lines and points are as wide as in a picture seen from `origin` whose pixels are `pixel` radians wide; the other
-    /// queries do not meet them. Their `triangle` is the stroke, `point` the one on its axis.
-    /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
+    /// The first surface within `maximum` metres; the direction need not be a unit vector. Lines and points are as wide
+    /// as in a picture seen from `origin` whose pixels are `pixel` radians wide; the other queries do not meet them.
+    /// Their `triangle` is the stroke, and `point` lies on its axis. Error: origin or direction not finite, direction
+    /// zero, origin farther than RayWorld::kMaxCoordinate.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
-    /// The first surface of which something is seen, however far.
+    /// The first surface that is visible, at any distance.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, const SeenSurfaces& seen) const;
-    /// The first surface of one layer of a LayerSet; 0: of what is in no layer. `lens` makes lines and points as wide
-    /// as in a picture. `cut` leaves out more, and `seen` tells which surfaces are seen; either may be null. Errors: as
+    /// The first surface of one layer of a LayerSet; 0: outside of all layers. `lens` makes lines and points as wide as
+    /// in a picture. `cut` leaves out more, and `seen` tells which surfaces are visible; either may be null. Errors: as
     /// above, or the lens' pixels are negative or not finite.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
                      const PixelLens& lens, const RayFilter* cut = nullptr, const SeenSurfaces* seen = nullptr) const;
     static constexpr double kPixel = .001;
-    /// Every surface within `maximum` metres, from either side, nearest first; 10,000 at most. Two that are nearer to
-    /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
-    /// shapes that coincide. Lines and points are not met. Error: as of ray().
+    /// All surfaces within `maximum` metres, from either side, nearest first; 10,000 at most. Two whose distance is
+    /// less than a millionth of the way count as one: the triangles beside an edge, but also faces of two shapes that
+    /// coincide. Lines and points are not met. Error: as for ray().
     Result<std::vector<Pick>> crossings(const Vec3d& origin, const Vec3d& direction,
                                         double maximum = std::numeric_limits<double>::infinity(),
                                         Surfaces surfaces = Surfaces::seen) const;

@@ -1,9 +1,9 @@
-// Picture: what a renderer produces: colour and coverage, its files, and how two of them compare.
+// Picture: the result of a renderer: colour and coverage, its files, and the comparison of two.
 //
-// Invariant: pixels are of `space` (Rec. 709 primaries), premultiplied by alpha, row by row from the top left.
-// .exr (and .hdr, .pfm, .tif) hold linear radiance whatever the space; other formats (.png, .jpg, .gif ...) hold
-// display values: those of a display picture as they are, cut at white channel by channel; those of a linear one
-// tone-mapped and encoded. Threading: a Picture is plain data; the functions are re-entrant.
+// Invariant: pixels are in `space` (Rec. 709 primaries), premultiplied by alpha, row by row from the top left. .exr
+// (and .hdr, .pfm, .tif) hold linear radiance in any case; other formats (.png, .jpg, .gif ...) hold display values:
+// those of a display picture unchanged and clipped at white in each channel, those of a linear one tone-mapped and
+// encoded. Threading: a Picture is plain data; the functions are re-entrant.
 #pragma once
 
 #include <filesystem>
@@ -36,10 +36,10 @@ struct Picture {
     int width = 0, height = 0;
     ColorSpace space = ColorSpace::linear;  // or display
     std::vector<Vec4f> pixels;              // width * height
-    /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached.
-    /// In .exr, whose pictures are linear, as layer "interval".
+    /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error target was set. In
+    /// .exr, whose pictures are linear, it is the layer "interval".
     std::vector<Vec3f> interval;
-    /// Only .exr holds these; `notes` are its attributes, by name.
+    /// Only .exr holds layers and notes; `notes` are its attributes, by name.
     std::vector<PictureLayer> layers;
     std::vector<std::pair<std::string, std::string>> notes;
 
@@ -56,47 +56,49 @@ struct Picture {
     }
 };
 
-/// Linear to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file are the colours on
-/// the screen; what is brighter keeps its hue and fades to white instead of clipping channel by channel.
+/// Converts linear radiance to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file
+/// are the colours on the screen; brighter radiance keeps its hue and fades to white, instead of clipping in each
+/// channel.
 struct ToneMap {
     float exposure = 1;
     Vec3f apply(Vec3f linear) const;
 };
 
-/// The same picture in linear light. Colours are decoded before alpha is multiplied in; intervals stay intervals.
+/// The same picture in linear light. Colours are decoded before alpha is multiplied in; intervals are converted, too.
 Picture toLinear(Picture picture);
 
 /// 8-bit RGBA, sRGB-encoded, alpha not premultiplied. Linear pictures are tone-mapped; display pictures are clamped at
 /// white. A value half way between two bytes is rounded up: .9 is 230.
 std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap = {});
 
-/// ".png" of "a.PNG": by it names stand for formats.
+/// Returns the extension in lower case: ".png" for "a.PNG".
 std::string lowerExtension(const std::filesystem::path& file);
-/// Whether a picture can be written under this name, by its extension. The error names those there are.
+/// Checks that the extension of the name is a format that can be written. The error names the available formats.
 Result<> checkPictureName(const std::filesystem::path& file);
-/// Whether the format that the extension stands for, or a film (.mp4), has pictures of so many pixels.
+/// Checks that the format of the extension, or a film (.mp4), allows pictures of this size.
 Result<> checkPictureSize(const std::filesystem::path& file, int width, int height);
-/// The extension chooses the format; the file is replaced once all of it is written. Errors: unknown extension, folder
-/// that cannot be written, empty picture.
+/// Writes a picture in the format of the extension; an old file is replaced when the new one is complete. Errors:
+/// unknown extension, folder that cannot be written, empty picture.
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap = {});
-/// An animated GIF, endlessly repeated, `framesPerSecond` rounded to what the format has (1/100 s). All frames must
+/// Writes an animated GIF that repeats for ever; `framesPerSecond` is rounded to the format's 1/100 s. All frames must
 /// have one size.
 Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::path& file, double framesPerSecond,
                         const ToneMap& toneMap = {});
-/// Any format OpenImageIO reads, as a linear picture: integer formats are sRGB-decoded.
+/// Reads any format that OpenImageIO knows, as a linear picture: integer formats are sRGB-decoded.
 Result<Picture> readPicture(const std::filesystem::path& file);
 
-/// A .png or .exr as writePicture() has written it: writing it again gives the same bytes. A .png becomes a display
-/// picture; an .exr brings its layers, each channel as one, and notes. Errors: another format; an .exr with numbers of
-/// other than 32 bits, or any in a build without OpenEXR's own library.
+/// Reads a .png or .exr that writePicture() has written; writing it again gives the same bytes. A .png becomes a
+/// display picture; an .exr has its notes, and each channel as a layer. Errors: another format; an .exr with numbers
+/// that do not have 32 bits; any .exr in a build without OpenEXR's own library.
 Result<Picture> readWrittenPicture(const std::filesystem::path& file);
 
-/// Over the three colour channels. `rmse` and `maximum` are absolute; `worst` is where the maximum lies.
+/// The difference over the three colour channels. `rmse` and `maximum` are absolute; the maximum is at `worstX`,
+/// `worstY`.
 struct PictureDifference {
     double rmse = 0, maximum = 0, mean = 0;
     int worstX = 0, worstY = 0;
 };
-/// In the pictures' own space. Error: sizes or spaces differ.
+/// Compares in the pictures' own space. Error: sizes or spaces differ.
 Result<PictureDifference> compare(const Picture& a, const Picture& b);
 
 }  // namespace rtsg

@@ -1,10 +1,9 @@
-// RayView: what rays may ask of a world: what they hit, what is near, and whose it is.
+// RayView: the queries that rays make of a world: hits, things nearby, and the instances they belong to.
 //
-// Light, sound, picking and collision query a RayView, and do not care whether it is a RayWorld or a version of one.
-// Invariant: all queries run here, for both. A bad ray is a counted miss.
-// Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
-// Threading: every member from any number of threads; of a RayWorld between two apply() calls.
-// Source: paper section 5.1.1 (speed-up graph).
+// Light, sound, picking and collision query a RayView; it may be a RayWorld or a version of one. Invariant: all queries
+// run here, for both. An invalid ray counts as a miss and is counted. Ray space is world space minus origin(), in
+// float; origin() is 0 unless the scene lies far away from 0. Threading: every member on any number of threads; for a
+// RayWorld, between two apply() calls. Source: paper section 5.1.1 (speed-up graph).
 #pragma once
 
 #include <cstddef>
@@ -24,7 +23,7 @@ struct PrimaryBlock;
 struct RawHit;
 }  // namespace bvh
 
-/// An instance as rays see it. Lives as long as the instance, at one slot; of a RayWorld, read it between two
+/// An instance as rays see it. It lives as long as the instance, at one slot; in a RayWorld, read it between two
 /// apply() calls.
 struct RayInstance {
     Instance info;
@@ -34,7 +33,7 @@ struct RayInstance {
         1.0f};             // directions only, to be normalised; right for mirrored and for flattened ones too
     int sign = 1;          // of the determinant
     float errorScale = 1;  // how much the transform magnifies rounding errors, at least 1
-    Vec3f errorFloor{0};   // what is added to every error bound: of those merged into a body that moves, its rounding
+    Vec3f errorFloor{0};   // added to every error bound: the rounding of instances that are merged into a moving body
 };
 
 /// A point on a surface with what is needed to start a ray there.
@@ -44,7 +43,7 @@ struct HitPoint {
     Vec3f normal{0};    // as in Hit
 };
 
-/// The instances by slot, with holes: a hole's info.id is no instance. They lie in pages.
+/// The instances by slot, in pages. A free slot has no instance in its info.id.
 class RayInstances {
   public:
     static constexpr std::size_t kPerPage = 32;
@@ -94,12 +93,12 @@ class RayView {
     std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
     /// The hit of lane `lane` of an intersected packet; no instance for a miss.
     Hit hit(const RayPacket16& rays, int lane) const;
-    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish. Returns whether
-    /// all of them are known to have met one instance.
+    /// The hits of all lanes in `mask` (bits), which must have hit something; the other lanes of `out` are undefined.
+    /// Returns whether all of them are known to have met one instance.
     bool hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
 
-    /// Calls visit(slot, triangle) for every triangle that comes within `radius` of `center` (both in ray space,
-    /// metres), and maybe others; long ones maybe more than once. visit returns the radius from then on. Nearer
+    /// Calls visit(slot, triangle) for every triangle within `radius` of `center` (both in ray space, metres), and
+    /// perhaps for others; perhaps more than once for long ones. visit returns the radius from then on. Nearer
     /// triangles tend to come first. Only triangles that rays of this kind may meet count; shadow counts as view.
     using NearVisitor = rtsg::NearVisitor;
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind = RayKind::view) const;
@@ -108,39 +107,39 @@ class RayView {
 
     /// Precondition: the slot of a hit or of a live instance.
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
-    /// Indexed by slot, with holes: a hole's info.id is no instance.
+    /// Indexed by slot. A free slot has no instance in its info.id.
     const RayInstances& instances() const { return instances_; }
-    /// The exact point of a hit and the bound of its rounding error; of a line or point, on its axis. Precondition: not
-    /// on a cap.
+    /// The exact point of a hit and a bound of its rounding error; for a line or point, the point on its axis.
+    /// Precondition: not on a cap.
     HitPoint point(const Hit& hit) const;
-    /// The same for any hit, with the ray that met it: lines and points give the place where the ray met them. The
-    /// point on a cap can only be found with the ray.
+    /// The same for any hit, with its ray: for a line or point, the point where the ray met it. The point on a cap can
+    /// only be found with the ray.
     HitPoint point(const Hit& hit, const Ray& ray) const;
-    /// The hit point of a line or point, on its axis, as if of a surface with this normal: rays that leave it to either
-    /// side start beyond its width. The normal is a unit vector in ray space, perpendicular to the line.
+    /// The hit point of a line or point, on its axis, as if it were a surface with this normal: rays that leave it to
+    /// either side start beyond its width. The normal is a unit vector in ray space, perpendicular to the line.
     HitPoint strokePoint(const Hit& hit, const Vec3f& normal) const;
-    /// `ray` met the back of a solid, which does not count: finds another surface in the same place, up to rounding,
-    /// that is no such back; no instance if there is none. The search is needed because a ray reports any one of
+    /// Call it when `ray` met the back of a solid, which does not count. Finds another surface in the same place, up to
+    /// rounding, that is no such back; no instance if there is none. It is needed because a ray reports any one of
     /// several surfaces that coincide.
     Hit frontInPlace(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;
-    /// The start of a ray that leaves `from` towards `direction`, chosen so that it does not hit the surface that it
-    /// leaves.
+    /// The start of a ray that leaves `from` towards `direction`, chosen so that it does not hit the surface it leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
-    /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
+    /// The world position of the origin of ray space. It changes only when a scene turns out to lie far from it.
     const Vec3d& origin() const { return origin_; }
     Vec3f fromWorld(const Vec3d& world) const { return Vec3f(world - origin_); }
     Vec3d toWorld(const Vec3f& ray) const { return Vec3d(ray) + origin_; }
 
-    /// Box around everything that is seen, in ray space; min > max when there is nothing. Looks at every instance.
+    /// The box around everything visible, in ray space; min > max if there is nothing. It visits every instance.
     Bounds bounds() const;
 
-    /// Counts RayWorld::apply() calls that changed anything: caches keyed by it know when to forget.
+    /// The number of RayWorld::apply() calls that changed anything, with which caches can tell whether they are out of
+    /// date.
     std::uint64_t version() const { return version_; }
-    /// The number of rays that intersect() and its kin refused.
+    /// The number of rays that intersect() and the like refused.
     std::uint64_t badRays() const;
 
-    /// Coordinates beyond this (m) are neither traced nor accepted in rays.
+    /// Coordinates beyond this (in metres) are neither traced nor accepted in rays.
     static constexpr float kMaxCoordinate = 1e9f;
 
     /// The lens that makes lines and points as wide as pixels. With the default lens, rays meet none of them.
@@ -158,7 +157,7 @@ class RayView {
     Vec3d origin_{0};
     std::uint64_t version_ = 0;
     PixelLens lens_;
-    /// A ball around all lines and points as this eye sees them, ray space. Squared radius < 0: there are none.
+    /// A ball around all lines and points as this eye sees them, in ray space. Squared radius < 0: there are none.
     Vec3f strokesMiddle_{0};
     float strokesRadiusSquared_ = -1;
     const RayFilter* filter_ = nullptr;
@@ -184,14 +183,14 @@ class RayView {
     std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                const bvh::PrimaryBlock* known = nullptr) const;
     Hit hit(const bvh::RawHit& raw) const;
-    /// Does what occluded() does, but surfaces that `passed` lets rays through do not count, and are noted there.
+    /// Does the same as occluded(), but surfaces that `passed` lets rays through do not count, and are recorded there.
     /// `unknown` is as in ClearWay::find().
     std::uint32_t occludedBut(RayPacket16& rays, bool coherent, RayKind kind, bvh::PassedHits& passed,
                               std::uint32_t& unknown) const;
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                              RayKind kind) const;
-    /// Null: nothing is hidden.
+    /// The filter if it hides whole instances; else null.
     const RayFilter* hider() const { return filter_ && filter_->hidesAny() ? filter_ : nullptr; }
     std::uint32_t passHidden(RayPacket16& rays, std::uint32_t hits, const float* tMax, bool coherent,
                              RayKind kind) const;
@@ -199,10 +198,11 @@ class RayView {
     void meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const;
 };
 
-/// A view in which lines and points are met, too, and what a filter leaves out is not. The others must outlive it.
+/// A view in which rays also meet lines and points, and do not meet the parts that a filter leaves out. The view, lens
+/// and filter must outlive it.
 class LensedView final : public RayView {
   public:
-    /// `views`: what rays of the kind view are here.
+    /// `views` is the kind that rays of kind `view` have here.
     LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr,
                RayKind views = RayKind::view);
     /// The same with another filter in place of its own.

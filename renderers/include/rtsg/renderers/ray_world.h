@@ -1,14 +1,13 @@
-// RayWorld: the speed-up graph and its bounding volume hierarchy, built from InstanceDeltas, queried by light, sound,
-// picking and collision alike.
+// RayWorld: the speed-up graph and its bounding volume hierarchy (BVH), built from InstanceDeltas; light, sound,
+// picking and collision query it.
 //
-// What rests is merged into few BVHs, what moves together is one object; a resting thing that moves is taken out alone,
-// one that has rested for long is merged again, by a thread of its own: apply() never waits for that.
-// Invariant: after apply() it answers as one built from scratch would. No ray and no transform that Embree would abort
-// on reaches it: a bad ray is a counted miss, an instance that cannot be traced is left out with a diagnostic.
-// Ray space is world space minus origin(), in float; origin() is 0 unless the scene lies far away from 0.
-// Threading: apply() alone on one thread; between two of them every const member from any number of threads. freeze()
-// gives versions that answer at any time.
-// Source: paper section 5.1.1 (speed-up graph), 5.1.2 (mapping objects to instances).
+// Things at rest are merged into few BVHs, and things that move together are one object. A resting thing that moves is
+// taken out alone; one that has rested for long is merged again, on a thread for which apply() never waits. Invariant:
+// after apply() it gives the same answers as one built from scratch. Rays and transforms that would make Embree abort
+// do not reach it: such a ray is counted as a miss, such an instance is left out with a diagnostic. Ray space is world
+// space minus origin(), in float; origin() is 0 unless the scene lies far away from 0. Threading: apply() alone on one
+// thread; between two of them every const member on any number of threads. freeze() gives versions that answer at any
+// time. Source: paper section 5.1.1 (speed-up graph), 5.1.2 (mapping objects to instances).
 #pragma once
 
 #include <cstddef>
@@ -23,10 +22,9 @@
 
 namespace rtsg {
 
-/// A state of a RayWorld that stays as it was, for readers on other threads while the world goes on. It shares the
-/// triangles and BVHs of that moment with the world and keeps them alive, and so the pages of its tables that change
-/// later. It outlives the world, if need be. Threading: any number of threads; the last owner may drop it on any
-/// thread.
+/// A state of a RayWorld that does not change, for readers on other threads while the world goes on. It shares the
+/// triangles, BVHs and pages of tables of that moment with the world and keeps them alive, also after the world's end.
+/// Threading: any number of threads; the last owner may drop it on any thread.
 class WorldVersion : public RayView {
   private:
     friend class RayWorld;
@@ -40,29 +38,30 @@ class WorldVersion : public RayView {
 
 class RayWorld : public RayView {
   public:
-    /// How instances become Embree objects; `hybrid` is the default and meant to win. See the paper's section 5.1.2.
+    /// How instances become Embree objects; `hybrid` is the default and usually the fastest. See the paper's section
+    /// 5.1.2.
     enum class Mapping : std::uint8_t { merged, perShape, hybrid };
 
     struct NamedNode {
-        std::string name;  // its type and its DEF or number; empty: it is not known
+        std::string name;  // its type and its DEF name or number; empty: not known
         NodePlace place;
     };
     struct Options {
         Mapping mapping = Mapping::hybrid;
-        /// Watertight intersection: no leaks at shared edges. Off gains little.
+        /// Watertight intersection: no leaks at shared edges. Switching it off gains little.
         bool robust = true;
-        /// The number of threads that build the BVH; 0 is one for each core. Other parts of the program keep their
-        /// threads.
+        /// The number of threads that build the BVH; 0 means one for each core. It does not affect other parts of the
+        /// program.
         unsigned buildThreads = 0;
-        /// A thing that has rested for so many apply() calls is merged with the rest. Each time that it moves after
-        /// all, it must rest twice as long before the next time, up to 256 times as long; a thing that is known to be
-        /// able to move must rest 16 times as long. To merge things, a group of n triangles is rebuilt at most once in
-        /// restFrames (1 + n / 100,000) calls, or when half of it is gone or as much again has arrived.
+        /// A thing that has rested for so many apply() calls is merged with the rest. Each time that it moves later, it
+        /// must rest twice as long before the next merge, up to 256 times as long; a thing that is known to be able to
+        /// move must rest 16 times as long. For merges, a group of n triangles is rebuilt at most once in restFrames (1
+        /// + n / 100,000) calls, or when half of it has left or as much again has arrived.
         unsigned restFrames = 256;
-        /// False: the work that is otherwise left to a thread is done by finishBackgroundWork() alone.
+        /// False: there is no background thread, and finishBackgroundWork() does its work.
         bool background = true;
-        /// Gives the name of a node and the place from which it was read, for diagnostics; if empty, nodes are named by
-        /// their numbers.
+        /// Gives the name of a node and its place in a file, for diagnostics; if empty, nodes are named by their
+        /// numbers.
         std::function<NamedNode(NodeId)> nodes{};
     };
 
@@ -82,7 +81,7 @@ class RayWorld : public RayView {
         double applySeconds = 0;
     };
 
-    /// The bytes in use. The scene's own arrays are read in place; all other bytes are the price of tracing.
+    /// The bytes in use. The scene's own arrays are read in place; all other bytes are needed for tracing.
     struct Memory {
         std::size_t triangles = 0;           // of the distinct meshes
         std::size_t instancedTriangles = 0;  // what rays see
@@ -105,22 +104,22 @@ class RayWorld : public RayView {
     /// Follows the scene by one delta and commits once. Instances that cannot be traced end up in diagnostics().
     void apply(const InstanceDelta& delta);
 
-    /// Waits for what is being done in the background, and takes it. On apply()'s thread.
+    /// Waits for the work in the background, and takes its results. Call it on apply()'s thread.
     void finishBackgroundWork();
 
-    /// The world as it is now, for other threads; the last one made while nothing has changed since. Null while
-    /// kMostVersions are held: a reader that stalls costs others their turn, and the world no more than so many states.
-    /// Costs a list of pages (8 bytes for each 4 to 8 kB of tables); and while it is held, the first change of each
-    /// page the copy of that page. On apply()'s thread.
+    /// The world as it is now, for other threads; the same version as before if nothing has changed. Null while
+    /// kMostVersions are held: a reader that stalls can keep others from getting a version, but the world holds no more
+    /// states than that. A version costs a list of pages (8 bytes for each 4 to 8 kB of tables) and, while it is held,
+    /// a copy of each page that changes. Call it on apply()'s thread.
     std::shared_ptr<const WorldVersion> freeze();
     static constexpr std::size_t kMostVersions = 7;
 
     Stats stats() const;
-    /// Looks at every mesh and instance.
+    /// Computes the memory use; it visits every mesh and instance.
     Memory memory() const;
     const Diagnostics& diagnostics() const;
     void clearDiagnostics();
-    /// Ray worlds made since the process started.
+    /// The number of ray worlds made since the process started.
     static std::uint64_t made();
 
   private:

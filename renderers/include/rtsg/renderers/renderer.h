@@ -1,11 +1,11 @@
-// Renderer: the paper's EXTRA interface. Something attached to a scene that presents its state when asked, by sending
-// rendering operations to the scene, to nodes, or to lists of nodes.
+// Renderer: the paper's EXTRA interface. A renderer is attached to a scene and presents its state when asked, by
+// sending rendering operations to the scene, to nodes, or to lists of nodes.
 //
-// Dispatch: overriding renderNode() is single dispatch on the renderer; a node renderer in the shared NodeRenderers
-// table is single dispatch on the node's type (the paper's Node::render: here nodes have no code); one registered with
-// the renderer is dispatch on both, and wins. Types are concrete or abstract; the concrete one is taken, then the
-// nearest abstract one. A PROTO instance is an X3DPrototypeInstance, whatever its body holds.
-// Traversal happens only where a node renderer passes the operation on.
+// Dispatch: overriding renderNode() is single dispatch on the renderer. A node renderer in the shared NodeRenderers
+// table is single dispatch on the node's type (the paper's Node::render; here nodes have no code). A node renderer that
+// is registered with the renderer is dispatch on both, and takes precedence. Types are concrete or abstract; the
+// concrete one is tried first, then the nearest abstract one. A PROTO instance is an X3DPrototypeInstance, whatever its
+// body holds. Traversal happens only where a node renderer passes the operation on.
 // Threading: the scene's thread. Nothing throws across the interface.
 // Source: paper section 4.1 and Listing 1.
 #pragma once
@@ -26,20 +26,20 @@ namespace rtsg {
 
 class Renderer;
 
-/// Names what a renderer is asked to do with a target. The meaning is the renderer's own: it defines constants such as
-/// `static constexpr Operation collect{1};`.
+/// Names an operation of a renderer, which defines its meaning and constants such as `static constexpr Operation
+/// collect{1};`.
 enum class Operation : std::uint32_t {};
 
-/// How one renderer, or any, treats nodes of one type.
+/// The functions by which one renderer, or every renderer, handles nodes of one type.
 struct NodeRenderer {
-    /// May call Renderer::descend() to have nodes below rendered after it returns.
+    /// May call Renderer::descend() to have nodes below rendered after it has returned.
     std::function<Result<>(Renderer& renderer, const Node& node, Operation operation)> enter;
     /// Called when everything that `enter` descended to is done; optional.
     std::function<void(Renderer& renderer, const Node& node, Operation operation)> leave;
 };
 
-/// For a node renderer of one renderer class: `nodeRendererFor<MyRenderer>([](MyRenderer& r, const Node& n, Operation)
-/// {...})`. Precondition: it is registered with renderers of that class only.
+/// Makes a node renderer for one class of renderers: `nodeRendererFor<MyRenderer>([](MyRenderer& r, const Node& n,
+/// Operation) {...})`. Precondition: it is registered with renderers of that class only.
 template <class R, class Enter>
 NodeRenderer nodeRendererFor(Enter enter) {
     return {[enter](Renderer& r, const Node& n, Operation o) -> Result<> { return enter(static_cast<R&>(r), n, o); },
@@ -55,13 +55,13 @@ NodeRenderer nodeRendererFor(Enter enter, Leave leave) {
 /// Node renderers by type.
 class NodeRenderers {
   public:
-    /// `type`: the name of a concrete or an abstract type. The last one given for a name wins.
+    /// `type` is the name of a concrete or an abstract type. A later call for the same name replaces an earlier one.
     void set(std::string_view type, NodeRenderer renderer);
-    /// Null if there is none for the type or what it implements.
+    /// Null if there is none for the type or for its abstract types.
     const NodeRenderer* find(const NodeType& type) const;
 
-    /// Groups and the like pass every operation on to what they show (Switch: the choice; LOD: the first level; a PROTO
-    /// instance: the first node of its body); all else does nothing.
+    /// The standard table: groups pass every operation on to their visible children (Switch: the choice; LOD: the first
+    /// level; a PROTO instance: the first node of its body); all other nodes do nothing.
     static NodeRenderers standard();
 
   private:
@@ -70,28 +70,28 @@ class NodeRenderers {
 
 class Renderer : public Subscriber {
   public:
-    /// `types`: what nodes do of themselves, whichever the renderer; none: NodeRenderers::standard().
+    /// `types` are the node renderers that all renderers share; null: NodeRenderers::standard().
     explicit Renderer(std::shared_ptr<const NodeRenderers> types = nullptr);
     ~Renderer() override;
 
-    /// Listing 1: once, before the first frame. Attaches to the bus when listens(); overriding ones call this one last.
-    /// The scene must outlive the attachment.
+    /// Call it once, before the first frame (Listing 1). It attaches to the bus if listens(); an override calls this
+    /// one last. The scene must outlive the attachment.
     virtual Result<> attachToScene(Scene& scene);
     virtual void detachFromScene();
-    /// Listing 1: presents the scene's current state; each frame, after Scene::newFrame.
+    /// Presents the scene's present state; call it each frame after Scene::newFrame (Listing 1).
     virtual Result<> renderFrame() = 0;
 
-    /// Sends the operation to every root node, to each of the nodes, or to one. The first error ends it.
+    /// Send the operation to every root node, to each of the nodes, or to one node. They stop at the first error.
     virtual Result<> renderScene(Operation operation);
     virtual Result<> renderNodes(std::span<const NodeId> nodes, Operation operation);
-    /// Finds the node renderer; a node without one is left alone.
+    /// Finds the node renderer of a node and calls it; a node without one is ignored.
     virtual Result<> renderNode(NodeId node, Operation operation);
 
-    /// Double dispatch: how this renderer treats this type.
+    /// Sets how this renderer handles this type (double dispatch).
     virtual void registerNodeRenderer(std::string_view type, NodeRenderer renderer);
 
-    /// For node renderers: these next, in this order, before whatever else is waiting. Unlike calling renderNodes()
-    /// from within, it is safe for nesting of any depth.
+    /// For node renderers: renders these nodes next, in this order, before others that wait. Unlike renderNodes() from
+    /// within, it is safe for nesting of any depth.
     void descend(std::span<const NodeId> nodes, Operation operation);
     void descend(NodeId node, Operation operation) { descend({&node, 1}, operation); }
 
@@ -103,11 +103,11 @@ class Renderer : public Subscriber {
     const Scene* scene() const { return scene_; }
     /// False once the bus has detached it after an error.
     virtual bool attached() const { return scene_ && (!listens() || attachment_.attached()); }
-    /// Why it follows no longer; empty while it does, and before it was attached.
+    /// The reason why it no longer follows the scene; empty while it does, and before it was attached.
     virtual std::string failure() const { return attachment_.failure(); }
 
   protected:
-    /// Whether changes are to be reported to apply(); the full-traversal pipeline does without.
+    /// Whether apply() is to receive changes; the full-traversal renderer needs none.
     virtual bool listens() const { return true; }
     /// Whether a node renderer is registered here for nodes of this type.
     bool ownsType(const NodeType& type) const { return own_.find(type) != nullptr; }
@@ -126,7 +126,7 @@ class Renderer : public Subscriber {
     Attachment attachment_;
     std::shared_ptr<const NodeRenderers> types_;
     NodeRenderers own_;
-    std::vector<const NodeRenderer*> byType_;  // found so far, by TypeIndex
+    std::vector<const NodeRenderer*> byType_;  // cache by TypeIndex
     std::vector<bool> known_;
     std::vector<Waiting> waiting_;
     unsigned nested_ = 0;

@@ -1,4 +1,4 @@
-// The formulas of light: X3D's lights and fog, Fresnel's equations, refraction. Pure functions, nothing else.
+// Formulas of light: X3D's lights and fog, Fresnel's equations, refraction. There are only pure functions.
 //
 // Lengths in metres, angles in radians, all directions unit vectors. Threading: re-entrant.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting equations), 24.4.2 (fog); Fresnel's equations as in Born & Wolf,
@@ -79,10 +79,9 @@ inline float ggx(float cosHalf, float alphaSquared) {
 
 /// pi * BRDF of glTF's metallic-roughness model, so that a white Lambertian surface gives 1 as X3D's diffuse term does.
 /// It differs from glTF 2.0, appendix B, in two terms. Masking and shadowing are correlated by height (Heitz 2014),
-/// where the appendix takes them as independent and calls the correlated form more accurate; Khronos' viewer has it.
-/// And what the diffuse part loses is Fresnel's term of the mixed f0 for all of it, not of .04 for its dielectric
-/// share: the same at a metallic of 0 and 1, and darker between. The cosines are clamped to what is above the horizon
-/// by the caller.
+/// which the appendix calls more accurate than its own independent form, and which Khronos' viewer has. The diffuse
+/// part is reduced by Fresnel's term of the mixed f0, not of .04 for the dielectric share: this is equal at a metallic
+/// of 0 and 1, and darker between. The caller clamps the cosines to the horizon.
 inline Vec3f metallicRoughness(const Vec3f& baseColor, float metallic, float roughness, float cosLight, float cosView,
                                float cosHalf, float cosLightHalf) {
     const Vec3f f0 = glm::mix(Vec3f(0.04f), baseColor, metallic);

@@ -1,11 +1,11 @@
 // Tessellation: pure functions from the fields of the standard geometry nodes to a Mesh.
 //
-// Invariant: every input, however broken, gives a valid Mesh (maybe an empty one) and says in its diagnostics what
-// was dropped or repaired; time is linear in input plus output (n log n for a concave polygon of n corners).
-// Closed solids share positions along seams, so that they are watertight by index; texture seams split texture
-// coordinates, not positions. Normals of quadrics are exact. Lengths in the node's units, angles in radians.
-// Threading: the functions are pure and may run concurrently.
-// Source: ISO/IEC 19775-1 V4.0 clauses 11.2.3, 11.4, 13.3, 14.3; the paper's geometry utilities, section 4.2.
+// Invariant: every input, however broken, gives a valid Mesh (possibly empty), whose diagnostics say what was dropped
+// or repaired. Time is linear in input plus output (n log n for a concave polygon of n corners). Closed solids share
+// positions along seams, so that they are watertight by index; texture seams split texture coordinates, not positions.
+// Normals of quadrics are exact. Lengths are in the node's units, angles in radians. Threading: the functions are pure
+// and may run concurrently. Source: ISO/IEC 19775-1 V4.0 clauses 11.2.3, 11.4, 13.3, 14.3; the paper's geometry
+// utilities, section 4.2.
 #pragma once
 
 #include <memory>
@@ -18,9 +18,9 @@ namespace rtsg {
 
 class Scene;
 
-/// How finely curved primitives are cut.
+/// How finely curved primitives are divided.
 struct TessellationOptions {
-    /// Largest distance between a circle and its polygon, as a part of the radius: .0025 gives 48 segments.
+    /// The largest distance between a circle and its polygon, as a share of the radius: .0025 gives 48 segments.
     float chordError = 0.0025f;
     /// Overrides chordError when positive: segments around the full circle (clamped to 4 ... 4096). Spheres have
     /// half as many rings from pole to pole.
@@ -29,8 +29,8 @@ struct TessellationOptions {
     int segmentsAround() const;
 };
 
-/// How far cut geometry may lie from the surface that it stands for, where it is seen: pixels of the picture, metres,
-/// or parts of the geometry's own radius. All 0: as TessellationOptions has it.
+/// The largest distance between tessellated geometry and the true surface: in pixels of the picture, in metres, or as a
+/// share of the geometry's own radius. All 0: as TessellationOptions says.
 struct TessellationError {
     float pixels = 0, metres = 0, ofRadius = 0;
     bool any() const { return pixels > 0 || metres > 0 || ofRadius > 0; }
@@ -58,7 +58,7 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options =
 Mesh tessellate(const ConeParams& params, const TessellationOptions& options = {});
 Mesh tessellate(const CylinderParams& params, const TessellationOptions& options = {});
 
-/// One channel of texture coordinates that the scene gives. At most one of the arrays is filled; if none is, the node's
+/// One channel of texture coordinates from the scene. At most one of the arrays is filled; if none is, the node's
 /// default mapping is used.
 struct TexCoordParams {
     Array<Vec2f> point;
@@ -75,7 +75,7 @@ struct TexCoordParams {
 /// The fields that X3DComposedGeometryNode and IndexedFaceSet have in common. Empty arrays stand for NULL.
 struct SurfaceParams {
     Array<Vec3f> coord;
-    Vec3d anchor{0};  // that they are around: Mesh::anchor
+    Vec3d anchor{0};  // the origin of the coordinates: Mesh::anchor
     Array<Color> color;
     Array<ColorRGBA> colorRGBA;  // preferred when both are given
     Array<Vec3f> normal;
@@ -89,13 +89,13 @@ struct SurfaceParams {
 
 struct IndexedFaceSetParams : SurfaceParams {
     Array<std::int32_t> coordIndex, colorIndex, normalIndex, texCoordIndex;
-    /// A hint only: concave faces are found and cut correctly whatever it says.
+    /// A hint only: concave faces are found and divided correctly in any case.
     bool convex = true;
     float creaseAngle = 0;
 };
 
-/// The eight sets of triangles and quads; those without index use the coordinates in their order. Colours and
-/// normals (tangents too) are per vertex always (11.4); normalPerVertex says how missing normals are made.
+/// The eight sets of triangles and quads; kinds without index use the coordinates in their order. Colours, normals and
+/// tangents are always per vertex (11.4); normalPerVertex says how missing normals are made.
 struct PrimitiveSetParams : SurfaceParams {
     enum class Kind : std::uint8_t {
         triangleSet,
@@ -108,13 +108,13 @@ struct PrimitiveSetParams : SurfaceParams {
         indexedQuadSet,
     };
     Kind kind = Kind::triangleSet;
-    /// Indexed kinds; strips and fans end at -1.
+    /// For the indexed kinds; strips and fans end at -1.
     Array<std::int32_t> index;
-    /// stripCount or fanCount of the kinds without index.
+    /// For the kinds without index: stripCount or fanCount.
     Array<std::int32_t> count;
 };
 
-/// `coord` is not used; normalPerVertex and colorPerVertex FALSE mean per quadrilateral.
+/// `coord` is not used; normalPerVertex and colorPerVertex FALSE mean one value for each quadrilateral.
 struct ElevationGridParams : SurfaceParams {
     Array<float> height;
     int xDimension = 0, zDimension = 0;
@@ -140,7 +140,7 @@ struct ExtrusionParams {
 Mesh tessellate(const IndexedFaceSetParams& params);
 Mesh tessellate(const PrimitiveSetParams& params);
 Mesh tessellate(const ElevationGridParams& params);
-/// Texture coordinates are 0 in the south-west and 1 in the north-east; fronts face up, with west to the left of south.
+/// Texture coordinates are 0 in the south-west and 1 in the north-east; fronts face up.
 Mesh tessellate(const PointGridParams& params);
 Mesh tessellate(const ExtrusionParams& params);
 
@@ -168,7 +168,7 @@ Mesh tessellate(const Rectangle2DParams& params);
 Mesh tessellate(const TriangleSet2DParams& params);
 Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options = {});
 
-/// PointSet, LineSet, IndexedLineSet, Polypoint2D and Polyline2D. Strokes that cannot be are left out with a warning.
+/// PointSet, LineSet, IndexedLineSet, Polypoint2D and Polyline2D. Invalid strokes are left out with a warning.
 struct StrokeParams {
     Array<Vec3f> coord;
     Array<Color> color;
@@ -176,10 +176,11 @@ struct StrokeParams {
     Array<float> fogDepth;       // per vertex
     Array<Vec3f> normal;         // per vertex
     Mesh::Strokes kind = Mesh::Strokes::lines;
-    /// Lines: the points of each, as in IndexedLineSet; or how many each takes of `coord` in its order.
+    /// For lines: `coordIndex` lists the points of each as in IndexedLineSet, or `vertexCount` says how many points of
+    /// `coord` each takes.
     bool indexed = false;
     Array<std::int32_t> coordIndex, colorIndex, vertexCount;
-    bool colorPerVertex = true;  // else one a line
+    bool colorPerVertex = true;  // false: one colour for each line
 };
 /// The outline of a circle or a part of it; all of it if the angles are equal or a whole turn apart.
 struct Arc2DParams {
@@ -189,16 +190,16 @@ Mesh tessellate(const StrokeParams& params);
 Mesh tessellate(const Arc2DParams& params, const TessellationOptions& options = {});
 
 /// Strings as flat outlines in the plane z = 0, filled by the nonzero rule (clause 15). The em of the font is `size`;
-/// lines follow each other at spacing * size. A string of another `length`, or too long for maxExtent, is scaled along
-/// its line. Letters run to the left where leftToRight is FALSE, those of right-to-left scripts always. Texture: s = x
+/// the distance of lines is spacing * size. A string with another `length`, or too long for maxExtent, is scaled along
+/// its line. Letters run to the left if leftToRight is FALSE; those of right-to-left scripts always do. Texture: s = x
 /// / size, t = y / size.
 struct TextParams {
     std::vector<std::string> strings;  // UTF-8
-    std::vector<float> length;         // per string; 0 or none: as the font has it
+    std::vector<float> length;         // for each string; 0 or none: as the font gives it
     float maxExtent = 0;               // 0: any
     bool solid = false;
     std::vector<std::string> family{"SERIF"};
-    /// A font that stands for family[fontAt], as FontLibrary::_font has it; empty if there is none. fontName is for
+    /// A font that replaces family[fontAt], as in FontLibrary::_font; empty if there is none. fontName is for
     /// diagnostics.
     Array<std::int32_t> font;
     std::uint32_t fontAt = 0;
@@ -212,12 +213,12 @@ struct TextParams {
     bool inPixels = false;  // Mesh::inPixels: all lengths are pixels
 };
 
-/// Error, as a warning of the mesh: there are no fonts, or this build leaves them out.
+/// If there are no fonts, or this build has no text, the mesh is empty and has a warning.
 Mesh tessellate(const TextParams& params, const TessellationOptions& options = {});
 
-/// The mesh of a geometry node, looked up with its Coordinate, Color, Normal and TextureCoordinate nodes; a PROTO
-/// instance stands for the first node of its body. Geometry without triangles, lines or points give an
-/// empty mesh whose diagnostics say so. Diagnostics name the node. Fails when the node is missing or no geometry.
+/// The mesh of a geometry node and its Coordinate, Color, Normal and TextureCoordinate nodes; a PROTO instance stands
+/// for the first node of its body. Geometry without triangles, lines or points gives an empty mesh whose diagnostics
+/// say so. Diagnostics name the node. Errors: the node is missing or no geometry.
 Result<std::shared_ptr<const Mesh>> tessellate(const Scene& scene, NodeId geometry,
                                                const TessellationOptions& options = {});
 

@@ -1,11 +1,11 @@
-// Tessellator: the meshes of a scene's geometry nodes, with equal primitives made once.
+// Tessellator: makes the meshes of a scene's geometry nodes, and makes equal primitives once.
 //
-// Invariant: mesh(scene, node) equals tessellate(scene, node) but for storage: boxes, cones, ... with the same fields
-// are one Mesh, and spheres of any radius share all but their positions. A composed geometry of which only the
-// coordinates have changed keeps its triangles, and all that follows from them. A mesh lives as long as somebody holds
-// it; of geometries that change, the last mesh is held until forget().
-// Threading: one thread at a time; the meshes may go to any.
-// Source: paper section 4.2; the sharing is ours (a scene may hold 100,000 spheres that are no USE of each other).
+// Invariant: mesh(scene, node) equals tessellate(scene, node), but shares storage: boxes, cones, ... with the same
+// fields are one Mesh, and spheres of any radius share all but their positions. If only the coordinates of a composed
+// geometry have changed, it keeps its triangles and all data that follows from them. A mesh lives as long as somebody
+// holds it; for geometries that change, the last mesh is held until forget(). Threading: one thread at a time; the
+// meshes may go to any. Source: paper section 4.2; the sharing is not in the paper (a scene may hold 100,000 spheres
+// without USE).
 #pragma once
 
 #include <array>
@@ -29,31 +29,32 @@ class Tessellator {
     Tessellator(Tessellator&&) noexcept;
     Tessellator& operator=(Tessellator&&) noexcept;
 
-    /// Null when the node is missing or no geometry; empty when it has no triangles. Fits Flattener's MeshSource as
-    /// `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`.
-    /// `points`, if any, stand for those of coordinate nodes, by NodeId: of skins, say.
-    /// `level`: that of levelOptions(); else the options of the constructor.
+    /// Null if the node is missing or no geometry; an empty mesh if it has no triangles. It works as a Flattener's
+    /// MeshSource by `[&](const Scene& scene, NodeId node) { return tessellator.mesh(scene, node); }`. `points`, if
+    /// given, replace those of coordinate nodes, by NodeId; skins use this. `level` selects levelOptions(); without it
+    /// the options of the constructor are used.
     std::shared_ptr<const Mesh> mesh(const Scene& scene, NodeId geometry,
                                      const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr,
                                      std::optional<int> level = {});
-    /// Levels of detail: a chordError of 1/4 at level 0, a fourth of the one before at each that follows, with twice
-    /// the segments; kLevels of them, the last with 576 segments a circle.
+    /// Levels of detail: level 0 has a chordError of 1/4, and each further level a fourth of it and twice the segments.
+    /// There are kLevels; the last has 576 segments for a circle.
     static constexpr int kLevels = 8;
     static TessellationOptions levelOptions(int level);
-    /// A ParticleSystem's, whose sprites face `eye` (in its own space); mesh() has them without one. Null: it is none.
+    /// The mesh of a ParticleSystem, whose sprites face `eye` (in its own space); mesh() has no eye for them. Null if
+    /// the node is no ParticleSystem.
     std::shared_ptr<const Mesh> particles(const Scene& scene, NodeId system, std::optional<Vec3d> eye);
-    /// Forgets what is remembered about a node to follow its coordinates.
+    /// Forgets the data that is kept to follow a node's coordinates.
     void forget(NodeId geometry);
 
-    /// Diagnostics of all meshes made so far, or since they were taken. A mesh that only moves its coordinates is not
+    /// Diagnostics of all meshes made so far, or since they were last taken. A mesh whose coordinates only move is not
     /// reported again.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     Diagnostics takeDiagnostics();
-    /// Primitives that are shared now, for statistics.
+    /// The number of primitives that are shared now, for statistics.
     std::size_t sharedCount() const { return shared_.size(); }
 
   private:
-    /// Type, flags, up to four numbers bit for bit.
+    /// Type, flags, and up to four numbers bit for bit.
     using Key = std::array<std::uint32_t, 6>;
     struct KeyHash {
         std::size_t operator()(const Key& key) const;
@@ -73,7 +74,7 @@ class Tessellator {
     std::size_t forgetAt_ = 64;
     std::array<std::shared_ptr<const Mesh>, kLevels + 1> unitSpheres_;  // by level, and of the plain options
     std::unique_ptr<detail::TextMaker> text_;                           // made for the first Text
-    /// Composed geometries by NodeId; null until they are asked for a second time.
+    /// Composed geometries by NodeId; null until they are requested a second time.
     std::unordered_map<std::uint32_t, std::unique_ptr<detail::DeformingSurface>> surfaces_;
 };
 

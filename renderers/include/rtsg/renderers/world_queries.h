@@ -1,8 +1,8 @@
-// WorldQueries: the rays of pointers, what an avatar touches and what pick sensors meet, by the shared world's BVH.
+// WorldQueries: answers the scene's questions about pointers, avatars and pick sensors from the shared world's BVH.
 //
-// Made for Scene::setSpaceQueries(). The world is brought up to date before each answer; one that follows no longer
-// meets nothing, and says so once. Pointers meet what a picture shows (LightTracer::pick()); all else goes by geometry.
-// Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2, 38.
+// It is made for Scene::setSpaceQueries(). The world is brought up to date before each answer; if it no longer follows
+// the scene, all answers are empty, which is reported once. Pointers meet what a picture shows (LightTracer::pick());
+// all other queries use the geometry. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2, 38.
 
 // Example:
 //     #include <rtsg/core/device_input.h>
@@ -38,10 +38,11 @@ enum class Surfaces : std::uint8_t;
 
 class WorldQueries final : public SpaceQueries {
   public:
-    /// The world must outlive this. `resources`: what urls of textures may open; one is read when a pointer meets it.
+    /// The world must outlive this. `resources` says what urls of textures may open; a texture is read when a pointer
+    /// meets it.
     explicit WorldQueries(SharedWorld& world, Resources resources = {});
-    /// Of a world that `make` makes at the first question: a scene in which nobody points, and that has no Collision
-    /// and no pick sensor, is not tessellated for this.
+    /// Calls `make` for a world at the first question, so that a scene without pointers, Collisions and pick sensors is
+    /// not tessellated for this.
     explicit WorldQueries(std::function<SharedWorld&()> make, Resources resources = {});
     ~WorldQueries() override;
     WorldQueries(const WorldQueries&) = delete;
@@ -52,7 +53,7 @@ class WorldQueries final : public SpaceQueries {
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<ShapeBox> boxes() override;
-    /// Triangles as they stand in the world, in double precision; a level of detail is the one that was seen last.
+    /// Uses triangles in world space, in double precision; a level of detail is the one that was last seen.
     std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override;
     std::vector<Vec3d> corners(const Node& geometry) override;
 

@@ -1,7 +1,8 @@
-// Lets the Script nodes of a scene run: registers the language that they are written in, ECMAScript.
+// Makes the Script nodes of a scene run: registers their language, ECMAScript.
 //
-// Without it Scripts rest, and each says so. How they run, and within which limits: script.h. In builds without scripts
-// (RTSG_SCRIPTS=OFF) there is no language. Threading: the scene's thread. Source: ISO/IEC 19777-1 V3.3.
+// Without it Scripts do not run, and a warning for each says so. script.h describes how they run, and their limits. In
+// builds without scripts (RTSG_SCRIPTS=OFF) there is no language. Threading: the scene's thread. Source: ISO/IEC
+// 19777-1 V3.3.
 #pragma once
 
 #include <memory>
@@ -14,7 +15,7 @@ namespace rtsg {
 /// ECMAScript and the scene access of 19777-1; null in builds without scripts.
 std::shared_ptr<const ScriptLanguage> ecmaScript();
 
-/// Before the first frame.
+/// Call it before the first frame.
 inline void runScripts(Scene& scene) {
     scene.setScripts(ecmaScript());
 }

@@ -1,4 +1,4 @@
-// EncodedRecord: a record that this process has encoded or received once. All who send, keep or log it share it.
+// EncodedRecord: a record that this process has encoded or received once; senders, histories and logs share it.
 //
 // Invariant: a SharedRecord never changes.
 // Threading: none of its own; any thread may read shared records.

@@ -70,14 +70,16 @@ struct LogOptions {
     /// keyframe of the new file.
     std::uint64_t rotateBytes = 0;
     double rotateSeconds = 0;
-    /// Renamed files that have nothing of the last so many seconds are deleted; 0 keeps all.
+    /// Renamed files whose states are all older than this, in seconds of scene time, are deleted; 0 keeps all.
     double keepSeconds = 0;
-    /// When a new file is begun, the oldest renamed ones are deleted until all of the log, with the new file as large
-    /// as the one before, takes at most so many bytes; 0: any number. The newest is never deleted.
+    /// When a new file is begun, the oldest renamed ones are deleted until the whole log takes at most this many bytes,
+    /// where the new file is counted with the size of the last one; 0 means no limit. The newest renamed file is never
+    /// deleted.
     std::uint64_t keepBytes = 0;
-    /// The same until this share of the file system, and as much as the one before takes, is free; 0: whatever is.
+    /// The same until this share of the file system is free, and also as many bytes as the last file has; 0 means no
+    /// limit.
     double keepFree = 0;
-    /// When the data must be on the medium and not only with the operating system. Each time costs milliseconds.
+    /// When the data must be on the medium, and not only with the operating system. Each flush takes milliseconds.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
     /// What happens to an existing file of this name, and to its pieces if the new log rotates. A file that is replaced
     /// is not truncated, so its readers can finish.
@@ -205,9 +207,9 @@ struct LogDamage {
 
 class LogReader {
   public:
-    /// `file` may be a folder of the pieces of one log, or several files by commas ("a.0001.rlog,a.rlog"): they are
-    /// read one after the other (filesOfLog()). Errors: there is no such file, or it has not one intact record. Records
-    /// with a payload longer than `maxPayload` bytes count as damaged.
+    /// `file` may be a folder with the pieces of one log, or several files with commas between them
+    /// ("a.0001.rlog,a.rlog"), which are read one after the other (filesOfLog()). Errors: there is no such file, or it
+    /// has no intact record. Records with a payload of more than `maxPayload` bytes count as damaged.
     static Result<LogReader> open(const std::filesystem::path& file, std::uint64_t maxPayload = kMaxPayload);
     LogReader(LogReader&& other) noexcept;
     LogReader& operator=(LogReader&& other) noexcept;
@@ -272,11 +274,10 @@ class LogReader {
 bool isBeingWritten(const std::filesystem::path& file);
 
 /// The files that a name stands for, in order: those of a folder, which must be the pieces of one log (NAME.0001.rlog
-/// and so on, then NAME.rlog); those with commas between them, if there is no such file; or the one file. Error: no
-/// log, or those of several, in the folder.
+/// and so on, then NAME.rlog); or those separated by commas, if no file has that name; or the one file. Error: the
+/// folder has no log, or several.
 Result<std::vector<std::filesystem::path>> filesOfLog(const std::filesystem::path& name);
-/// What the files of a name tell that is missing between them, a sentence for each gap. Reads only where they begin and
-/// end.
+/// The gaps between the files of a name, one sentence for each gap. It reads only the beginning and end of each file.
 std::vector<std::string> gapsBetweenFiles(const std::filesystem::path& name);
 /// The earlier files of a log in pieces, in order: those that have its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);

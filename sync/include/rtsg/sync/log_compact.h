@@ -25,13 +25,13 @@ struct CompactOptions {
     std::uint64_t every = 1;
     /// Merges frames that are less than this apart in scene time, in seconds.
     double interval = 0;
-    /// Whose changes stay, and whose do not: "DOOR.rotation", "DOOR.*", "*.rotation", "#12.translation"; empty: all
-    /// stay. A field that is left out stays as it was in the first state, or when its node came. Nodes, their names,
-    /// routes and lists of nodes always stay.
+    /// The fields whose changes are kept or left out: "DOOR.rotation", "DOOR.*", "*.rotation", "#12.translation";
+    /// empty: all are kept. A field that is left out keeps the value of the first state, or of the state in which its
+    /// node came. Nodes, their names, routes and lists of nodes are always kept.
     std::vector<std::string> only{}, without{};
     LogOptions log;  // for the new log
-    /// Called now and then with the bytes read and their total. If it returns false, compaction stops and nothing is
-    /// written.
+    /// Called from time to time with the bytes read and their total. If it returns false, compaction stops and nothing
+    /// is written.
     std::function<bool(std::uint64_t, std::uint64_t)> progress{};
 };
 

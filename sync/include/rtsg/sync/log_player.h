@@ -43,15 +43,15 @@ class LogPlayer {
     /// Precondition: 0 < rate <= 1000.
     void setRate(double rate) { rate_ = rate; }
     void setLoop(bool on) { loop_ = on; }
-    /// Steps to the states that are due after so many seconds of the player's own time. Works for at most a quarter of
-    /// a second a call; the player's clock then waits. Errors: as Replayer::step(); after one, play goes on at the next
-    /// keyframe.
+    /// Steps to the states that are due after so many seconds of the player's own time. A call works for at most a
+    /// quarter of a second; the player's clock then waits. Errors: as for Replayer::step(); after an error, play
+    /// continues at the next keyframe.
     Result<> advance(double seconds);
     /// Seconds of the player's own time until advance() has something to do; infinite if it is paused, or at its end.
     double dueIn();
     /// Goes to the last state that is not after `time`, which is from 0 to length().
     Result<> seek(double time);
-    /// Pauses, and goes on by `states` states.
+    /// Pauses, and steps forward by `states` states.
     Result<> step(std::uint64_t states);
 
     /// Carries out "pause", "play", "step [N]", "rate R", "seek T", "loop on", "loop off" or "status". Returns

@@ -28,8 +28,9 @@ class LogRecorder {
         merge,  // frames are merged into one; the scene never waits
         wait,   // the scene's thread waits as long as needed; the log has every state
     };
-    /// The scene must outlive this, or stop() must be called before it goes. Errors: as LogWriter's; Mode::input, which
-    /// needs the running scene itself. With `wait`, start() returns once the first state is in the file.
+    /// The scene must outlive this, or stop() must be called before the scene ends. Errors: as for LogWriter;
+    /// Mode::input, which needs the running scene itself. With `wait`, start() returns once the first state is in the
+    /// file.
     static Result<std::unique_ptr<LogRecorder>> start(Scene& scene, const std::filesystem::path& file,
                                                       LogOptions options = {},
                                                       WhenBehind whenBehind = WhenBehind::merge);

@@ -1,4 +1,4 @@
-// LogSummary: what a log holds, how much of it, over which time, and what is damaged.
+// LogSummary: the content of a log: its size, its times, its nodes, and its damage.
 //
 // It reads every record once and applies only the last state, so it takes the memory of one scene for a log of any
 // length.
@@ -25,7 +25,7 @@ struct LogSummary {
     std::uint64_t damaged = 0, damagedBytes = 0;
     std::uint64_t gaps = 0, missingFrames = 0;  // times that frames are missing, and how many frames
     std::uint64_t framesBehind = 0;             // Replayer::framesBehind(): pieces are in the wrong order
-    bool closed = false;                        // it ends with its index, so its writer came to its end
+    bool closed = false;                        // it ends with its index, so its writer closed it
     bool goesOn = false;                        // it is a piece that has a later piece
     bool beingWritten = false;
     std::string creator, mode, coding;
@@ -35,7 +35,7 @@ struct LogSummary {
 
 /// True if the file begins as a log does. False for files of writeSceneFile(), though they consist of the same records.
 bool isLog(const std::filesystem::path& file);
-/// Errors: there is no such file, or it has not one intact record. Damage is not an error.
+/// Errors: there is no such file, or it has no intact record. Damage is not an error.
 Result<LogSummary> summariseLog(const std::filesystem::path& file);
 
 }  // namespace rtsg

@@ -1,7 +1,7 @@
-// LogTable: fields over the states of a log, column by column, and as CSV.
+// LogTable: the values of fields over the states of a log, as columns and as CSV.
 //
-// Invariant: all columns have a row for each state that was noted; a row without a value is of a state in which the
-// node was not there. Work per state grows with what changed in it, and with the columns. Threading: the scene's.
+// Invariant: each column has one row for each state that was added; a row is empty if the node did not exist in that
+// state. The work for a state grows with its changes and with the columns. Threading: the scene's thread.
 
 // Example:
 //     #include <rtsg/sync/log_table.h>
@@ -37,28 +37,29 @@ class LogTable final : public Subscriber {
         std::vector<std::optional<Value>> rows;
         std::optional<Value> now;
     };
-    /// "DOOR.rotation", "DOOR.*", "*.rotation", "#12.translation"; a * stands for any letters. Errors: a pattern that
-    /// is no NODE.field.
+    /// `patterns` are "DOOR.rotation", "DOOR.*", "*.rotation" or "#12.translation"; a * stands for any letters. Errors:
+    /// a pattern that is no NODE.field.
     static Result<LogTable> make(const std::vector<std::string>& patterns);
     LogTable(LogTable&&) noexcept;
     LogTable& operator=(LogTable&&) noexcept;
     ~LogTable() override;
 
-    /// To be attached to the bus of a scene that is replayed, or that runs.
+    /// Attach it to the bus of a scene that is replayed, or that runs.
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "table"; }
-    /// The state that the scene is in becomes a row.
+    /// Adds the scene's present state as a row.
     void addRow(double time);
 
-    /// Seconds, a row each.
+    /// The time of each row, in seconds.
     const std::vector<double>& times() const { return times_; }
-    /// In the order of the patterns, then of node numbers and fields.
+    /// The columns in the order of the patterns, then by node number and field.
     std::vector<const Column*> columns() const;
-    /// The first pattern that has matched no field; empty: there is none.
+    /// The first pattern that has matched no field; empty if all have matched.
     std::string matchedNothing() const;
-    /// A line of names, then a line a row (RFC 4180): "time", then one number a column ("DOOR.rotation.x" ...
-    /// ".angle"). Numbers are the shortest text that reads back as the same, booleans true and false; texts stand in
-    /// quotes, lists as ClassicVRML has them, nodes as numbers, and what there is not is empty.
+    /// Writes a line of names, then a line for each row (RFC 4180): "time", then one number in each column
+    /// ("DOOR.rotation.x" ... ".angle"). Numbers are the shortest text that reads back as the same number, booleans are
+    /// true and false, texts stand in quotes, lists are in ClassicVRML, nodes are numbers, and missing values are
+    /// empty.
     void writeCsv(const std::function<void(std::string_view)>& sink) const;
 
   private:
@@ -75,21 +76,22 @@ class LogTable final : public Subscriber {
     std::unordered_map<std::uint64_t, std::size_t> byField_;  // by node and field, to columns_
 };
 
-/// What the numbers of a value are called: x, y, z, angle of SFRotation; empty of a single one, and of lists.
+/// The names of the components of a value: x, y, z, angle for SFRotation; none for single numbers and for lists.
 std::vector<std::string> componentNames(FieldType type);
 
-/// Seconds since a log's start: of a scene whose time is that since 1970 to a microsecond, which is what it can tell.
+/// Seconds since a log's start. If scene times count from 1970, the result is rounded to a microsecond, the precision
+/// that such times have.
 double sinceStart(double time, double start);
 
 struct TableOptions {
-    /// Of the states, seconds since the log's start, to a microsecond.
+    /// The range of states, in seconds since the log's start, to a microsecond.
     double from = 0, to = std::numeric_limits<double>::infinity();
-    std::uint64_t every = 1;  // state of these
-    /// Told bytes read and all there are; false ends it with an error.
+    std::uint64_t every = 1;  // uses only every Nth state
+    /// Called with the bytes read and their total; if it returns false, reading ends with an error.
     std::function<bool(std::uint64_t, std::uint64_t)> progress{};
 };
-/// Times count from the log's start. Errors: the log cannot be read; a pattern that no state has a field for;
-/// cancelled. `lacks`: where the log first was not whole, if it was not.
+/// Times count from the log's start. Errors: the log cannot be read; a pattern matches no field in any state;
+/// cancelled. `lacks` gets the first place where the log is incomplete, if there is one.
 Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<std::string>& patterns,
                            const TableOptions& options = {}, std::optional<Divergence>* lacks = nullptr);
 

@@ -4,9 +4,8 @@
 //
 // Invariant: a value that changed in one of the last two frames lies on a grid, at most maxError from the origin's
 // value (Euclidean distance for vectors, angle for rotations). It is computed from the origin's value alone, so errors
-// do not add up. Exact are values that have rested for two frames, first changes, and all types that are not made of
-// f32.
-// Threading: the origin scene's thread.
+// do not add up. Values that have rested for two frames are exact, and so are first changes and all types that are not
+// made of f32. Threading: the origin scene's thread.
 #pragma once
 
 #include <cstdint>

@@ -130,8 +130,8 @@ class MirrorClient {
     /// can use it. A RecordLog or a RecordQueue takes steps from here without the replica's bus. Repairs are no steps,
     /// as they lead to no new state. An empty function switches this off.
     void onStep(std::function<void(const RecordStep&)> heard);
-    /// What whoever waits by other means, on whatever thread, waits for until poll() is called again: that one of the
-    /// descriptors is readable, or that so long has passed.
+    /// For callers that wait by other means, on any thread: call poll() when one of the descriptors is readable or when
+    /// `most` has passed.
     struct Waiting {
         std::array<int, 2> descriptors{-1, -1};
         std::chrono::milliseconds most{0};

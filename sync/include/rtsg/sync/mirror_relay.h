@@ -24,7 +24,7 @@ class MirrorRelay {
                                                         MirrorServerOptions to = {});
     ~MirrorRelay();
 
-    /// Passes on what either side has sent, and waits for it up to `timeout`, or until the origin is lost or found.
+    /// Passes on messages of both sides, and waits for them up to `timeout`, or until the origin is lost or found.
     /// Returns the number of sets applied. Error: `endpoint` cannot be served.
     Result<std::size_t> poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
 

@@ -1,8 +1,7 @@
 // MirrorRequest: what a peer asks of the origin. MirrorVerdict: the origin's answer.
 //
-// Invariant: a request is carried out at most once and always answered, even if the connection is cut meanwhile. Who
-// wins when several peers write: docs/many-writers.md.
-// Threading: values.
+// Invariant: a request is carried out at most once and always answered, even if the connection is cut meanwhile.
+// docs/many-writers.md says who wins when several peers write. Threading: values.
 #pragma once
 
 #include <chrono>

@@ -124,13 +124,13 @@ class MirrorServer : public Subscriber {
     /// rests (Scene::restsUntil()). Peers learn the scene's time from frames, so make one now and then, even an empty
     /// one.
     void wait(std::chrono::steady_clock::time_point until);
-    /// The same for callers that wait elsewhere: the descriptor is readable from when there is something to do until
-    /// service().
+    /// The same for callers that wait elsewhere: the descriptor becomes readable when there is something to do, and
+    /// stays so until service().
     int callDescriptor() const;
 
-    /// Sets who answers the commands that peers with the permission for events send to a player (LogPlayer::command()).
-    /// service() calls it, and its text is the reply. Without a controller, peers are told that there is nothing to
-    /// play. With one, edits and events are refused, as the states of a log cannot change.
+    /// Sets the function that answers commands for a player (LogPlayer::command()), which peers with the permission for
+    /// events send. service() calls it, and its text is the reply. Without a controller, peers are told that there is
+    /// nothing to play. With one, edits and events are refused, as the states of a log cannot change.
     using Controller = std::function<std::string(std::string_view)>;
     void onControl(Controller controller);
 

@@ -1,12 +1,11 @@
 // RecordQueue: hands every step of a scene to a reader on another thread, which may be far behind.
 //
-// A polled subscriber gets the frames that it missed merged into one; this reader gets each of them. Writers of files
-// from a live session need that, and may take longer than the session. Records are shared with all who have them. What
-// exceeds the limit of memory waits in a file without a name, which vanishes with the process.
+// A polled subscriber gets the frames that it missed merged into one; this reader gets each of them. Programs that
+// write files from a live session need that, and may take longer than the session. Records are shared with all their
+// other holders. Records beyond the memory limit wait in a file without a name, which vanishes with the process.
 // Invariant: take() hands out what add() put in, in order and unmerged. Waiting records hold at most one record more
 // memory (counted by capacity) than the limit. A full disk ends the queue: add() reports it at once, take() after the
-// last intact set.
-// Threading: add() and close() on one thread, take() on another, the numbers on any.
+// last intact set. Threading: add() and close() on one thread, take() on another, the other functions on any.
 #pragma once
 
 #include <chrono>
@@ -47,7 +46,7 @@ class RecordQueue {
     std::uint64_t waiting() const;  // steps
     /// Scene time between the newest step put in and the last one taken, seconds.
     double secondsBehind() const;
-    /// Bytes that wait in memory now, and the most bytes that ever waited in the file.
+    /// Bytes of the records that wait in memory, and the most bytes that ever waited in the file.
     std::uint64_t inMemory() const;
     std::uint64_t mostOnDisk() const;
     /// Number of frames that came without a record.

@@ -107,7 +107,7 @@ class Replayer {
     std::optional<LaterPiece> laterPiece();
     const LogReader& log() const { return log_; }
     const StreamHead& head() const { return head_; }
-    /// What this program does not know of the log, and left out of the scene.
+    /// The parts of the log that this program does not know, which it left out of the scene.
     const DecoderLosses& losses() const { return decoder_.losses(); }
     const std::vector<LogKeyframe>& keyframes() { return log_.keyframes(); }
 

@@ -45,7 +45,7 @@ struct ResumedSession {
 struct ResumeOptions {
     /// Bounds of `before`: the most changes and the most sets.
     std::size_t mostChanges = std::size_t{1} << 20, mostSets = 4096;
-    std::function<void(std::uint64_t, std::uint64_t)> progress;  // bytes read, and all there are
+    std::function<void(std::uint64_t, std::uint64_t)> progress;  // called with the bytes read and their total
 };
 
 /// Precondition: `scene` is empty, as constructed. Errors: nothing intact in the log; the last state does not have the

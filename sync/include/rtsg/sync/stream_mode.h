@@ -1,4 +1,4 @@
-// StreamMode: says what a stream of a mirror or log carries, and how densely. The head states it (PROTOCOL.md, "Head").
+// StreamMode: the content of a stream of a mirror or log, and its coding. The head states it (PROTOCOL.md, "Head").
 //
 //   state  results of the cascade, bit for bit: the default
 //   input  document, clock and outside events; the follower runs the same cascade

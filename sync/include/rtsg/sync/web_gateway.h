@@ -1,11 +1,11 @@
 // WebGateway: serves the page of sync/js/page by HTTP, and connects each browser that shows it to a mirror server.
 //
-// Invariant: it passes messages on without reading them. What comes by a WebSocket goes to the server as a client's
-// messages, and back (PROTOCOL.md, "Browsers"), so credit, merging, requests and limits are those of any mirror. Files
-// are those of the page's folder, and pictures and sounds that nodes of the scene name. Beyond loopback it asks for a
-// token; on loopback it refuses pages of other origins. start() loads HTTP and WebSocket (Boost.Beast) as the module
-// librtsg_web.so.
-// Threading: a thread of its own; service() on the scene's, all other functions on any.
+// Invariant: it passes messages on without reading them. Messages from a WebSocket go to the server as those of a
+// client, and the server's messages go back (PROTOCOL.md, "Browsers"), so credit, merging, requests and limits are
+// those of any mirror. It serves the files of the page's folder, and pictures and sounds that nodes of the scene name.
+// Beyond loopback it asks for a token; on loopback it refuses pages of other origins. start() loads HTTP and WebSocket
+// (Boost.Beast) as the module librtsg_web.so. Threading: a thread of its own; service() on the scene's thread, all
+// other functions on any.
 
 // Example:
 //     #include <rtsg/sync/mirror_server.h>
@@ -89,8 +89,8 @@ class WebGateway {
     /// thread. Without it the page has no textures and no sound.
     void service(const Scene& scene, const Resources& resources);
 
-    /// What was refused since the last call, at most a hundred sentences. They leave out the token, which readers of
-    /// logs must not learn.
+    /// The refusals since the last call, at most a hundred sentences. They leave out the token, which readers of logs
+    /// must not learn.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:

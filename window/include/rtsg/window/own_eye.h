@@ -1,9 +1,9 @@
-// OwnEye: a viewer of one's own in a scene that is not to be touched: a replica, or a log that is played.
+// OwnEye: the viewer's own eye in a scene that must not be changed: a replica, or a log that is played.
 //
-// A small scene beside the other one holds its viewpoint, so that the same keys, wheels and drags move it as they move
-// the viewer of a scene that runs here (rtsg/core/navigation.h), with the other scene's walls and ground. Until
-// somebody has moved it there is none, and the bound viewpoint counts; HOME goes back to that. Threading: the scene's
-// thread. Source: ISO/IEC 19775-1 V4.0 23.4.4.
+// A small separate scene holds its viewpoint, so that keys, wheels and drags move it in the same way as in a scene that
+// runs here (rtsg/core/navigation.h), with the other scene's walls and ground. Until somebody has moved it, there is no
+// own eye, and the bound viewpoint is used; HOME returns to that. Threading: the scene's thread. Source: ISO/IEC
+// 19775-1 V4.0 23.4.4.
 #pragma once
 
 #include <memory>
@@ -18,24 +18,25 @@ namespace rtsg {
 
 class OwnEye {
   public:
-    /// `world`: of the other scene, which must outlive this; or of `own`, which keeps before this eye what a
-    /// ProximitySensor keeps before the other scene's viewer.
+    /// `world` shows the other scene, which must outlive this; or it shows `own`, which moves HUDs (see own_scene.h) to
+    /// this eye.
     explicit OwnEye(SharedWorld& world, OwnScene* own = nullptr);
     ~OwnEye();
 
-    /// What a device did, as an event for a field of a scene's root (key, wheel or pointer); others do nothing.
+    /// Takes an input of a device, as an event for a field of a scene's root (key, wheel or pointer); it ignores
+    /// others.
     void take(FieldIndex field, const Value& value);
-    /// Goes to a viewpoint of the other scene. Error: it is none, or no longer there.
+    /// Goes to a viewpoint of the other scene. Error: the node is no viewpoint, or no longer exists.
     Result<> goTo(NodeId viewpoint);
-    /// `seconds`: of a clock that goes on. Moves what is in motion.
+    /// Moves the eye if it is in motion. `seconds` is the time of a running clock.
     void advance(double seconds);
-    /// Something moves it.
+    /// Whether it is in motion.
     bool isMoving() const;
-    /// Null until it has been moved. `aspect`: width / height.
+    /// Null until it has been moved. `aspect` is width / height.
     std::optional<Camera> camera(double aspect) const;
-    /// A place in the picture as the ray through it, for scenes that do not know this eye; that of another layer's own
-    /// viewpoint where such a layer is in front, and one to where a thing is there that is kept before this eye; each
-    /// until the buttons that were pressed there are let go.
+    /// Replaces a place in the picture by the ray through it, for scenes that do not know this eye. Where another layer
+    /// is in front, it is the ray of that layer's viewpoint; where a HUD is in front, it is a ray that meets the HUD in
+    /// the other scene. The choice stays until the buttons that were pressed there are released.
     PointerInput throughPicture(const PointerInput& input);
 
   private:

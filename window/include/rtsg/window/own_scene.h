@@ -1,9 +1,9 @@
-// OwnScene: a scene that is not to be touched, as somebody with an eye of their own sees it.
+// OwnScene: a copy of a scene that must not be changed, with its HUD moved to the viewer's own eye.
 //
-// What a ProximitySensor keeps before the viewer of that scene (a HUD) is kept before one's own eye: Transforms whose
-// translation or rotation has a ROUTE from position_changed or orientation_changed. Everything else is as it is there;
-// without an eye of one's own, all is. Invariant: `theirs` stays untouched, and node numbers are the same in both.
-// Takes the scene's memory again. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 22.4.1.
+// A HUD is a Transform whose translation or rotation has a ROUTE from position_changed or orientation_changed of a
+// ProximitySensor: it stays before the viewer of that scene. Here it stays before the own eye. Everything else is as in
+// that scene; without an own eye, HUDs are, too. Invariant: `theirs` stays unchanged, and node numbers are the same in
+// both. It takes the scene's memory again. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 22.4.1.
 #pragma once
 
 #include <map>
@@ -21,20 +21,20 @@ namespace rtsg {
 
 class OwnScene : public Subscriber {
   public:
-    /// Whether anything is so kept there; if not, a world of the scene itself shows the same.
+    /// Whether the scene has a HUD; if not, a world of the scene itself shows the same.
     static bool isNeeded(const Scene& theirs);
 
     /// `theirs` must outlive this.
     explicit OwnScene(Scene& theirs);
     ~OwnScene() override;
 
-    /// The scene to show. It runs nothing by itself, and is not to be edited.
+    /// The scene to show. It runs nothing by itself, and must not be edited.
     Scene& scene() { return shown_; }
-    /// Keeps before this eye what is kept; none: where it is there. Errors: those of Scene::apply().
+    /// Moves HUDs to this eye; without an eye they are where they are in `theirs`. Errors: those of Scene::apply().
     Result<> place(const std::optional<ViewerPose>& eye);
-    /// Of the nodes on a path from the root: the one that is kept elsewhere than there. Null: there is none.
+    /// The first HUD on a path from the root that is moved. Nothing if there is none.
     std::optional<NodeId> keptOn(std::span<const NodeId> path) const;
-    /// The ray that meets things below such a node there as `ray` meets them here.
+    /// The ray that meets things below the HUD `kept` in `theirs` as `ray` meets them here.
     PointerInput asThere(const PointerInput& ray, NodeId kept) const;
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
@@ -44,7 +44,7 @@ class OwnScene : public Subscriber {
     using Place = std::pair<std::uint32_t, FieldIndex>;
     struct Kept {
         NodeId sensor;
-        Place position, orientation;  // of the Transform; the field of one that is not kept is kNoField
+        Place position, orientation;  // of the Transform; kNoField for a field without such a ROUTE
     };
     Result<> show(ChangeSet set);
     void find();
@@ -52,13 +52,13 @@ class OwnScene : public Subscriber {
 
     Scene& theirs_;
     Scene shown_;
-    bool stale_ = true;            // other routes may keep things
-    std::vector<Kept> kept_;       // by the routes there are
-    std::map<Place, Value> ours_;  // fields that show another value than theirs
+    bool stale_ = true;            // routes have changed, so `kept_` must be found again
+    std::vector<Kept> kept_;       // as the present routes say
+    std::map<Place, Value> ours_;  // fields with another value than in `theirs`
     Attachment attachment_;
 };
 
-/// What takes the coordinates around a node, by its first place in the hierarchy, to the world's.
+/// The transform from the coordinates around a node, at its first place in the hierarchy, to the world's.
 glm::dmat4 worldAroundNode(const Scene& scene, NodeId node);
 
 }  // namespace rtsg

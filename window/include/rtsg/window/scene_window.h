@@ -1,11 +1,11 @@
-// SceneWindow: a window onto a world. Whoever looks into it walks, points, types and clicks in the scene.
+// SceneWindow: a window onto a world, in which people walk, point, type and click.
 //
-// The application runs its scene on its own thread, as ever, and calls turn() in between: it shows the newest picture,
-// and sends what people do as device input (rtsg/core/device_input.h), so that sensors and navigation answer it, and
-// logs and mirrors have it. Pictures are made beside it (LivePicture). Keys of its own: Escape closes, F1 shows
-// figures, nodes and, of a log, a time line over the picture, F11 fills the screen, Ctrl+S writes a picture, Ctrl+L a
-// log, Ctrl+F a film, Ctrl+Space pauses, Ctrl+LEFT and Ctrl+RIGHT skip. Threading: the scene's thread, which should be
-// the program's first.
+// The application runs its scene on its own thread and calls turn() between frames. turn() shows the newest picture and
+// sends user input as device input (rtsg/core/device_input.h), so that sensors and navigation react, and logs and
+// mirrors have it. LivePicture makes the pictures. The window handles these keys: Escape closes; F1 shows an overlay
+// with statistics, nodes and, for a log, a time line; F11 switches to full screen; Ctrl+S writes a picture, Ctrl+L a
+// log, Ctrl+F a film; Ctrl+Space pauses; Ctrl+LEFT and Ctrl+RIGHT skip. Threading: the scene's thread, which should be
+// the program's main thread.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -33,46 +33,46 @@
 
 namespace rtsg {
 
-/// A place on the time line that is worth a look.
+/// A mark on the time line.
 struct SceneWindowMark {
     double time = 0;  // seconds
     std::string text;
     bool isDamage = false;
 };
 
-/// What can be gone through in time.
+/// The time line of a log or another source that can be played.
 struct SceneWindowTimeline {
     double time = 0, length = 0, rate = 1;  // seconds, seconds, seconds a second
     std::vector<SceneWindowMark> marks;     // in no order
-    std::uint64_t marksVersion = 0;         // another one: other marks
+    std::uint64_t marksVersion = 0;         // changes whenever the marks change
 };
 
-/// What the application knows beside the scene, for the overlay.
+/// Data of the application for the overlay.
 struct SceneWindowStatus {
     struct Line {
         std::string name, value;
-        bool isWrong = false;        // it is told in a warning colour
-        std::optional<double> time;  // a place on the time line to go to, seconds
+        bool isWrong = false;        // shown in a warning colour
+        std::optional<double> time;  // a time on the time line to jump to, in seconds
     };
     std::vector<Line> lines;
-    std::optional<SceneWindowTimeline> timeline;  // of what can be gone through; else none
-    /// Who changed the field that SceneWindowRequest::Kind::history asked for; `tellsHistory`: such requests are
-    /// answered.
+    std::optional<SceneWindowTimeline> timeline;  // if there is a time line
+    /// The changes of the field that SceneWindowRequest::Kind::history asked for. `tellsHistory` says whether such
+    /// requests are answered.
     std::vector<Line> history;
     bool tellsHistory = false;
 };
 
-/// What somebody has asked of the application.
+/// A user's request to the application.
 struct SceneWindowRequest {
     enum class Kind : std::uint8_t {
-        pause,    // on: time stops, or goes on
+        pause,    // on: time stops; off: it continues
         skip,     // number: seconds, back if negative
-        seek,     // number: to that place on the time line, seconds
+        seek,     // number: a time on the time line, seconds
         step,     // number: states, back if negative
         rate,     // number: seconds a second
-        history,  // node, field: who has changed it; no field: it is asked no longer
-        log,      // a log is to be begun, or to end
-        film,     // the same of a film
+        history,  // node, field: who has changed the field; an empty field ends the request
+        log,      // a log is to begin, or to end
+        film,     // the same for a film
     };
     Kind kind = Kind::pause;
     double number = 0;
@@ -84,16 +84,18 @@ struct SceneWindowRequest {
 struct SceneWindowOptions {
     std::string title = "rtsg";
     bool fullscreen = false;
-    /// Its settings' size is the window's at first. `wake` is the window's own.
+    /// The size in its settings is the window's first size. The window sets `wake` itself.
     LivePictureOptions picture;
-    /// Sends an event to a field of the scene's root; none: Scene::sendEvent(). For replicas, whose origin is to have
-    /// it. Errors are told once each.
+    /// Sends an event to a field of the scene's root; if empty, Scene::sendEvent() is used. Replicas need it, to send
+    /// the event to their origin. Each error is shown once.
     std::function<Result<>(FieldIndex, Value)> send;
-    /// Looks from a viewpoint that was chosen in the overlay; none: binds it. Errors are told once each.
+    /// Moves the view to a viewpoint that was chosen in the overlay; if empty, the viewpoint is bound. Each error is
+    /// shown once.
     std::function<Result<>(NodeId viewpoint)> look;
-    /// Sets a field of a node, as the overlay's tree does to hide one; none: Scene::sendEvent(). Errors as above.
+    /// Sets a field of a node, which the overlay's tree does to hide nodes; if empty, Scene::sendEvent() is used.
+    /// Errors as above.
     std::function<Result<>(NodeId, FieldIndex, Value)> change;
-    bool overlay = false;  // it is shown from the start
+    bool overlay = false;  // whether it is shown from the start
     /// Where Ctrl+S writes pictures: "NAME-%d.png" with numbers from 1.
     std::string screenshots = "rtsg-%d.png";
 };
@@ -102,50 +104,50 @@ struct SceneWindowStatistics {
     std::uint64_t presented = 0;    // pictures
     std::uint64_t events = 0;       // sent to the scene
     std::vector<double> intervals;  // seconds between pictures while something changed, the last thousand
-    std::uint64_t sequence = 0;     // the state that is seen
-    bool whole = false;             // with all pixels
-    int samples = 0;                // a pixel
+    std::uint64_t sequence = 0;     // the state that is shown
+    bool whole = false;             // the picture has all pixels
+    int samples = 0;                // for each pixel
     LivePictureStatistics pictures;
 };
 
 class SceneWindow {
   public:
-    /// `world`: of the scene, whose present state is shown first; must outlive this. Errors: no window can be had, and
-    /// why; those of LivePicture.
+    /// `world` shows the scene, whose present state is shown first; it must outlive this. Errors: the window cannot be
+    /// opened; those of LivePicture.
     static Result<std::unique_ptr<SceneWindow>> open(SharedWorld& world, SceneWindowOptions options);
     ~SceneWindow();
 
-    /// Shows the scene's present state, sends what people have done since, and waits for at most so long for more.
-    /// False: the window has been closed, or failure() says what went wrong.
+    /// Shows the scene's present state, sends the user's input, and waits for more input for at most `atMost`. Returns
+    /// false if the window was closed or failed; see failure().
     bool turn(std::chrono::milliseconds atMost);
     std::string failure() const;
-    /// From any thread: turn() returns.
+    /// Makes turn() return; may be called on any thread.
     void wake();
-    /// Whether the scene's time is stopped; the application should run no frame then. setPaused() is for one whose time
-    /// cannot be stopped, or has been by other means.
+    /// Whether the user has stopped the scene's time; the application should then run no frames. setPaused() is for
+    /// applications that cannot stop time, or have stopped it by other means.
     bool isPaused() const;
     void setPaused(bool on);
-    /// What people have asked for since the last call, in order.
+    /// The user's requests since the last call, in order.
     std::vector<SceneWindowRequest> takeRequests();
-    /// For the overlay: to be called when something of it has changed, at most ten times a second.
+    /// Sets the data of the overlay. Call it when the data have changed, at most ten times a second.
     void setStatus(SceneWindowStatus status);
     bool showsOverlay() const;
-    /// Marks a place of the world in the picture, in front of all else: the hand of a touch, which is warm where it
-    /// touches. Null: none.
+    /// Marks a place of the world in the picture, in front of everything: the hand of a haptic device, in a warm colour
+    /// while it touches. Null: no mark.
     void showProbe(const std::optional<Vec3d>& place, bool touches);
-    /// The newest picture that is shown; null: there is none yet.
+    /// The newest picture that is shown; null if there is none yet.
     std::shared_ptr<const LivePictureShown> shown() const;
     /// Width and height, pixels.
     std::pair<int, int> size() const;
     /// Files that were dropped on the window since the last call.
     std::vector<std::string> takeDropped();
-    /// Seen from there, not from the bound viewpoint.
+    /// Sets an eye that replaces the camera of the bound viewpoint.
     void lookFrom(const std::optional<Camera>& eye);
     void setTitle(const std::string& title);
-    /// The whole picture of the present state, in the window's size, as `rtsg render` makes it; blocks. Errors: those
-    /// of the picture, and of its file.
+    /// Writes a full picture of the present state, in the window's size, as `rtsg render` would make it; blocks.
+    /// Errors: those of the picture and of its file.
     Result<> writePicture(const std::string& file);
-    /// The newest picture is as good as it will be, and is shown.
+    /// Whether the newest picture has its full quality and is shown.
     bool isSettled() const;
     SceneWindowStatistics statistics() const;
     Diagnostics takeDiagnostics();
