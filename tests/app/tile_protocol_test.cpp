@@ -146,7 +146,10 @@ TEST_F(TileProtocol, NothingIsAskedForWhileNothingChanges) {
         one.have(5, 6);
         expectWhole(one, 5);
         one.have(8, 6);
-        expectWhole(one, 8);
+        EXPECT_EQ(one.told(), "draw 8 0 0 3 1");
+        EXPECT_EQ(one.told(), "draw 8 1 0 3 1") << "it owes nothing any longer";
+        for (const int column : {0, 1, 2}) one.draw(8, column);
+        EXPECT_EQ(one.told(), "draw 8 2 0 3 1");
         one.have(12, 6);
         one.have(20, 8);
         EXPECT_TRUE(one.hearsNothing()) << "picture 8 shows it";
