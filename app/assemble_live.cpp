@@ -24,7 +24,7 @@ namespace {
 
 using Clock = TileAssembler::Clock;
 
-constexpr double kPatience = 10, kGone = 1;         // seconds without a mirror: at first, and once there were some
+constexpr double kPatience = 10, kGone = 1;              // seconds without a mirror: at first, and once there were some
 constexpr std::chrono::milliseconds kLongestWait{2000};  // a signal may come just before a wait, and is seen after it
 
 double since(Clock::time_point start) {
