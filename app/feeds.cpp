@@ -2,6 +2,7 @@
 #include "feeds.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 
 #include <fmt/format.h>
@@ -17,6 +18,12 @@ namespace {
 
 bool isOfUser(const std::string& source) {
     return !source.contains("://");
+}
+
+/// Both names lead to one file that is no pipe or device.
+bool isSameFile(const std::string& one, const std::string& other) {
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(one, ignored) && std::filesystem::equivalent(one, other, ignored);
 }
 
 }  // namespace
@@ -48,6 +55,9 @@ void FeedArguments::check(const std::string& scene, bool timed) const {
         throw UsageError("--publish", "needs --fields, which say what: DEF.field or DEF.*, by commas");
     if (std::ranges::count(feeds, "-") + (scene == "-" ? 1 : 0) > 1)
         throw UsageError("--feed", "there is one standard input");
+    for (const std::string& target : targets)
+        for (const std::string& feed : feeds)
+            if (isSameFile(target, feed)) throw UsageError("--publish", target + " is what --feed reads");
     for (const std::string& feed : feeds)
         if (timed && !isOfUser(feed))
             throw UsageError("--feed",
@@ -134,6 +144,7 @@ void Feeds::end() {
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
         if (feed->hasLeft()) say(feed->source() + ": note: its lines go on after the end");
+        if (counts.broken && isOfUser(feed->source())) noteLeftOut();
         if (counts.faulty + counts.flooded == 0) continue;
         say(fmt::format("{}: {} of {} lines made no sense or were refused, {} left out", feed->source(), counts.faulty,
                         counts.lines, counts.flooded),
