@@ -16,6 +16,7 @@
 #include "cli.h"
 #include "files.h"
 #include "output_arguments.h"
+#include "say.h"
 #include "tile_assembler.h"
 
 namespace rtsg::app {
@@ -82,9 +83,9 @@ class LiveAssembling {
     }
     /// Pictures may be on standard output.
     void tell(const std::string& line) const {
-        std::FILE* to = options_.out == "-" ? stderr : stdout;
-        fmt::print(to, "{}\n", line);
-        std::fflush(to);
+        if (options_.out == "-") return tellError("{}\n", line);
+        fmt::print("{}\n", line);
+        std::fflush(stdout);
     }
     Result<> add(const TileAssembler::Joined& joined) {
         if (states_.empty()) first_ = Clock::now();

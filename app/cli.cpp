@@ -138,14 +138,14 @@ Progress progressBar(std::string label) {
         const auto now = Clock::now();
         const double elapsed = std::chrono::duration<double>(now - state->start).count();
         const bool last = total != 0 && done >= total;
-        if (last && std::exchange(state->visible, false)) fmt::print(stderr, "\r\033[K");
+        if (last && std::exchange(state->visible, false)) tellError("\r\033[K");
         if (last || elapsed < 1 || total == 0 || now - state->shown < std::chrono::milliseconds(100)) return;
         state->shown = now;
         state->visible = true;
         const double part = static_cast<double>(done) / static_cast<double>(total);
         const auto width = static_cast<int>(part * 30);
-        fmt::print(stderr, "\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "",
-                   30 - width, part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
+        tellError("\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "", 30 - width,
+                  part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
         std::fflush(stderr);
     };
 }

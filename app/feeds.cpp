@@ -2,6 +2,7 @@
 #include "feeds.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 
 #include <fmt/format.h>
@@ -17,6 +18,12 @@ namespace {
 
 bool isOfUser(const std::string& source) {
     return !source.contains("://");
+}
+
+/// Both names lead to one file that is no pipe or device.
+bool isSameFile(const std::string& one, const std::string& other) {
+    std::error_code ignored;
+    return std::filesystem::is_regular_file(one, ignored) && std::filesystem::equivalent(one, other, ignored);
 }
 
 }  // namespace
@@ -49,6 +56,9 @@ void FeedArguments::check(const std::string& scene, bool timed) const {
         throw UsageError("--publish", "needs --fields: DEF.field or DEF.*, separated by commas");
     if (std::ranges::count(feeds, "-") + (scene == "-" ? 1 : 0) > 1)
         throw UsageError("--feed", "standard input can be used only once");
+    for (const std::string& target : targets)
+        for (const std::string& feed : feeds)
+            if (isSameFile(target, feed)) throw UsageError("--publish", target + " is what --feed reads");
     for (const std::string& feed : feeds)
         if (timed && !isOfUser(feed))
             throw UsageError("--feed",
@@ -135,6 +145,7 @@ void Feeds::end() {
     for (const auto& feed : feeds_) {
         const FeedCounts counts = feed->counts();
         if (feed->hasLeft()) say(feed->source() + ": note: it has more lines after the end");
+        if (counts.broken && isOfUser(feed->source())) noteLeftOut();
         if (counts.faulty + counts.flooded == 0) continue;
         say(fmt::format("{}: {} of {} lines were invalid or refused, {} left out", feed->source(), counts.faulty,
                         counts.lines, counts.flooded),

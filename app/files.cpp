@@ -21,6 +21,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include "extensions.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -255,15 +256,15 @@ static std::string asOne(const std::string& log, const std::vector<fs::path>& pi
 
 void tellOfPieces(const std::string& log) {
     for (const std::string& gap : gapsBetweenFiles(log))
-        fmt::print(stderr, "{}: warning: {}\n", terminalText(log), terminalText(gap));
+        tellError("{}: warning: {}\n", terminalText(log), terminalText(gap));
     if (!isFile(log)) return;
     const std::vector<std::filesystem::path> pieces = earlierPieces(log);
     if (pieces.empty() || beginsItsSession(log)) return;
-    fmt::print(stderr, "{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
-               terminalText(pieces.front().string()),
-               pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
+    tellError("{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
+              terminalText(pieces.front().string()),
+              pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
     if (const std::string all = asOne(log, pieces); !all.empty()) {
-        fmt::print(stderr, "  to have it as one: {}\n", terminalText(all));
+        tellError("  to have it as one: {}\n", terminalText(all));
         return;
     }
     const std::string extension = std::filesystem::path(log).extension().string();
@@ -274,7 +275,7 @@ void tellOfPieces(const std::string& log) {
     std::string all;
     for (std::size_t digits = kDigits; digits <= longest; ++digits)
         all += fmt::format("{}.{}{} ", name, std::string(digits, '?'), extension);
-    fmt::print(stderr, "  to have it as one: cat {}{} > all{}\n", all, terminalText(log), extension);
+    tellError("  to have it as one: cat {}{} > all{}\n", all, terminalText(log), extension);
 }
 
 }  // namespace rtsg::app

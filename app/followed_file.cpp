@@ -8,6 +8,7 @@
 #include <rtsg/core/terminal.h>
 
 #include "cli.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -58,7 +59,7 @@ void FollowedFile::follow() {
             Diagnostic{Severity::error, file_, {}, "it was edited, and is not followed: the scene stays as it was"});
     const auto set = scene_.seal();
     const std::size_t count = set ? set->changes.size() : 0;
-    fmt::print(stderr, "{}: note: it was edited: {} change{}\n", terminalText(file_), count, count == 1 ? "" : "s");
+    tellError("{}: note: it was edited: {} change{}\n", terminalText(file_), count, count == 1 ? "" : "s");
     within_ = document_.filesWithin(resources_);
     followed_ = last_ = look();
 }

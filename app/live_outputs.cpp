@@ -188,12 +188,13 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     const double skipped = arguments_.animated() ? k - nextPicture_ : 0;
     nextPicture_ = k + 1;
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
+    if (auto ok = files_.add(std::move(*picture), static_cast<std::uint64_t>(skipped)); !ok) return ok;
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());
     report_.kept += light_->stats().kept;
     report_.pictureSamples.push_back(light_->stats().samples);
     report_.pictureTimes.push_back(std::round(elapsed * 1e6) / 1e6);
-    return files_.add(std::move(*picture), static_cast<std::uint64_t>(skipped));
+    return {};
 }
 
 Result<Picture> LiveOutputs::draw(const WorldState& state) {

@@ -7,16 +7,20 @@
 #include <cstring>
 #include <exception>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
 #include <rtsg/core/processor.h>
+#include <unistd.h>
 
 #include "cli.h"
 #include "command_table.h"
 #include "extensions.h"
 #include "hints.h"
+#include "say.h"
 #include "verb_measure.h"
 #include "version.h"
 
@@ -46,19 +50,18 @@ bool isVerbOrOption(const Command& program, const std::string& word) {
     std::string meant = hintForVerb(word);
     if (meant.empty()) meant = nearest(word, names);
     printError(fmt::format("there is no verb {}", word));
-    fmt::print(stderr, "{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
+    tellError("{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
     return false;
 }
 
 int wrongUsage(const Command& program, const UsageError& error) {
     printError(error.what());
-    if (const std::string meant = suggestion(program, error); !meant.empty())
-        fmt::print(stderr, "did you mean {}?\n", meant);
+    if (const std::string meant = suggestion(program, error); !meant.empty()) tellError("did you mean {}?\n", meant);
     const Command* verb = program.parsedVerb();
     if (verb && verb->name() == "help")
-        fmt::print(stderr, "rtsg help names the verbs\n");
+        tellError("rtsg help names the verbs\n");
     else
-        fmt::print(stderr, "rtsg help{} says more\n", verb ? " " + verb->name() : "");
+        tellError("rtsg help{} says more\n", verb ? " " + verb->name() : "");
     return kUsage;
 }
 
@@ -81,6 +84,15 @@ void giveLargePiecesBack() {
     ::mallopt(M_TRIM_THRESHOLD, kAtTheEnd);
 }
 
+/// A standard stream that the caller has closed would become the next file that is opened, such as a log, and what is
+/// printed would go there. What takes its place here cannot be read, or written, which is an error as it would be.
+/// Errors alone are said to nobody.
+void keepStandardStreams() {
+    for (const auto& [stream, mode] :
+         {std::pair{STDIN_FILENO, O_WRONLY}, std::pair{STDOUT_FILENO, O_RDONLY}, std::pair{STDERR_FILENO, O_WRONLY}})
+        if (::fcntl(stream, F_GETFD) < 0) (void)::open("/dev/null", mode);  // it gets the lowest free number
+}
+
 /// The parser prints the version as soon as it meets that option.
 bool asksForVersionAsJson(int argc, char** argv) {
     const std::vector<std::string_view> words(argv + 1, argv + argc);
@@ -100,7 +112,7 @@ int run(int argc, char** argv) {
                     RTSG_VERSION);
     const std::vector<Verb> verbs = addVerbs(program);
     if (argc < 2) {
-        fmt::print(stderr, "{}", program.help());
+        tellError("{}", program.help());
         return kUsage;
     }
     if (!isVerbOrOption(program, argv[1])) return kUsage;
@@ -122,6 +134,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
     using namespace rtsg::app;
+    keepStandardStreams();
     // A file that may not grow any more shall be an error of that write, and not end the process.
     std::signal(SIGXFSZ, SIG_IGN);
     // Readers get events as they happen, and a signal that ends the program cuts no line.

@@ -29,6 +29,11 @@ Result<MirrorOrigin> openOrigin(const std::string& typed, const std::string& key
     return MirrorOrigin::open(typed, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience)));
 }
 
+std::string shownLog(const std::string& typed) {
+    const auto address = isNatsAddress(typed) ? NatsAddress::parse(typed) : Result<NatsAddress>(fail(""));
+    return address ? address->shown : typed;
+}
+
 void printNews(MirrorOrigin& origin) {
     for (const Diagnostic& d : origin.takeDiagnostics()) say(d);
 }
@@ -94,8 +99,7 @@ int StoredLog::finish(int status) {
         folder_.keep();
         return kBad;
     }
-    fmt::print(stderr, "stored {} messages, {} bytes, at {}\n", log_->storedMessages(), log_->storedBytes(),
-               log_->address());
+    tellError("stored {} messages, {} bytes, at {}\n", log_->storedMessages(), log_->storedBytes(), log_->address());
     return status;
 }
 

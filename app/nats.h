@@ -22,6 +22,8 @@ namespace rtsg::app {
 /// Where a verb follows a scene. Throws UsageError for what is neither an endpoint nor an address of a NATS server, and
 /// for a key file with the latter. Tries for `patience` seconds to connect to a NATS server. Error: no connection.
 Result<MirrorOrigin> openOrigin(const std::string& typed, const std::string& key, double patience);
+/// A log as it is named to users: the address of one that is stored, without secrets.
+std::string shownLog(const std::string& typed);
 /// Says what has happened to the connection.
 void printNews(MirrorOrigin& origin);
 

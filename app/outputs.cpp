@@ -10,6 +10,7 @@
 #include <rtsg/documents/writer.h>
 
 #include "extensions.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -29,8 +30,8 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
 
 void tellGain(const ListenReport& report) {
     if (report.gain < 1)
-        fmt::print(stderr, "note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer\n",
-                   -20 * std::log10(static_cast<double>(report.gain)));
+        tellError("note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer\n",
+                  -20 * std::log10(static_cast<double>(report.gain)));
 }
 
 namespace {
@@ -153,13 +154,13 @@ Result<> Outputs::make(const Job& job) {
         if (light_->stats().cancelled) return arguments_.animated() ? Result<>() : notWritten(arguments_.render);
         Picture picture = std::exchange(light_->frame(), Picture());
         if (isWanted()) {
+            if (auto ok = write(std::move(picture)); !ok) return ok;
             report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
             report_.pictureStates.push_back(light_->presented());
             report_.kept += light_->stats().kept;
             report_.pictureSamples.push_back(light_->stats().samples);
             report_.unreached = std::max(report_.unreached, light_->stats().unreached);
             report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
-            if (auto ok = write(std::move(picture)); !ok) return ok;
         }
         ++number_;
         if (!arguments_.animated()) return {};
@@ -285,6 +286,13 @@ Result<> Outputs::lastPicture() {
     return ready();
 }
 
+/// ": 236-240", if files have the numbers of --frames: those from `next` on.
+std::string Outputs::numbersFrom(double next) const {
+    if (!arguments_.only) return {};
+    const auto last = static_cast<double>(arguments_.only->last);
+    return next < last ? fmt::format(": {}-{}", next, last) : fmt::format(": {}", last);
+}
+
 OutputReport Outputs::report() const {
     OutputReport report = report_;
     if (world_.built()) report.world = world_.built()->counts();
@@ -295,7 +303,7 @@ OutputReport Outputs::report() const {
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6) - before;
     const auto made = static_cast<double>(report.pictureStates.size());
     if (light_ && arguments_.animated() && made < pictures)
-        report.addMissing(fmt::format("{} of {} pictures", pictures - made, pictures));
+        report.addMissing(fmt::format("{} of {} pictures{}", pictures - made, pictures, numbersFrom(before + made)));
     // The sound of the last picture's time ends with the log.
     const double sound = arguments_.only ? static_cast<double>(arguments_.only->last) / arguments_.picturesPerSecond
                                          : arguments_.seconds;

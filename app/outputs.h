@@ -130,6 +130,7 @@ class Outputs final : public OutputMaker {
     double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.
     double nextPicture() const { return static_cast<double>(number_) / arguments_.picturesPerSecond; }
+    std::string numbersFrom(double next) const;
     bool isWanted() const { return !arguments_.only || number_ >= arguments_.only->first; }
     Result<> write(Picture picture);
 

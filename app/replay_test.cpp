@@ -17,6 +17,7 @@
 #include <rtsg/sync/replay_test.h>
 
 #include "replay_page.h"
+#include "say.h"
 #include "scene_picture.h"
 
 namespace rtsg::app {
@@ -201,10 +202,11 @@ Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome&
     if (arguments.page.empty()) return {};
     if (!outcome.passed()) {
         if (auto ok = write(arguments.page, replayPage(outcome)); !ok) return ok;
-        fmt::print(stderr, "{} shows {}\n", arguments.page, outcome.report.frames > 0 ? "what differed" : "why");
+        tellError("{} shows {}\n", arguments.page, outcome.report.frames > 0 ? "what differed" : "why");
         return {};
     }
     std::error_code error;
+    if (std::filesystem::is_directory(arguments.page, error)) return fail("Is a directory", {}, arguments.page);
     std::filesystem::remove(arguments.page, error);
     return error ? fail(error.message(), {}, arguments.page) : Result<>{};
 }
@@ -243,11 +245,11 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
     constexpr std::size_t kMost = 10;
     for (std::size_t i = 1; i < std::min(report.differences.size(), kMost); ++i) {
         const FieldDifference& d = report.differences[i];
-        fmt::print(stderr, "  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
+        tellError("  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
     }
     if (report.differences.size() <= kMost) return;
     const std::size_t more = report.differences.size() - kMost;
-    fmt::print(stderr, "  and {} more field{}\n", more, more == 1 ? "" : "s");
+    tellError("  and {} more field{}\n", more, more == 1 ? "" : "s");
 }
 
 /// Requests the outputs that are compared. Throws UsageError if arguments contradict each other.
@@ -369,7 +371,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     if (!std::filesystem::exists(log)) {
         const std::string why = log + ": there is no log yet", advice = howToRecord(log, arguments.rerun);
         printError(why);
-        fmt::print(stderr, "{}", advice);
+        tellError("{}", advice);
         return reportFailure(arguments, log, why, advice);
     }
     const MadeFile picture(arguments.update ? "" : arguments.expectPicture);

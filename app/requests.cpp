@@ -8,6 +8,7 @@
 #include <rtsg/core/terminal.h>
 #include <rtsg/documents/world.h>
 
+#include "say.h"
 #include "start_time.h"
 
 namespace rtsg::app {
@@ -121,7 +122,7 @@ void Requests::takeVerdicts(MirrorClient& client) {
         const auto asked = asked_.extract(verdict.request);
         const std::string text = asked ? asked.mapped() : fmt::format("request {}", verdict.request);
         if (!verdict.kept.empty())
-            fmt::print(stderr, "{}\n", terminalText(fmt::format("{}: left as it is: {}", text, verdict.kept)));
+            tellError("{}\n", terminalText(fmt::format("{}: left as it is: {}", text, verdict.kept)));
         ++(verdict.refusal.empty() ? accepted : refused);
         if (!verdict.refusal.empty()) printError(fmt::format("{}: refused: {}", text, verdict.refusal));
     }

@@ -33,6 +33,10 @@ std::string timeText() {
 
 }  // namespace
 
+void writeError(std::string_view text) {
+    (void)std::fwrite(text.data(), 1, text.size(), stderr);
+}
+
 void SayArguments::addTo(Command& command) {
     const Command::Section section(command, "What is said");
     command.addOption("--log", form, "text, or json: each message is one line of JSON on standard error")
@@ -50,14 +54,14 @@ void SayArguments::apply() const {
 
 void say(const Diagnostic& diagnostic, std::string_view text) {
     if (diagnostic.severity < manner.least) return;
-    if (!manner.json) return fmt::print(stderr, "{}\n", text);
+    if (!manner.json) return tellError("{}\n", text);
     std::string line =
         fmt::format("{{\"time\":\"{}\",\"level\":\"{}\",\"code\":{}", timeText(),
                     kLevels[static_cast<std::size_t>(diagnostic.severity)], jsonString(diagnostic.code.text()));
     if (!diagnostic.file.empty()) line += fmt::format(",\"file\":{}", jsonString(diagnostic.file));
     if (diagnostic.where.line > 0) line += fmt::format(",\"line\":{}", diagnostic.where.line);
     if (diagnostic.where.column > 0) line += fmt::format(",\"column\":{}", diagnostic.where.column);
-    fmt::print(stderr, "{},\"text\":{}}}\n", line, jsonString(diagnostic.text));
+    tellError("{},\"text\":{}}}\n", line, jsonString(diagnostic.text));
 }
 
 void say(const Diagnostic& diagnostic) {
@@ -66,9 +70,9 @@ void say(const Diagnostic& diagnostic) {
 
 void say(std::string_view text, Severity level) {
     if (level < manner.least) return;
-    if (!manner.json) return fmt::print(stderr, "{}\n", terminalText(text));
-    fmt::print(stderr, "{{\"time\":\"{}\",\"level\":\"{}\",\"text\":{}}}\n", timeText(),
-               kLevels[static_cast<std::size_t>(level)], jsonString(text));
+    if (!manner.json) return tellError("{}\n", terminalText(text));
+    tellError("{{\"time\":\"{}\",\"level\":\"{}\",\"text\":{}}}\n", timeText(),
+              kLevels[static_cast<std::size_t>(level)], jsonString(text));
 }
 
 }  // namespace rtsg::app

@@ -5,12 +5,22 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/diagnostic.h>
 
 #include "command.h"
 
 namespace rtsg::app {
+
+/// Writes on standard error. If that takes nothing, such as a file on a full disk, the program goes on all the same.
+void writeError(std::string_view text);
+template <class... Arguments>
+void tellError(fmt::format_string<Arguments...> text, Arguments&&... arguments) {
+    writeError(fmt::format(text, std::forward<Arguments>(arguments)...));
+}
 
 struct SayArguments {
     std::string form = "text", level = "note";

@@ -171,7 +171,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!published) return printError(published.error()), kBad;
     const FollowedFetches fetches((*player)->scene(), log.resources);
     (void)interrupted();  // from here on an interruption ends the program in order
-    sayEndpoint(fmt::format("playing {} at", log.file), **server, *web, log.json, published->address());
+    sayEndpoint(fmt::format("playing {} at", log.shown), **server, *web, log.json, published->address());
     Playing playing(**player, **server, log.json);
     playing.run(log.seconds, log.arguments.control, [&] {
         web->service((*player)->scene(), log.resources);

@@ -18,7 +18,7 @@ struct ServeLogArguments {
 };
 
 struct ServedLog {
-    std::string file, endpoint;
+    std::string file, shown, endpoint;  // `shown`: how the file is named to the user
     ServeLogArguments arguments;
     WebArguments web;
     Resources resources;  // the files that browsers may load

@@ -47,7 +47,7 @@ Counts count(const Scene& scene) {
 }
 
 struct InfoArguments {
-    std::string file;
+    std::string file, shown;  // the file, and how it is named to the user
     ResourceArguments resources;
     bool json = false;
 };
@@ -137,7 +137,7 @@ int describeLog(const InfoArguments& options) {
             "  time       {} s, from {} on\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
             "  gaps       {}{}\n"
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
-            terminalText(options.file), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
+            terminalText(options.shown), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
             log->sessions, duration, dateText(log->start), log->bytes, log->damaged, log->damagedBytes,
             log->beingWritten ? "; it is still being written"
             : log->closed     ? ""
@@ -165,6 +165,7 @@ Verb addInfo(Command& program) {
         "Example: rtsg info hall.rlog\n"
         "Exit status 1 for a scene with errors, or a log with damage or missing frames.");
     return {command, [options]() -> int {
+                options->shown = shownLog(options->file);
                 const auto log = fetchLog("FILE", options->file);
                 if (!log) return printError(log.error()), kBad;
                 return isLogOrNamedSo(options->file) ? describeLog(*options) : describeScene(*options);

@@ -15,6 +15,7 @@
 #include <rtsg/renderers/tessellator.h>
 
 #include "running_scene.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -96,10 +97,10 @@ void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into
 bool isWhole(const MeasureArguments& options, const std::string& place, const Irradiance& found) {
     constexpr double kOfError = .1;
     if (found.missing > kOfError * options.error)
-        fmt::print(stderr,
-                   "rtsg: warning: {}: ways of light were cut off after 10,000 bounces: up to {:.2g} % of what comes "
-                   "there is missing [picture]\n",
-                   place, 100 * found.missing);
+        tellError(
+            "rtsg: warning: {}: ways of light were cut off after 10,000 bounces: up to {:.2g} % of what comes "
+            "there is missing [picture]\n",
+            place, 100 * found.missing);
     if (found.reached) return true;
     if (found.luminousCut > options.error * found.luminous) {
         printError(

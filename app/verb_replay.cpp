@@ -229,6 +229,8 @@ class Replaying {
         if (!seeks() || !options_.duration.empty() || options_.verify || *exported ||
             !options_.outputs.listen.empty() || options_.outputs.animated())
             step(outputs);
+        else
+            lookForGap();
         if (*exported)
             if (auto ok = (*exported)->finish(); !ok) {
                 printError(ok.error());
@@ -241,6 +243,16 @@ class Replaying {
         }
         tell(outputs.report(), wanted_);
         return {};
+    }
+
+    /// The state before a gap is that of a time within it only if nothing happened, which nobody knows.
+    void lookForGap() {
+        const auto missing = replayer_.missingNext();
+        if (!missing || time() >= seekOf(options_, start_)) return;
+        printError(fmt::format("{}: --seek {}: frames {} to {} are missing; what is there is frame {} (t = {} s)",
+                               options_.log, options_.seek, missing->first, missing->second, missing->first - 1,
+                               time()));
+        cut_ = true;
     }
 
     /// Says what is missing, and which files lack it.
@@ -485,6 +497,7 @@ int replay(const Command& command, ReplayArguments options) {
     const std::vector<std::string> typed = command.given();
     checkTogether(typed);
     checkFrames(OptionNames(typed.begin(), typed.end()), options);
+    const char* const shortened = options.compact.empty() ? "-o" : "--compact";
     if (!options.only.empty() || !options.without.empty()) {
         if (!options.compact.empty() && !options.out.empty())
             throw UsageError("-o", "cannot be combined with --compact, which names the log to write");
@@ -502,7 +515,7 @@ int replay(const Command& command, ReplayArguments options) {
     if (!other) return printError(other.error()), kBad;
     if (auto ok = options.outputs.check({options.log, options.diff, options.test.rerun},
                                         {{"--export", options.exported, OutputKind::capture},
-                                         {"--compact", options.compact, OutputKind::log},
+                                         {shortened, options.compact, OutputKind::log},
                                          {"-o", options.out == "-" ? "" : options.out, OutputKind::table}});
         !ok)
         return printError(ok.error()), kBad;

@@ -13,6 +13,7 @@
 #include "feeds.h"
 #include "live_outputs.h"
 #include "running_scene.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -146,7 +147,7 @@ bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
     const std::string text = fmt::format("no viewpoint is called \"{}\"{}; there are: {}", name,
                                          mayCome ? " as yet" : "", all.empty() ? "none" : all);
     if (!mayCome) return printError(text), false;
-    fmt::print(stderr, "note: {}\n", terminalText(text));
+    tellError("note: {}\n", terminalText(text));
     return true;
 }
 

@@ -58,6 +58,7 @@ struct ServeArguments {
     MetricsArguments metrics;
     SayArguments say;
     std::string nats;
+    std::string shown;  // the log that is played or resumed, as it is named to the user
     bool insecure = false, json = false, force = false, reload = false, embed = false;
 };
 
@@ -115,6 +116,8 @@ void checkResume(const ServeArguments& options) {
         throw UsageError(
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
+    if (std::error_code ignored; std::filesystem::is_directory(options.resume, ignored))
+        throw UsageError("--resume", options.resume + " is a folder: name the newest file of the log that is in it");
     if (options.reload && !options.resume.empty())
         throw UsageError("--reload", "cannot be combined with --resume, which continues the session and not the file");
     const ServeLogArguments none;
@@ -167,7 +170,7 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
         options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
-    return serveLog({options.scene, options.endpoint, options.log, options.web,
+    return serveLog({options.scene, options.shown, options.endpoint, options.log, options.web,
                      options.resources.ofFile(firstFileOf(options.scene)), duration, parseSeconds(options.linger),
                      options.json, options.nats},
                     *serverOptions);
@@ -205,7 +208,7 @@ class Session {
 
   private:
     /// The name of what is served, apart from the folder from which urls start.
-    const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
+    const std::string& name() const { return resumed_ ? options_.shown : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();
     void frame(std::uint64_t slot);
@@ -471,6 +474,7 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     if (!options.nats.empty()) checkNatsAddress("--nats", options.nats);
     if (!options.nats.empty() && options.coding != nameOf(Coding::raw))
         throw UsageError("--coding", "cannot be combined with --nats: a mirror that joins could not decode it");
+    options.shown = shownLog(options.resume.empty() ? options.scene : options.resume);
     PassingFolder fetched;
     if (options.resume.empty() && isNatsAddress(options.scene)) {
         auto log = fetchLog("SCENE", options.scene);

@@ -16,6 +16,7 @@
 #include "hand.h"
 #include "outputs.h"
 #include "running_scene.h"
+#include "say.h"
 #include "touch_plot.h"
 
 namespace rtsg::app {
@@ -194,7 +195,7 @@ int touch(const TouchArguments& arguments) {
     Touching touching(arguments, running, *ticks, options);
     Result<> result = touching.attach();
     if (result && hand->port && !arguments.json)
-        fmt::print(stderr, "a device may send its places to udp:127.0.0.1:{}\n", hand->port);
+        tellError("a device may send its places to udp:127.0.0.1:{}\n", hand->port);
     if (result && isLive) result = touching.live(std::move(hand->device), seconds);
     if (result && !isLive) touching.simulate(*hand->device, seconds);
     const HapticReport report = touching.renderer().report();
@@ -207,7 +208,7 @@ int touch(const TouchArguments& arguments) {
     if (!result) return printError(result.error()), kBad;
     printTouched(arguments, report, running);
     if (report.scheduling != "SCHED_FIFO" && !report.scheduling.empty())
-        fmt::print(stderr, "note: touch runs on {}\n", report.scheduling);
+        tellError("note: touch runs on {}\n", report.scheduling);
     if (report.ticks == report.unknown) return printError("the device never said where the hand is"), kBad;
     if (!interrupted()) return kDone;
     printError(fmt::format("interrupted after {:.3f} s", running.time()));

@@ -18,6 +18,7 @@
 #include "extensions.h"
 #include "hand.h"
 #include "outputs.h"
+#include "say.h"
 #include "view_recorder.h"
 #include "view_source.h"
 
@@ -131,7 +132,7 @@ class Viewing {
         if (sound)
             sound_ = std::move(*sound);
         else
-            fmt::print(stderr, "note: no sound: {}\n", terminalText(sound.error().text));
+            tellError("note: no sound: {}\n", terminalText(sound.error().text));
     }
     /// The hand that --touch names feels what is shown.
     Result<> touch() {
@@ -209,7 +210,7 @@ class Viewing {
                 default:
                     done = source_->answer(request);
             }
-            if (!done) fmt::print(stderr, "note: {}\n", terminalText(done.error().text));
+            if (!done) tellError("note: {}\n", terminalText(done.error().text));
         }
     }
 
@@ -264,7 +265,7 @@ class Viewing {
 
     void say() {
         const Diagnostics said = window_->takeDiagnostics();
-        for (const Diagnostic& d : said.all()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        for (const Diagnostic& d : said.all()) tellError("{}\n", terminalText(d.format()));
     }
 
     int finish() {

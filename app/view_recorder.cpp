@@ -10,6 +10,7 @@
 #include <rtsg/core/terminal.h>
 
 #include "cli.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -26,7 +27,7 @@ std::string freeName(std::string_view extension) {
 }
 
 void say(const std::string& file, std::string_view what) {
-    fmt::print(stderr, "{}: note: {}\n", terminalText(file), what);
+    tellError("{}: note: {}\n", terminalText(file), what);
 }
 
 /// Scales a picture to the film's size, with interpolation.

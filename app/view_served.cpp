@@ -20,6 +20,7 @@
 
 #include "extensions.h"
 #include "nats.h"
+#include "say.h"
 #include "view_source.h"
 
 namespace rtsg::app {
@@ -134,11 +135,11 @@ class ServedSource final : public ViewSource {
     bool advance(double t, bool) override {
         client_->poll(std::chrono::milliseconds(0));
         for (const Diagnostic& d : client_->takeDiagnostics())
-            if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
+            if (d.severity != Severity::note) tellError("{}\n", terminalText(d.format()));
         printNews(*origin_);
         for (const MirrorVerdict& verdict : client_->takeVerdicts()) {
             if (verdict.refusal.empty() || !std::exchange(mayAct_, false)) continue;
-            fmt::print(stderr, "note: the scene is for looking: {}\n", terminalText(verdict.refusal));
+            tellError("note: the scene is for looking: {}\n", terminalText(verdict.refusal));
         }
         eye_->advance(t);
         if (!client_->originLost()) heard_ = Clock::now();

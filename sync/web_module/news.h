@@ -3,26 +3,24 @@
 // Threading: any thread.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <mutex>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "sockets/rare_warning.h"
+
 namespace rtsg::web {
 
 class News {
   public:
-    /// Refused clients may ask again for ever. So of many messages only each that doubles their number is kept.
+    /// Refused clients may ask again for ever.
     void add(std::string text) {
-        constexpr std::uint64_t kAllTold = 8;
         constexpr std::size_t kMost = 100;
         const std::scoped_lock lock(mutex_);
-        const std::uint64_t by = ++count_;
-        if (by > kAllTold && !std::has_single_bit(by)) return;
-        if (by > kAllTold) text += "; " + std::to_string(by) + " such things by now";
-        if (texts_.size() < kMost) texts_.push_back(std::move(text));
+        auto told = mirror::toldOf(++count_, std::move(text));
+        if (told && texts_.size() < kMost) texts_.push_back(std::move(*told));
     }
     std::vector<std::string> take() {
         const std::scoped_lock lock(mutex_);

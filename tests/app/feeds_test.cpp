@@ -59,6 +59,30 @@ TEST_F(FeedsOfProgram, LinesThatNoFileTookMakeTheStatusOne) {
     EXPECT_NE(run.err.find("lines were missed"), std::string::npos) << run.err;
 }
 
+TEST_F(FeedsOfProgram, WhatCannotBeReadMakesTheStatusOne) {
+    const Outcome run = rtsg({"run", file, "--for", "0.1s", "--feed", folder.path().string()});
+    EXPECT_EQ(run.status, 1);
+    EXPECT_NE(run.err.find("Is a directory"), std::string::npos) << run.err;
+    const std::string errors = streams();
+    const int status = std::system(("'" RTSG_PROGRAM "' run '" + file + "' --for 0.1s --feed - < '" +
+                                    folder.path().string() + "' > /dev/null 2> '" + errors + "'")
+                                       .c_str());
+    ASSERT_TRUE(WIFEXITED(status));
+    EXPECT_EQ(WEXITSTATUS(status), 1);
+    EXPECT_NE(readFile(errors).find("cannot be read on: Is a directory"), std::string::npos) << readFile(errors);
+}
+
+TEST_F(FeedsOfProgram, AFileIsNotFedAndPublishedTo) {
+    const std::string lines = folder / "lines", link = folder / "link", moves = "0,BOX,scale,2 2 2\n";
+    writeFile(lines, moves);
+    std::filesystem::create_symlink(lines, link);
+    const Outcome run =
+        rtsg({"run", file, "--for", "0.1s", "--feed", lines, "--publish", link, "--fields", "BOX.translation"});
+    EXPECT_EQ(run.status, 2);
+    EXPECT_NE(run.err.find("is what --feed reads"), std::string::npos) << run.err;
+    EXPECT_EQ(readFile(lines), moves);
+}
+
 TEST_F(FeedsOfProgram, FaultyLinesOfAPipeAreNamedAndMakeTheStatusOne) {
     const Outcome run =
         rtsg({"run", file, "--for", "0.1s", "--feed", "-", "--json"},

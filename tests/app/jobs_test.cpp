@@ -61,8 +61,10 @@ TEST_F(Jobs, OnlyThePicturesThatAreAskedForAreMade) {
 TEST_F(Jobs, WhatLiesBehindTheEndIsNamed) {
     const Outcome job = pictures("job", {"--frames", "9-13"});
     EXPECT_EQ(job.status, 1);
-    EXPECT_NE(job.err.find("missing: 3 of 5 pictures"), std::string::npos) << job.err;
+    EXPECT_NE(job.err.find("missing: 3 of 5 pictures: 11-13"), std::string::npos) << job.err;
     EXPECT_NE(picture("job", 10), "");
+    const Outcome last = pictures("job", {"--frames", "10-11"});
+    EXPECT_NE(last.err.find("missing: 1 of 2 pictures: 11 "), std::string::npos) << last.err;
     const Outcome behind = pictures("job", {"--frames", "20-30"});
     EXPECT_EQ(behind.status, 1);
     EXPECT_NE(behind.err.find("--frames 20-30: the log ends at 1 s"), std::string::npos) << behind.err;

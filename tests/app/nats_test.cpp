@@ -70,6 +70,8 @@ TEST_F(NatsOption, AStoredLogIsDescribedAndServed) {
     const Outcome info = rtsg({"info", nats.address(), "--json"});
     EXPECT_EQ(info.status, 0) << info.err;
     EXPECT_EQ(json::parse(info.out).at("frames"), 61);
+    EXPECT_THAT(rtsg({"info", nats.address()}).out, HasSubstr(nats.address() + "\n"));
+    EXPECT_THAT(rtsg({"serve", nats.address(), "--for", "0.1s"}).out, HasSubstr("playing " + nats.address() + " at"));
     Program server({"serve", nats.address(), "--json", "--loop", "--for", "60s"}, streams());
     const Outcome mirror = rtsg({"mirror", json::parse(server.firstLine()).at("endpoint"), "--for", "0.5s", "--json"});
     EXPECT_EQ(mirror.status, 0) << mirror.err;

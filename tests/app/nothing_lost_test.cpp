@@ -55,6 +55,7 @@ TEST_F(NothingIsLost, NoVerbOverwritesItsInput) {
              {"replay", log, "--export", folder / "link.rlog", "--force"},
              {"replay", log, "--compact", folder / "link.rlog", "--force"},
              {"replay", folder / "link.rlog", "--compact", log, "--force"},
+             {"replay", log, "--without", "BOX.translation", "-o", log, "--force"},
              {"replay", log, "--rerun", file, "--save", file, "--force"},
              {"replay", log, "--export", mcap, "--compact", mcap},
          }) {
@@ -273,6 +274,89 @@ TEST_F(NothingIsLost, WhatIsPrintedToAFullDiskIsAnError) {
         EXPECT_EQ(WEXITSTATUS(status), 1) << words;
         EXPECT_THAT(readFile(errors), HasSubstr("No space left")) << words;
     }
+}
+
+/// Runs a command of bash, and returns its status: 128 + n if signal n ended the program.
+int shell(const std::string& command) {
+    const int status = std::system(("bash -c \"" + command + "\" 2>/dev/null").c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST_F(NothingIsLost, WhatCannotBeSaidDoesNotEndTheProgram) {
+    const std::string program = "'" RTSG_PROGRAM "' ", made = folder / "b.rlog";
+    EXPECT_EQ(shell(program + "info '" + folder.path().string() + "/none.x3dv' 2>/dev/full"), 1);
+    EXPECT_EQ(shell(program + "no-verb 2>/dev/full"), 2);
+    EXPECT_EQ(shell(program + "serve '" + file + "' --bind 'tcp://127.0.0.1:*' --metrics-port 0 --record '" + made +
+                    "' --for 0.5s 2>/dev/full >/dev/null"),
+              0);
+    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+}
+
+TEST_F(NothingIsLost, AClosedStandardStreamDoesNotBecomeALog) {
+    const std::string program = "'" RTSG_PROGRAM "' ", made = folder / "b.rlog";
+    const std::string scene = "'" + file + "' --for 0.1s --json ";
+    EXPECT_EQ(shell(program + "record " + scene + "-o '" + made + "' <&- >&- 2>&-"), 1) << "the report was not printed";
+    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "record " + scene + "--force -o '" + made + "' <&- >/dev/null 2>&-"), 0);
+    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "serve " + scene + "--record '" + made + "' --force <&- >&- 2>&-"), 1);
+    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "info - <&- >/dev/null"), 1);
+}
+
+TEST_F(NothingIsLost, TooFewFilesAreAnErrorAndNoCrash) {
+    const std::string errors = streams();
+    for (const char* most : {"6", "8", "10", "12", "14", "16", "18", "32"}) {
+        const int status = shell("ulimit -n " + std::string(most) + "; exec '" RTSG_PROGRAM "' serve '" + file +
+                                 "' --bind 'tcp://127.0.0.1:*' --for 0.1s >/dev/null 2> '" + errors + "'");
+        if (status == 0) continue;
+        EXPECT_EQ(status, 1) << most;
+        EXPECT_THAT(readFile(errors), HasSubstr("Too many open files")) << most;
+        EXPECT_NE(std::string(most), "32");
+    }
+}
+
+TEST_F(NothingIsLost, PicturesThatCannotBeWrittenAreMissing) {
+    const Outcome outcome = rtsg({"replay", log, "--render", folder / "none/%02d.png", "--size", "16x16", "--fps", "20",
+                                  "--frames", "3-7", "--json"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("missing: 5 of 5 pictures: 3-7"));
+    EXPECT_EQ(json::parse(lastLine(outcome.out)).at("pictures"), 0);
+}
+
+/// The file of the log's name is still the piece before.
+TEST_F(NothingIsLost, APieceThatCannotBeBegunLeavesTheOneBeforeAndSaysHowMuchThatHolds) {
+    const std::string longest = folder / (std::string(248, 'x') + ".rlog");  // with a number it would be too long
+    const Outcome outcome = rtsg({"record", file, "-o", longest, "--for", "3s", "--rotate", "1s"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("File name too long"));
+    EXPECT_THAT(outcome.err, HasSubstr("holds the first " + std::to_string(fs::file_size(longest)) + " bytes"));
+}
+
+TEST_F(NothingIsLost, AFolderIsNoPageAndStays) {
+    const std::string page = folder / "page.html";
+    fs::create_directory(page);
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--page", page, "--force"}).status, 1);
+    EXPECT_TRUE(fs::is_directory(page));
+}
+
+TEST_F(NothingIsLost, ASeekIntoAGapIsStatusOne) {
+    const std::string pieces = folder / "pieces";
+    fs::create_directory(pieces);
+    ASSERT_EQ(rtsg({"record", file, "-o", pieces + "/p.rlog", "--for", "4s", "--fps", "10", "--rotate", "1s"}).status,
+              0);
+    const auto seek = [&](const char* time) {
+        return rtsg({"replay", pieces, "--seek", time, "--save", folder / "then.x3dv", "--force"});
+    };
+    EXPECT_EQ(seek("2.5s").status, 0);
+    fs::remove(pieces + "/p.0003.rlog");
+    EXPECT_EQ(seek("1.5s").status, 0);
+    EXPECT_EQ(seek("2s").status, 0) << "that state is there";
+    const Outcome within = seek("2.5s");
+    EXPECT_EQ(within.status, 1);
+    EXPECT_THAT(within.err, HasSubstr("--seek 2.5s: frames 24 to 33 are missing; what is there is frame 23 (t = 2 s)"));
+    EXPECT_EQ(seek("3.5s").status, 0);
+    EXPECT_EQ(rtsg({"serve", "--resume", pieces, "--bind", "tcp://127.0.0.1:*", "--for", "0.1s"}).status, 2);
 }
 
 TEST_F(FullDisk, LeavesNoHalfFile) {

@@ -1,4 +1,8 @@
 // Figures by HTTP: the text's form, and requests of all kinds.
+#include <atomic>
+#include <chrono>
+#include <thread>
+
 #include <sys/socket.h>
 
 #include <gtest/gtest.h>
@@ -52,6 +56,27 @@ h_bucket{le="+Inf"} 7
 h_sum 9.5
 h_count 7
 )");
+}
+
+/// Bytes that come ever so slowly are no answer.
+TEST(FetchMetrics, EndsWhereNoWholeAnswerComes) {
+    auto place = *feeds::Place::parse("tcp://127.0.0.1:0");
+    auto listening = feeds::listenAt(place, false);
+    ASSERT_TRUE(listening) << listening.error().text;
+    std::atomic<bool> over{false};
+    std::thread trickles([&] {
+        feeds::Descriptor one;
+        while (!over) {
+            if (one.get() < 0) one = feeds::Descriptor(::accept(listening->get(), nullptr, nullptr));
+            if (one.get() >= 0) (void)::send(one.get(), "a", 1, MSG_NOSIGNAL);
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+    });
+    const auto answer = fetchMetrics("127.0.0.1:" + std::to_string(place.port));
+    over = true;
+    trickles.join();
+    ASSERT_FALSE(answer);
+    EXPECT_NE(answer.error().text.find("no whole answer has come for 5 s"), std::string::npos) << answer.error().text;
 }
 
 TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
+#include <cstdio>
 #include <deque>
 #include <exception>
 #include <mutex>
@@ -67,7 +68,8 @@ class Reports {
             if (byte < 0x20 || byte == 0x7f) line[i] = '?';
             if (second) line[i - 1] = line[i] = '?';
         }
-        fmt::print(stderr, "{}\n", line);
+        line += '\n';
+        std::fputs(line.c_str(), stderr);  // unlike fmt::print() it does not throw where that takes nothing
     }
 
     std::mutex mutex_;

@@ -199,8 +199,12 @@ const std::string& Feed::source() const {
 }
 
 FeedCounts Feed::counts() const {
-    return {state_->inlet.lines(), state_->events, state_->merged, state_->inlet.faults().count(),
-            state_->flooded + state_->inlet.flooded()};
+    return {state_->inlet.lines(),
+            state_->events,
+            state_->merged,
+            state_->inlet.faults().count(),
+            state_->flooded + state_->inlet.flooded(),
+            state_->inlet.isBroken()};
 }
 
 bool Feed::hasLeft() const {

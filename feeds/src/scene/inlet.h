@@ -50,6 +50,7 @@ class Inlet final : private LineTaker {
     std::uint64_t lines() const { return lines_; }
     std::uint64_t flooded() const { return flooded_; }
     bool isFile() const { return source_->isFile(); }
+    bool isBroken() const { return broken_; }
 
   private:
     struct Stream {
@@ -59,6 +60,10 @@ class Inlet final : private LineTaker {
     bool came(std::uint64_t stream, std::string_view bytes, bool mayWait) override;
     void paused(std::uint64_t stream, bool over) override;
     void note(std::string text) override { faults_.note(std::move(text)); }
+    void broke(std::string text) override {
+        broken_ = true;
+        faults_.note(std::move(text));
+    }
     void read(Stream& stream, std::string_view text, bool tooLong);
     void push(NumberedLine line);
 
@@ -70,6 +75,7 @@ class Inlet final : private LineTaker {
     std::map<std::uint64_t, Stream> streams_;  // the reading thread's
     bool mayWait_ = false;                     // the reading thread's
     std::atomic<std::uint64_t> lines_{0}, flooded_{0};
+    std::atomic<bool> broken_{false};
 
     std::mutex mutex_;
     std::condition_variable changed_;

@@ -45,7 +45,7 @@ class FileSource final : public LineSource {
         while (waitFor(file_.get(), stop)) {
             const ssize_t size = ::read(file_.get(), bytes.data(), bytes.size());
             if (size < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-            if (size < 0) taker.note(fmt::format("cannot be read on: {}", std::strerror(errno)));
+            if (size < 0) taker.broke(fmt::format("cannot be read on: {}", std::strerror(errno)));
             if (size <= 0) break;
             if (!taker.came(0, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), true)) return;
         }
@@ -172,6 +172,11 @@ Result<std::unique_ptr<LineSource>> LineSource::open(Place& place, bool insecure
     if (place.kind == Kind::standard) return std::make_unique<FileSource>(Descriptor(STDIN_FILENO));
     if (place.kind == Kind::file) {
         Descriptor file(::open(place.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+        struct stat status{};
+        if (file.get() >= 0 && ::fstat(file.get(), &status) == 0 && S_ISDIR(status.st_mode)) {
+            errno = EISDIR;
+            return fail(systemError("read", place));
+        }
         if (file.get() < 0) return fail(systemError("read", place));
         return std::make_unique<FileSource>(std::move(file));
     }

@@ -25,6 +25,8 @@ class LineTaker {
     virtual void paused(std::uint64_t stream, bool over) = 0;
     /// Something else happened that the user should know.
     virtual void note(std::string text) = 0;
+    /// The source cannot be read to its end, for this reason.
+    virtual void broke(std::string text) = 0;
 };
 
 class LineSource {

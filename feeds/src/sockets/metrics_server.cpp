@@ -152,10 +152,14 @@ Result<std::string> fetchMetrics(const std::string& address) {
         return fail(feeds::systemError("ask", *place));
     std::string answer(1 << 16, '\0');
     std::size_t size = 0;
+    const auto end = SteadyClock::now() + kRequestTime;
     for (ssize_t more = 1; more > 0; size += static_cast<std::size_t>(more)) {
         if (size == answer.size()) answer.resize(2 * size);
         if (size > kLongestAnswer) return fail(fmt::format("{}: its answer is too long", place->text));
         more = ::recv(socket.get(), answer.data() + size, answer.size() - size, 0);
+        if ((more < 0 && errno == EAGAIN) || (more > 0 && SteadyClock::now() > end))
+            return fail(fmt::format("{}: no whole answer has come for {} s", place->text,
+                                    std::chrono::seconds(kRequestTime).count()));
         if (more < 0) return fail(feeds::systemError("hear", *place));
     }
     answer.resize(size);

@@ -28,6 +28,7 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
         return std::unexpected(Diagnostic{Severity::error, endpoint, {}, "the replica belongs to another thread"});
     replica.setBehavioursEnabled(false);
     if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
+    if (const auto ok = checkRoomForSocket(); !ok) return std::unexpected(ok.error());
     auto impl = std::make_unique<Impl>(replica, std::move(options));
     if (auto ok = impl->start(endpoint); !ok) return std::unexpected(ok.error());
     return std::unique_ptr<MirrorClient>(new MirrorClient(std::move(impl)));

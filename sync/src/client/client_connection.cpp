@@ -8,6 +8,7 @@
 
 #include "client_impl.h"
 #include "sockets/connection_watch.h"
+#include "sockets/rare_warning.h"
 
 namespace rtsg {
 
@@ -112,8 +113,8 @@ std::optional<Diagnostic> MirrorClient::Impl::takeRefusedPolls() {
 }
 
 void MirrorClient::Impl::garbage(std::string text) {
-    ++statistics_.garbage;
-    report(Severity::warning, "ignored " + std::move(text));
+    if (auto told = mirror::toldOf(++statistics_.garbage, "ignored " + std::move(text)))
+        report(Severity::warning, std::move(*told));
 }
 
 Result<> MirrorClient::Impl::start(const std::string& endpoint) {

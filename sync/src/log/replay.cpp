@@ -348,6 +348,26 @@ std::optional<double> Replayer::nextTime() {
     return time;
 }
 
+std::optional<std::pair<std::uint64_t, std::uint64_t>> Replayer::missingNext() {
+    const std::uint64_t here = log_.position(), state = scene_->sequence();
+    std::optional<std::pair<std::uint64_t, std::uint64_t>> missing;
+    while (const std::optional<LogReader::Record> record = log_.next()) {
+        const RecordHeader& header = record->header;
+        if (header.kind == RecordKind::head) {
+            const auto head = decodeHead(record->bytes);
+            if (!head || head->epoch != head_.epoch) break;
+        } else if (header.kind != RecordKind::index && header.to > state) {
+            // A frame leads on from a state. A keyframe is one by itself: of what led there nothing is known.
+            const bool leads = header.kind != RecordKind::keyframe;
+            const std::uint64_t last = leads ? header.from : header.to;
+            if (last > state + (leads ? 0 : 1)) missing.emplace(state + 1, last);
+            break;
+        }
+    }
+    log_.seek(here);
+    return missing;
+}
+
 /// Brings the scene to a keyframe's state. Returns false if the keyframe or the head before it is damaged.
 bool Replayer::startAt(const LogKeyframe& keyframe) {
     const auto recordAt = [this](std::uint64_t offset, RecordKind kind) {

@@ -312,14 +312,14 @@ bool parseTestArguments(int argc, char** argv, ReplayTest& test) {
 
 int replayTestMain(int argc, char** argv, ReplayTest test) {
     if (!parseTestArguments(argc, argv, test)) {
-        fmt::print(stderr,
-                   "usage: {} LOG [--update] [--field NODE.FIELD]... [--ignore NODE.FIELD]... [--tolerance N]\n",
-                   argc > 0 ? argv[0] : "test");
+        std::fprintf(stderr,
+                     "usage: %s LOG [--update] [--field NODE.FIELD]... [--ignore NODE.FIELD]... [--tolerance N]\n",
+                     argc > 0 ? argv[0] : "test");
         return 2;
     }
     const Result<ReplayReport> report = runReplayTest(test);
     if (!report) {
-        fmt::print(stderr, "{}\n", report.error().format());
+        std::fprintf(stderr, "%s\n", report.error().format().c_str());
         return 1;
     }
     for (const std::string& p : report->ignoredInVain)

@@ -428,7 +428,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     const std::filesystem::path fresh = freshNameBeside(*piece);
     const int old = std::exchange(descriptor_, -1);
     const std::size_t going = oldPieces(state.time);
-    size_ = 0;
+    const std::uint64_t whole = std::exchange(size_, 0);
     keyframes_.clear();
     pieceStart_.reset();
     isLater_ = true;
@@ -439,6 +439,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     ::close(old);  // until the file has its piece name, nobody else may write it
     if (!done) {
         broken_ = true;
+        size_ = whole;  // the file of that name is still the one before
         ::unlink(fresh.c_str());
         return done;
     }

@@ -96,6 +96,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
         (options.upstream != MirrorUpstream::none || (options.keys && !options.keys->upstream.empty())))
         return fail("a lossy mirror takes no requests: the scene that it serves is not the one to be changed");
     if (const auto loaded = delayed::zmq.load(); !loaded) return std::unexpected(loaded.error());
+    if (const auto ok = checkRoomForSocket(); !ok) return std::unexpected(ok.error());
     auto shared = std::make_shared<Shared>();
     const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);

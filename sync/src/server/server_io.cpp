@@ -3,7 +3,6 @@
 #include "server_io.h"
 
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -17,6 +16,8 @@
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
+
+#include "sockets/rare_warning.h"
 
 namespace rtsg {
 
@@ -571,13 +572,9 @@ void MirrorServer::Io::garbage(std::string text) {
     warn(++statistics_.garbage, "ignored " + std::move(text));
 }
 
-/// Refused clients may try again twenty times a second for ever. So of many equal warnings only each that doubles their
-/// number (`by`) is reported.
+/// Refused clients may try again twenty times a second for ever.
 void MirrorServer::Io::warn(std::uint64_t by, std::string text) {
-    constexpr std::uint64_t kAllTold = 8;
-    if (by > kAllTold && !std::has_single_bit(by)) return;
-    if (by > kAllTold) text += fmt::format("; {} such things by now", by);
-    shared_->report(Severity::warning, std::move(text));
+    if (auto told = mirror::toldOf(by, std::move(text))) shared_->report(Severity::warning, std::move(*told));
 }
 
 void MirrorServer::Io::publishStatistics() {

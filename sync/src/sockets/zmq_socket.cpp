@@ -1,12 +1,16 @@
 // Messages that own or borrow their bytes, and ZeroMQ's errors as diagnostics.
 #include "zmq_socket.h"
 
+#include <array>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
 
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
 namespace rtsg {
 
@@ -58,6 +62,17 @@ void ZmqSocket::skipRest(const ZmqMessage& last) {
         if (!receive(next)) return;
         more = next.more();
     }
+}
+
+Result<> checkRoomForSocket() {
+    constexpr std::size_t kNeeded = 16;
+    std::array<int, kNeeded> opened{};
+    std::size_t count = 0;
+    while (count < kNeeded && (opened[count] = ::eventfd(0, EFD_CLOEXEC)) >= 0) ++count;
+    const int error = errno;
+    for (std::size_t i = 0; i < count; ++i) ::close(opened[i]);
+    if (count == kNeeded) return {};
+    return fail(fmt::format("cannot open the files of a connection: {} (ulimit -n)", std::strerror(error)));
 }
 
 Result<> checkPort(std::string_view endpoint) {

@@ -107,6 +107,10 @@ class ZmqSocket {
 /// `what: reason` from errno.
 Diagnostic zmqFailure(std::string_view what);
 
+/// Checks that so many files as a socket, its connection and its threads need may still be opened: ZeroMQ ends the
+/// process where it gets none.
+Result<> checkRoomForSocket();
+
 /// Refuses ports above 65535, which ZeroMQ takes modulo 65536.
 Result<> checkPort(std::string_view endpoint);
 

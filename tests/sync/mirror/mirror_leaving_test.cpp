@@ -86,6 +86,7 @@ TEST(MirrorLeaving, ConnectionsThatEndAmongPartsOfMessagesAreSurvivedAndAllThatC
         const bool all = pollUntil(*client, [&] { return client->statistics().garbage >= kMessages; });
         if (leaves.joinable()) leaves.join();
         ASSERT_TRUE(all) << "round " << round << ": " << client->statistics().garbage;
+        EXPECT_LE(client->takeDiagnostics().size(), 24u) << "not a line for each";
     }
 }
 

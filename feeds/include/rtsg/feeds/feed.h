@@ -51,6 +51,7 @@ struct FeedCounts {
     std::uint64_t merged = 0;   // values that a newer one replaced before their frame
     std::uint64_t faulty = 0;   // invalid lines, or lines whose event was refused
     std::uint64_t flooded = 0;  // lines left out because too many waited
+    bool broken = false;        // the source could not be read to its end
 };
 
 class Feed {

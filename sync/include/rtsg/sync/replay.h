@@ -80,6 +80,9 @@ class Replayer {
     /// The time of the state that step() leads to next, as far as the log is intact; nothing at the end. Several states
     /// may have the same time, as when an Inline has loaded.
     std::optional<double> nextTime();
+    /// The first and the last of the frames that are missing between the present one and the next that the log holds.
+    /// Nothing if none is, or if the next one is of another session. It looks ahead, as nextTime() does.
+    std::optional<std::pair<std::uint64_t, std::uint64_t>> missingNext();
     /// True if no state comes after the present one.
     bool atEnd() { return !nextTime(); }
 
