@@ -16,6 +16,7 @@
 #include "core/scene_check.h"
 #include "documents/recording_handler.h"
 #include "read/reader_bytes.h"
+#include "support/long_form.h"
 #include "text/number_pieces.h"
 
 namespace rtsg {
@@ -188,7 +189,9 @@ class ReaderThreads : public testing::TestWithParam<Encoding> {};
 TEST_P(ReaderThreads, SayWhatOneSays) {
     const std::string path =
         (std::filesystem::path(testing::TempDir()) / ("reader_threads_" + std::to_string(::getpid()))).string();
-    for (unsigned seed = 1; seed <= 120; ++seed) {
+    // What shows in one document of twenty is found by the short form with 95 %, by the long one with 99.8 %.
+    const unsigned seeds = test::fewOrMany(60u, 120u);
+    for (unsigned seed = 1; seed <= seeds; ++seed) {
         SCOPED_TRACE(seed);
         Lists lists(GetParam(), seed);
         const std::string text = lists.document();

@@ -1,6 +1,7 @@
 // One function behind value, density and samples: chi-square tests, reciprocity, energy; in double where it integrates.
 #include "texture/bsdf.h"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -217,23 +218,32 @@ TEST(Bsdf, SamplesCarryTheAlbedo) {
 double physicalAlbedo(double base, double metallic, double roughness, const Vec3d& view) {
     const double alpha = std::max(roughness * roughness, 1e-3), a2 = alpha * alpha,
                  f0 = 0.04 + (base - 0.04) * metallic;
-    const auto fresnel = [&](double cosine) { return f0 + (1 - f0) * std::pow(1 - cosine, 5); };
-    const int steps = 600;
+    const auto fresnel = [&](double cosine) {
+        const double left = 1 - cosine, squared = left * left;
+        return f0 + (1 - f0) * squared * squared * left;
+    };
+    constexpr int steps = 600;
+    std::array<Vec2d, steps> around;
+    for (int j = 0; j < steps; ++j) {
+        const double phi = 2 * kPiOfBsdf * (j + 0.5) / steps;
+        around[static_cast<std::size_t>(j)] = Vec2d(std::cos(phi), std::sin(phi));
+    }
     double specular = 0, diffuse = 0;
-    for (int i = 0; i < steps; ++i)
-        for (int j = 0; j < steps; ++j) {
-            const double u = (i + 0.5) / steps, phi = 2 * kPiOfBsdf * (j + 0.5) / steps;
-            const double hz = std::sqrt((1 - u) / (1 + (a2 - 1) * u)), hs = std::sqrt(1 - hz * hz);
-            const Vec3d h(hs * std::cos(phi), hs * std::sin(phi), hz);
+    for (int i = 0; i < steps; ++i) {
+        const double u = (i + 0.5) / steps;
+        const double hz = std::sqrt((1 - u) / (1 + (a2 - 1) * u)), hs = std::sqrt(1 - hz * hz);
+        for (const Vec2d& direction : around) {
+            const Vec3d h(hs * direction.x, hs * direction.y, hz);
             const double vh = glm::dot(view, h);
             if (const Vec3d l = 2 * vh * h - view; vh > 0 && l.z > 0) {
                 const double masking =
                     l.z * std::sqrt(view.z * view.z * (1 - a2) + a2) + view.z * std::sqrt(l.z * l.z * (1 - a2) + a2);
                 specular += fresnel(vh) * 0.5 / masking * l.z * 4 * vh / hz;
             }
-            const Vec3d l(std::sqrt(u) * std::cos(phi), std::sqrt(u) * std::sin(phi), std::sqrt(1 - u));
+            const Vec3d l(std::sqrt(u) * direction.x, std::sqrt(u) * direction.y, std::sqrt(1 - u));
             diffuse += (1 - fresnel(glm::dot(l, glm::normalize(l + view)))) * (1 - metallic) * base;
         }
+    }
     return (specular + diffuse) / (double(steps) * steps);
 }
 
@@ -241,9 +251,13 @@ double physicalAlbedo(double base, double metallic, double roughness, const Vec3
 double meanWeight(const Bsdf& bsdf, const Vec3f& view) {
     constexpr double kRoot = 1.2207440846057596;
     constexpr int kSamples = 1 << 19;
+    const double steps[3] = {1 / kRoot, 1 / (kRoot * kRoot), 1 / (kRoot * kRoot * kRoot)};
     double numbers[3] = {0.5, 0.5, 0.5}, sum = 0;
     for (int i = 0; i < kSamples; ++i) {
-        for (int k = 0; k < 3; ++k) numbers[k] = std::fmod(numbers[k] + std::pow(kRoot, -1 - k), 1.0);
+        for (int k = 0; k < 3; ++k) {
+            numbers[k] += steps[k];
+            if (numbers[k] >= 1) numbers[k] -= 1;
+        }
         const auto number = [&](int k) { return static_cast<float>(numbers[k] * (1 - 1e-7)); };
         sum += bsdf.sample(view, number(0), number(1), number(2)).weight.r;
     }
