@@ -1,4 +1,4 @@
-// A way round two edges: where it is shortest, how it bends there, whether there is air, and what comes by it.
+// A path over two edges: its shortest position, its diffraction coefficients, whether it is free, and its pressure.
 //
 // Threading: pure functions over const geometry.
 #pragma once

@@ -1,4 +1,4 @@
-// Ways of sound round edges: where they are shortest, by which angles they bend, and whether there is air for them.
+// Paths of sound over edges: where they are shortest, their angles, and whether they are free.
 //
 // Threading: pure functions over const geometry.
 #pragma once

@@ -1,4 +1,4 @@
-// EdgeWaves in samples: each is a short response of its own, with the phases that energies of octaves do not have.
+// EdgeWaves as samples: each is a short response of its own, with phases, which octave energies do not have.
 //
 // Threading: pure functions.
 #pragma once

@@ -1,4 +1,4 @@
-// The insides of AcousticEngine: what it keeps between calls, and the steps of a block.
+// The inside of AcousticEngine: its state between calls, and the steps of a block.
 //
 // Threading: the engine's thread.
 #pragma once

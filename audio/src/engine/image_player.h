@@ -1,9 +1,9 @@
-// ImagePlayer: images of a source that moves, each heard from where it is in every block, and what comes by way of
-// edges.
+// ImagePlayer: plays the image sources of a moving source, each from its present position in every block, and
+// diffracted sound.
 //
-// A set that comes fades over as a response of a Convolver of the same block and fade does, block by block beside it,
-// so that what one of them leaves out the other has. What sets and blocks need is kept for those that follow: once the
-// largest has been heard no block allocates. Threading: the engine's thread.
+// A new set of images fades in block by block with the response of a Convolver of the same block and fade length, so
+// that the sound which moves from one to the other stays complete. Memory of sets and blocks is reused: after the
+// largest one no block allocates. Threading: the engine's thread.
 #pragma once
 
 #include <array>

@@ -1,9 +1,9 @@
-// MovedWalls: the walls in the straight way of an emitter that have moved since what is heard of it was traced.
+// MovedWalls: the walls in the direct path of an emitter that have moved since the response in use was traced.
 //
-// A wall that moves into that way takes direct sound away and brings sound that bends round it. Both must come at once,
-// or a gap is heard, but sound that bends is known only when the room is traced anew. So walls that moved leave the
-// share of direct sound that they left when the response in use was traced, and fade with it (StraightWay). Walls that
-// rest count in every block, as edges that rest are followed in every block. Threading: the engine's thread.
+// A wall that moves into this path takes direct sound away and adds diffracted sound. Both must change together, or a
+// gap is heard; but diffracted sound is known only after the next trace. So moved walls keep the share of direct sound
+// that they left when the response was traced, and fade with the response (StraightWay). Walls at rest count in every
+// block, because edges at rest are followed in every block. Threading: the engine's thread.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Responses made apart from the sound that they are for: what is needed is handed in whole, and what comes out is ready
-// to be convolved with.
+// Traces responses away from the thread that renders sound: the input is handed over as a whole, and the result is
+// ready for convolution.
 //
 // Threading: traceResponse() is a pure function over a const geometry. TraceWorker has a thread of its own, with a
 // geometry of its own that follows the states it is handed; submit() and take() from one other thread.

@@ -1,8 +1,8 @@
-// Trajectory: where something is over time, smooth, from what is known once a frame.
+// Trajectory: a smooth position over time from positions that are known once a frame.
 //
-// Between the ends of blocks it is cubic, with the velocities that the frames show; beyond the last frame it goes on
-// straight, so that a block may be longer than the frame it ends in. What moves evenly, but for the rounding of its
-// places in single precision, is taken to lie on one line, so that this rounding is not heard.
+// Between the ends of blocks it is cubic, with velocities from the frames. Beyond the last frame it continues straight,
+// because a block may be longer than the frame. Motion that is even apart from the rounding of positions to single
+// precision is taken as a straight line, so that the rounding is not heard.
 // Threading: the engine's thread.
 #pragma once
 

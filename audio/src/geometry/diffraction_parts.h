@@ -1,6 +1,6 @@
-// DiffractionParts: the mechanisms of diffraction, each of which a measurement may leave out to see what it brings.
+// DiffractionParts: switches for the mechanisms of diffraction, for measurements of what each contributes.
 //
-// Nothing else of the library writes it. Threading: written while nothing is traced and no wall changes.
+// Nothing else in the library changes them. Threading: change them while nothing is traced and no wall changes.
 #pragma once
 
 namespace rtsg {

@@ -1,4 +1,4 @@
-// Cylinders, parts of them, and spheres among the edges of a mesh: many in a row, each of which turns a little.
+// Recognises cylinders, parts of cylinders, and spheres in a mesh by rows of edges with small angles.
 //
 // Threading: pure functions.
 #pragma once

@@ -1,7 +1,8 @@
-// Edges of walls round which sound bends: where two surfaces of a mesh meet, and the rims of surfaces.
+// The edges of walls that diffract sound: where two surfaces of a mesh meet, and the rims of surfaces.
 //
-// Corners at one place are one corner, whatever their normals, and edges at one place are one edge, of whatever walls:
-// two rims that meet are an edge of both. The work follows the walls that change; edges are found once a mesh.
+// Corners at one position are one corner, whatever their normals. Edges at one position are one edge, even of different
+// walls: two rims that meet are an edge of both. The work depends on the walls that change; edges are found once a
+// mesh.
 // Threading: change() alone; the rest are const.
 #pragma once
 

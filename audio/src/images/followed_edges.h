@@ -1,7 +1,7 @@
-// Waves by way of edges, for who renders each of them for itself while source and listener move.
+// Diffracted waves that are rendered one by one while source and listener move.
 //
-// Their delays are those of the shortest ways by their edges. What a single edge bends is known for every place
-// (diffraction_wedge.h): weights of a PoleBank are fitted to its tones. All else is as it was when it was traced.
+// Their delays are those of the shortest paths over their edges. The diffraction of a single edge is known for all
+// positions (diffraction_wedge.h), and the weights of a PoleBank are fitted to it. Everything else stays as traced.
 // Threading: pure functions.
 #pragma once
 

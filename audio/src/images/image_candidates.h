@@ -1,6 +1,6 @@
 // Lists where mirror images of a source may be: candidates by position, each with the last wall of its way.
 //
-// Every image that has a way is among them, and most of them have none from a given listener.
+// Every image with a valid path is among them; most of them have none for a given listener.
 // Threading: const once found.
 #pragma once
 

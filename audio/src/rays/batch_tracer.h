@@ -1,9 +1,10 @@
 // BatchTracer: follows the rays of one batch through a geometry, for one listener or for several at once.
 //
-// From a wall that scatters one of the listeners and their images (response/listener_images.h) is looked for by chance,
-// which grows with what it might hear, or the one listener always where there are no images. What is heard is divided
-// by the chance: the expectation stays, and a ray takes hardly longer for several. Source: see acoustic_tracer.h; Veach
-// 1997, chapters 9 and 10, on connections. Threading: one thread an object.
+// At each wall that scatters, one of the listeners and their images (response/listener_images.h) is chosen at random,
+// with a probability that grows with the energy it might receive; without images, a single listener is always chosen.
+// The energy is divided by the probability, so the expectation stays the same, and a ray takes hardly longer for
+// several listeners. Source: see acoustic_tracer.h; Veach 1997, chapters 9 and 10, on connections. Threading: one
+// thread an object.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Finds sound that bends round bodies on its way to or from a wall that mirrors it. Each mirror image of first order is
-// a source of its own, in a world that is repeated beyond its mirror.
+// Finds sound that is diffracted by bodies before or after its specular reflection at a wall. Each mirror image of
+// first order is a source of its own, in a world that is repeated beyond its mirror.
 //
 // Threading: pure functions.
 #pragma once

@@ -1,4 +1,4 @@
-// EnergyUnderWay: about how much of what a source sends is still under way, by the metres that it has gone.
+// EnergyUnderWay: an estimate of the energy of a source that is still on its way, by the distance travelled.
 //
 // Where walls differ much in what they take, or some are missing, late energy is that of the few rays that met the
 // right walls: single rays sent at random tell little of it. Here a fixed number of them goes on all the time: those

@@ -1,4 +1,4 @@
-// ProbeRay: a ray that tells about a room, and is heard by nobody. Threading: a plain value.
+// ProbeRay: a ray that explores a room and carries no sound. Threading: a plain value.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Draws what a map says into its picture, with letters of five by seven dots. Threading: a pure function.
+// Draws the texts of a map into its picture, with letters of five by seven dots. Threading: a pure function.
 #pragma once
 
 #include <string_view>

@@ -1,4 +1,4 @@
-// The figures that a report has, in order, and how they are written.
+// The figures of a report, in order, and their formats.
 //
 // Threading: constants and pure functions.
 #pragma once

@@ -1,4 +1,4 @@
-// Directions of rays by chance: all round, and as rough surfaces scatter.
+// Random directions of rays: uniform over the sphere, and by Lambert's law.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The tones that stand for an octave where the levels of what edges bend are averaged, and what walls mirror there.
+// The frequencies that represent an octave when levels of diffracted sound are averaged, and the specular shares there.
 //
 // Threading: const.
 #pragma once

@@ -1,8 +1,8 @@
 // Moves sources and listeners off walls that they touch, and measures what surrounds a listener.
 //
-// A place on a wall is the limit of places before it, on the side from which it is looked at, unless that is inside of
-// a body; so it is moved off by some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of
-// some metres). Threading: pure functions over const geometry.
+// A point on a wall is the limit of points in front of it, on the side from which it is seen, unless that side is
+// inside a body. So it is moved off the wall by some roundings of its coordinates in single precision, as rays are
+// (1e-5 m in a room of some metres). Threading: pure functions over const geometry.
 #pragma once
 
 #include <cstddef>

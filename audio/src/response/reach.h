@@ -1,9 +1,8 @@
-// ReachRecorder: a geometry that notes how far the paths traced in it went, so that one knows which changes elsewhere
-// they cannot have met.
+// ReachRecorder: a geometry that records how far the paths traced in it went, to tell which changes of the world cannot
+// have affected them.
 //
-// Every question that tracing asks is along a segment, or about the surroundings of the listener; what lies outside the
-// box around all of these gives the same answers wherever it is. Threading: queries from any number of threads;
-// reached() after them.
+// All queries of a trace are along a segment or near the listener. Anything outside the box around these does not
+// change the answers. Threading: queries from any number of threads; reached() after them.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// A round body between a source and a listener: where these are about it, and places on its surface.
+// A round body between a source and a listener: their positions relative to it, and points on its surface.
 //
 // Threading: const once made.
 #pragma once

@@ -1,6 +1,6 @@
-// The round bodies about a way, and whether there is air on ways beside them.
+// The round bodies near a path, and whether paths beside them are free.
 //
-// What round bodies hide is told by what they leave of the pressure: here their facets hide nothing.
+// The effect of round bodies on pressure already describes what they hide, so their facets hide nothing here.
 // Threading: const once made.
 #pragma once
 

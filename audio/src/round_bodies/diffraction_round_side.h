@@ -1,4 +1,5 @@
-// One side of a round body between two places: the way by it, where that touches, and what comes by it.
+// One side of a round body between two points: the path by it, where the path touches it, and the pressure of that
+// path.
 //
 // Threading: const once made.
 #pragma once

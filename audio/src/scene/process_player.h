@@ -1,4 +1,4 @@
-// ProcessPlayer: one processing node of an audio graph at work, with what leads into it.
+// ProcessPlayer: runs one processing node of an audio graph and its inputs.
 //
 // Threading: the engine's thread.
 #pragma once

@@ -1,4 +1,4 @@
-// Fields of nodes as sound reads them: whatever an event may have put there. Threading: pure functions.
+// Reads fields of nodes for sound, with any values that events may have set. Threading: pure functions.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// From one sound to another. Threading: pure function.
+// Fades from one sound to another. Threading: pure function.
 #pragma once
 
 #include <algorithm>

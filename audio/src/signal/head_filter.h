@@ -1,8 +1,8 @@
-// HeadFilter: what both ears hear of one sound by a head, from a direction that may change.
+// HeadFilter: renders one sound for both ears through a head, from a direction that may change.
 //
-// When an ear hears it goes smoothly with the direction, by a delay line, as far as a sphere tells of that; what is
-// left of the responses changes slowly with the direction, and goes evenly from block to block. So what moves past
-// stays beside no line of its own. Once it has heard one it allocates nothing. Threading: the engine's thread.
+// The arrival time at an ear changes smoothly with the direction, by a delay line that follows the sphere model. The
+// rest of the response changes slowly with the direction and is interpolated from block to block. After its first sound
+// it allocates nothing. Threading: the engine's thread.
 #pragma once
 
 #include <algorithm>

@@ -1,7 +1,7 @@
-// PoleBank: a filter whose spectrum goes smoothly with the logarithm of frequency, and may change in every block.
+// PoleBank: a filter with a smooth spectrum over the logarithm of frequency, which may change in every block.
 //
-// A sum of one-pole low passes, which stay, and of a few samples about each, weighted: so a response as long as that of
-// an edge, 1 / sqrt(t), takes 25 weights, and where these go evenly from one set to the next nothing is heard of it.
+// It is a weighted sum of one-pole low passes, which are fixed, and of a few samples around each. A response as long as
+// that of an edge, 1 / sqrt(t), needs only 25 weights, and interpolating the weights between two sets is inaudible.
 // PoleFit finds weights for a spectrum by least squares. Threading: one thread per object; PoleFit is const.
 #pragma once
 

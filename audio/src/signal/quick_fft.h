@@ -1,5 +1,5 @@
-// Transforms of real signals by libavutil, as its module hands them out: the library drags in a dozen and a half of
-// others, which only sound needs.
+// Transforms of real signals by libavutil, through its module, because the library loads some eighteen others, which
+// only sound needs.
 #pragma once
 
 #include <cstddef>

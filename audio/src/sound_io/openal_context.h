@@ -1,7 +1,7 @@
-// OpenAL's current context, for the calls of one scope, on one thread only; and the settings that it reads when the
-// first device is opened.
+// Makes an OpenAL context current on one thread for the calls of one scope, and sets the options that OpenAL reads when
+// it opens the first device.
 //
-// Needs ALC_EXT_thread_local_context. Threading: as the context's owner.
+// Needs ALC_EXT_thread_local_context. Threading: as the owner of the context.
 #pragma once
 
 #include <sys/mman.h>

@@ -1,4 +1,4 @@
-// SoundBytes: the content of a sound file as the libraries that decode it want to see it, wherever it is.
+// SoundBytes: gives decoding libraries access to the content of a sound file, in memory or on disk.
 //
 // Invariant: `at` is 0 to `size`. Threading: one thread.
 #pragma once

@@ -1,6 +1,6 @@
-// How long a sound is by what its file says, and what is missing of it where the file is damaged or was cut short.
+// The length of a sound according to its file, and what is missing if the file is damaged or truncated.
 //
-// libsndfile takes what a WAV, AIFF or AU file says to be what there is of it. Threading: pure functions.
+// libsndfile takes the length that a WAV, AIFF or AU file states as the existing length. Threading: pure functions.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// OpeningFinder: follows a ray that escaped to what it went through, and feels for the rim of that with other rays.
+// OpeningFinder: follows a ray that escaped to the opening, and finds the rim of the opening with other rays.
 //
 // Threading: one thread an object.
 #pragma once
