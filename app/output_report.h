@@ -1,4 +1,4 @@
-// OutputReport: what was made of a scene and what is missing, for the reports of verbs.
+// OutputReport: the outputs that were made of a scene, and those that are missing, for the reports of verbs.
 // Threading: none of its own.
 #pragma once
 

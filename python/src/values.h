@@ -1,7 +1,8 @@
-// Values of fields as Python has them, and back.
+// Converts field values to Python and back.
 //
-// MF fields become read-only NumPy arrays over the scene's own memory, which they keep; vectors, colours, rotations and
-// matrices small arrays of their own; MFNode and MFString tuples. Threading: with the interpreter's lock.
+// MF fields become read-only NumPy arrays over the scene's own memory, which they keep alive. Vectors, colours,
+// rotations and matrices become small arrays with a copy, MFNode and MFString become tuples. Threading: with the
+// interpreter's lock.
 #pragma once
 
 #include <pybind11/numpy.h>

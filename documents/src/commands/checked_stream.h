@@ -1,9 +1,9 @@
-// CheckedStream: the commands of a reader that may break the rules, as a stream that keeps them.
+// CheckedStream: turns the commands of a reader that may break the rules into a stream that keeps them.
 //
-// Readers of other programs' files, and those of plug-ins, push through it: what does not nest, a field that a type
-// does not have, a value of another type than the field's, a name that no file can spell and numbers that are not
-// finite are reported as faults of the reader, and left out or mended. Invariant: what comes out is what
-// document_handler.h promises, from beginDocument to endDocument, whatever goes in. Threading: one thread a stream.
+// Readers of other programs' files, and those of plug-ins, push through it. Commands that do not nest, fields that a
+// type does not have, values of another type than the field's, names that no file can spell, and non-finite numbers are
+// reported as faults of the reader, and left out or repaired. Invariant: whatever goes in, the output is what
+// document_handler.h promises, from beginDocument to endDocument. Threading: one thread a stream.
 #pragma once
 
 #include <string>

@@ -1,5 +1,4 @@
-// Answers to an editor's questions about one text: what may stand here, what this is, where it is defined, what was
-// meant.
+// Answers an editor's questions about a text: completions, descriptions, definitions, and corrections.
 //
 // Threading: pure functions. Offsets are bytes of the text.
 #pragma once

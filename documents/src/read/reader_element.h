@@ -1,4 +1,4 @@
-// Elements with attributes in, document commands out: what the XML and the JSON reader share.
+// Turns elements with attributes into document commands; shared by the XML and the JSON reader.
 //
 // Invariant: an explicit stack, never recursion; commands to the handler nest whatever the input. Threading: one thread
 // a document. Source: ISO/IEC 19776-1 V3.3. Laxer: a child without containerField

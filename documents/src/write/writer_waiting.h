@@ -1,5 +1,5 @@
-// Text that waits in a writer until what stands before it is known: in pieces, joined while they are short, and in a
-// file without a name once there are many.
+// Text that a writer holds back until the text before it is known: in pieces, which are joined while they are short,
+// and in an unnamed file if there are many.
 //
 // Invariant: of settled text, the longest list and 16 MiB beside it stay in memory, unless no such file can be had.
 // Pieces of one rope keep their order. Threading: one thread a writer.

@@ -1,7 +1,7 @@
-// A small ball among triangles: where it touches them, how far it can move, and where it slides to.
+// A small ball among triangles: its contacts, how far it can move, and where it slides to.
 //
-// Places are metres from some place near by, in double. Triangles have no thickness and two sides: the ball stays on
-// whichever it is on. Invariant: wherever a function here moves the ball to, the way there was free.
+// Positions are in metres from a nearby origin, in double precision. Triangles have no thickness and two sides: the
+// ball stays on its side. Invariant: wherever a function here moves the ball to, the way there was free.
 // Source: D. C. Ruspini, K. Kolarov, O. Khatib, "The haptic display of complex graphical environments", 1997: a proxy
 // with a radius; C. Ericson, "Real-time collision detection", 2005, 5.1.5: the closest point of a triangle.
 #pragma once

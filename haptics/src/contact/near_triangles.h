@@ -1,7 +1,7 @@
-// NearTriangles: the triangles of a world around a hand, where they are now and where they were a tick ago.
+// NearTriangles: the triangles of a world around a hand, at their present positions and at those of the last tick.
 //
-// States come once a frame, ticks a thousand times a second: what moved from one state to the next, and before that,
-// is taken to move on likewise until the next state is there. Threading: one thread; states may be of another.
+// States arrive once a frame, ticks a thousand times a second. Motion between the last two states is extrapolated until
+// the next state arrives. Threading: one thread; states may come from another.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// Touch: where the proxy of a hand is among the triangles of a world, and what force follows from that.
+// Touch: the position of a hand's proxy among the triangles of a world, and the resulting force.
 //
 // One call of tick() is one step of the clock. The proxy is a ball that follows the hand as far as surfaces let it; a
 // spring draws the hand to it. Surfaces that move carry the proxy along and push it; between two states of the scene

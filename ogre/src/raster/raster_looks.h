@@ -1,4 +1,4 @@
-// Materials, textures, lights and skies as a rasteriser wants them.
+// Converts materials, textures, lights and skies for a rasteriser.
 //
 // Threading: one thread.
 #pragma once

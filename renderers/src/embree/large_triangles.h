@@ -1,10 +1,11 @@
-// LargeTriangles: the few large triangles of a world, walls and floors, of which all are asked sixteen rays at a time,
-// and boxes around everything else.
+// LargeTriangles: the few large triangles of a world (walls and floors), which are all tested against sixteen rays at a
+// time, and boxes around everything else.
 //
-// Rays from anywhere meet a box in proportion to the box's surface, so if the boxes are small, most rays of bouncing
-// light are answered without any tree. The answers are Embree's, except for the last bits. A ray stays open, and is to
-// be traced, if it may meet anything else, or if rounding might decide: near an edge, a plane of its start, or another
-// triangle at the same distance. Invariant: bit for bit the same on any processor. Threading: immutable once made.
+// Rays from anywhere hit a box in proportion to its surface. So if the boxes are small, most rays of bouncing light are
+// answered without a tree. The answers are Embree's, except for the last bits. A ray stays open, and must be traced, if
+// it may hit anything else, or if rounding might decide: near an edge, near a plane of its start, or near another
+// triangle at the same distance. Invariant: bit for bit the same on any processor. Threading: immutable once
+// constructed.
 #pragma once
 
 #include <cstddef>

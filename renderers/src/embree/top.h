@@ -1,7 +1,7 @@
-// Top: everything there is to trace, one tree over groups and instances, and what queries see of it.
+// Top: all traced objects: one tree over groups and instances, and the view of it that queries use.
 //
-// The largest resting group, the main one, is traced first and without a look at its box: nearly every ray meets it,
-// and what it hits shortens the search among everything else, which is in the tree.
+// The largest resting group, the main one, is traced first and without a test of its box: nearly every ray hits it, and
+// the hit shortens the search among the other objects, which are in the tree.
 // Invariant: a TopView is some lists of pages and a few numbers. Queries run on it and on nothing else, so a frozen one
 // answers as the Top did at that moment. Rays that reach it have been checked (ray_view.cpp).
 // Threading: changes on one thread; tracing from any, in between; frozen views from any at any time.

@@ -1,4 +1,4 @@
-// How a Layout places a rectangle in the one around it, and how wide a pixel is where something stands.
+// Computes how a Layout places a rectangle in its parent, and the width of a pixel at a position.
 //
 // Invariant: pure functions of fields and a picture's size; who knows no picture has one of 1280 by 720 pixels.
 // Lengths of a Region are in the units of what lies in it: Transforms between two of them need not be known.

@@ -1,4 +1,4 @@
-// Names the colour profile that an image file carries, where its colours are not those of sRGB.
+// Names the colour profile of an image file if its colours are not sRGB.
 //
 // Source: ICC.1:2022 (7.2, 9.2, 10.6, 10.13, 10.15, 10.18), the PNG specification's iCCP chunk, APP2 segments of JPEG
 // (ICC.1, annex B.4) and WebP's ICCP chunk. Profiles of other formats are not looked for.

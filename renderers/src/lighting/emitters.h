@@ -1,7 +1,7 @@
-// Emitters: the triangles that shine, and a tree to choose from by what they can do for a point.
+// Emitters: the emitting triangles, and a tree that chooses one by its possible contribution at a point.
 //
-// Holds those of materials that emit, are opaque and do not mirror, and that rest while the shutter is open; what else
-// shines is found by bounces alone.
+// Contains triangles of materials that emit, are opaque and do not mirror, and that rest while the shutter is open;
+// other emitters are found by bounces only.
 // Invariant: an emitter that lights a point at all is chosen there with a probability above 0, and density() is the one
 // that sample() chooses with. In ray space.
 // Threading: const once built.

@@ -1,7 +1,7 @@
-// LightTree: a choice among many things that shine, by what they can do for a point.
+// LightTree: chooses one of many light sources by its possible contribution at a point.
 //
-// Invariant: what lights a point at all is chosen there with a probability above 0, and probability() is the one that
-// sample() chooses with. Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph.
+// Invariant: a source that lights a point at all is chosen there with a probability above 0, and probability() is the
+// one that sample() uses. Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph.
 // Interact. Tech. 1, 2 (importance of a cluster: power, distance, cones).
 #pragma once
 

@@ -1,7 +1,7 @@
-// PathParts: what the path tracer does to be quick, each of which a measurement may leave out to see what it is worth.
+// PathParts: switches for the accelerations of the path tracer, for measurements of what each gains.
 //
-// Invariant: pictures have the same mean with and without; only how soon they are known differs. Nothing else of the
-// library writes it. Threading: written while no picture is made.
+// Invariant: pictures have the same mean with and without them; only the noise differs. Nothing else in the library
+// changes them. Threading: change them while no picture is made.
 #pragma once
 
 namespace rtsg::trace {

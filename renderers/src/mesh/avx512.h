@@ -1,4 +1,4 @@
-// Whether this machine's processor has what units compiled for x86-64-v4 use.
+// Whether this machine's processor supports units compiled for x86-64-v4.
 #pragma once
 
 namespace rtsg::simd {

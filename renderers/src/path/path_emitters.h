@@ -1,4 +1,4 @@
-// EmitterLight: what shining triangles or the sky send to sixteen surfaces, found by choosing a direction for each.
+// EmitterLight: the light of emitting triangles or the sky at sixteen surfaces, with one sampled direction for each.
 //
 // Threading: one of a tile. Source: Veach 1997, chapters 8 and 9 (estimators of direct light and their combination).
 #pragma once

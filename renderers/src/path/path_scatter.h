@@ -1,5 +1,5 @@
-// Scatters light at eight surfaces of paths: weighs light that was looked for against what bounces find, and chooses
-// where paths go on.
+// Scatters light at eight surfaces of paths: weighs sampled light against light that bounces find, and chooses the
+// directions in which paths continue.
 //
 // Conventions: `facing` is the true surface's normal on the viewer's side. Threading: values. Source: Veach 1997,
 // section 9.2.

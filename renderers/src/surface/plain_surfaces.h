@@ -1,7 +1,7 @@
-// PlainSurfaces: which instances are nothing but their own even colours, and what eight hits on such need for shading.
+// PlainSurfaces: tells which instances have only one even colour, and gives what eight hits on them need for shading.
 //
-// Plain: opaque, of one material without textures, vertex colours, mirroring or refraction; so are nearly all of most
-// scenes. Built for one picture of paths; it reads the scene's meshes, which must outlive it.
+// Plain: opaque, of one material without textures, vertex colours, mirroring or refraction; most instances of most
+// scenes are. Built for one picture of paths; it reads the scene's meshes, which must outlive it.
 // Threading: const once built.
 #pragma once
 

@@ -1,7 +1,7 @@
-// SurfaceBranches: the rays that surfaces send on which mirror, bend or let through, and what each is a share of.
+// SurfaceBranches: the rays that surfaces reflect, refract or let through, and the share of light in each.
 //
-// Invariant: a lane's do not depend on the others. Threading: a packet's. Source: Fresnel's equations and Snell's law,
-// as shading.h has them.
+// Invariant: the result of a lane does not depend on other lanes. Threading: a packet's. Source: Fresnel's equations
+// and Snell's law, as in shading.h.
 #pragma once
 
 #include <cstdint>

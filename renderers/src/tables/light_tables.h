@@ -1,11 +1,10 @@
-// LightTables: what light must know of a scene besides its rays: who is drawn with what, what shines where, from where
-// it is seen.
+// LightTables: the data of a scene that lighting needs besides rays: materials, lights, and viewpoints.
 //
-// Invariant: after apply() they are those that reading the scene anew would give. Work follows the delta: a light that
-// is switched touches the list of its own scope; which lists reach an instance is found along the scopes around it, by
-// whoever makes a picture.
-// Versions: what a picture reads lies in paged arrays of which a version costs four pointers; materials and placed
-// things are replaced, never changed. Threading: one thread, the scene's; a LightState from any.
+// Invariant: after apply() they equal tables that are built anew. The work depends on the delta: switching a light
+// touches the list of its own scope only; whoever makes a picture finds the lists that reach an instance along the
+// scopes around it.
+// Versions: a picture reads paged arrays, of which a version costs four pointers; materials and placed things are
+// replaced, never changed. Threading: the scene's thread; a LightState from any.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (scope of lights), 7.2.2 (bindable nodes).
 #pragma once
 

@@ -1,5 +1,5 @@
-// Bsdf: how a surface's own colours send light on: value, density and samples of one function, so that light that is
-// looked for (lights) and light that is come across (bounces) agree.
+// Bsdf: how a surface reflects light: value, density and samples of one function, so that sampled lights and bounces
+// agree.
 //
 // Frame: z is the shading normal; `view` and `light` are unit vectors away from the surface. Threading: values.
 // Units: those of X3D, in which a white Lambertian surface under a light of intensity 1 head-on shows 1: pi times

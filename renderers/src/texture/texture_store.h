@@ -1,5 +1,5 @@
-// TextureStore: the textures of one scene, read once each, however many materials use them and however often those
-// change, and however many renderers show them.
+// TextureStore: the textures of one scene. Each is read once, however many materials and renderers use it and however
+// often those change.
 //
 // A url list is tried in order, each as core/resource.h says. A file that cannot be read, or has more pixels than the
 // policy allows, is reported to everybody who asks, and tried again only when the list changes. Threading: one thread,

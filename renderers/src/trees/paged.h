@@ -1,4 +1,4 @@
-// Paged: an array in pages, of which versions keep those that are written to later.
+// Paged: an array in pages; versions keep the old pages that are overwritten later.
 //
 // Invariant: a page that a held version sees (versions.h) is never written; write() puts a copy in its place first. So
 // to freeze the array is to copy its list of pages, and a change costs the copy of a page at most.

@@ -1,4 +1,4 @@
-// Strokes: all lines and points there are to trace, beside the triangles of top.h, and what queries see of them.
+// Strokes: all lines and points to trace, beside the triangles of top.h, and the view of them that queries use.
 //
 // Invariant: as of TopView: a frozen StrokeView answers as the Strokes did at that moment. Rays that reach it have been
 // checked. A stroke is as wide at each point of its axis as the style's pixels are there, squeezed towards the middle

@@ -1,9 +1,10 @@
-// The speed-up graph: which instance is traced how: merged with others as triangles, or as itself.
+// The speed-up graph: decides how each instance is traced: merged with others as triangles, or by itself.
 //
-// Invariant: `places` has one entry per slot of `instances`; a traced instance is in one cluster or is one
-// object of the top. Clusters are built once: a member that leaves is hidden (a mask, no building), and what arrives is
-// a cluster or an object of its own until the background makes one of several. (The merged mapping rebuilds its one.)
-// A cluster rests in ray space or is a body: it moves as one, and is dissolved as far as it does not.
+// Invariant: `places` has one entry per slot of `instances`; a traced instance is in one cluster or is one object of
+// the top. Clusters are built once: a member that leaves is hidden (by a mask, without building), and a new instance is
+// a cluster or an object of its own until the background thread joins several. (The merged mapping rebuilds its single
+// cluster.) A cluster rests in ray space, or it is a body: it moves as one, and parts that move otherwise are taken
+// out.
 // Versions: what queries read lies in pages (instances, top), in BVHs that are not changed once built, and in masks
 // with epochs; all of these are written as versions.h says. The rest is read by apply() alone. Source: paper
 // section 5.1.2.

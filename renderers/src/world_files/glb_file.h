@@ -1,7 +1,8 @@
-// A GLB file of what a scene shows: meshes, materials, viewpoints, lights and clips.
+// Writes the visible content of a scene as a GLB file: meshes, materials, viewpoints, lights and clips.
 //
-// A Transform that a clip moves is a node of its own, once for each path to it; all else stands by a matrix below the
-// nearest of these. Invariant: each node stands where the flattener has it. Threading: the scene's thread.
+// A Transform that a clip moves becomes a node of its own, once for each path to it; everything else is placed by a
+// matrix below the nearest such node. Invariant: each node is where the flattener has it. Threading: the scene's
+// thread.
 // Source: glTF 2.0 (ISO/IEC 12113:2022); KHR_lights_punctual, KHR_materials_unlit, KHR_materials_emissive_strength.
 #pragma once
 

@@ -1,4 +1,4 @@
-// LivePictureMaker: the renderer that a LivePicture has its pictures from.
+// LivePictureMaker: the renderer that makes the pictures of a LivePicture.
 //
 // Threading: open() and the constructor on the scene's thread; next() and camera() on any, one call at a time; the rest
 // on any.
