@@ -204,7 +204,7 @@ class Session {
     int close();
 
   private:
-    /// The name of what is served, apart from the folder from which urls start.
+    /// The name of the served file; urls start from its folder.
     const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();

@@ -60,11 +60,11 @@ class ViewSource {
         (void)request;
         return fail("a scene that runs has one time: a log of it has all");
     }
-    /// For the title: what is worth knowing.
+    /// A short status for the title.
     virtual std::string status() const { return {}; }
     /// For the overlay.
     virtual void tell(SceneWindowStatus& status) { (void)status; }
-    /// At the end: what went wrong; and says what there is to say.
+    /// At the end: prints the last messages; returns an error if something went wrong.
     virtual Result<> finish() = 0;
 };
 

@@ -22,7 +22,7 @@ std::string spellName(std::string_view name, Spelling spelling);
 /// The name that is spelled so.
 std::string readName(std::string_view text, Spelling spelling);
 /// Why a document may not have this as the DEF of a node: "begins with '1'", "has '.' in it", "is a keyword"; empty if
-/// it may. XML and JSON: what an ID may be (XML 1.0 NCName); nothing is said of characters beyond ASCII.
+/// it may. XML and JSON: by the rules for an ID (XML 1.0 NCName), without a check of characters beyond ASCII.
 std::string faultOfDef(std::string_view text, Spelling spelling);
 /// Whether readName() may give anything else than the text.
 inline bool mayBeSpelled(std::string_view text) {

@@ -42,7 +42,7 @@ struct Misspelled {
     TextRange word;
     std::string meant;
 };
-/// The word of which a message at this place says what may have been meant.
+/// The misspelled word of a message at this place, with the proposal.
 std::optional<Misspelled> misspelledWord(std::string_view text, std::size_t offset, std::string_view message);
 
 /// The clause of ISO/IEC 19775-1 V4.0 that a component stands in; 0 if there is none of that name.
