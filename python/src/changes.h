@@ -29,7 +29,7 @@ struct ChangesObject {
 
 /// Null: None.
 pybind11::object toPython(std::shared_ptr<const ChangeSet> set, const pybind11::object& scene);
-/// Calls a function with the set; what the call leaves of it has a copy.
+/// Calls a function with the set; if the callee keeps the set, it gets a copy.
 void callWith(const pybind11::function& call, const pybind11::object& scene, const ChangeSet& changes);
 
 }  // namespace rtsg::python

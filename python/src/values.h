@@ -35,7 +35,7 @@ struct NodeObject {
 pybind11::object nodeOrNone(const pybind11::object& scene, NodeId id);
 /// `scene`: the Scene object that nodes in the value are of.
 pybind11::object toPython(const Value& value, const pybind11::object& scene);
-/// Raises TypeError and ValueError for what is no such value; `what` names the field in their texts.
+/// Raises TypeError and ValueError for unsuitable objects; `what` names the field in their texts.
 Value fromPython(const FieldDef& field, const pybind11::handle& object, const SceneHandle& handle,
                  std::string_view what);
 /// The numbers of an SF or MF type that is made of them: `count` values, one after the other, of `components` each.

@@ -326,7 +326,7 @@ struct Chaser {
 // ---- dampers ---------------------------------------------------------------------------------------------------
 
 /// State: the values of the filters at `_since`, all elements of the first one, then those of the next; `_tau` is the
-/// sum of time constants that has passed since then.
+/// time constant that they have used since then.
 template <class N>
 struct Damper {
     using T = ValueOf<N>;

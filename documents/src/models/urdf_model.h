@@ -64,7 +64,7 @@ struct UrdfJoint {
     UrdfPose origin;
     std::array<double, 3> axis{1, 0, 0};  // of length 1
     double lower = 0, upper = 0;          // of revolute and prismatic joints
-    double start = 0;                     // its value at the beginning: 0, or what is nearest to that
+    double start = 0;                     // its value at the beginning: 0, or the nearest allowed value
     std::optional<Mimic> mimic;
     SourceLocation where;
 

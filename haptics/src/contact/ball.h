@@ -28,7 +28,7 @@ struct Touching {
     Vec3d place{0};            // on the triangle
 };
 
-/// A ball ends this much before it would touch, and touches what is twice as near; metres.
+/// A ball stops this far before contact, and counts as touching up to twice this distance; metres.
 constexpr double kSkin = 1e-7;
 
 Vec3d closestOnTriangle(const Vec3d& p, const Vec3d (&corners)[3]);
@@ -47,8 +47,8 @@ std::vector<Touching> touched(const Vec3d& at, double radius, const std::vector<
 /// The vector next to `way` that leads against none of the normals.
 Vec3d alongAll(const Vec3d& way, const std::vector<Touching>& touching);
 
-/// Where a ball gets to that is drawn from `from` towards `goal` and slides along what it meets: the next place to
-/// `goal` that it can reach so.
+/// The position that a ball reaches when it is drawn from `from` towards `goal` and slides along surfaces: the nearest
+/// position to `goal` that it can reach in this way.
 Vec3d slide(const Vec3d& from, const Vec3d& goal, double radius, const std::vector<NearTriangle>& triangles);
 
 }  // namespace rtsg::haptics

@@ -50,8 +50,8 @@ class NearTriangles {
     const std::vector<NearTriangle>& all() const { return all_; }
     std::vector<NearTriangle> still() const;
 
-    /// The way out of what has come over a place since the last tick, other than by steady motion: a solid whose
-    /// nearest surface the place lies behind. `everything`: nothing was there before. Null if it lies in no such thing.
+    /// The way out of a solid that has come over a place since the last tick, other than by steady motion: the place
+    /// lies behind the solid's nearest surface. `everything`: nothing was there before. Null if there is no such solid.
     std::optional<Vec3d> wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
                                 bool everything) const;
     /// Preconditions: of a triangle of find().

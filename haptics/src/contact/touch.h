@@ -39,7 +39,7 @@ class Touch {
     bool sticks_ = true;
     double energy_ = 0;                    // J that the force has given to the hand, against surfaces at rest
     std::optional<double> rateBefore_;     // m/s away from the surface, at the last tick
-    std::optional<NearTriangle> pressed_;  // what was touched most at the last tick
+    std::optional<NearTriangle> pressed_;  // the triangle that was pressed most at the last tick
 };
 
 }  // namespace rtsg::haptics

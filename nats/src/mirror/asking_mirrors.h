@@ -39,7 +39,7 @@ class AskingMirrors {
     void repaired(const SharedRecord& record, std::size_t mostBytes);
     /// The server has welcomed us; with another epoch nothing of before counts.
     void welcomed(bool sameEpoch);
-    /// Asks the next question where that is due, and forgets who is gone.
+    /// Asks the next question when it is due, and forgets mirrors that have left.
     void turn(Clock::time_point now);
 
   private:

@@ -51,7 +51,7 @@ struct LookKind {
     friend auto operator<=>(const LookKind&, const LookKind&) = default;
 };
 
-/// The material in a rasteriser's numbers; takes its textures. `lack` is told of what is left out.
+/// The material in a rasteriser's numbers; takes its textures. `lack` is told which features are left out.
 RasterMaterial rasterMaterial(const Material& material, const LookKind& kind, RasterTextures& textures,
                               const RasterTextures::Lack& lack);
 /// Gives the textures back.

@@ -37,7 +37,7 @@ class RasterScene {
     void follow(const InstanceDelta& delta);
     /// For a picture of these layers, seen from about there.
     void bring(const SurfaceState& state, const std::vector<LayerView>& layers, const Vec3d& eye);
-    /// Around what is seen of a layer.
+    /// Around the visible things of a layer.
     WorldBox box(std::uint16_t layer) const;
     const Vec3d& origin() const { return origin_; }
     /// The sky of a layer of the last bring(), by its index in the list.

@@ -33,7 +33,7 @@ class TypeMapping {
     Result<> renumber(ChangeSet& set) const;
     /// The writer's number of a field whose number here is `field`. kNoField if the writer lacks it.
     FieldIndex fieldAtOrigin(NodeId node, FieldIndex field) const;
-    /// Rewrites a decoded set, and counts what has no counterpart here. Changes that it adds are charged.
+    /// Rewrites a decoded set, and counts parts that have no counterpart here. Changes that it adds are charged.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses);
 
   private:

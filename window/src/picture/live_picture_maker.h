@@ -13,7 +13,7 @@ namespace rtsg {
 class LivePictureMaker {
   public:
     virtual ~LivePictureMaker() = default;
-    /// Error: what it needs is not there.
+    /// Error: a requirement is missing.
     virtual Result<> open() = 0;
     virtual const WorldRenderer& renderer() const = 0;
     /// Whether node renderers draw into its pictures, on the scene's thread.

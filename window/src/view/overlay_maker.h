@@ -20,7 +20,7 @@ class OverlayMaker {
   public:
     explicit OverlayMaker(SharedWorld& world) : world_(world) {}
 
-    /// Fills in viewpoints, tree and what is picked.
+    /// Fills in viewpoints, tree and the picked node.
     void fill(OverlayContent& content);
     /// Opens or closes a row of the tree.
     void toggle(NodeId node);
