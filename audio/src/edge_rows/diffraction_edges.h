@@ -16,9 +16,8 @@
 
 namespace rtsg {
 
-/// Places off walls; adds waves to `field`. Paths beyond `seconds` do not count. Of `arrivals`, what comes straight or
-/// mirrored, those that faces of small bodies mirror are
-/// weakened. `parts`: what goes on into mirror images.
+/// Both positions are off walls. Adds waves to `field`. Paths longer than `seconds` do not count. Of `arrivals` (direct
+/// and specular), those that small bodies reflect are weakened. `parts`: waves that continue into mirror images.
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
                              EdgeField& field, BentParts& parts);

@@ -34,8 +34,8 @@ class FacePair {
     /// Whether the shortest way of edges without ends leads there.
     bool within = false;
 
-    /// The wave by the end of a part: what edges without ends would have more, or what comes where the shortest way
-    /// leads past.
+    /// The wave from the end of a part: the excess of edges without ends, or the wave where the shortest path passes
+    /// beside the part.
     struct End {
         glm::dvec3 first{0}, second{0};
         double way = 0;

@@ -24,7 +24,8 @@
 
 namespace rtsg {
 
-/// Factors of what a pair bends along a face: of all, and of that part of it which is of the mirror image in the face.
+/// Factors for the waves of a pair along a face: for all of it, and for the part that belongs to the mirror image in
+/// the face.
 struct LitRow {
     std::array<std::complex<double>, kEdgeTones> all, image;
 };

@@ -142,7 +142,7 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
     return share;
 }
 
-/// The same along a face of both edges, if that is what it is.
+/// The same along a common face of both edges, if there is one.
 bool shortestOnFace(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
     const bool laid = way.flat.lay(*way.first, *way.second, source, listener);
     way.onFace = way.flat.shared;

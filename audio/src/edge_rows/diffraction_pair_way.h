@@ -48,8 +48,7 @@ inline double leastOnFace(bool heardStraight) {
     return heardStraight ? 1e-2 : 2e-3;
 }
 
-/// Whether there is air from the one edge to the other and about both. What lies on a face is looked for a little off
-/// it.
+/// Whether the path between the edges, and around both, is free. Paths along a face are tested slightly off it.
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
 
 /// The pressures that both edges bend, by tone: by the shortest way, relative to its phase, and by ends.

@@ -15,7 +15,7 @@
 
 namespace rtsg {
 
-/// One end, and what the edge would bring beyond it, by tone, see wedgeBeyond().
+/// One end, and the contribution of the edge beyond it, by tone, see wedgeBeyond().
 struct EdgeEnd {
     glm::dvec3 place{0};
     double way = 0;    // m, by this end

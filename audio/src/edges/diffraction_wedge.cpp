@@ -160,8 +160,8 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
 
 namespace {
 
-/// Of places in complex lengths: the farthest from the real ones for the lowest wave number is kLast / k sqrt(2) from
-/// there, and the nearest for the highest so near, relative to what is smaller, its wave or how far it is past.
+/// For points at complex lengths. For the lowest wave number, the farthest from the real axis is kLast / k sqrt(2)
+/// away. The nearest is kSmall away, relative to the smaller one of wave length and excess length.
 constexpr double kLast = 24, kSmall = 0.004, kLeast = 1e-9;
 constexpr std::size_t kMostNodes = 64;
 
@@ -181,7 +181,7 @@ class EdgeIntegrand {
         }
     }
 
-    /// At the length `way` - i `down`, where `past` is what the first is longer than the shortest way; down > 0.
+    /// At the length `way` - i `down`, where `past` is the difference of the former to the shortest path; down > 0.
     WedgeEnd at(double past, double down) const {
         const Complex longer(past, -down), less = longer * (longer + 2 * shortest_) / twice_;  // cosh - 1
         // This is the root that goes on from real lengths, for which cosh is above 1.
@@ -281,7 +281,7 @@ void setDistances(TwoWedgePath& path, double toFirst, double across, double from
     // How the length of the way grows with the places on both edges: second derivatives.
     const double determinant = first * (1 / a + 1 / w) * second * (1 / w + 1 / b) - between * between / (w * w);
     const double alongFirst = first * (1 / a + 1 / (w + b)), alongSecond = second * (1 / (a + w) + 1 / b);
-    // Such that at the boundary of the second edge half of what the first bends is left, and the other way round.
+    // Chosen so that at the boundary of the second edge half of the first edge's wave is left, and the other way round.
     path.second.part = std::pow(w * b / (w + b), 2) * determinant / alongFirst;
     path.first.part = std::pow(a * w / (a + w), 2) * determinant / alongSecond;
     path.spreading = path.first.sine * path.second.sine / (a * w * b * std::sqrt(determinant));

@@ -113,7 +113,7 @@ std::complex<double> twoWedgeField(const TwoWedgePath& path, double waveNumber, 
 
 /// Fresnel's transition function 2 i sqrt(x) exp(i x) times the integral of exp(-i t^2) from sqrt(x) on; x >= 0.
 std::complex<double> diffractionTransition(double x);
-/// exp(i x) erfc(sqrt(i x)): of half of what a half plane leaves at its shadow's boundary, and x radians from there.
+/// exp(i x) erfc(sqrt(i x)): twice the share that a half plane leaves, x radians from its shadow boundary.
 std::complex<double> fresnelBeyond(double x);
 
 }  // namespace rtsg

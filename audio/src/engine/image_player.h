@@ -74,7 +74,7 @@ class ImagePlayer {
         // For waves by way of edges: the source when that went out which arrives at the end of the block with a delay,
         // and the listener then.
         std::function<EdgeEnds(double delay)> ends = {};
-        double reflects = 1;  // by how much, at the end of the block, `late` is louder than what is played
+        double reflects = 1;  // factor by which `late` is louder than the played sound, at the end of the block
         bool heard = true;    // direct sound is, at the end of the block
     };
     /// Samples between the places that a block asks for.

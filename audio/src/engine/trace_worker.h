@@ -32,7 +32,7 @@ constexpr std::uint64_t kTraceParts = 8;
 /// The last trace of an emitter, as far as its energy goes on to count.
 struct KeptEnergy {
     std::shared_ptr<const Echogram> traced;  // null: nothing does
-    // Which images are among its arrivals: their energy is not in what is late.
+    // The order of the images among its arrivals: their energy is not in the late part.
     int imageOrder = 0;
     double imageShare = 0;
     std::uint64_t parts = 0;  // eighths of the rays of a trace that it is the mean of, 8 at most

@@ -57,10 +57,10 @@ class Trajectory {
     }
     /// At a time up to the last that advance() went to; before the first, where it was first.
     Point at(double time) const {
-        // Written so that what is no number gives the oldest.
+        // Written so that a time that is not finite gives the oldest.
         if (!(time > knots_.front().time)) return {time, knots_.front().position, glm::dvec3(0)};
         if (time >= knots_.back().time) return knots_.back();
-        // From the newest backwards, as what is asked for is seldom old: far back all would have to come from memory.
+        // From the newest backwards, because old positions are seldom asked for, and are no longer in the cache.
         std::size_t next = knots_.size() - 1, step = 1;
         for (; next > step && time < knots_[next - step].time; step *= 2) next -= step;
         std::size_t before = next > step ? next - step : 0;

@@ -8,7 +8,7 @@ namespace rtsg {
 struct DiffractionParts {
     bool images = true;       // mirror images of first order bend
     bool roundBodies = true;  // cylinders and spheres are round; else their facets have edges
-    bool smallBodies = true;  // what is small beside a wave lets it pass
+    bool smallBodies = true;  // bodies that are small compared with a wave length let it pass
     bool hiddenParts = true;  // edges that something hides in part bend as far as they are seen
 };
 

@@ -277,7 +277,7 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
     for (std::size_t i = 0; i < bodies_[slot].size(); ++i)
         bodyOf.push_back(placedBody(found.bodies[i], wall.worldFromLocal, bodies_[slot][i]) ? &bodies_[slot][i]
                                                                                             : nullptr);
-    // Of what is round in part more is known.
+    // Edges of partly round shapes need more data.
     for (const MeshEdge& edge : found.edges)
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;

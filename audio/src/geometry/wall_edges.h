@@ -34,7 +34,7 @@ struct MeshEdge {
 /// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
 constexpr double kFlatEdge = 0.1;
 
-/// Meshes of more triangles have none: they stand for what is curved, or too much to look at.
+/// Meshes with more triangles have no edges: they represent curved surfaces, or are too costly to search.
 constexpr std::uint32_t kMostTrianglesWithEdges = 20'000;
 
 /// Edges that two surfaces share at an angle of `flat` radians at least, and those of one surface alone.

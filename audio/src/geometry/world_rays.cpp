@@ -81,7 +81,7 @@ void startLooks(const AcousticRays& rays, const glm::dvec3& center, RayPacket16&
 
 }  // namespace
 
-/// judge() for what lies on a plane that is near where it was met, as nearly everything does where there are planes.
+/// judge() for a hit on a plane near the rough position, as nearly all hits are if there are planes.
 inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough,
                                       const AcousticRays& rays, int lane, AcousticHit& hit) const {
     const std::uint32_t plane = planes_->planeOf(instance, triangle);
@@ -93,7 +93,7 @@ inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t tria
     return true;
 }
 
-/// The same for what lies on no plane, where there are none.
+/// The same for a hit on no plane, if there are none.
 inline bool WorldGeometry::meetsLoose(const PacketHits16& found, double rough, double rounding,
                                       const AcousticRays& rays, int lane, AcousticHit& hit) const {
     const std::uint32_t instance = found.instance[lane], own = looseNumber(instance, found.triangle[lane]);

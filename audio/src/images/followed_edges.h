@@ -26,7 +26,8 @@ struct FollowedEdge {
     BendingEdge bends;  // if opening > 0
     double way = 0;     // metres, when it was traced
     double speedOfSound = 343;
-    Bands colour{};  // amplitudes of what comes by the edge, by what the source sent there and air took
+    Bands colour{};  // amplitudes of the sound over the edge, with the directivity of the source and the absorption of
+                     // air
     std::shared_ptr<const PoleFit> fit;
     /// The part that no closed form gives for other places: it stays as it was.
     PoleBank::Weights rest{};

@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// What is below it is not followed: as a share of all energy, and an amplitude below the loudest band's.
+/// Weaker images are not followed: as a share of all energy, and as an amplitude relative to the loudest band.
 constexpr double kLeastOfLoudest = 1e-3, kLeastAmplitude = 1e-4;
 /// Bands that differ by less are the same; .01 dB.
 constexpr double kSame = 1.0012;

@@ -15,8 +15,8 @@
 namespace rtsg {
 namespace trace {
 
-/// How far an image, or the end of its path, may be from where it should be: walls are given in single precision, so
-/// each reflection turns what is far away by some of its roundings.
+/// How far an image, or the end of its path, may be from its exact position: walls are given in single precision, so
+/// each reflection rotates distant points by some of its roundings.
 inline double imageTolerance(int order, double distance) {
     return 2e-6 * (1 + order) * (1 + distance);
 }

@@ -67,7 +67,7 @@ class ImageViews {
     std::size_t count(std::size_t candidate) const { return counts_[candidate]; }
     glm::dvec3 place(std::size_t candidate, std::size_t k) const {
         if (candidate < once_) return beside_;
-        // Each of its own, so that what is beyond one wall does not come and go at once.
+        // Each candidate has its own order, so that parts beyond one wall do not come and go at once.
         const std::uint64_t first = (candidate * 0x9E3779B97F4A7C15ull) >> 32;
         return places_[(first + k) % places_.size()];
     }

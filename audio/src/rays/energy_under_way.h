@@ -26,8 +26,8 @@ class EnergyUnderWay {
                    const TraceOptions& options, double metres);
 
     bool known() const { return !shares_.empty(); }
-    /// What a ray ought to have after so many metres, as a share of what it was sent with, in the band that has most
-    /// left: the mean of all; but below -40 dB, where T20 and T30 need little of what comes, fewer rays have more.
+    /// The energy that a ray should have after so many metres, as a share of its first energy, in the band with most
+    /// left: the mean of all rays. Below -40 dB, where T20 and T30 need little, fewer rays have more.
     double at(double metres) const {
         return shares_[std::min(static_cast<std::size_t>(metres * stepsPerMetre_), shares_.size() - 1)];
     }

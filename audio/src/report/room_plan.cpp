@@ -21,7 +21,7 @@ std::optional<RoomPlan::Line> cutOf(const std::array<glm::dvec3, 3>& corners, do
     std::size_t found = 0;
     for (std::size_t i = 0; i < 3 && found < 2; ++i) {
         const glm::dvec3 &a = corners[i], &b = corners[(i + 1) % 3];
-        // A corner at the very height belongs to what is above.
+        // A corner exactly at the height counts as above it.
         if ((a.y < height) == (b.y < height)) continue;
         const glm::dvec3 at = a + (b - a) * ((height - a.y) / (b.y - a.y));
         line[found++] = {at.x, at.z};

@@ -171,7 +171,7 @@ Bands absorptionArea(const RoomSize& room, std::span<const AcousticMaterial> mat
 
 namespace {
 
-/// 24 ln 10 V / c over what is absorbed, m^2.
+/// 24 ln 10 V / c over the absorption area, m^2.
 Bands timesOf(const RoomSize& room, const Bands& absorbed, const Air& air) {
     const Bands attenuation = airAttenuation(air);
     Bands times = allBands(std::numeric_limits<double>::quiet_NaN());

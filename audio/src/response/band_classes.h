@@ -42,7 +42,7 @@ inline BandClasses bandClasses(std::span<const AcousticMaterial> materials) {
     });
 }
 
-/// By what each holds in every arrival and every bin.
+/// By the content of each band in every arrival and every bin.
 inline BandClasses bandClasses(std::span<const Arrival> arrivals, std::span<const EnergyHistogram> histograms) {
     return bandClasses([&](std::size_t a, std::size_t b) {
         for (const Arrival& arrival : arrivals)

@@ -16,8 +16,8 @@
 
 namespace rtsg {
 
-/// Values by tone: `lowest` of the wave numbers, 1/m, of those in the lowest octave, and `next` of what a tone has for
-/// the one an octave above.
+/// Values by tone: `lowest` gives those in the lowest octave from wave numbers, 1/m, and `next` gives a value from that
+/// of the tone an octave below.
 template <class Value, class Lowest, class Next>
 std::array<Value, kEdgeTones> byOctaves(double speedOfSound, const Lowest& lowest, const Next& next) {
     constexpr std::size_t kInOctave = kEdgeTones / kBandCount;

@@ -49,7 +49,7 @@ class ListenerChoice {
         float all = 0;
         for (std::size_t i = 0; i < kLanes; ++i) upTo[i] = all += sums[i];
         if (!(all > 0)) return 0;
-        // Counted, not searched for: what is chosen cannot be foretold, nor could a branch.
+        // Counted without branches, because the choice is random and branches would be mispredicted.
         float rest = static_cast<float>(uniform) * all;
         std::size_t lane = 0;
         for (std::size_t i = 0; i + 1 < kLanes; ++i) lane += upTo[i] <= rest;

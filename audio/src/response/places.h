@@ -31,7 +31,7 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
 
 /// The size of a listener's surroundings, seen from there.
 struct Surroundings {
-    double volume = 0;   // m^3 of what is seen; in the open, as if walls were at `openDistance`
+    double volume = 0;   // m^3 of the visible space; in the open, as if walls were at `openDistance`
     double nearest = 0;  // m to the nearest surface
     bool closed = true;  // no direction leads out
 };

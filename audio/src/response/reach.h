@@ -16,7 +16,7 @@ namespace rtsg {
 
 class ReachRecorder final : public AcousticGeometry {
   public:
-    /// Paths are heard if they are shorter than `longest` metres: what is beyond is not asked for.
+    /// Paths are heard if they are shorter than `longest` metres: farther things are not asked for.
     ReachRecorder(const AcousticGeometry& geometry, double longest) : geometry_(&geometry), longest_(longest) {}
 
     std::span<const ReflectingPlane> planes() const override { return geometry_->planes(); }
@@ -76,8 +76,8 @@ class ReachRecorder final : public AcousticGeometry {
     mutable tbb::enumerable_thread_specific<AcousticBox> reached_;
 };
 
-/// Whether a change within `box` may alter what was traced: it lies where paths went, and not so far off that a path by
-/// way of it is longer than `longest`.
+/// Whether a change within `box` may alter the traced result: the box overlaps the region of paths, and a path through
+/// it need not be longer than `longest`.
 inline bool mayReach(const AcousticBox& reached, const glm::dvec3& source, const glm::dvec3& listener, double longest,
                      AcousticBox box) {
     const glm::dvec3 size = glm::max(glm::abs(box.low), glm::abs(box.high));
