@@ -208,7 +208,7 @@ class Film final : public MovieFile {
 class Files final : public MovieFiles {
   public:
     std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const override {
-        av_log_set_level(AV_LOG_QUIET);  // what a file holds is not written to the terminal
+        av_log_set_level(AV_LOG_QUIET);  // faults of a file are not written to the terminal
         auto film = std::make_unique<Film>(std::move(bytes), maximumPixels);
         std::string error = film->begin();
         if (error.empty()) out = std::move(film);

@@ -56,7 +56,7 @@ class DecayCurve {
     }
 
     /// 60 dB over the slope of the least-squares line between two levels; NaN unless the decay goes on for 10 dB below
-    /// them, where the end of what was traced no longer bends it.
+    /// them, where the end of the trace no longer bends it.
     double reverberationTime(double fromDb, double toDb) const {
         constexpr double kFlat = 1e-9;  // dB
         const auto energyAt = [&](double decibels) { return std::pow(10.0, decibels / 10) * total_; };
@@ -252,14 +252,14 @@ bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
     constexpr double kStraight = 1.1;
     const double least = estimate.value.t30[band] - estimate.ci95.t30[band];
     const double most = estimate.value.t20[band] + estimate.ci95.t20[band];
-    return least > kStraight * most;  // not of what is no number
+    return least > kStraight * most;  // false for values that are not finite
 }
 
 namespace {
 
 using BatchBins = std::vector<Bands> EnergyHistogram::*;
 
-/// Bins of one band in some batches, and what follows of them by leaving one out.
+/// Bins of one band in some batches, and the figures that result if one batch is left out.
 struct BandBatches {
     BandBatches(std::span<const EnergyHistogram> batches, BatchBins which, std::size_t band) {
         std::size_t longest = 0;

@@ -33,8 +33,8 @@ struct BentParts {
     std::vector<ImagePart> images;
 };
 
-/// Sets the energies of direct sound and mirror images that something bends, and adds arrivals of the waves; sorts by
-/// time. `arrivals`: what comes straight or mirrored.
+/// Sets the energies of direct sound and of mirror images with diffracted waves, adds the waves as arrivals, and sorts
+/// by time. `arrivals`: direct and specular ones.
 void setLevels(const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound, const BentParts& parts,
                std::vector<Arrival>& arrivals, EdgeField& field);
 

@@ -93,7 +93,7 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
     const PlacedBody& placed = side.placed();
     const glm::dvec3 begin = placed.at(first, side.far(), from, 1 + kOutside),
                      end = placed.at(last, side.far(), to, 1 + kOutside);
-    // By the corners of what is laid round it.
+    // By the corners of a polygon round the body.
     const double each = (last - first) / steps, out = (1 + kOutside) / std::cos(0.5 * each);
     glm::dvec3 at = begin;
     for (int i = 0; i <= steps; ++i) {

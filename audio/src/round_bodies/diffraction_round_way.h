@@ -36,8 +36,8 @@ class RoundWay {
     double lastAlong() const { return (before_ + over_) * slope_; }
     double middleAlong() const { return (before_ + 0.5 * over_) * slope_; }
 
-    /// The pressure re the phase of its length: in the dark all there is by this side, in the light what comes beside
-    /// direct sound, of which the surface `mirrors` that share.
+    /// The pressure relative to the phase of its length: in the shadow the whole field of this side; in the light the
+    /// part beside direct sound, of which the surface reflects the share `mirrors`.
     std::complex<double> pressure(double waveNumber, double mirrors) const;
     /// How far in the light it is, for what surfaces mirror: 0 at the boundary, and in the dark, 1 far off.
     double light(double waveNumber) const;

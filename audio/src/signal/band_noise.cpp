@@ -27,7 +27,7 @@ double gaussian(Random& random) {
     return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
 }
 
-/// Means over an odd number of bins; what would reach beyond the ends stays with the bins there.
+/// Means over an odd number of bins; parts beyond the ends stay with the bins there.
 std::vector<float> smoothed(const EnergySteps& late, std::size_t band, double factor, std::size_t half) {
     const std::size_t count = late.bins.size();
     std::vector<float> energy(count);

@@ -47,7 +47,7 @@ class HeadFilter {
         heard_ = true;
     }
     const glm::dvec3& direction() const { return from_; }
-    /// Samples for which what it heard goes on once it hears no more. Precondition as of process().
+    /// Number of samples for which its output continues after its input ends. Precondition as of process().
     std::size_t rings() const {
         return responses_[0].size() + static_cast<std::size_t>(std::max(ears_[0].to, ears_[1].to)) + SincTable::kHalf;
     }
@@ -55,7 +55,7 @@ class HeadFilter {
     void process(std::size_t ear, std::span<const float> input, std::span<float> output) {
         ears_[ear].process(input, output);
     }
-    /// Forgets what it heard, and keeps its memory.
+    /// Forgets its input, and keeps its memory.
     void restart() {
         for (Ear& ear : ears_) {
             ear.filter.restart();
@@ -68,7 +68,7 @@ class HeadFilter {
     struct Ear {
         DelayLine line;
         Convolver filter;
-        // Samples: at the ends of the last block and of the next, and what it grew by in a block there.
+        // Samples: at the ends of the last block and of the next, and the growth in a block there.
         double from = 0, to = 0, fromGrowth = 0, toGrowth = 0;
         double grew = 0;  // in the last block
 

@@ -22,9 +22,9 @@ class PoleBank {
     using Weights = std::array<float, kWeights>;
 
     explicit PoleBank(int sampleRate);
-    /// Forgets what it heard.
+    /// Forgets its input.
     void restart();
-    /// `ahead`: what comes kAhead samples later. Weights go evenly from those of the block before to those of this one.
+    /// `ahead`: the samples kAhead later. Weights change linearly from those of the block before to those of this one.
     void process(std::span<const float> ahead, const Weights& before, const Weights& now, std::span<float> heard);
 
     /// The factors by which they multiply their last values.
@@ -55,7 +55,8 @@ class PoleFit {
   private:
     std::vector<double> hz_;
     std::vector<std::array<std::complex<double>, PoleBank::kWeights>> values_;  // by frequency
-    std::vector<PoleFit::Weights> ofReal_, ofImaginary_;                        // what a part of a value adds to each
+    // the contribution of a part of a value to each
+    std::vector<PoleFit::Weights> ofReal_, ofImaginary_;
 };
 
 }  // namespace rtsg

@@ -20,7 +20,7 @@ struct QuickTransforms {
     void (*destroy)(QuickTransform& made);
 };
 
-// Goes up with every change of what stands above.
+// Increase it with every change of the declarations above.
 #define RTSG_FFT_SYMBOL rtsg_quick_transforms_1
 
 }  // namespace rtsg

@@ -37,8 +37,8 @@ class BoundContext {
     ALCcontext* before_;
 };
 
-/// Lets devices take short periods: OpenAL Soft's own are three of 21 ms, and files are its only way of being told.
-/// To be held while a device is opened; who has a file named in ALSOFT_CONF goes by that one.
+/// Lets devices use short periods: OpenAL Soft's default is three of 21 ms, and a file is the only way to change it.
+/// Hold it while a device is opened. A file named in ALSOFT_CONF takes precedence.
 class ShortPeriods {
   public:
     ShortPeriods() {

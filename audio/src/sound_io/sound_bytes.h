@@ -38,7 +38,7 @@ struct SoundBytes {
         at += got;
         return got;
     }
-    /// The new place; -1, and no change, where there is none: sums of what a file says may be anything.
+    /// The new position; -1, and no change, if it is outside: a file may state any numbers.
     std::int64_t seek(std::int64_t offset, int whence) {
         const std::int64_t from = whence == SEEK_CUR ? at : whence == SEEK_END ? size : 0;
         if (offset < -from || offset > size - from) return -1;

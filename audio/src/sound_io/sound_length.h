@@ -12,8 +12,8 @@
 
 namespace rtsg {
 
-/// By how much the sound in a WAV, RF64, W64, AIFF or AU file is longer by its header than what there is of it; 1 where
-/// it is not, where the header does not say, and for other files.
+/// The length of the sound in a WAV, RF64, W64, AIFF or AU file by its header, divided by the existing length; 1 if it
+/// is not longer, if the header does not tell, and for other files.
 double promisedShare(const SoundBytes& file);
 /// A text, empty unless more than `tolerated` frames are missing of the `promised` ones (0 or less: not known).
 std::string missingSound(double promised, const SoundBuffer& sound, double tolerated = 0);

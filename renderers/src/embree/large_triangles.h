@@ -41,7 +41,7 @@ struct LargeTable {
     Face faces[kFaces];
     LargeSpot spots[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
-    float middle[kBoxes][3], radiusSquared[kBoxes];  // of a ball around what is in the box
+    float middle[kBoxes][3], radiusSquared[kBoxes];  // of a ball around the content of the box
     std::uint32_t convex[kBoxes];                    // the instance that is all of it and bulges everywhere; else kNone
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
     float size = 0;                                            // metres, of the largest sum of coordinates
@@ -49,7 +49,7 @@ struct LargeTable {
     alignas(64) float normal[3][kFaces];  // as Hit::normal
     float mirrored[kFaces];               // -1: merged triangles are inside out there
     float turn[2][kFaces];                // of each of the two: the place of `corner`, or of the one opposite, in it
-    float number[2][kFaces];              // bits of integers, as what follows
+    float number[2][kFaces];              // bits of integers, like the members below
     float geometry[kFaces], instance[kFaces], label[kFaces];
 };
 
@@ -70,8 +70,7 @@ struct alignas(64) LargeHits {
 class LargeTriangles {
   public:
     static constexpr std::uint32_t kFront = 1, kBack = 2;
-    /// An instance: which of its sides nothing comes through, whether it is mirrored, and whatever it is called
-    /// and has.
+    /// An instance: the sides through which nothing comes, whether it is mirrored, and its numbers.
     struct About {
         std::uint32_t sides = 0;
         bool isMirrored = false;
@@ -79,7 +78,7 @@ class LargeTriangles {
         Vec3f color{0};
     };
     using Tell = std::function<About(std::uint32_t slot)>;
-    /// Null: a tree is quicker. `others`: what else there is; `mask`: of the rays.
+    /// Null: a tree is quicker. `others`: the rest of the world; `mask`: of the rays.
     static std::unique_ptr<const LargeTriangles> make(const Group& group, const TreeView& others, std::uint32_t mask,
                                                       const Tell& tell);
 

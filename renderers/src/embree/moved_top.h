@@ -29,7 +29,7 @@ class MovedTop {
   public:
     struct Move {
         std::uint32_t object = 0;
-        TopObject as;           // what it is there
+        TopObject as;           // the object at its new place
         InstanceTree::Box box;  // of that
     };
     /// `leaves`: of `now`; `moves`: of some of them, in the order of their numbers.

@@ -43,7 +43,7 @@ struct PassedHits;
 
 class TopView {
   public:
-    // `hider`: what it hides is not met; null: everything is.
+    // `hider`: surfaces that it hides are not hit; null: hides nothing.
     RawHit intersect(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
     bool occluded(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
     /// Lanes with all-ones in `valid` are traced; the packet's private members are set for all. Returns a bit per lane
@@ -52,7 +52,7 @@ class TopView {
                             const RayFilter* hider = nullptr) const {
         return intersect(rays, valid, coherent, kind, nullptr, hider);
     }
-    /// The same, where something else may know what they meet of the main group, hidden or not.
+    /// The same, if the hits in the main group may be known already, hidden or not.
     std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                             const PrimaryBlock* known, const RayFilter* hider) const;
     /// Null: rays are quicker.
@@ -63,8 +63,8 @@ class TopView {
     std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Tell& tell) const {
         return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), tell) : nullptr;
     }
-    /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: where what it lets pass is noted; null:
-    /// everything blocks.
+    /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: records the surfaces that it lets rays pass;
+    /// null: everything blocks.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                            PassedHits* passed = nullptr, const RayFilter* hider = nullptr) const;
 

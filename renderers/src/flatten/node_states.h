@@ -35,7 +35,7 @@ class NodeStates {
         const auto found = scattered_.find(id);
         return found == scattered_.end() ? nullptr : &found->second;
     }
-    /// Now and then, so that it costs nothing: forgets what is idle.
+    /// Forgets unused entries; done now and then, so that it costs nothing.
     void tidy() {
         if (scattered_.size() < 2 * kept_ + kAlways) return;
         std::erase_if(scattered_, [](const auto& entry) { return entry.second.isIdle(); });

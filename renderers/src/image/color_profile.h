@@ -11,8 +11,8 @@
 
 namespace rtsg {
 
-/// The profile's own name, or what it is for where it has none; empty: there is none, it is sRGB's but for what eyes do
-/// not tell apart, or the file is damaged before it. `file`: all of it.
+/// The profile's name, or its purpose if it has none. Empty: there is no profile, it is visually the same as sRGB, or
+/// the file is damaged before it. `file`: the whole file.
 std::string foreignColorProfile(std::span<const std::uint8_t> file);
 
 }  // namespace rtsg

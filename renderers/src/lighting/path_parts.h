@@ -8,7 +8,7 @@ namespace rtsg::trace {
 
 struct PathParts {
     bool emitters = true;    // shining triangles are asked directly; else bounces alone find them
-    bool lightTree = true;   // which of them, by what they can do for the point; else each as likely
+    bool lightTree = true;   // chooses by possible contribution; otherwise all are equally likely
     bool skyLight = true;    // an uneven sky is asked directly; else bounces alone find it
     bool wavefronts = true;  // in stages, where goesInWavefronts(); else packet by packet
     bool largeFirst = true;  // of those, a few large triangles before all trees, where LargeRays pay

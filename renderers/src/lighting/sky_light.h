@@ -93,8 +93,8 @@ class SkyLight {
 /// The sky of the last picture, for as long as it is the same. Threading: any.
 class SkyTable {
   public:
-    /// The light of a sky (null: none) and more, from a table if there is one. Precondition: what is in `more` has a
-    /// source, or there is no table.
+    /// The light of a sky (null: none) and of more sources, from a table if there is one. Precondition: everything in
+    /// `more` has a source, or there is no table.
     static std::shared_ptr<const SkyLight> of(SkyTable* table, const Sky* sky, std::vector<FarLight> more);
 
   private:
