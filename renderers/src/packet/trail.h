@@ -31,7 +31,7 @@ struct LightReach {
 
 /// Boxes (ray space) around all that a tile's rays have touched, or could have.
 struct TileReach {
-    Bounds eyes, first, later;  // where primary rays start, what they meet, what all later ones meet
+    Bounds eyes, first, later;  // the starts of primary rays, their hits, and the hits of all later rays
     Bounds lost, lostLater;     // directions of primary and of later rays that meet nothing
     /// After a packet was traced; bits by lane.
     void note(const RayPacket16& rays, std::uint32_t active, std::uint32_t hits, const SurfacePacket& surfaces,
@@ -103,7 +103,7 @@ class Trail {
                const RenderSettings& settings);
     void end(bool complete);
 
-    /// The next part of this picture, in the order of drawing: what the last picture had there, to be replaced.
+    /// The next part of this picture, in the order of drawing: the last picture's part there, to be replaced.
     Part& next(const Camera& camera);
     /// Whether the last picture shows the same in that part.
     bool isSame() const { return usable_ && differences_.none(); }

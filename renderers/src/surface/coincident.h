@@ -41,7 +41,7 @@ inline bool hidesBacks(const TraceScene& scene, std::uint32_t instance) {
     return scene.world->instance(instance).mesh->solid &&
            scene.materials[scene.slot(instance).material].material.refractiveIndex == 0;
 }
-/// Whether that is so of what was met.
+/// Whether the hit is on the back of a solid.
 bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
 /// The hit of `ray`, or if that is the back of a solid, another surface in the same place; the back itself if there is

@@ -78,7 +78,7 @@ struct RunsIn {
                               std::span<const Hit> others);
 };
 
-/// Finds what the surfaces of bodies in a packet lie between. `tasks`: null for rays from the eye.
+/// Finds the media on both sides of the surfaces in a packet. `tasks`: null for rays from the eye.
 void findInterfaces(const TraceScene& scene, const RayPacket16& rays, const PathTask* tasks, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

@@ -29,7 +29,7 @@ class PlainSurfaces {
 
     /// Whether most triangles are.
     bool most() const { return most_; }
-    /// A Kind with what else is true of it.
+    /// A Kind with additional flags.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
     /// Added to a label's kind: a matte surface without normals of its own, which fetchFaces() can read.
     static constexpr std::int32_t kFlat = 1 << 8;

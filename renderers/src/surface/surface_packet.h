@@ -42,7 +42,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
 constexpr int kMostPassed = 10'000;
 
 /// The share of light that is left along a ray, which ends at tMax or goes on for ever. `world` has the things that it
-/// may meet, `in` is what it starts in.
+/// may hit, `in` is the medium that it starts in.
 Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow,
                    RunsIn in = {});
 
@@ -61,7 +61,7 @@ struct Shares {
 void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays,
                const Shares* shares = nullptr);
 
-/// Adds the light of EnvironmentLights to it, without shadows; for what follows no bounces.
+/// Adds the light of EnvironmentLights to it, without shadows; for uses without bounces.
 void addEnvironments(const TraceScene& scene, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

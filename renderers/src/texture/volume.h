@@ -95,7 +95,7 @@ struct Volume {
     const VolumeStyle& styleOf(std::size_t index) const { return styles[std::min(index, styles.size() - 1)]; }
 };
 
-/// `before`: what was read of it the last time, or null; voxels that have not changed are taken from there.
+/// `before`: the last result, or null; unchanged voxels are taken from it.
 std::shared_ptr<const Volume> readVolume(const Scene& scene, const Node& node, TextureStore& textures,
                                          const Volume* before, Diagnostics& diagnostics);
 

@@ -36,7 +36,7 @@ class Paged {
             replace(page);
         return pages_[page][i % N];
     }
-    /// At least so many; what is added on a page that was there already holds what was there.
+    /// Grows to at least this size; elements added to an existing page have its old content.
     void grow(std::size_t size) {
         while (pages_.size() * N < size) {
             owners_.push_back(newPage());

@@ -28,9 +28,9 @@ inline Vec3f rowLengths(const glm::mat3& m) {
     return {glm::length(rows[0]), glm::length(rows[1]), glm::length(rows[2])};
 }
 
-/// How much nearer a stroke counts than it is, as a share of how far the ray's start and the stroke lie from ray
-/// space's zero and the stroke from the eye, together: what lies in a surface, to within the roundings of both, is
-/// seen. Also in what lies so far away, or is seen from there.
+/// How much nearer a stroke counts than it is, so that a stroke in a surface is seen in spite of roundings. It is a
+/// share of the sum of three distances: of the ray's start and of the stroke from the origin of ray space, and of the
+/// stroke from the eye. So it also holds far from the origin and from the eye.
 constexpr float kTie = 0x1p-19f;
 
 /// The strokes of one instance.

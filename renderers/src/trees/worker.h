@@ -30,7 +30,7 @@ class Worker {
         bool failed_ = false;
     };
 
-    /// Without a thread, as where the system has no more, jobs wait for whoever waits for them.
+    /// Without a thread, or if the system has no more threads, a job runs when somebody waits for it.
     explicit Worker(bool threaded = true) : threaded_(threaded) {}
     /// Waits for the job under way; those behind it never run.
     ~Worker();

@@ -70,7 +70,7 @@ struct RayWorld::Impl {
         Cluster* cluster = nullptr;
         std::uint32_t userIndex = 0;
         std::uint32_t local = 0;    // number in its cluster, or of its object in the top
-        std::uint32_t changes = 0;  // of transform, mesh or tenant: what the background built of older ones is void
+        std::uint32_t changes = 0;  // of transform, mesh or tenant: older results of the background are void
         std::uint32_t movedAt = 0;  // apply() number
         std::uint8_t splits = 0;    // how often it was merged and then moved; counts to kMostDoublings
         Kind kind = Kind::none;
@@ -87,8 +87,8 @@ struct RayWorld::Impl {
         std::uint32_t due;  // apply() number
         InstanceId id;
     };
-    struct Merge;  // what the background builds
-    /// A version and what it lists; kept for its memory when its reader has done.
+    struct Merge;  // the background's work
+    /// A version and the lists that it has; its memory is reused when its reader has finished.
     struct Snapshot {
         WorldVersion version;
         RayView::Tables tables;
@@ -130,7 +130,7 @@ struct RayWorld::Impl {
     std::shared_ptr<const WorldVersion> freeze(const std::shared_ptr<Impl>& self, const RayView& view);
     /// Looks whose readers have done, and lets go of what only they could see. Before anything is changed.
     void refresh();
-    /// The mask bits to leave alone in a cluster's group; what is written from now on is seen by none of them.
+    /// The mask bits to leave alone in a cluster's group: versions with these bits do not see later changes.
     std::uint32_t heldBits(const Cluster& cluster);
     void noteUnsettled(Cluster& cluster);
     /// Its group may be changed: a copy, if somebody sees it.
@@ -238,7 +238,7 @@ void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal, c
 glm::mat3 normalMatrix(const WorldFromLocal& m);
 struct DoubleBox {
     Vec3d center{0}, half{-1};
-    /// Within what is traced.
+    /// Within the traced distance.
     bool inReach() const;
 };
 /// The bounds of the box under the transform: they contain it, and are not much larger.

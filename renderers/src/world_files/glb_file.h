@@ -31,7 +31,7 @@ class GlbWriter {
     struct List {
         std::string text;
         std::size_t count = 0;
-        /// Returns the number of what is added.
+        /// Returns the number of the added item.
         std::size_t add(const std::string& item) {
             text += (count != 0 ? "," : "") + item;
             return count++;
