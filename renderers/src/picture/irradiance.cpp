@@ -32,7 +32,7 @@ double solidAngle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
     return 2 * std::atan2(volume, under);
 }
 
-/// Estimates how much more light true disks, balls and the like might give a place than their triangles.  Chords that
+/// Estimates how much more light true disks, balls and the like might give a place than their triangles. Chords that
 /// are an e-th of the radius away lose 4/3 e of a disk's light, or twice that on a ball, which has chords in both
 /// directions. This holds for the whole lamp seen head-on; if the place's horizon cuts the lamp, its rim may be all
 /// there is. So the estimate uses the light of the lamp without horizon, cosine and obstacles, if the place sees any of
