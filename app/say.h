@@ -15,7 +15,7 @@ namespace rtsg::app {
 struct SayArguments {
     std::string form = "text", level = "note";
     void addTo(Command& command);
-    /// From now on everything is said so.
+    /// All later messages take this form.
     void apply() const;
 };
 

@@ -200,7 +200,7 @@ class Film final : public MovieFile {
     Owned<SwsContext> scaler_;
     std::vector<std::uint8_t> rows_;
     double frameLength_ = .04, seconds_ = -1;
-    double first_ = 0;                                     // when the first picture is shown, by the file
+    double first_ = 0;                                     // start time of the first picture in the file
     double shownTime_ = 0, aheadTime_ = 0, lastTime_ = 0;  // the first two from `first_` on
     bool hasShown_ = false, hasAhead_ = false, canSeek_ = false;
 };

@@ -99,7 +99,7 @@ class RowShares {
         for (std::size_t i = 1; i < faces.size(); ++i)
             together_.push_back(1.0 + excess(faces[i - 1], faces[i], straight, tone, waveNumber));
     }
-    /// From one face to before another one.
+    /// The shares of the faces from one up to, but without, another.
     LitFace::Shares of(std::size_t from, std::size_t to) const {
         if (from >= to) return {1, 0};
         Complex left = 1, notMirrored = 1;

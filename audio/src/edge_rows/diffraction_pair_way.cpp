@@ -29,7 +29,7 @@ void setShared(PairWay& way) {
     }
 }
 
-/// By the shortest way from a source round a first edge to a place on a second one.
+/// Follows the shortest path from a source over a first edge to a point on a second one.
 class WayToPlace {
   public:
     WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)

@@ -43,7 +43,7 @@ struct PairWay {
 /// none that counts.
 bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way);
 
-/// Less of sound in the open than this does not count of ways along faces.
+/// Paths along faces with a smaller share of free-field sound than this are ignored.
 inline double leastOnFace(bool heardStraight) {
     return heardStraight ? 1e-2 : 2e-3;
 }

@@ -34,7 +34,7 @@ struct EdgeCandidate {
     glm::dvec3 by{0};  // the place by which it goes
 };
 
-/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
+/// Over the point on an edge that is nearest to the straight line; no path over the edge is shorter.
 EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
 
 /// The most edges that are tried with each other, those by which the way is shortest. This bounds the work, which grows

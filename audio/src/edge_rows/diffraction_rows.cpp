@@ -43,7 +43,7 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     return on >= 0 && on <= edge.length;
 }
 
-/// From edge to edge; where one is not known there is no gap.
+/// The faces from edge to edge; if an edge is not known there is no gap.
 std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
     std::vector<RowFace> faces;

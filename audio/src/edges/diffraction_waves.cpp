@@ -165,7 +165,7 @@ struct Heard {
     double first = 0;               // of these
 };
 
-/// By time.
+/// Sorted by time.
 std::vector<Heard> heardBy(const std::vector<const EdgeWave*>& waves, double firstArrival,
                            const ImpulseResponseOptions& options, std::size_t channels) {
     const bool heads = options.hrtf && options.channels == ImpulseResponseOptions::Channels::binaural;

@@ -33,7 +33,7 @@ Complex complementaryError(Complex z) {
         }
         return 1.0 - 2 / std::sqrt(kPi) * sum;
     }
-    // So many terms that the next are below rounding.
+    // Enough terms that the next ones are below rounding.
     Complex fraction = z;
     for (int n = static_cast<int>(340 / std::norm(z)) + 3; n >= 1; --n) fraction = z + quotient(0.5 * n, fraction);
     return std::exp(-z * z) / (std::sqrt(kPi) * fraction);
@@ -148,7 +148,7 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     WedgeField field;
     if (std::abs(difference) < kPi) field.direct = wave(waveNumber, path.distanceAt(difference));
     if (sum < kPi) field.mirrored = wave(waveNumber, path.distanceAt(sum));
-    // By the other face, whose angles count from it.
+    // For the other face, with angles counted from it.
     const double other = 2 * path.opening - sum;
     if (other < kPi) field.mirrored += wave(waveNumber, path.distanceAt(other));
     const WedgeBend::Beside beside = WedgeBend(path).at(waveNumber);
@@ -223,9 +223,10 @@ double fallen(std::size_t m) {
 }  // namespace
 
 void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends) {
-    // Into complex lengths way - i u, along which it dies away as exp(-k u) and does not turn. Nothing is singular on
-    // that side; the shortest way is, and `past` says how far it is from there. By trapezoids in log u, whose errors go
-    // down as exp(-pi^2 / step); all wave numbers have one set of places, as steps of u are two of theirs.
+    // Integrates along complex lengths way - i u, on which the integrand decays as exp(-k u) without oscillation. There
+    // is no singularity on that side, except for the shortest path; `past` is the distance from it. Uses trapezoids in
+    // log u, whose errors decrease as exp(-pi^2 / step). All wave numbers share one set of points, because steps of u
+    // are two of theirs.
     const EdgeIntegrand integrand(path);
     const double past = std::max(0.0, way - path.shortestWay());
     const double highest = waveNumber * std::exp2(0.5 * static_cast<double>(ends.size() - 1));

@@ -37,7 +37,7 @@ struct WedgePath {
 struct WedgeField {
     /// Direct sound, and sound that either face mirrors, each exp(-i k d) / d; 0 where they do not reach.
     std::complex<double> direct, mirrored;
-    /// By way of the edge: the parts that make each of the above continuous.
+    /// Over the edge: the parts that make each of the above continuous.
     std::complex<double> besideDirect, besideMirrored;
 
     std::complex<double> total() const { return direct + mirrored + besideDirect + besideMirrored; }

@@ -13,7 +13,7 @@
 namespace rtsg {
 namespace {
 
-/// More changes than this in one step are looked at as one.
+/// If a step has more changes than this, they are treated as one.
 constexpr std::size_t kManyChanges = 256;
 
 }  // namespace
@@ -174,7 +174,7 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
 }
 
-/// Notes where the emitters are on their way to. Those that jump, come or go do so when the frame ends.
+/// Records the positions that emitters move to. Emitters that jump, come or go do so when the frame ends.
 void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate, seconds = std::max(0.0, poseSeconds - posedAt);
     for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
@@ -193,7 +193,7 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double pos
     }
 }
 
-/// Those that are no longer there begin to fade.
+/// Emitters that no longer exist begin to fade.
 void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate;
     const bool all = std::exchange(listenerJumps, false);

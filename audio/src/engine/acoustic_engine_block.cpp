@@ -48,7 +48,7 @@ void AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) co
 
 namespace {
 
-/// From the source, an image of it, or by way of edges.
+/// The path from the source, from an image of it, or over edges.
 EdgeWay wayOf(const FollowedImage* image, const glm::dvec3& source, const glm::dvec3& listener) {
     if (image && image->kind == FollowedImage::Kind::edge) return edgeWay(image->edge->route, source, listener);
     const glm::dvec3 way = (image ? image->at(source) : source) - listener;
@@ -288,7 +288,7 @@ void AcousticEngine::Impl::countWaiting() {
     }
 }
 
-/// Those that are gone fall silent when their last reflections have.
+/// Emitters that are gone fall silent after their last reflections.
 void AcousticEngine::Impl::fadeOut(Block& block) {
     const std::size_t size = options.blockSize;
     for (auto it = states.begin(); it != states.end();) {

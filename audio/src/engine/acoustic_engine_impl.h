@@ -78,7 +78,7 @@ struct AcousticEngine::Impl {
     void follow(const AcousticState& state, const RayView& rays);
     /// Everything except the sound: the positions at `poseSeconds`.
     void followState(const AcousticState& state, const RayView& rays, double poseSeconds);
-    /// From here on `sounds` is what plays: what changed with it is heard.
+    /// From here on `sounds` is played, with all its changes.
     void takeOver(const SoundVersion& sounds, double poseSeconds);
     void goBack(double seconds);
     Result<> renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound);

@@ -13,7 +13,7 @@ namespace {
 
 /// Cosine of 3.6 degrees, the least turn that is traced anew.
 constexpr double kTurned = 0.998;
-/// So many sources look for leaks, and with so many rays of each batch.
+/// The number of sources that look for leaks, and of exits from each batch for that.
 constexpr int kLeakSearches = 8, kLeakExits = 32;
 /// Metres that source and listener go at most while late energy goes on to count.
 constexpr double kNearly = 2;

@@ -69,7 +69,7 @@ class ImagePlayer {
         const ImpulseResponseOptions& response;  // the listener's axes and channels
         bool jumps = false;                 // it was put somewhere else: from one delay to another within the block
         std::span<std::vector<float>> out;  // by channel; is added to
-        /// With a head of one's own, in place of `out`: by ear; it comes as much later as Hrtf::early() says.
+        /// If the image has a head of its own, by ear, in place of `out`; the sound is later by Hrtf::early().
         std::span<std::vector<float>> ears = {};
         // For waves by way of edges: the source when that went out which arrives at the end of the block with a delay,
         // and the listener then.

@@ -68,7 +68,7 @@ HeardBy AcousticEngine::Impl::heardBy(const SoundNode& sound) const {
     return options.ambisonicOrder == 0 && (options.binaural || sound.head) ? HeardBy::head : HeardBy::gains;
 }
 
-/// From here on blocks run ahead of the sound, by as much as an ear may be early.
+/// From here on blocks are rendered ahead of the sound, by the time that an ear may be early.
 void AcousticEngine::Impl::runAhead() {
     if (!lateRing.empty() || options.ambisonicOrder > 0) return;
     findHead(now);
@@ -157,7 +157,7 @@ void AcousticEngine::Impl::findTurns(const EmitterState& state, const glm::dvec3
     block.turns.push_back({options.blockSize, block.listener.toLocal(apparent - block.listener.position)});
 }
 
-/// Gives direct sound the direction that it comes from. Where it comes by another way than before one fades into the
+/// Gives direct sound the direction that it comes from. If its path is another one than before, one fades into the
 /// other.
 void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, Block& block) {
     const bool spatialize = sound.spatialize && !(glm::length(block.turns.back().offset) <= kHere);

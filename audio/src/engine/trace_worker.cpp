@@ -56,7 +56,7 @@ std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job
     return std::make_shared<const std::vector<FollowedImage>>(std::move(images));
 }
 
-/// Which bin begins with the first arrival.
+/// The bin that begins with the first arrival.
 std::ptrdiff_t onsetOf(const Echogram& echogram) {
     if (echogram.arrivals.empty()) return 0;
     return std::llround((echogram.arrivals.front().seconds - echogram.late.start) * echogram.late.binsPerSecond);
@@ -72,7 +72,7 @@ double energyFrom(const EnergyHistogram& late, std::ptrdiff_t bin) {
 
 /// Whether late energy is as loud as before, for all of it and for the part later than 100 ms after the onset.
 bool isAlike(const Echogram& fresh, const Echogram& kept) {
-    // More than chance does to an eighth of the rays; and metres that a source goes between traces.
+    // More than random errors with an eighth of the rays; and the metres that a source moves between traces.
     constexpr double kAlike = 1.6;
     constexpr std::ptrdiff_t kNearly = 8;
     const std::ptrdiff_t a = onsetOf(fresh), b = onsetOf(kept);

@@ -49,7 +49,7 @@ struct TraceJob {
     double longest = 0;  // metres that sound goes within a response
     ImpulseResponseOptions response;
     std::size_t block = 256;
-    /// So many images at most are left out of the response, to be rendered for themselves.
+    /// At most this many images are left out of the response, to be rendered separately.
     std::size_t followed = 0;
     std::size_t followedEdges = 0;  // and so many waves by way of edges
     /// The earlier trace, if only the listener's head has turned since: then nothing is traced.

@@ -193,7 +193,7 @@ class Parallel {
         body.middle = std::cos(body.halfArc) * first + std::sin(body.halfArc) * side;
         return round;
     }
-    /// By as much as from a facet to the next at each edge, but for the ends of a part.
+    /// Whether the angle at each edge is that between neighbouring facets, except at the ends of a part.
     bool turnsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
         const std::size_t ends = whole ? 0 : 1;
         return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),

@@ -31,7 +31,7 @@ struct MeshEdge {
     static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
 };
 
-/// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
+/// Edges between surfaces that differ by less than this angle (radians) do not diffract.
 constexpr double kFlatEdge = 0.1;
 
 /// Meshes with more triangles have no edges: they represent curved surfaces, or are too costly to search.

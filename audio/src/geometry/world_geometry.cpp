@@ -260,7 +260,7 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const double reach = radius + 2 * PlaneTolerance().distance, rounding = 0x1p-20 * (away.x + away.y + away.z);
     const auto searched = static_cast<float>(reach + rounding);
-    // By reference: a function of its own would take its room from the heap, and direct sound asks in every block.
+    // By reference: std::function would allocate memory, and direct sound asks in every block.
     const auto look = [&](std::uint32_t slot, std::uint32_t triangle) {
         const Wall& wall = walls_.walls[slot];
         glm::dvec3 corners[3];

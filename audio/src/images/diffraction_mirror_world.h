@@ -38,7 +38,7 @@ class MirrorWorld final : public AcousticGeometry {
     glm::dvec3 turned(const glm::dvec3& way) const { return way - normal_ * (2 * glm::dot(normal_, way)); }
     /// Metres that a place may be off the mirror by rounding.
     double rounding(const glm::dvec3& place) const;
-    /// But for its body.
+    /// Mirrors an edge, without its body.
     WallEdge mirrored(const WallEdge& edge) const;
     RoundBody mirrored(const RoundBody& body) const;
     const WallBody* mirrored(const WallBody* body) const;

@@ -26,7 +26,7 @@ double sumOf(const Bands& bands) {
 }  // namespace
 
 std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::size_t length) {
-    // By the cepstrum: what of it lies before zero is folded over to behind.
+    // By the cepstrum: its part before zero is folded to behind zero.
     const auto kept = RealFft::kept(RealFft::sizeFor(4 * length));
     const RealFft& fft = *kept;
     const std::size_t size = fft.size();

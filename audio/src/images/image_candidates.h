@@ -51,7 +51,7 @@ class ImageCandidateSet {
         std::uint64_t cell = 0;
         std::uint32_t newest = kNoPlane;
     };
-    /// That of a cell, or the free one where it belongs.
+    /// The bucket of a cell, or the free one where it belongs.
     Bucket& newestIn(std::uint64_t cell);
     void grow();
 

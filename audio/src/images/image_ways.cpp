@@ -158,8 +158,8 @@ class Retracer {
 
     Step step(State& state, bool met, const AcousticHit& hit) {
         const double slack = imageTolerance(state.order, distance_);
-        // Where the source is nearer to walls than the path is exact, it may end before or behind each of them: the
-        // turn tells which is meant.
+        // If the source is nearer to walls than the path is exact, the path may end before or behind each of them: the
+        // orientation tells which is meant.
         const bool atEnd = !met || hit.distance > state.left - slack;
         if (atEnd && ends(state, slack)) return Step::arrived;
         if (!met) return Step::lost;

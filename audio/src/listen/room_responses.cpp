@@ -20,7 +20,7 @@ namespace {
 
 using ResponseChannels = ImpulseResponseOptions::Channels;
 
-/// From X3D's axes to those with z up.
+/// Converts X3D's axes to axes with z up.
 glm::dvec3 zUp(const glm::dvec3& v) {
     return {v.x, 0 - v.z, v.y};  // no -0
 }

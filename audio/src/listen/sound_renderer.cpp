@@ -108,8 +108,8 @@ struct SoundRenderer::Impl {
         return sought.openings;
     }
 
-    /// By its directivity; nothing for listeners that it sends to as to all others. Cones send the same whoever
-    /// listens, so that all share their rays; what ellipsoids send is told by how far away the listener is.
+    /// Traces with the source's directivity; nothing for listeners to which it radiates as to all others. Cones are the
+    /// same for all listeners, so they share rays; ellipsoids depend on the listener's distance.
     std::vector<std::optional<TraceResult>> traceDirected(const AcousticTracer& tracer, const SoundEmitter& emitter,
                                                           std::span<const glm::dvec3> listeners,
                                                           TraceOptions tracing) const {

@@ -312,7 +312,7 @@ void connect(const AcousticGeometry& geometry, const TraceOptions& options, std:
                                     std::min(kMostOfOne, kMostOfAll / ears.size()));
 }
 
-/// More rays into the batches of the results of a group; energies in N classes of bands, which are no more.
+/// Adds rays to the batches of a group's results; energies are in at most N classes of bands.
 template <std::size_t N>
 void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, const Group& group,
               const TraceOptions& options, std::uint64_t each) {

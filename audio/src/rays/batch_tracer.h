@@ -96,7 +96,7 @@ class BatchTracer {
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
-    /// From a wall that scatters to the image of a listener.
+    /// From a scattering wall to the image of a listener.
     struct Connection {
         Energy<N> energy;
         double factor, travelled;  // once it arrives
@@ -386,7 +386,7 @@ class BatchTracer {
         return result;
     }
 
-    /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a
+    /// Russian roulette: half of the rays continue with twice the energy, each time that their own has fallen to a
     /// quarter. So their number falls with the root of the energy that is left.
     bool survives(int i) {
         do {
@@ -397,7 +397,7 @@ class BatchTracer {
         return true;
     }
 
-    /// From walls that scatter: the one listener.
+    /// Connects scattering walls to the only listener.
     void lookForListener(std::uint32_t from) {
         constexpr int kMost = RayLanes<N>::kMost;
         const AcousticRays& rays = lanes_.rays;

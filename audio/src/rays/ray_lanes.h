@@ -53,7 +53,7 @@ class RayLanes {
 
     enum class Event : std::uint8_t { emitted, diffuse, mirror };
 
-    /// From where they were last; `facing`: of the surface there, towards where they go; `except`: its plane.
+    /// From the last hit; `facing`: normal of the surface there, on the side of the ray; `except`: its plane.
     AcousticRays rays;
     Vectors before;  // where they came from to there
     alignas(64) double energy[N][kMost] = {};
@@ -144,7 +144,7 @@ class RayLanes {
     Energy<N> scattered(int i) const { return column(diffuse_, i); }
     /// The scattered share of the energy that the wall leaves.
     double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
-    /// By lane, the most that the wall leaves of any band.
+    /// By lane, the largest share that the wall leaves in any band.
     void leftMost(double (&most)[kMost]) const {
         for (int i = 0; i < kMost; ++i) most[i] = 0;
         for (std::size_t b = 0; b < N; ++b)

@@ -68,7 +68,7 @@ bool canSee(const AcousticGeometry& geometry, const glm::dvec3& from, const glm:
     return !(distance > 0) || !geometry.closest(from, (to - from) / distance, distance, kNoPlane, hit);
 }
 
-/// From the points that are seen from places of the room on to their neighbours.
+/// The grid points that can be reached, from those seen from places of the room on to their neighbours.
 std::vector<char> reachedFrom(const AcousticGeometry& geometry, const RoomSize& room, const FloorGrid& grid) {
     constexpr std::size_t kSeeds = 64;
     const std::size_t count = grid.columns * grid.rows;

@@ -92,7 +92,7 @@ Walked walk(const AcousticGeometry& geometry, const glm::dvec3& inside) {
     return walked;
 }
 
-/// So many of them, from all of the walk.
+/// Selects this many of them, spread over the whole walk.
 std::vector<glm::dvec3> someOf(const std::vector<glm::dvec3>& places, std::size_t count, std::size_t from) {
     std::vector<glm::dvec3> some;
     const std::size_t step = std::max<std::size_t>(1, places.size() / std::max<std::size_t>(1, count));

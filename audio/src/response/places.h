@@ -18,9 +18,9 @@ namespace rtsg {
 /// well, on the side that has something in front of it, or else on the one that the wall faces.
 glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
-/// The same of a source and its listener: of a closed mesh whose faces have one side (X3D `solid`), and that both
-/// touch, each is on the side that its face faces, outside of a body and inside of a room. Where faces have two sides
-/// it is a room: nothing tells it from a body.
+/// The same for a source and its listener that both touch a closed mesh with one-sided faces (X3D `solid`): each is put
+/// on the side that its face faces, outside of a body and inside of a room. A mesh with two-sided faces counts as a
+/// room, because it cannot be distinguished from a body.
 glm::dvec3 offSolids(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& other);
 
 /// The same; but where that is sealed off from `towards`, as the inside of a body is whose face the place is on, on the

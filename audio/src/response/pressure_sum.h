@@ -28,7 +28,7 @@ class PressureSum {
         Node& node = nodes_.emplace_back();
         node.arrival = arrival;
         node.way = way;
-        // From the first one's way on, so that phases are of small numbers.
+        // Relative to the first path, so that phases are small numbers.
         const auto turned = turnedBy(way - nodes_.front().way, speedOfSound_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
             const std::complex<double> value = std::complex<double>(pressure(t)) * turned[t];

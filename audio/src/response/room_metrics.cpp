@@ -286,7 +286,7 @@ struct BandBatches {
     std::vector<double> sum;
 };
 
-/// With the energy that a figure-of-eight microphone along an axis hears.
+/// With the energy that a figure-of-eight microphone along an axis receives.
 std::vector<Arrival> heardAcross(std::vector<Arrival> arrivals, const glm::dvec3& across) {
     for (Arrival& arrival : arrivals) {
         const double side = glm::dot(arrival.direction, across);
@@ -301,10 +301,11 @@ Echogram meanOf(const std::vector<Arrival>& arrivals, std::span<const EnergyHist
     return mean;
 }
 
-/// Figures with one batch left out at a time. The onset is that of the whole: where few rays bring it, it jumps with
-/// single batches, and intervals with it. That it is known no better than that is counted apart (measured behind a
-/// screen, in coupled rooms, and round two corners, 300 traces each: .92 to .98 of the intervals hold the truth; with
-/// the one onset alone .88 to .97, with each batch's own .92 to .98, of which one in twenty is up to twice as wide).
+/// Figures with one batch left out at a time, all with the onset of the whole result: if few rays determine the onset,
+/// it jumps with single batches, and the intervals with it. The uncertainty of the onset is added separately. (Measured
+/// behind a screen, in coupled rooms, and round two corners, 300 traces each: .92 to .98 of the intervals hold the
+/// truth. With one onset and no addition it is .88 to .97; with each batch's own onset .92 to .98, but one interval in
+/// twenty is up to twice as wide.)
 struct LeftOut {
     explicit LeftOut(std::size_t count) : without(count), moved(count) {}
 

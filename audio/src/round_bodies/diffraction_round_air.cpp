@@ -109,7 +109,7 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
 }
 
 bool RoundAir::isFree(const RoundSide& side, const glm::dvec3& from, const glm::dvec3& to, double offset) const {
-    // From a little off the surface: a face may go on from there.
+    // From slightly off the surface, where a face may continue.
     const RoundWay& way = side.way();
     const PlacedBody& placed = side.placed();
     const glm::dvec3 first = placed.at(way.firstAngle(), side.far(), way.firstAlong() + offset, 1 + kLifted),

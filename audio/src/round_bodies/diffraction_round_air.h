@@ -20,7 +20,7 @@ class RoundAir {
   public:
     RoundAir(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
 
-    /// Those nearest to the straight way, the nearest first, each once.
+    /// The bodies nearest to the direct path, the nearest first, each once.
     const std::vector<PlacedBody>& bodies() const { return bodies_; }
 
     /// Whether no surface but those of round bodies lies between two places, of which one may be on such a body.

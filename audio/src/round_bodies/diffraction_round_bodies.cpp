@@ -21,7 +21,7 @@ namespace {
 using Complex = std::complex<double>;
 using TonePressures = std::array<Complex, kEdgeTones>;
 
-/// So many bodies, nearest to the straight way, are looked for beside the ways round others: a bound of work.
+/// Only this many bodies, nearest to the direct path, are tested beside paths round others: this bounds the work.
 constexpr std::size_t kBeside = 5;
 
 /// A wave that comes by a way round bodies.
@@ -32,8 +32,8 @@ struct RoundWave {
     TonePressures pressure{};  // re the phase of its way
 };
 
-/// The side of a body that leads about its axis one way or the other; of a sphere the near one or the far one. None
-/// where one of both places is within.
+/// The side by which a path leads round the body's axis in one direction or the other; for a sphere the near or the far
+/// one. None if one of the two points is inside the body.
 std::optional<RoundSide> sideOf(const RoundBody& body, bool backwards, const glm::dvec3& from, const glm::dvec3& to) {
     const PlacedBody placed(body, from, to);
     if (placed.within()) return {};
@@ -134,8 +134,8 @@ class RoundBends {
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
                 main.pressure[tone] = side.pressure(beside, k, mirrors[b]);
-                // Along the boundary itself a ray may have met a facet; where something else hides direct sound it is
-                // the mirror image alone.
+                // On the boundary itself a ray may have hit a facet; if another body hides direct sound, the mirror
+                // image alone is added.
                 if (missed)
                     main.pressure[tone] += std::polar(1 / side.placed().path().distance(),
                                                       -k * (side.placed().path().distance() - main.way));

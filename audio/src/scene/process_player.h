@@ -65,7 +65,7 @@ class AudioMix {
         std::int64_t heard = 0;  // the first sample of the block in which it was last
     };
     void find(const std::vector<SoundVoice>& voices, std::int64_t first);
-    /// By node, and how many ways before this lead to it.
+    /// By node, and by the number of earlier paths that lead to it.
     std::map<std::pair<std::uint32_t, unsigned>, Playing> players_;
     std::vector<std::pair<NodeId, Playing*>> order_;  // of the voices of the last block
     std::vector<AudioChannels> processed_;

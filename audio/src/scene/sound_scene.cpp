@@ -477,7 +477,7 @@ void SoundScene::nameEmitters() {
 }
 
 void SoundScene::warnOnce(const NodePlace& place, std::string text) {
-    // So many texts of a scene that keeps making new names are remembered, and further ones are not told.
+    // This many texts of a scene that keeps making new names are remembered; further ones are not reported.
     constexpr std::size_t kMost = 1000;
     if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warningAt(place, std::move(text));
 }

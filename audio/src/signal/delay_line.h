@@ -25,7 +25,7 @@ class DelayLine {
 
     /// The sample `delay` before sample `index` (absolute, counted from the first written); 0 before the first.
     float read(std::size_t index, double delay) const {
-        // So near that the taps would reach into the future: to the nearest sample.
+        // So near that the taps would reach into the future: uses the nearest sample.
         if (delay < SincTable::kHalf) delay = std::round(delay);
         const double position = static_cast<double>(index) - delay;
         const double whole = std::floor(position), fraction = position - whole;

@@ -89,7 +89,7 @@ class HeadFilter {
             delays.resize(count);
             read.resize(count);
             const double blockSize = static_cast<double>(count), way = to - from;
-            // From somewhere else at once: one fades into the other, for the pitch would leap.
+            // If the direction jumps, one sound fades into the other, because a moving delay would change the pitch.
             const bool jumps = std::abs(way) > 0.01 * blockSize;
             if (jumps) {
                 std::ranges::fill(delays, from);

@@ -105,7 +105,7 @@ class Factors {
 }  // namespace
 
 PoleFit::PoleFit(int sampleRate, std::vector<double> hz) : hz_(std::move(hz)) {
-    // So little that it shows nowhere else than where weights would be large for nothing.
+    // Small enough to have an effect only where weights would be large without need.
     constexpr double kRidge = 1e-9, kTop = 0.45;
     const auto keeps = PoleBank::poles(sampleRate);
     std::array<Factors::Row, Factors::kSize> normal{};

@@ -27,7 +27,7 @@ double studentQuantile(int degreesOfFreedom);
 
 struct AdaptiveTile {
     TileResult result;                             // sums, as of any tile
-    std::array<std::uint32_t, kBlocks> samples{};  // that a block's pixels show
+    std::array<std::uint32_t, kBlocks> samples{};  // number of samples in the result of a block's pixels
     std::uint32_t ranOut = 0;                      // blocks that ended before they were good enough
     /// By pixel and channel: half the width of the 95 % interval around the mean.
     std::array<Vec3f, kTilePixels> interval{};

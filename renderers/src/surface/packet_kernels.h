@@ -42,7 +42,7 @@ struct NormalSource {
 };
 
 struct PacketKernels {
-    /// Rays through these places of the pixels, [0, 1)^2; those of `active` are.
+    /// Makes rays through these points of the pixels, [0, 1)^2, for the lanes in `active`.
     void (*makeRays)(const PixelBlock& block, std::uint32_t active, const float* u, const float* v, RayPacket16& rays);
     /// Sets `normal` to the true surfaces' normals.
     void (*useOutside)(SurfacePacket& surfaces);
