@@ -1,7 +1,6 @@
-// The program's extensions: what the plug-ins and node tables add that the user names by --plugin, --nodes and
-// RTSG_PLUGINS.
+// The program's extensions: plug-ins and node tables that the user names with --plugin, --nodes and RTSG_PLUGINS.
 //
-// Nothing that a scene, a log or a peer says loads one. Threading: the main thread.
+// A scene, a log or a peer cannot load one. Threading: the main thread.
 #pragma once
 
 #include <rtsg/plugins/plugin.h>

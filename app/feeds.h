@@ -1,4 +1,4 @@
-// --feed, --publish and --foxglove: events that come into a running scene from outside, and what it tells outside.
+// --feed, --publish and --foxglove: events from outside for a running scene, and the values that it publishes.
 //
 // Threading: the scene's thread.
 #pragma once

@@ -1,7 +1,7 @@
-// FollowedFile: notices that a scene's file, or one that it inlines, has been edited, and has the scene follow it.
+// FollowedFile: notices that a scene's file, or an inlined file, has been edited, and makes the scene follow the edit.
 //
-// A file counts as edited once it has been the same at two looks in a row, so that half of one is seldom read. If it is
-// wrong, the scene stays as it was, and standard error says why and where.
+// An edit counts once two looks in a row find the same content, so that a half-written file is seldom read. If the
+// edited file has errors, the scene stays as it was, and standard error says why and where.
 // Threading: the scene's thread, between frames.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The hand that an option names: where it comes from.
+// The hand that an option names: where its positions come from.
 #pragma once
 
 #include <memory>

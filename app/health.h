@@ -1,4 +1,4 @@
-// --metrics-port: what a verb that runs for long shows of itself, for Prometheus and `rtsg top`.
+// --metrics-port: the figures that a long-running verb shows of itself, for Prometheus and `rtsg top`.
 //
 // Threading: the scene's thread notes figures; they are read on the server's.
 #pragma once

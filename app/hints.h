@@ -1,4 +1,4 @@
-// Hints: what users of other programs type, and what they may mean here: verbs, options and endpoints.
+// Hints for users of other programs: the verbs, options and endpoints here that correspond to those they typed.
 // Threading: none of its own.
 #pragma once
 

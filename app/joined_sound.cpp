@@ -68,7 +68,7 @@ class Joining {
             if (next <= range_.last && isThere(next))
                 return fail(fmt::format("it overlaps with {}, which begins within it", fileOf(next).string()), {},
                             name);
-        // With the log's end a stretch may end anywhere.
+        // The last stretch may end anywhere, with the log.
         if (sampleOf(next, sound.sampleRate) != end && next <= range_.last)
             return fail(fmt::format("it ends within the time of picture {}: with --fps {:g} there is a gap", next - 1,
                                     picturesPerSecond_),

@@ -14,7 +14,7 @@
 namespace rtsg::app {
 
 struct JoinedSound {
-    SoundBuffer sound;  // as it is heard, not yet scaled to what a file holds
+    SoundBuffer sound;  // not yet scaled to the range of a file
     /// First and last numbers of pictures of whose time there is no sound; then `sound` is not whole.
     std::vector<std::pair<std::uint64_t, std::uint64_t>> missing;
 };

@@ -202,8 +202,8 @@ Result<Picture> LiveOutputs::draw(const WorldState& state) {
     return std::exchange(light_->frame(), Picture());
 }
 
-/// Two pictures of half the samples each, so that the filter of one is judged by the other. The second one of a state,
-/// and all later ones while nothing changes, have those before in them: what is new in them is worked out.
+/// Renders two pictures with half the samples each, so that the filter of one can be judged by the other. While the
+/// state stays the same, each later picture contains the earlier ones, so only the new samples are computed.
 Result<Picture> LiveOutputs::preview(const WorldState& state) {
     for (int half = 0; half < 2; ++half) {
         auto picture = draw(state);

@@ -20,7 +20,8 @@ namespace rtsg::app {
 namespace {
 
 constexpr std::size_t kMostMarks = 2000, kMostLines = 400;
-constexpr double kOneEvent = 0.5;  // seconds: what comes again within these is no event of its own
+constexpr double kOneEvent = 0.5;  // seconds: input of a kind that comes again within this time is part of the same
+                                   // event
 
 /// Finds changes from outside, as texts for marks: "Ann: DOOR.rotation". Moves of pointers and viewers do not count.
 class Events {

@@ -23,9 +23,9 @@ class LogNotes {
     LogNotes(const LogNotes&) = delete;
     LogNotes& operator=(const LogNotes&) = delete;
 
-    /// Begins to read, if it has not; what has been found so far comes with a number that grows.
+    /// Begins to read, unless it has begun. Gives the marks found so far, with a number that grows.
     void marks(SceneWindowTimeline& line);
-    /// Begins to read who changed that field ("DOOR.rotation", "#12.rotation"), in place of what was asked before.
+    /// Begins to read who changed that field ("DOOR.rotation", "#12.rotation"), instead of the field asked for before.
     void ask(const std::string& field);
     void forget();
     /// The changes found so far; while the log is read, a line says so. `start` is that of the log, in seconds.

@@ -68,8 +68,8 @@ class PassingFolder {
 /// A log that a verb writes, stored at a NATS server while it grows.
 class StoredLog {
   public:
-    /// If `file` is an address, it becomes that of a local file, which is stored. Else nothing is done. Throws
-    /// UsageError for an address that is none.
+    /// If `file` is an address, replaces it by the name of a local file whose content is then stored; otherwise does
+    /// nothing. Throws UsageError for an invalid address.
     static Result<StoredLog> start(const std::string& option, std::string& file, NatsLog::Begin begin);
     /// Waits until all is stored, and says what is. Returns the status with which the verb ends, if it would end with
     /// `status`.

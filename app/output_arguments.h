@@ -1,4 +1,4 @@
-// Options for what verbs make of a scene: pictures, sound, a log, a document; and their files.
+// Options for the outputs of a scene (pictures, sound, a log, a document) and for their files.
 // Threading: the main thread.
 #pragma once
 

@@ -1,4 +1,4 @@
-// OutputReport: what was made of a scene and what is missing, for the reports of verbs.
+// OutputReport: the outputs that were made of a scene, and those that are missing, for the reports of verbs.
 // Threading: none of its own.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace rtsg::app {
 
-/// The account of what was made.
+/// The account of the outputs that were made.
 struct OutputReport {
     /// For each picture: the number of the state that it shows, that of the state of which the sound at the same time
     /// was made (0: none), and the time in seconds from the start.

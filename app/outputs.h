@@ -77,8 +77,8 @@ class OutputMaker {
     OutputMaker(const OutputMaker&) = delete;
     OutputMaker& operator=(const OutputMaker&) = delete;
 
-    /// Call it when every set of the scene's present time has come: makes what is due. Calling it again at the same
-    /// time, and while nothing comes, does no harm.
+    /// Call it when every set of the scene's present time has arrived: it makes the outputs that are due. It may be
+    /// called again at the same time, and while nothing arrives.
     virtual Result<> frame() = 0;
     /// True if frame() has nothing to do until something comes.
     virtual bool rests() const { return true; }

@@ -25,7 +25,7 @@ void tellError(fmt::format_string<Arguments...> text, Arguments&&... arguments) 
 struct SayArguments {
     std::string form = "text", level = "note";
     void addTo(Command& command);
-    /// From now on everything is said so.
+    /// All later messages take this form.
     void apply() const;
 };
 

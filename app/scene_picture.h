@@ -1,4 +1,4 @@
-// Scene picture: one picture of a state of a scene that somebody else runs.
+// Scene picture: makes one picture of a state of a scene that runs elsewhere in the program.
 #pragma once
 
 #include <rtsg/renderers/picture.h>

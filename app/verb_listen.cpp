@@ -153,7 +153,7 @@ struct GridSpec {
     }
 };
 
-/// Throws UsageError for what does not go together.
+/// Throws UsageError for options that exclude each other.
 void checkMaps(const ListenArguments& options) {
     if (options.grid.empty() != options.maps.empty()) throw UsageError("--grid and --map go together");
     if (options.grid.empty()) return;
@@ -194,7 +194,7 @@ std::vector<OutputName> outputsOf(const ListenArguments& options) {
     return outputs;
 }
 
-/// Throws UsageError for what does not go together.
+/// Throws UsageError for options that exclude each other.
 void checkListening(const ListenArguments& options) {
     if (!options.device.empty()) throw UsageError("--device is of --live");
     if (options.out.empty() && options.ir.empty() && options.report.empty() && options.maps.empty() &&

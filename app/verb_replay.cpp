@@ -476,7 +476,7 @@ int makeTable(const ReplayArguments& options) {
     return writeTable(arguments);
 }
 
-/// Throws UsageError for --frames that cannot be made, or together with what has a beginning or length of its own.
+/// Throws UsageError for --frames that cannot be made, or together with options that set a beginning or a length.
 void checkFrames(const OptionNames& given, const ReplayArguments& options) {
     if (holds(given, "--run-up") && (options.frames.empty() || options.outputs.listen.empty()))
         throw UsageError("--run-up", "goes with --frames and --listen");
@@ -501,7 +501,7 @@ int replay(const Command& command, ReplayArguments options) {
     if (!options.only.empty() || !options.without.empty()) {
         if (!options.compact.empty() && !options.out.empty())
             throw UsageError("-o", "cannot be combined with --compact, which names the log to write");
-        // -o is what one writes to; --compact says the same.
+        // -o names the output; --compact does the same.
         if (options.compact.empty()) options.compact = std::exchange(options.out, {});
     }
     if (!options.outputs.picture.tile.empty()) {

@@ -207,7 +207,7 @@ class Session {
     int close();
 
   private:
-    /// The name of what is served, apart from the folder from which urls start.
+    /// The name of the served file or log; urls start from the file's folder.
     const std::string& name() const { return resumed_ ? options_.shown : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();

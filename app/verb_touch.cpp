@@ -33,7 +33,7 @@ struct TouchArguments {
     bool realtime = false, json = false, force = false;
 };
 
-/// Where ticks go: lines of a table are written as they come; a drawing needs them all.
+/// Receives ticks: lines of a table are written at once; a drawing needs all ticks.
 class TickFile {
   public:
     static Result<TickFile> create(const TouchArguments& arguments) {
@@ -107,7 +107,7 @@ class Touching {
         finishFrames();
     }
 
-    /// By the clock on the wall: a thread ticks, this one runs frames.
+    /// In real time: a thread ticks, this one runs frames.
     Result<> live(std::unique_ptr<HapticDevice> device, double seconds) {
         running_.frame(0);
         if (auto ok = renderer_.start(std::move(device)); !ok) return ok;

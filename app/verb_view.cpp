@@ -134,7 +134,7 @@ class Viewing {
         else
             tellError("note: no sound: {}\n", terminalText(sound.error().text));
     }
-    /// The hand that --touch names feels what is shown.
+    /// Lets the hand that --touch names feel the shown scene.
     Result<> touch() {
         if (options_.touch.empty()) return {};
         if (!isSceneFile(shown_.name)) return fail("--touch is for a scene's file", {}, shown_.name);

@@ -119,7 +119,7 @@ class LogSource final : public ViewSource {
             if (auto ok = player_->seek(std::max(0., time - back)); !ok) return ok;
             if (back > time) break;
         }
-        // From there on to the one right before.
+        // Steps from there to the state before the wanted one.
         while (scene().sequence() + 1 < now) {
             const std::uint64_t before = scene().sequence();
             if (auto ok = player_->step(1); !ok) return ok;

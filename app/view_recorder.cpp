@@ -113,7 +113,7 @@ void WindowFilm::run() {
     }
 }
 
-/// That one from the last written one to that many.
+/// Writes this picture for all frames from the last written one up to this number.
 Result<> WindowFilm::write(const LivePictureShown& picture, std::uint64_t until) {
     if (until <= written_) return {};
     if (auto ok = writer_.add(enlarged(picture, width_, height_)); !ok) return ok;

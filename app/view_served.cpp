@@ -29,8 +29,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Waits at a connection on a thread of its own, for who waits for people: calls `heard` once each time that it was
-/// asked to wait and something has come.
+/// Waits at a connection on a thread of its own, while the main thread waits for people: calls `heard` once for each
+/// request to wait, when something has arrived.
 class ConnectionWaiter {
   public:
     explicit ConnectionWaiter(std::function<void()> heard)

@@ -43,15 +43,15 @@ class ViewSource {
     /// Nothing will change by itself before this time, in seconds from the start, as far as is known; or `wake` is
     /// called.
     virtual double restsUntil() const = 0;
-    /// From now on, from any thread: something has come. None: an empty function, from when on the old one is not
-    /// called.
+    /// From now on `wake` is called, on any thread, when something has arrived. An empty function ends this: the old
+    /// one is not called any more.
     virtual void wakeBy(const std::function<void()>& wake) { (void)wake; }
     /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
     /// See SceneWindowOptions::look and change.
     virtual Result<> look(NodeId viewpoint) = 0;
     virtual Result<> change(NodeId node, FieldIndex field, Value value) = 0;
-    /// Where to look from, if it is not the bound viewpoint.
+    /// The camera, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;
     /// Its time stops or goes on. Error: it has no time of its own.
     virtual Result<> pause(bool on) = 0;
@@ -60,11 +60,11 @@ class ViewSource {
         (void)request;
         return fail("a scene that runs has one time: a log of it has all");
     }
-    /// For the title: what is worth knowing.
+    /// A short status for the title.
     virtual std::string status() const { return {}; }
     /// For the overlay.
     virtual void tell(SceneWindowStatus& status) { (void)status; }
-    /// At the end: what went wrong; and says what there is to say.
+    /// At the end: prints the last messages; returns an error if something went wrong.
     virtual Result<> finish() = 0;
 };
 

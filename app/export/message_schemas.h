@@ -1,4 +1,4 @@
-// Message schemas: the JSON Schemas of the topics that viewers are told. Foxglove knows its own by name; fields that we
+// Message schemas: the JSON Schemas of the topics for viewers. Foxglove knows its own schemas by name; fields that we
 // leave out are optional.
 #pragma once
 

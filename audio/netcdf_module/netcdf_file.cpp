@@ -39,7 +39,7 @@ class LibraryWriter final : public NetcdfWriter {
         ::dlclose(library);
     }
 
-    /// The library says "HDF error" of whatever befell it. What the system said last is why, if it is about writing.
+    /// The library says "HDF error" for all failures. If writing failed, the system's last error is the reason.
     static std::string what(int error, int system) {
         const bool tells = system == ENOSPC || system == EDQUOT || system == EFBIG || system == EIO;
         return tells ? std::strerror(system) : nc_strerror(error);

@@ -388,7 +388,7 @@ bool Model::parseSince(const Position& where, const std::string& version, int& s
     return true;
 }
 
-/// Units are of what is measured: a rotation's angle is known as one, and the rest counts in nothing.
+/// Only measured quantities have units: a rotation's angle is recognised as one, and other types have none.
 void Model::checkUnit(const Position& where, const Field& field) {
     constexpr std::string_view measured[] = {"Float", "Double", "Vec2f", "Vec2d", "Vec3f", "Vec3d", "Vec4f", "Vec4d"};
     if (!field.unit.empty() && std::ranges::find(measured, field.type.substr(2)) == std::end(measured))

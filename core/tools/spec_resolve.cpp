@@ -79,7 +79,7 @@ void Model::inheritTags(Type& type) {
     }
 }
 
-/// Whoever can act says when, and whoever has a place says which.
+/// A type that can act must say when, and a type that has a place must say which.
 void Model::checkTags(const Type& type) {
     if (type.isAbstract) return;
     for (const std::string& name : type.all.below)

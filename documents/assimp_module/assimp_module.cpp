@@ -23,7 +23,7 @@ void put(std::string& out, std::uint32_t number) {
     out.append(reinterpret_cast<const char*>(&number), sizeof(number));
 }
 
-/// Libassimp writes extensions that say nothing of what was read: they go. Source: glTF 2.0 4.4 (GLB).
+/// Removes extensions that libassimp writes although they say nothing of the file. Source: glTF 2.0 4.4 (GLB).
 std::string withoutExtensions(std::string_view glb) {
     constexpr std::size_t kHead = 12, kChunkHead = 8;
     std::uint32_t length = 0;

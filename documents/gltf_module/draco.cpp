@@ -37,7 +37,7 @@ struct Bounds {
         constexpr std::uint64_t kFace = 160, kSeams = 40;
         return may(faces * (kFace + seams * kSeams));
     }
-    /// Each attribute is there as coded numbers, as values, and as what comes out.
+    /// Each attribute takes memory three times: as coded numbers, as values, and as output.
     bool attributes(const draco::PointCloud& cloud) {
         if (cloud.num_points() != wanted.points)
             return refuse("it has another number of points than its accessors say");

@@ -82,7 +82,7 @@ class Link final : public NatsLink {
         then([&] { return natsOptions_SetReconnectJitter(options_, kReconnectJitter, kReconnectJitter); });
         then([&] { return natsOptions_SetReconnectBufSize(options_, kReconnectBuffer); });
         then([&] { return natsOptions_SetSendAsap(options_, true); });
-        // One thread delivers what all subscriptions get, so it stays in order.
+        // One thread delivers the messages of all subscriptions, so they stay in order.
         then([&] { return natsOptions_UseGlobalMessageDelivery(options_, true); });
         then([&] { return natsOptions_SetErrorHandler(options_, &Link::failed, this); });
         then([&] { return natsOptions_SetClosedCB(options_, &Link::closed, this); });
@@ -196,7 +196,7 @@ class Link final : public NatsLink {
                                              static_cast<int>(bytes.size()), &options, &code);
         if (status == NATS_OK && answer.it->Sequence == after + 1) return Stored::yes;
         problem = status == NATS_OK ? "another message came between" : jetStreamText(status);
-        // Our own message may be there already, if its answer was lost; whoever asks looks.
+        // Our own message may be there already, if its answer was lost; the caller checks.
         if (code == kLastSequence) return Stored::unknown;
         return code == 0 && status != NATS_OK ? Stored::unknown : Stored::no;
     }
@@ -289,14 +289,14 @@ class Link final : public NatsLink {
     natsConnection* connection_ = nullptr;
     jsCtx* jetStream_ = nullptr;
     std::atomic<std::uint64_t> dropped_{0};
-    std::mutex mutex_;  // guards what follows
+    std::mutex mutex_;  // guards the members below
     std::deque<NatsMessage> waiting_;
     std::size_t bytes_ = 0;
     std::vector<std::string> news_;
     std::condition_variable ended_;
     int live_ = 0;  // subscriptions whose callbacks may still come
     bool closed_ = false;
-    std::mutex subscribing_;  // guards what follows
+    std::mutex subscribing_;  // guards the members below
     std::map<std::string, natsSubscription*> subscriptions_;
 };
 

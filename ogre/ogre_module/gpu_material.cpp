@@ -169,7 +169,7 @@ void GpuLibrary::setNumbers(Ogre::Pass& pass, const RasterMaterial& m) {
     p.setNamedConstant("mirrors", vector(m.reflectivity, 0));
     const auto style = static_cast<float>(m.hatchStyle);
     p.setNamedConstant("hatching", vector(m.hatchColor, m.filled ? style : -style));
-    // One by one: of an array graphics systems count only what a program reads, and OGRE takes that for an error.
+    // One by one, because graphics systems count only the used elements of an array, and OGRE takes that for an error.
     for (std::size_t i = 0; i < kRasterUses; ++i) {
         const RasterUse& use = m.uses[i];
         p.setNamedConstant("rowS" + std::to_string(i), vector(use.s, use.encodes ? 1.0f : 0.0f));

@@ -47,7 +47,7 @@ inline Ogre::Vector4 vector(const glm::vec3& v, float w) {
 /// The textures and programs that materials share.
 class GpuLibrary {
   public:
-    /// Names of what it makes begin with `prefix`.
+    /// Names of the objects that it makes begin with `prefix`.
     explicit GpuLibrary(std::string prefix) : prefix_(std::move(prefix)) {}
     GpuLibrary(const GpuLibrary&) = delete;
     GpuLibrary& operator=(const GpuLibrary&) = delete;
@@ -55,7 +55,7 @@ class GpuLibrary {
 
     void setTexture(std::uint32_t number, const RasterTexture& texture);
     void dropTexture(std::uint32_t number);
-    /// A small white one for 0 and for what is unknown.
+    /// A small white one for 0 and for unknown numbers.
     const Ogre::TexturePtr& texture(std::uint32_t number);
 
     /// Fills the table of numbers that programs read. To be called before the first material is made. False: there are

@@ -16,12 +16,12 @@ class GpuThing final : public Ogre::SimpleRenderable {
   public:
     /// `view`: of the view that is drawn now; must outlive it.
     explicit GpuThing(const ViewNumbers& view);
-    /// Follows what the mesh has become.
+    /// Follows the changes of the mesh.
     void show(const GpuMesh& mesh);
     void setThing(std::uint32_t number, const RasterThing& thing, int record);
     /// The linear part of its place; the translation is its scene node's.
     void setLinear(const glm::mat3& linear, bool mirrored);
-    /// It fills the picture, whatever the eye.
+    /// Makes it fill the picture, wherever the eye is.
     void setBackground();
     const RasterThing& thing() const { return thing_; }
     void setRecord(int record);

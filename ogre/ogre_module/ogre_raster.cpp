@@ -279,7 +279,7 @@ class OgreRaster final : public RasterModule {
         }
     }
 
-    /// The first one is what others follow from.
+    /// Keeps only the first error, because the others follow from it.
     void tell(const std::string& what) {
         if (problem_.empty()) problem_ = what;
     }

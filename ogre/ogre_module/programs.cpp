@@ -29,9 +29,9 @@ void main() {
 }
 )";
 
-// A line is drawn as a rectangle around its ends, as wide as it is in the picture and half of that longer at each end.
-// The fragment program finds the place on the axis that is nearest in the picture, and what is there; it leaves out
-// what is farther from it than the line is wide.
+// A line is drawn as a rectangle around its ends, with its width in the picture and half of that added at each end. The
+// fragment program finds the nearest point on the axis in the picture, and its attributes, and discards fragments that
+// are farther from it than half the width.
 const char* const kStrokeVertex = R"(
 uniform mat4 world, viewProjection;
 uniform vec4 eyePlace, eyeForward, pictureSize;

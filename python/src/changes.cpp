@@ -155,7 +155,7 @@ void callWith(const py::function& call, const py::object& scene, const ChangeSet
     try {
         call(object);
     } catch (...) {
-        keep();  // a traceback holds what the function was called with
+        keep();  // a traceback holds the function's arguments
         throw;
     }
     keep();

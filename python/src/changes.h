@@ -1,7 +1,7 @@
-// A set of changes as Python has it.
+// A change set as a Python object.
 //
-// Invariant: what a subscriber is handed is the scene's own set while the call lasts; it becomes a copy if Python keeps
-// it. Threading: with the interpreter's lock; a set that is kept may be read on any thread, but for what asks the
+// Invariant: a subscriber is handed the scene's own set, which is valid during the call; if Python keeps it, it becomes
+// a copy. Threading: with the interpreter's lock. A kept set may be read on any thread, except for members that ask the
 // scene.
 #pragma once
 
@@ -29,7 +29,7 @@ struct ChangesObject {
 
 /// Null: None.
 pybind11::object toPython(std::shared_ptr<const ChangeSet> set, const pybind11::object& scene);
-/// Calls a function with the set; what the call leaves of it has a copy.
+/// Calls a function with the set; if the callee keeps the set, it gets a copy.
 void callWith(const pybind11::function& call, const pybind11::object& scene, const ChangeSet& changes);
 
 }  // namespace rtsg::python

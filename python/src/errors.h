@@ -1,4 +1,4 @@
-// Diagnostics as Python's exceptions: rtsg.Error, and which kind of it a code stands for.
+// Converts diagnostics to Python exceptions: rtsg.Error, and its subclass for each kind of code.
 //
 // The classes are Python's (rtsg/_errors.py). Threading: with the interpreter's lock.
 #pragma once

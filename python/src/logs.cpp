@@ -199,7 +199,7 @@ py::object arrayOf(const LogTable::Column& column, const py::object& scene) {
     return array;
 }
 
-/// The columns, the types of their fields, and what the numbers in a row are called.
+/// The columns, the types of their fields, and the names of the numbers in a row.
 py::tuple table(const Log& log, const std::vector<std::string>& paths, double from, double to, std::uint64_t every) {
     if (paths.empty()) throw py::value_error("table() takes at least one \"NODE.field\"");
     if (every == 0) throw py::value_error("every is 1 or more");

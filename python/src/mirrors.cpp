@@ -180,7 +180,7 @@ class Follower final : public Dependent {
         return *client_;
     }
 
-    /// Applies what has come, after at most so many seconds of waiting.
+    /// Applies the records that have arrived, after waiting for at most this many seconds.
     py::list poll(double seconds) {
         MirrorClient& inside = client();
         handle_->refuseFromWithin("a follower is not asked for news");

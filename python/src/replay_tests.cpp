@@ -21,7 +21,7 @@ namespace rtsg::python {
 
 namespace {
 
-/// Calls functions of Python with scenes that are the test's; what one raises ends the test, and is raised after it.
+/// Calls Python functions with the scenes of the test; an exception ends the test, and is raised after it.
 class Calls {
   public:
     /// While the scenes are still there.

@@ -28,12 +28,12 @@ namespace rtsg::python {
 
 class SceneHandle;
 
-/// A server, a log: what has to end before its scene.
+/// An object that must end before its scene, such as a server or a log.
 class Dependent {
   public:
     virtual ~Dependent() = default;
     virtual void end() noexcept = 0;
-    /// Forgets what it has without ending it: in a process that was forked, whose threads are gone.
+    /// Forgets its resources without ending them: in a forked process, whose threads are gone.
     virtual void abandon() noexcept = 0;
     /// Called before each frame, without the interpreter's lock.
     virtual void beforeFrame() {}
@@ -157,7 +157,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     void keep(std::unique_ptr<OwnBehaviour> behaviour) { behaviours_.push_back(std::move(behaviour)); }
 
     void add(Dependent& dependent) { dependents_.push_back(&dependent); }
-    /// The scene keeps it, whoever else does, until it is removed or the scene ends.
+    /// The scene keeps it until it is removed or the scene ends, whoever else holds it.
     void own(std::shared_ptr<Dependent> dependent);
     void remove(Dependent& dependent);
 

@@ -30,8 +30,8 @@ auto unlocked(Work&& work) {
     return work();
 }
 
-/// Asked now and then by work that takes long, on any thread. Signals are looked at on the thread that made this, at
-/// most every 50 ms: what they raise is raised by raise().
+/// Called now and then by long work, on any thread. Checks for signals on the thread that made this, at most every 50
+/// ms; exceptions of their handlers are raised by raise().
 class Interruption {
   public:
     /// True: the work is to end.

@@ -185,7 +185,7 @@ namespace {
     throw py::type_error(fmt::format("{} is {}: {}", what, info(type).name, why));
 }
 
-/// Whether NumPy's numbers of this kind may become those of the type without losing what they are.
+/// Whether NumPy's numbers of this kind can be converted to the type without loss.
 bool suits(FieldType type, char kind) {
     switch (sf(type)) {
         case FieldType::SFBool:

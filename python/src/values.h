@@ -1,7 +1,8 @@
-// Values of fields as Python has them, and back.
+// Converts field values to Python and back.
 //
-// MF fields become read-only NumPy arrays over the scene's own memory, which they keep; vectors, colours, rotations and
-// matrices small arrays of their own; MFNode and MFString tuples. Threading: with the interpreter's lock.
+// MF fields become read-only NumPy arrays over the scene's own memory, which they keep alive. Vectors, colours,
+// rotations and matrices become small arrays with a copy, MFNode and MFString become tuples. Threading: with the
+// interpreter's lock.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -34,7 +35,7 @@ struct NodeObject {
 pybind11::object nodeOrNone(const pybind11::object& scene, NodeId id);
 /// `scene`: the Scene object that nodes in the value are of.
 pybind11::object toPython(const Value& value, const pybind11::object& scene);
-/// Raises TypeError and ValueError for what is no such value; `what` names the field in their texts.
+/// Raises TypeError and ValueError for unsuitable objects; `what` names the field in their texts.
 Value fromPython(const FieldDef& field, const pybind11::handle& object, const SceneHandle& handle,
                  std::string_view what);
 /// The numbers of an SF or MF type that is made of them: `count` values, one after the other, of `components` each.

@@ -102,8 +102,8 @@ std::string familyOf(FcPattern* pattern) {
     return reinterpret_cast<const char*>(name);
 }
 
-/// The three names that every browser knows, and what they stand for wherever it is installed: the same pictures
-/// everywhere.
+/// The three names that every browser knows, and the font files for them if these are installed, so that pictures are
+/// the same everywhere.
 constexpr std::array<std::array<const char*, 3>, 3> kGeneric{{{"SERIF", "DejaVu Serif", "serif"},
                                                               {"SANS", "DejaVu Sans", "sans-serif"},
                                                               {"TYPEWRITER", "DejaVu Sans Mono", "monospace"}}};
@@ -116,7 +116,7 @@ class Face {
         if (FT_New_Memory_Face(library, bytes, static_cast<FT_Long>(file.size()), 0, &face_) != 0) return;
         if (!isUsable()) return;
 #ifdef RTSG_HARFBUZZ
-        // By FreeType, which has unpacked what was packed (WOFF).
+        // Through FreeType, which has unpacked compressed fonts (WOFF).
         setShaper(hb_face_create_for_tables(table, face_, nullptr));
 #endif
     }
@@ -399,7 +399,7 @@ class SystemFonts : public Fonts {
             std::uint32_t own = face;
             bool toTheRight = leftToRight, joins = false;
 #ifdef RTSG_HARFBUZZ
-            // Blanks, points and marks go with what is before them.
+            // Blanks, points and marks belong to the characters before them.
             const hb_script_t script = hb_unicode_script(hb_unicode_funcs_get_default(), c.code);
             joins = script == HB_SCRIPT_COMMON || script == HB_SCRIPT_INHERITED;
             const bool digit = c.code >= U'0' && c.code <= U'9';

@@ -45,7 +45,7 @@ int64_t writeBytes(exr_const_context_t, void* to, const void* bytes, uint64_t si
     return static_cast<int64_t>(size);
 }
 
-/// Colour, coverage, and what else there is of each pixel.
+/// Colour, coverage, and the other data of each pixel.
 std::vector<SheetChannel> channelsOf(const Sheet& sheet) {
     std::vector<SheetChannel> all{
         {"R", sheet.values, 4}, {"G", sheet.values + 1, 4}, {"B", sheet.values + 2, 4}, {"A", sheet.values + 3, 4}};

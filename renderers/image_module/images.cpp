@@ -231,7 +231,7 @@ class Files final : public ImageFiles {
         spec.attribute("DateTime", kNoDate);
         for (const auto& [key, text] : sheet.notes) spec.attribute(key, text);
         const std::size_t pixels = static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height);
-        std::vector<float> all(pixels * channels);  // all have 32 bits, whatever these mean
+        std::vector<float> all(pixels * channels);  // all channels have 32 bits, whatever their meaning
         for (std::size_t i = 0; i < pixels; ++i) {
             std::memcpy(&all[i * channels], sheet.values + i * 4, 4 * sizeof(float));
             for (std::size_t c = 4; c < channels; ++c) {

@@ -38,7 +38,7 @@ std::size_t placeOf(const FilePixels& out, int y, const ReadRequest& request) {
 
 // ---- PNG -------------------------------------------------------------------------------------------------------
 
-/// Objects with destructors stay outside of what an error jumps out of.
+/// Objects with destructors are outside the part that an error leaves by longjmp.
 struct PngReading {
     std::span<const std::uint8_t> rest;
     std::vector<std::uint16_t> wide;
@@ -101,7 +101,7 @@ bool readPng(std::span<const std::uint8_t> bytes, const ReadRequest& request, Fi
 // ---- JPEG ------------------------------------------------------------------------------------------------------
 
 struct JpegReading {
-    jpeg_error_mgr errors{};  // first: what is told of errors knows nothing else
+    jpeg_error_mgr errors{};  // first: the error functions get a pointer to this only
     std::jmp_buf after{};
     char warning[JMSG_LENGTH_MAX] = {};  // the first
     std::vector<std::uint8_t> inks;      // a row of them

@@ -35,9 +35,9 @@ constexpr unsigned char kExif[] = {
     0x01, 0xA0, 3,    0,    1, 0, 0,   0,   1,   0,   0,   0,   0, 0, 0, 0,              // sRGB; the end
 };
 
-/// Objects with destructors stay outside of what an error jumps out of.
+/// Objects with destructors are outside the part that an error leaves by longjmp.
 struct JpegWriting {
-    jpeg_error_mgr errors{};  // first: what is told of errors knows nothing else
+    jpeg_error_mgr errors{};  // first: the error functions get a pointer to this only
     std::jmp_buf after{};
     jpeg_destination_mgr to{};
     std::vector<unsigned char>* file = nullptr;

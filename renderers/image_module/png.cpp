@@ -23,7 +23,7 @@ std::uint32_t bigEndian32(std::span<const std::uint8_t> bytes) {
 }  // namespace
 
 bool isPng(std::span<const std::uint8_t> bytes) {
-    constexpr std::size_t kNamed = 4;  // the others tell what a transfer as text has done to it
+    constexpr std::size_t kNamed = 4;  // the other bytes show damage by a transfer as text
     return bytes.size() >= kNamed && std::equal(bytes.begin(), bytes.begin() + kNamed, kPngSignature.begin());
 }
 
@@ -56,7 +56,7 @@ std::string damageOfChunks(std::span<const std::uint8_t> file) {
     }
 }
 
-/// Objects with destructors stay outside of what an error jumps out of.
+/// Objects with destructors are outside the part that an error leaves by longjmp.
 struct PixelsLookedAt {
     std::span<const std::uint8_t> rest;
     std::string damage;
@@ -89,7 +89,7 @@ void lookAtPixels(PixelsLookedAt& looking,
                height = png_get_image_height(looking.png, looking.info);
     const bool eightBits = png_get_bit_depth(looking.png, looking.info) <= 8;
     if (check && !check(static_cast<int>(width), static_cast<int>(height), 1, eightBits).empty())
-        return;  // who reads it is told
+        return;  // the reader reports it
     const int passes = png_set_interlace_handling(looking.png);
     png_read_update_info(looking.png, looking.info);
     for (int pass = 0; pass < passes; ++pass)

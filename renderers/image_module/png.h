@@ -1,4 +1,4 @@
-// Damage of PNG files, found before libpng meets it, which writes what it finds to the terminal.
+// Finds damage in PNG files before libpng does, because libpng writes its findings to the terminal.
 //
 // Only chunks that pixels come from are looked at, and a lost end behind them is forgiven. Threading: any thread.
 // Source: W3C, Portable Network Graphics (third edition), 5.2 and 5.3 (signature, chunks), 13.2 (errors).

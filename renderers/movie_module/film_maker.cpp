@@ -17,7 +17,7 @@ namespace rtsg {
 
 namespace {
 
-/// Until FFmpeg 7 what is written was no constant.
+/// Before FFmpeg 7 the written bytes were not const.
 #if LIBAVFORMAT_VERSION_MAJOR < 61
 using Written = std::uint8_t;
 #else
@@ -117,7 +117,7 @@ class FilmMaker final : public MovieMaker {
         return toFile(avcodec_parameters_from_context(stream_->codecpar, codec_.get()));
     }
 
-    /// Null: what the encoder still holds.
+    /// Null: flushes the encoder.
     std::string encode(const AVFrame* frame) {
         if (const int error = avcodec_send_frame(codec_.get(), frame); error < 0) return textOfError(error);
         std::string error;

@@ -1,4 +1,4 @@
-// makeFilm: pictures into a film, through the bytes that it is given a place for. Threading: one thread a film.
+// makeFilm: encodes pictures as a film, and writes its bytes through a given function. Threading: one thread a film.
 #pragma once
 
 #include <memory>

@@ -21,7 +21,7 @@ double lengthOfPictures(const AVFormatContext& format, int stream) {
     return static_cast<double>(format.streams[stream]->duration) * av_q2d(format.streams[stream]->time_base);
 }
 
-/// Turns what a decoder gives into interleaved floats, at the rate and with the channels that it began with.
+/// Converts the decoder's output to interleaved floats, with the rate and channels that it began with.
 class Interleaver {
   public:
     bool begin(const AVFrame& frame, FileSound& out) {

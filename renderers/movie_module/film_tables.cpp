@@ -50,7 +50,7 @@ class SampleCounts {
             std::uint64_t size = number(at, 4), head = kHead;
             const std::string kind = name(at + 4);
             if (size == 1) size = number(at + 8, 8), head = kLongHead;
-            if (size == 0) size = end - at;  // to the end of what it is in
+            if (size == 0) size = end - at;  // to the end of the enclosing box
             size = std::min(size, end - at);
             if (size < head) return;
             const std::uint64_t content = at + head;

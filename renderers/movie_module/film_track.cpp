@@ -9,7 +9,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::int64_t kBitsPerSecond = 96'000;  // a channel: what is left out is not heard
+constexpr std::int64_t kBitsPerSecond = 96'000;  // a channel: the loss is inaudible
 
 std::string openEncoder(const FileSound& sound, AVFormatContext& format, FilmTrack& out) {
     if (sound.channels < 1 || sound.channels > 2)

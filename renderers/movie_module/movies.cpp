@@ -200,7 +200,7 @@ class Film final : public MovieFile {
     Owned<SwsContext> scaler_;
     std::vector<std::uint8_t> rows_;
     double frameLength_ = .04, seconds_ = -1;
-    double first_ = 0;                                     // when the first picture is shown, by the file
+    double first_ = 0;                                     // start time of the first picture in the file
     double shownTime_ = 0, aheadTime_ = 0, lastTime_ = 0;  // the first two from `first_` on
     bool hasShown_ = false, hasAhead_ = false, canSeek_ = false;
 };
@@ -208,7 +208,7 @@ class Film final : public MovieFile {
 class Files final : public MovieFiles {
   public:
     std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const override {
-        av_log_set_level(AV_LOG_QUIET);  // what a file holds is not written to the terminal
+        av_log_set_level(AV_LOG_QUIET);  // faults of a file are not written to the terminal
         auto film = std::make_unique<Film>(std::move(bytes), maximumPixels);
         std::string error = film->begin();
         if (error.empty()) out = std::move(film);

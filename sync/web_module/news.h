@@ -1,4 +1,4 @@
-// News: what is worth telling about those who connect, bounded however often they try.
+// News: reports about those who connect, limited in number however often they try.
 //
 // Threading: any thread.
 #pragma once

@@ -148,7 +148,7 @@ TEST_F(Clock, IsInLogsWhoseTimesAreTypedFromTheirStart) {
     // Run afresh, the clock stands where the session's stood.
     const Outcome rerun = rtsg({"replay", log, "--rerun", file, "--json"});
     EXPECT_EQ(rerun.status, 0) << rerun.err << rerun.out;
-    // What differs is told by the same count.
+    // Differences are numbered by the same count.
     writeFile(folder / "other.x3dv", readFile(file));
     ASSERT_EQ(rtsg({"record", folder / "other.x3dv", "--at", kSimulated, "-o", folder / "c.rlog", "--for", "3s",
                     "--fps", "10", "--set", "TICK.set_boolean=TRUE@1"})

@@ -93,7 +93,7 @@ TEST_F(GivenSounds, FilesPipesAndStandardInputAreHeardFromTheirBeginning) {
     hear({"--stream", "feed=f32@48000x1:-"}, raw_);
     const std::string pipe = folder_ / "pipe";
     ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
-    // Who writes may come later, and goes on for longer than is wanted.
+    // The writer may start later, and may write more than is wanted.
     std::thread writer([&] {
         ::signal(SIGPIPE, SIG_IGN);
         std::ofstream to(pipe, std::ios::binary);

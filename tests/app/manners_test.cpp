@@ -85,7 +85,7 @@ TEST_F(Manners, WhatIsMadeOfADamagedSceneIsThereAndSaidToBeOfTheRest) {
     EXPECT_EQ(rtsg({"render", folder / "w.x3dv", "-o", picture, "--size", "16x16"}).status, 0);
 }
 
-/// Who reads the file, and who makes the picture, both find it.
+/// The reader of the file and the maker of the picture both find it.
 TEST_F(Manners, WhatTwoPartsFindIsSaidOnce) {
     writeFile(folder / "m.x3dv",
               "#X3D V4.0 utf8\nPROFILE Full\nShape { appearance Appearance { texture MultiTexture { mode \"BRIGHTER\" "
@@ -136,7 +136,7 @@ TEST_F(Manners, SaysWhatWasMeant) {
     EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));
 }
 
-/// Who comes from other programs.
+/// For users who come from other programs.
 TEST_F(Manners, UsualSlipsGetAHint) {
     const std::string picture = folder / "a.png";
     using Arguments = std::vector<std::string>;

@@ -99,7 +99,7 @@ TEST_F(PortableMaterials, TheFilterAndBackAgainShowTheSame) {
         EXPECT_TRUE(made(scene, "whitted") == expected) << readFile(scene);
 }
 
-// Whoever does not know the urn takes the file.
+// A program that does not know the urn takes the file.
 TEST_F(PortableMaterials, TheFileBehindThemShowsOtherMaterials) {
     writeFile(folder / "materials.x3dv", readFile(RTSG_SOURCE_DIR "/examples/materials/materials.x3dv"));
     const std::string known = written("portable.x3dv", portable("urn:rtsg:material:"));

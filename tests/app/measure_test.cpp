@@ -55,9 +55,10 @@ TEST_F(Measure, CurvedLampsAreCutAsFinelyAsTheErrorNeeds) {
         }
 }
 
-// What chords cut off of a lamp is in the interval: however small the rest of that is, it holds the truth 95 times of a
-// hundred, or more often; fewer than 27 of 32 are four in a thousand. A ball half below the horizon, too, whose rim
-// counts most there: E = L (arcsin s - s sqrt(1 - s^2)) with s its radius over its distance.
+// The interval includes the light that chords cut off of a lamp. So it holds the truth in at least 95 of 100 cases,
+// however small its other parts are; fewer than 27 of 32 have a probability of four in a thousand. This also holds for
+// a ball half below the horizon, whose rim counts most there: E = L (arcsin s - s sqrt(1 - s^2)) with s its radius over
+// its distance.
 TEST_F(Measure, IntervalsHoldWhatCurvedLampsLackByTheirCut) {
     const double s = 1. / 3;
     const Lamp horizon{"Sphere { radius 1 }", std::asin(s) - s * std::sqrt(1 - s * s)};

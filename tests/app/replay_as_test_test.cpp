@@ -278,7 +278,7 @@ TEST_F(ReplayAsTest, WithoutALogItSaysHowToRecordOne) {
     EXPECT_THAT(none.err, HasSubstr("rtsg record " + file + " -o " + (folder / "none.rlog")));
 }
 
-/// Who reads the reports only sees a failure, and not the report of the run before.
+/// A reader of the reports only must see a failure, and not the report of the run before.
 TEST_F(ReplayAsTest, ATestThatCannotRunIsReportedAsFailed) {
     const std::string junit = folder / "a.xml";
     for (const std::vector<std::string>& arguments :
@@ -296,7 +296,8 @@ TEST_F(ReplayAsTest, ATestThatCannotRunIsReportedAsFailed) {
     }
 }
 
-/// Who reads the reports only sees why there is no scene, and that a scene was not whole, as the exit status says.
+/// A reader of the reports only must see why there is no scene, and that a scene was incomplete, as the exit status
+/// says.
 TEST_F(ReplayAsTest, ReportsSayWhatIsWrongWithTheScene) {
     const std::string junit = folder / "a.xml", hurt = folder / "hurt.x3dv";
     EXPECT_EQ(rerun({"--junit", junit, "--rerun", folder / "none.x3dv"}).status, 2) << "one scene";

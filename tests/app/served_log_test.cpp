@@ -455,7 +455,7 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
     EXPECT_THAT(rtsg({"info", folder / "turning.0001.rlog"}).out, HasSubstr("the session goes on in a next piece"));
     EXPECT_EQ(json::parse(rtsg({"info", folder / "turning.0001.rlog", "--json"}).out).at("goes_on"), true);
-    // Who opens one of them is told of the others; in another order than they were written in they are no log.
+    // Opening one of them reports the others; in another order than they were written in they are no log.
     const Outcome last = rtsg({"replay", log});
     EXPECT_THAT(last.err, HasSubstr("turning.0001.rlog to "));
     EXPECT_THAT(last.out, HasSubstr("a piece that begins "));
@@ -481,7 +481,7 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_THAT(wrong.err, HasSubstr("in another order"));
     EXPECT_THAT(rtsg({"replay", log}).err, HasSubstr("note: the last piece of a log")) << "and how to have all of it";
     EXPECT_EQ(rtsg({"replay", folder / "right.rlog"}).err, "");
-    // Who changed something before the last piece began, that one cannot tell, and says so.
+    // Changes before the beginning of the last piece cannot be attributed, and the output says so.
     const Outcome blamed = rtsg({"replay", log, "--blame", "BOX.translation"});
     EXPECT_EQ(blamed.status, 0) << blamed.err;
     EXPECT_THAT(blamed.err, HasSubstr("s into its session: what came before is in pieces before it"));

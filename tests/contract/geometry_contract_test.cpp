@@ -181,7 +181,7 @@ class SoundSubject final : public WorldSubject {
         if (!sound_->attached()) throw std::runtime_error(sound_->failure());
     }
     void end() override { sound_.reset(); }
-    /// Who sounds where, who listens, and how the room answers to rays.
+    /// The sources, the listener, and the answers of the room to rays.
     SubscriberState now() override {
         SubscriberState state;
         EXPECT_EQ(sound_->failure(), "");

@@ -104,7 +104,7 @@ TEST_F(WithPlugins, LogsHaveTheTypesAndReplayWithoutThePlugin) {
     EXPECT_NE(replay.out.find("\"first_divergence\":null"), std::string::npos) << replay.out;
 }
 
-/// Whoever lacks a field type keeps its bits, its hash and its numbers.
+/// A program that lacks a field type keeps its bits, its hash and its numbers.
 TEST_F(WithPlugins, FieldTypesAreRecordedReplayedAndMirroredWithEqualHashes) {
     const std::string crates = folder / "crates.x3dv", log = folder / "crates.rlog";
     writeFile(crates,

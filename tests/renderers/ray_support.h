@@ -1,4 +1,4 @@
-// What tests of RayWorld share: small meshes, deltas, and an independent tracer in double precision.
+// Shared by tests of RayWorld: small meshes, deltas, and an independent tracer in double precision.
 #pragma once
 
 #include <algorithm>

@@ -204,7 +204,7 @@ class Run final : Subscriber {
         }
     }
 
-    /// Who answers `get`.
+    /// The scene that answers `get`.
     const Scene& observed() const {
         if (copy_) return *copy_;
         const bool replica = (way_ == Way::mirrored || way_ == Way::late) && !followers_.empty();

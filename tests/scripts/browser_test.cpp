@@ -23,7 +23,7 @@ std::string printed(const std::string& body, const std::string& others = {}) {
     EXPECT_EQ(s.problems(), "");
     return s.printed;
 }
-/// What the diagnostics say.
+/// The text of the diagnostics.
 std::string refused(const std::string& body, const std::string& others = {}) {
     ScriptScene s("directOutput TRUE", "function initialize() { " + body + " }", others);
     s.frame();
@@ -129,7 +129,7 @@ TEST_F(ScriptBrowserFiles, NodesFromAFileComeAsAnEventOfTheNextFrame) {
     EXPECT_EQ(inline_.get(x3d::Inline::body).size(), 1U) << "its urls start from its own folder";
 }
 
-/// What a data: url holds is no file: it is passed over, or said to be none.
+/// A data: url is no file: it is skipped, or reported as none.
 TEST_F(ScriptBrowserFiles, OnlyFilesAreLoadedSoDataUrlsArePassedOver) {
     file("part.x3dv", "DEF P PointLight { intensity 0.5 }");
     start(

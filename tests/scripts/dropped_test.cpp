@@ -1,4 +1,4 @@
-// What scripts make and drop is freed, what anything still refers to is not, and it is the same in every run.
+// Objects that scripts make and drop are freed, objects with references are not, and every run does the same.
 #include <gtest/gtest.h>
 
 #include <rtsg/core/resource.h>
@@ -160,7 +160,7 @@ TEST(Dropped, TwoScriptsThatHoldEachOtherGo) {
 
 TEST(Dropped, RunsAreEqualBitForBitAndReplicasFollow) {
     const auto run = [](std::vector<Hash128>& hashes) {
-        // What is kept depends on the program alone: every seventh, in closures that come and go.
+        // The program decides which objects are kept: every seventh, in closures that come and go.
         ScriptScene s("directOutput TRUE",
                       maker("if (i % 7 === 0) kept.push(() => n); if (kept.length > 300) kept.splice(0, 100); "
                             "if (i % 50 === 0) scene.addRootNode(n);",

@@ -1,5 +1,5 @@
-// What a Script cannot take from the machine: more memory than it may hold, the clock, the time zone, the locale, the
-// last bits of its arithmetic.
+// Things that a Script cannot get from the machine: more memory than its limit, the clock, the time zone, the locale,
+// the last bits of its arithmetic.
 #include <array>
 #include <atomic>
 #include <cmath>
@@ -257,7 +257,7 @@ TEST(ScriptFences, SearchesAreWhatTheyWere) {
         << s.problems();
 }
 
-/// What an expression gives, as text.
+/// The value of an expression, as text.
 std::string fenced(const std::string& expression) {
     ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
     s.frame();
@@ -312,7 +312,7 @@ TEST(ScriptFences, TheLocaleIsFixed) {
     EXPECT_EQ(fenced("new Intl.Collator().resolvedOptions().locale"), "en-US");
 }
 
-/// What an expression in x makes of 400 numbers from -30 to 44.
+/// The values of an expression in x for 400 numbers from -30 to 44.
 std::vector<double> valuesOf(const std::string& call) {
     ScriptScene s("outputOnly MFDouble y",
                   "function initialize() { y = new MFDouble(...Array.from({length: 400}, (_, i) => { const x = i * "
@@ -350,7 +350,7 @@ TEST(ScriptFences, ElementaryFunctionsAreTheScenes) {
     expectSame("Math.pow(1.1, i)", [](double x) { return p::pow(1.1, std::round((x + 30) / .185)); });
     expectSame("Math.hypot(x, 3)", [](double x) { return p::hypot(x, 3); });
     expectSame("Math.hypot(x, 3, '7', .1)", [](double x) { return p::hypot(std::array{x, 3., 7., .1}); });
-    // What the prelude computes for programs, too.
+    // Functions that the prelude computes for programs.
     expectSame("new SFVec3d(x, 3, .1).length()", [](double x) { return p::hypot(x, 3, .1); });
 }
 

@@ -112,7 +112,7 @@ TEST(ScriptJobs, ANestedCallRunsItsOwnJobsAndLeavesTheOuterOnes) {
         })",
                   "DEF O Script { directOutput TRUE inputOnly SFInt32 step url \"ecmascript: function step() { "
                   "print('inner'); Promise.resolve().then(() => print('inner job')); }\" }");
-    // What the other prints goes the same way.
+    // The other one's output goes the same way.
     s.send("go", true);
     s.frame();
     EXPECT_EQ(s.printed, "inner\ninner job\nouter job\n") << s.problems();

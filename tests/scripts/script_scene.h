@@ -55,7 +55,7 @@ struct ScriptScene {
     }
 };
 
-/// What a program makes of an expression, as text.
+/// The value of an expression in a program, as text.
 inline std::string evaluated(const std::string& expression) {
     ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
     s.frame();

@@ -342,7 +342,7 @@ TEST(Script, ErrorsAreReportedWithTheirLineAndTheSceneGoesOn) {
     EXPECT_NE(broken.problems().find("SyntaxError"), std::string::npos) << broken.problems();
 }
 
-// What else the machine does is not the script's time: the same scene runs the same on a busy one.
+// Other load of the machine does not count as the script's time: the scene runs the same on a busy one.
 TEST(Script, TimeThatIsNotItsOwnIsNotCounted) {
     ScriptOptions options = test::limits(true, .05);
     int waits = 0;
@@ -491,7 +491,7 @@ TEST(Script, ObjectsAndErrorsOfThePreludeAreInstancesOfTheProgramsOwn) {
     EXPECT_EQ(evaluated("(() => { try { Browser.currentScene.getNamedNode('?'); } catch (e) { return [e instanceof "
                         "ReferenceError, e instanceof Error, e instanceof TypeError]; } })()"),
               "true,true,false");
-    // Whoever is on the stack when it is full: what the program calls here mostly is.
+    // Any function may be on the stack when it is full; mostly it is one that the program calls here.
     EXPECT_EQ(
         evaluated("(() => { let known = 0; const deep = () => { [1].map(x => SFVec3f(x, x, x).add(SFVec3f(1, 1, 1))); "
                   "deep(); }; for (let i = 0; i < 20; ++i) try { deep(); } catch (e) { known += e instanceof "

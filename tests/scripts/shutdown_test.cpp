@@ -1,5 +1,4 @@
-// What a program does at its end, whatever ends it: a new url, a scene that starts over or goes, a node that is
-// destroyed.
+// The end of a program, for every reason: a new url, a scene that starts over or ends, a node that is destroyed.
 #include <string>
 
 #include <gmock/gmock.h>

@@ -27,7 +27,7 @@ class ScriptUrl : public testing::Test {
         ASSERT_TRUE(loadWorld(scene_, folder_.path() / "start.x3dv", diagnostics));
         scene_.newFrame(0);
     }
-    /// What is printed from now on, in frames of a quarter of a second up to `end`.
+    /// The output from now on, in frames of a quarter of a second up to `end`.
     std::string until(double end) {
         printed_.clear();
         while (scene_.now() < end) scene_.newFrame(scene_.now() + 0.25);

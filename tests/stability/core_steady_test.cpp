@@ -65,7 +65,7 @@ TEST(Steady, AThousandAnimatedTransformsAllocateNothing) {
     };
     int i = 0;
     for (; i < 300; ++i) frame(i);  // every clock has begun a cycle more than once
-    // What was set up in the first frame is merged for those who poll.
+    // The changes of the first frame are merged for polled subscribers.
     const std::size_t before = immediate.changes, polledBefore = polled.changes;
     const std::size_t allocations = test::allocationsOf([&] {
         for (const int end = i + 100; i < end; ++i) frame(i);

@@ -46,7 +46,7 @@ struct CoarseBall {
     }
 };
 
-/// What a ray along -z through (x, y) meets of it, in double: the facet's and the smooth normal.
+/// The hit of a ray along -z through (x, y), in double precision: the facet's and the smooth normal.
 struct Met {
     bool hit = false;
     Vec3d facet{0}, smooth{0};
@@ -72,8 +72,8 @@ Met meets(const CoarseBall& ball, double x, double y) {
     return met;
 }
 
-// The terminator: where a mesh is coarse and its normals are smooth, it is lit as the curve that it stands for. What
-// faces the light by its normal, on a facet that does not, shows the smooth normal's cosine like everything else.
+// The terminator: a coarse mesh with smooth normals is lit as the curve that it represents. A point whose smooth normal
+// faces the light, on a facet that does not, shows the smooth normal's cosine like all others.
 TEST(LightExtremes, CoarseMeshesAreSmoothlyLitAsTheCurveTheyStandFor) {
     constexpr int kSide = 64;
     const CoarseBall ball(10, 18);

@@ -155,7 +155,7 @@ TEST_F(LogFaults, AnotherWriterIsRefusedAndTheFirstOneGoesOn) {
     EXPECT_EQ(framesIn(file()), 11u);
 }
 
-/// What a writer is in the middle of is neither intact nor damaged; once it is gone, it is.
+/// A record that is being written is neither intact nor damaged; once its writer is gone, it is damaged.
 TEST_F(LogFaults, TheRecordThatIsBeingWrittenIsNoDamage) {
     auto log = LogWriter::create(file(), builtinTypes());
     ASSERT_TRUE(log);
@@ -172,7 +172,7 @@ TEST_F(LogFaults, TheRecordThatIsBeingWrittenIsNoDamage) {
         auto reader = LogReader::open(file());
         ASSERT_TRUE(reader);
         EXPECT_TRUE(reader->beingWritten());
-        // What has come whole by the time that one gets there counts.
+        // Records that are complete at the time of reading count.
         cutTo(0);
         std::ofstream(file(), std::ios::app | std::ios::binary) << last << last;
         std::uint64_t to = 0;

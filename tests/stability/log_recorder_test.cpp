@@ -121,7 +121,7 @@ TEST_F(Recorder, ADiskThatStandsStillDoesNotHoldUpTheScene) {
     EXPECT_EQ((*replayer)->gaps(), 0u);
 }
 
-/// As a mirror's log whose server begins anew while the disk stands still.
+/// Like a mirror's log whose server starts anew while the disk is stuck.
 TEST_F(Recorder, OneThatIsWaitedForLosesNoStateWhenTheSceneStartsOver) {
     ASSERT_EQ(::mkfifo(file("pipe").c_str(), 0600), 0);
     PipeDrain drain(::open(file("pipe").c_str(), O_RDONLY | O_NONBLOCK));

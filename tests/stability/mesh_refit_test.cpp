@@ -107,7 +107,7 @@ TEST(MeshRefit, RebuiltBehindTheFramesItIsSound) {
 }
 
 TEST(MeshRefit, WithoutRebuildsTheSameWouldSpoilTheTree) {
-    // What the bound above is worth: one refit over the whole way.
+    // For comparison with the bound above: one refit over the whole way.
     const auto rest = test::makeSphere(5);
     const bvh::Device device(1, true);
     const auto end = moved(*rest, [](Vec3f p) { return twist(p * Vec3f(1, 3, .4f), 3); });

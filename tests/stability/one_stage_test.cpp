@@ -100,7 +100,7 @@ class Play {
     int frames_ = 0;
 };
 
-/// What rays must meet, in versions.
+/// The expected hits of rays, in versions.
 struct Truth final : InstanceSubscriber {
     struct Version {
         std::uint64_t sequence = 0;
@@ -162,7 +162,7 @@ void compareRays(const WorldState& state, const Truth::Version& truth, std::mt19
     }
 }
 
-/// What the readers of a round made.
+/// The results of the readers of a round.
 struct Round {
     int frames = 0;
     std::map<std::uint64_t, Picture> pictures, wanted;  // by sequence

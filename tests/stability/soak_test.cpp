@@ -35,7 +35,7 @@ std::size_t entriesOf(const char* folder) {
     return count;
 }
 
-/// A scene in motion and its server. What is served does not fit the history by far, which is full after a tenth.
+/// A scene in motion and its server. The served frames exceed the history by far; it is full after a tenth.
 struct Standing {
     Scene scene;
     std::vector<NodeId> moving;
@@ -64,8 +64,8 @@ struct Standing {
     }
 };
 
-/// Runs the frames; `each` is called after each. What grows from the first tenth to the end, beyond 1 kB a second of
-/// scene time (in the short form beyond what an allocator may round), is a leak.
+/// Runs the frames; `each` is called after each. Growth from the first tenth to the end by more than 1 kB a second of
+/// scene time (in the short form by more than an allocator may round) is a leak.
 void stand(Standing& standing, const std::function<void(int)>& each) {
     const int all = frames();
     std::size_t descriptors = 0, threads = 0;

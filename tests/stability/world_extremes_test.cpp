@@ -1,4 +1,4 @@
-// What a scene may legally say and an author should not: each with its stated outcome.
+// Scenes that are legal but that an author should avoid: each with its stated outcome.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// What is under way in the background when everything it is about goes.
+// Work in the background when everything that it concerns is removed.
 #include <gtest/gtest.h>
 
 #include "renderers/ray_support.h"

@@ -1,4 +1,4 @@
-// What something takes of memory at most, beyond what the process has: it is done in a process of its own.
+// Measures the most memory that a function takes beyond that of the process, by running it in a process of its own.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// What the conformance set is made of and compared by: things that move, and all of a scene as JSON.
+// Shared by the makers and readers of the conformance set: things that move, and a whole scene as JSON.
 #pragma once
 
 #include <algorithm>

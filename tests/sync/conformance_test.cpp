@@ -34,7 +34,7 @@ namespace {
 using namespace test;
 namespace fs = std::filesystem;
 
-/// What a reader of PROTOCOL.md makes of a log, or of a scene file.
+/// The result of a reader of PROTOCOL.md for a log, or for a scene file.
 std::string expectedOf(const fs::path& log) {
     if (!isLog(log)) {
         Scene scene;
@@ -129,7 +129,7 @@ void writeEdits(const fs::path& file, std::uint64_t epoch, bool append = false) 
     ASSERT_TRUE((*log)->close());
 }
 
-/// As a mirror writes it whose origin began anew: the first session lacks its end, the second one has it.
+/// As a mirror writes it whose origin started anew: the first session lacks its end, the second one has it.
 void writeUnclosed(const fs::path& file) {
     fs::remove(file);
     writeEdits(file, 0x2004);
@@ -214,8 +214,8 @@ void writeMerged(const fs::path& file) {
     ASSERT_TRUE((*log)->close());
 }
 
-/// What a peer gets that asked for what is near a viewpoint: nodes come and go with it, beside changes of those that
-/// stay.
+/// The records for a peer that asked for the surroundings of a viewpoint: nodes come and go with it, beside changes of
+/// those that stay.
 void writeRegion(const fs::path& file) {
     Scene scene;
     mirror::Wishes wishes;
@@ -453,7 +453,7 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
     EXPECT_EQ(logs, 18u);
 }
 
-/// As they were in November 2026: whoever changes these changes what logs of users are verified with.
+/// The hashes of November 2026: changing them changes the hashes with which users' logs are verified.
 TEST(Conformance, TheHashesOfTheSetAreTheseForEver) {
     const std::pair<const char*, const char*> last[] = {{"document", "432fcf315a1b4c49a28f89ef95af3960"},
                                                         {"edits", "1c68543aad00dafd973b0829a8d58230"},
@@ -471,7 +471,7 @@ TEST(Conformance, TheHashesOfTheSetAreTheseForEver) {
     }
 }
 
-/// What is behind the hashes in a file of the set: nodes and routes.
+/// The content behind the hashes in a file of the set: nodes and routes.
 std::string contentOf(const std::string& expected) {
     const std::size_t from = expected.find("\"nodes\":");
     return from == std::string::npos ? expected : expected.substr(from);

@@ -11,7 +11,7 @@
 
 namespace rtsg::test {
 
-/// What no replica can know: shared by the behaviours below, which are plain functions.
+/// Data that no replica can know: shared by the behaviours below, which are plain functions.
 struct Fate {
     std::mt19937_64 random{0};
     Scene* scene = nullptr;  // edited from within the cascade when `meddling`

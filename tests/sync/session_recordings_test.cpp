@@ -83,7 +83,7 @@ class Recorder {
         rest(message_);
         say(textOf(message_));
     }
-    /// What nobody said.
+    /// Messages that no server sends.
     void hearStrange(std::string first, std::string second = {}) {
         session.push_back({Said::By::server, std::move(first), std::move(second)});
     }
@@ -409,7 +409,7 @@ void recordPlaying(Recorder& recorder) {
     origin.leave(recorder);
 }
 
-/// What a client asks that has found another hash: first about ranges, then about nodes, at last for what is wrong.
+/// The questions of a client that has found another hash: first about ranges, then about nodes, at last for the values.
 void recordQuestions(Recorder& recorder) {
     RecordedOrigin origin(0x500d);
     const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[3];
@@ -454,7 +454,7 @@ const std::pair<const char*, void (*)(Recorder&)> kSessions[] = {{"join", record
 
 // ---- playing ---------------------------------------------------------------------------------------------------
 
-/// What a client under test makes of a recorded session, as JSON.
+/// The reactions of a client under test to a recorded session, as JSON.
 class Player {
   public:
     explicit Player(const std::vector<Said>& session) : context_(zmq_ctx_new()) {
@@ -518,7 +518,7 @@ class Player {
         socket_ = nullptr;
     }
     static constexpr auto kHelloLost = 2s;  // then a client says a hello again that has no answer
-    /// What the client has said since.
+    /// Reads the client's messages since the last call.
     void hear() {
         client_->poll(1ms);
         for (const MirrorVerdict& v : client_->takeVerdicts()) tell(v);
@@ -575,7 +575,7 @@ class Player {
             ASSERT_TRUE(mirror::read(in, numbers));
             wait([&] { return numbers[1] == 0 || listening_.newest == numbers[1]; });
         } else if (isClient && said.type() == Message::submit) {
-            // What it says is its own, its number is that of the recorded one.
+            // The message is its own, the number is that of the recorded one.
             EXPECT_TRUE(client_->undo());
             // A client of other types has ended its session to say hello again. It ignores what the last session says.
             wait([&] { return describes || !ofOtherTypes_; });

@@ -88,7 +88,7 @@ TEST_F(Threads, ARecorderWithoutMemoryEndsTheLogWithAReasonAndLeavesItUnclosed) 
         const std::uint64_t kept = scene.sequence();
         {
             const FailingHeap failing("rtsg recorder");
-            // What it allocates a frame it has by now: nodes are new.
+            // By now it has all memory that it allocates for a frame: nodes are new.
             ASSERT_TRUE(eventually([this] {
                 for (int i = 0; i < 100; ++i) scene.createNode(x3d::Transform::type);
                 step();

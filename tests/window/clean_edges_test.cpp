@@ -61,7 +61,7 @@ TEST(CleanEdges, WhatIsNoSlantedEdgeStays) {
         cleanEdges(cleaned, kSide, kSide);
         EXPECT_EQ(cleaned, pixels);
     }
-    // What differs by little is none: a slope of colours.
+    // Small differences are no edges: a gradient of colours.
     Bytes slope(4 * kSide * kSide);
     for (std::size_t i = 0; i < slope.size(); ++i) slope[i] = std::uint8_t(i / 4 % kSide + i / 4 / kSide);
     const Bytes before = slope;

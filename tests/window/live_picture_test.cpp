@@ -212,7 +212,7 @@ TEST(LivePictures, WhileTheEyeRestsPixelsThatNoChangeTouchesAreTakenOver) {
     }
 }
 
-// What is tried and takes too long costs no picture.
+// A trial that takes too long costs no picture.
 TEST(LivePictures, WithoutTimeForAllPixelsThereAreFewerOfThem) {
     Corner seen(1e-6);
     for (int i = 1; i < 6; ++i) {
@@ -223,7 +223,7 @@ TEST(LivePictures, WithoutTimeForAllPixelsThereAreFewerOfThem) {
     }
 }
 
-// Whoever begins to move need not wait for a picture of where they were: the next one is of the new place.
+// A viewer who begins to move need not wait for a picture of the old place: the next one is of the new place.
 TEST(LivePictures, AnEyeThatBeginsToMoveIsShownAtOnce) {
     Seen seen(10);
     const auto from = [](float z) {
@@ -245,7 +245,7 @@ TEST(LivePictures, AnEyeThatBeginsToMoveIsShownAtOnce) {
     }
 }
 
-// Of a sphere under a sky the light is even: from two samples on it is denoised, and that is nearer to the truth.
+// The light of a sphere under a sky is even: from two samples on it is denoised, and that is nearer to the truth.
 TEST(LivePictures, ByPathTheyAreDenoisedAtRestWhileThatIsBetter) {
     Seen seen(1 / 30.0, 64, Integrator::path);
     Diagnostics diagnostics;

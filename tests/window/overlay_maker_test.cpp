@@ -1,4 +1,4 @@
-// What the overlay says of a scene: its viewpoints, the rows that are open, the node that is picked.
+// The overlay's content for a scene: its viewpoints, the rows that are open, the node that is picked.
 #include <algorithm>
 
 #include <gtest/gtest.h>

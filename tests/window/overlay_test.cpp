@@ -58,7 +58,7 @@ struct Shown {
         (void)overlay.pointer(px, py, false);
         return overlay.takeActions();
     }
-    /// What clicks at every place in a column do.
+    /// The actions of clicks at every place in a column.
     std::vector<OverlayAction> clicksDown(int x, int from = 0, int to = kDown - 90) {
         std::vector<OverlayAction> all;
         for (int y = from; y < to; y += 4)

@@ -110,7 +110,7 @@ TEST(OwnEyes, OfASceneInLayersItBeginsAtTheActiveOne) {
     EXPECT_NEAR(camera->top, std::tan(.3), 1e-6);
 }
 
-/// What lies over it in a layer of its own is pointed at through that layer's viewpoint, also while it is dragged away.
+/// A shape in a layer above it is pointed at through that layer's viewpoint, also while it is dragged away.
 TEST(OwnEyes, WhatAnotherLayerShowsIsPointedAtThroughItsViewpoint) {
     Scene scene;
     Diagnostics diagnostics;
@@ -126,7 +126,7 @@ TEST(OwnEyes, WhatAnotherLayerShowsIsPointedAtThroughItsViewpoint) {
     OwnEye eye(world);
     eye.take(Root::key.index, Value(KeyInput::named("UP", true)->toValue()));
     for (double t = 0; t < .5; t += 1 / 30.0) eye.advance(t);
-    // As a picture lays it out that is seen from there.
+    // Laid out as in a picture that is seen from there.
     LightRenderer light(world);
     ImageOptions options;
     options.settings.width = options.settings.height = 64;

@@ -1,4 +1,4 @@
-// What a ProximitySensor keeps before a viewer is kept before one's own eye, and is clicked there.
+// A shape that a ProximitySensor keeps before a viewer is kept before one's own eye, and is clicked there.
 #include <gtest/gtest.h>
 
 #include <rtsg/core/navigation.h>
@@ -133,7 +133,7 @@ TEST(OwnScenes, SensorsThatDoNotSeeTheEyeKeepNothingBeforeIt) {
     const Vec3f there = scene.theirsAt();
     scene.key("UP", true), scene.run(1);
     EXPECT_NE(scene.shownAt(), there);
-    // What changes there is followed, but for what is kept here.
+    // Changes there are followed, except for values that are kept here.
     ASSERT_TRUE(scene.theirs.set(scene.hud, T::scale, Vec3f(3)));
     ASSERT_TRUE(scene.theirs.set(scene.hud, T::translation, Vec3f(7)));
     const Vec3f here = scene.shownAt();

@@ -277,7 +277,7 @@ void Overlay::row(const OverlayContent::Row& row) {
     const ImVec2 start = ImGui::GetCursorPos(), place = ImGui::GetCursorScreenPos();
     const float indent = static_cast<float>(row.depth) * 13, line = ImGui::GetTextLineHeight();
     const float right = ImGui::GetContentRegionAvail().x;
-    // The parts that answer by themselves come first: what is under them does not then.
+    // Controls on top come first, because those under them then do not react.
     if (row.hides) {
         const ImVec2 middle(place.x + right - line / 2, place.y + line / 2);
         ImGui::SetCursorPos(ImVec2(start.x + right - line, start.y));

@@ -65,7 +65,7 @@ class SdlWindow final : public WindowModule {
         SDL_GameControllerUpdate();
         if (SDL_PollEvent(&event)) return translated(event);
         if (milliseconds <= 0) return {};
-        // Who holds a gamepad is heard as often as pictures are made.
+        // A gamepad is polled as often as pictures are made.
         if (!pad_) return wait(event, milliseconds) ? translated(event) : WindowEvent{};
         for (int left = milliseconds; left > 0; left -= kPadEvery) {
             if (wait(event, std::min(left, kPadEvery))) return translated(event);
@@ -141,8 +141,8 @@ class SdlWindow final : public WindowModule {
         return SDL_PollEvent(&event) != 0;
     }
 
-    /// To X11 a wake() goes by a connection of its own. One that arrived behind the window's end would be an error,
-    /// which ends the process; where the display has answered, it has read what was sent by others before.
+    /// With X11, wake() uses a connection of its own. A message that arrived after the window's end would be an error,
+    /// which ends the process. Once the display has answered, it has read everything that was sent before.
     void letWakesArrive() {
         constexpr int kAnswers = 3;
         SDL_Rect bounds;
@@ -155,7 +155,7 @@ class SdlWindow final : public WindowModule {
         return {std::max(width, 1), std::max(height, 1)};
     }
 
-    /// Which are down once this has happened: SDL itself tells of what has come since, too.
+    /// The buttons that are down after this event; SDL itself also reports those of later events.
     Uint32 buttonsAfter(const SDL_MouseButtonEvent& event) {
         const Uint32 one = SDL_BUTTON(event.button);
         return buttons_ = event.state == SDL_PRESSED ? buttons_ | one : buttons_ & ~one;

@@ -195,7 +195,7 @@ class Diffraction {
         return heard;
     }
 
-    /// Weakens what the faces of small bodies mirror.
+    /// Weakens the specular reflections by faces of small bodies.
     void weakenMirrors() {
         for (const auto& [arrival, body] : mirrors_) {
             const BodyWeights::Tones& weights = bodies_.of(body);
@@ -221,7 +221,7 @@ class Diffraction {
         addWave(wave, way, {});
     }
 
-    /// Whether small bodies, and nothing else, are in the way by a place; and what they let through.
+    /// Whether only small bodies block the path by a point; and the share that they let through.
     bool passesSmall(const glm::dvec3& by, BodyWeights::Tones& share) {
         BodyWeights::Tones after;
         if (!bodies_.straightOn(source_, by, share) || !bodies_.straightOn(listener_, by, after)) return false;

@@ -1,10 +1,11 @@
-// Two edges of one face, along which sound goes from the one to the other.
+// Two edges of one face, between which sound travels along the face.
 //
-// Laid flat into the face, the listener lies beyond the second edge, and all ways lead straight there from the first
-// one: that bends as a single edge as far as its ways lead by the second edge, which lets a share of it through. So
-// where the second edge begins to hide the first one, what the first one brings, its ends and all, is halved on both
-// sides; and of edges that meet at a corner of the face each has its part. The same holds the other way round, for the
-// source and the second edge; of both that counts which is nearer to its boundary.
+// If the scene is unfolded into the plane of the face, the listener lies beyond the second edge, and all paths from the
+// first edge go straight there. The first edge diffracts like a single edge for those paths that pass the second edge,
+// which transmits a share of them. So where the second edge begins to hide the first one, the contribution of the first
+// one, with that of its ends, is halved on both sides. Edges that meet at a corner of the face have a part each. The
+// same holds in the other direction, for the source and the second edge. Of the two directions, the one nearer to its
+// boundary counts.
 // Threading: pure functions.
 #pragma once
 
@@ -33,8 +34,8 @@ class FacePair {
     /// Whether the shortest way of edges without ends leads there.
     bool within = false;
 
-    /// The wave by the end of a part: what edges without ends would have more, or what comes where the shortest way
-    /// leads past.
+    /// The wave from the end of a part: the excess of edges without ends, or the wave where the shortest path passes
+    /// beside the part.
     struct End {
         glm::dvec3 first{0}, second{0};
         double way = 0;

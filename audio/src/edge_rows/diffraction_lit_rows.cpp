@@ -50,7 +50,8 @@ class LitFace {
     double detour() const { return detour_; }
     double weight(std::size_t tone) const { return weights_[tone]; }
 
-    /// Re direct sound: what is left of it with all that the face adds, and what of that is of the image.
+    /// Relative to direct sound: the remainder of direct sound with all additions by the face, and the part of it that
+    /// belongs to the image.
     struct Shares {
         Complex left, image;
     };
@@ -98,13 +99,13 @@ class RowShares {
         for (std::size_t i = 1; i < faces.size(); ++i)
             together_.push_back(1.0 + excess(faces[i - 1], faces[i], straight, tone, waveNumber));
     }
-    /// From one face to before another one.
+    /// The shares of the faces from one up to, but without, another.
     LitFace::Shares of(std::size_t from, std::size_t to) const {
         if (from >= to) return {1, 0};
         Complex left = 1, notMirrored = 1;
         for (std::size_t i = from; i < to; ++i) {
             left *= alone_[i].left;
-            // In the plane the image is half of what is left, and by this rule it is half for any number of faces.
+            // In the plane the image is half of the remainder, and by this rule it is half for any number of faces.
             if (std::norm(alone_[i].left) > 0) notMirrored *= 1.0 - 2.0 * alone_[i].image / alone_[i].left;
             if (i + 1 < to) left *= together_[i];
         }

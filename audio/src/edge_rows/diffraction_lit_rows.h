@@ -1,11 +1,12 @@
-// Faces in a row, as the tops of walls, where source and listener are both above their plane: what all together do to
-// direct sound beside what each does by itself.
+// Faces in a row, such as the tops of walls, with source and listener above their plane: the joint effect on direct
+// sound, in addition to the effects of single faces.
 //
-// Each face, with its edges, leaves a share of direct sound. Of several the product of all is left, and somewhat more,
-// because near the plane what gets past the one gets past the next one more easily. Pairs from the first edge of one
-// face to the last one of another have what faces from the one to the other leave beside all shorter rows, so that all
-// pairs together are the whole row. In the plane half of what is left is of direct sound, and half of the image in it;
-// above it faces mirror their shares one beside the other. Threading: pure functions.
+// Each face, with its edges, leaves a share of direct sound. Several faces leave the product of their shares, and
+// somewhat more, because near the plane sound that has passed one face passes the next one more easily. A pair from the
+// first edge of one face to the last edge of another has the effect of the faces between them beyond that of all
+// shorter rows, so that all pairs together make up the row. In the plane, half of the remaining share belongs to direct
+// sound and half to its mirror image; above the plane the faces reflect their shares separately. Threading: pure
+// functions.
 #pragma once
 
 #include <array>
@@ -23,7 +24,8 @@
 
 namespace rtsg {
 
-/// Factors of what a pair bends along a face: of all, and of that part of it which is of the mirror image in the face.
+/// Factors for the waves of a pair along a face: for all of it, and for the part that belongs to the mirror image in
+/// the face.
 struct LitRow {
     std::array<std::complex<double>, kEdgeTones> all, image;
 };

@@ -21,7 +21,7 @@ namespace rtsg {
 void weigh(PairField& field, const BodyWeights::Tones& weights);
 void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>& factors);
 
-/// By the ends of edges along faces.
+/// The waves from the ends of edges along faces.
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
                                const TraceOptions& options);
 

@@ -29,7 +29,7 @@ void setShared(PairWay& way) {
     }
 }
 
-/// By the shortest way from a source round a first edge to a place on a second one.
+/// Follows the shortest path from a source over a first edge to a point on a second one.
 class WayToPlace {
   public:
     WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)
@@ -142,7 +142,7 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
     return share;
 }
 
-/// The same along a face of both edges, if that is what it is.
+/// The same along a common face of both edges, if there is one.
 bool shortestOnFace(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
     const bool laid = way.flat.lay(*way.first, *way.second, source, listener);
     way.onFace = way.flat.shared;

@@ -1,4 +1,4 @@
-// A way round two edges: where it is shortest, how it bends there, whether there is air, and what comes by it.
+// A path over two edges: its shortest position, its diffraction coefficients, whether it is free, and its pressure.
 //
 // Threading: pure functions over const geometry.
 #pragma once
@@ -43,13 +43,12 @@ struct PairWay {
 /// none that counts.
 bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way);
 
-/// Less of sound in the open than this does not count of ways along faces.
+/// Paths along faces with a smaller share of free-field sound than this are ignored.
 inline double leastOnFace(bool heardStraight) {
     return heardStraight ? 1e-2 : 2e-3;
 }
 
-/// Whether there is air from the one edge to the other and about both. What lies on a face is looked for a little off
-/// it.
+/// Whether the path between the edges, and around both, is free. Paths along a face are tested slightly off it.
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
 
 /// The pressures that both edges bend, by tone: by the shortest way, relative to its phase, and by ends.

@@ -173,7 +173,7 @@ class EdgePairs {
             std::ranges::find_if(known_.bent, [&](const BentByOne& one) { return isSame(one.edge, edge); });
         return found == known_.bent.end() ? nullptr : &*found;
     }
-    /// Whether it is a part of what goes by one of both edges alone.
+    /// Whether it is a part of the wave over one of the edges alone.
     bool goesOn(const PairWay& way, bool firstHides, bool secondHides) const {
         if (firstHides != secondHides) {
             const BentByOne* const parent = alone(firstHides ? *way.first : *way.second);
@@ -185,7 +185,7 @@ class EdgePairs {
         };
         return isLit(*way.first) || isLit(*way.second);
     }
-    /// Along a face direct sound and the image in it come as one: what the face mirrors of both is of the image.
+    /// Along a face, direct sound and its image arrive together: the reflected share of both belongs to the image.
     EdgeTonePressures mirroredOf(const EdgeTonePressures& both, std::uint32_t material) const {
         EdgeTonePressures result;
         for (std::size_t t = 0; t < kEdgeTones; ++t) {

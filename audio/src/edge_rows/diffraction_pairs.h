@@ -1,10 +1,10 @@
-// Diffraction of second order: sound that two edges in a row bend, behind what is thick, and behind two screens.
+// Diffraction of second order: sound that is diffracted by two edges in a row, behind thick bodies and double screens.
 //
-// Behind both edges it is an arrival of its own. Where one of them alone hides the source (or the listener), it goes on
-// into what that one bends, so that at the boundary of the other edge's shadow half of the pressure is left on both
-// sides. Where direct sound is heard, or neither edge hides anything, it counts along a face of both, which sound
-// leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Where edges end:
-// diffraction_face_pairs.h. Of all pairs the shortest count, see EdgePairCount. Source: see diffraction_wedge.h.
+// Behind both edges it is an arrival of its own. Where only one of them hides the source (or the listener), it
+// continues the field of that edge, so that at the shadow boundary of the other edge half of the pressure is left on
+// both sides. Where direct sound is heard, or neither edge hides anything, a pair counts only along a common face that
+// sound leaves at its far edge (a broad body). So the field is continuous except where both boundaries meet. Ends of
+// edges: diffraction_face_pairs.h. The shortest pairs are used, see EdgePairCount. Source: see diffraction_wedge.h.
 // Threading: pure functions over const geometry.
 #pragma once
 
@@ -34,7 +34,7 @@ struct EdgeCandidate {
     glm::dvec3 by{0};  // the place by which it goes
 };
 
-/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
+/// Over the point on an edge that is nearest to the straight line; no path over the edge is shorter.
 EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
 
 /// The most edges that are tried with each other, those by which the way is shortest. This bounds the work, which grows

@@ -43,7 +43,7 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     return on >= 0 && on <= edge.length;
 }
 
-/// From edge to edge; where one is not known there is no gap.
+/// The faces from edge to edge; if an edge is not known there is no gap.
 std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
     std::vector<RowFace> faces;
@@ -100,7 +100,7 @@ class Row {
         from_ = std::min(0.0, glm::dot(source - line_.from, line_.along));
         to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
         faces_ = facesOf(marks, from_, to_);
-        // From below the plane what lies beyond the edge hides that, or not.
+        // Seen from below the plane, the part beyond the edge hides the row, or does not.
         if (firstHides) std::erase_if(faces_, [&](const RowFace& one) { return one.to < 0; });
         if (secondHides) std::erase_if(faces_, [&](const RowFace& one) { return one.from > second; });
         const auto at = [&](double place) {

@@ -1,13 +1,14 @@
-// Faces in one plane with gaps between them, as the tops of walls one behind the other: shares of ways along the plane.
+// Faces in one plane with gaps between them, such as the tops of walls one behind the other: shares of paths along the
+// plane.
 //
-// A pair of edges is bent as by one face from the one to the other. At a gap on the way, of what went along the face
-// before it half goes down, and half of that comes up again onto the next one: F = 1/2 + asin(rho) / pi is left, with
-// rho^2 = a b / ((a + g) (b + g)), g being the gap's width, and a and b the ways before and after it, from and to what
-// is nearest to the plane: the source, or in its deep shadow the first edge. That is the integral over the air above
-// both edges of the gap in the plane, of waves that go nearly along it; nothing is lost where the gap closes. A pair
-// that leaves the plane at a gap has 2 - 2 F. So in the plane, where sound comes up over a row, all ways together are
-// continuous: 1 - (1 - F) - F / 2 above it, F / 2 below. Source: the double knife edge, Millington, Hewitt and
-// Immirzi, Proc. IEE 109C (1962), 419-429. Threading: pure functions.
+// A pair of edges diffracts as if one face led from one edge to the other. At a gap, half of the sound along the face
+// goes down, and half of that comes up again onto the next face: F = 1/2 + asin(rho) / pi is left, with rho^2 = a b /
+// ((a + g) (b + g)). Here g is the width of the gap, and a and b are the distances before and after it to the nearest
+// point in the plane: the source, or in its deep shadow the first edge. This is the integral over the air above both
+// edges of the gap for waves that travel nearly along the plane; nothing is lost when the gap closes. A pair that
+// leaves the plane at a gap has 2 - 2 F. So the sum of all paths is continuous where sound comes up over a row: 1 - (1
+// - F) - F / 2 above the plane, F / 2 below. Source: the double knife edge, Millington, Hewitt and Immirzi, Proc. IEE
+// 109C (1962), 419-429. Threading: pure functions.
 #pragma once
 
 #include <span>

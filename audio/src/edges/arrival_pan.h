@@ -1,4 +1,4 @@
-// How much of an arrival each channel of a response has, and how much later. Threading: pure functions.
+// The gain and delay of an arrival in each channel of a response. Threading: pure functions.
 #pragma once
 
 #include <rtsg/audio/impulse_response.h>

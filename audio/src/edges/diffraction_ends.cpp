@@ -27,7 +27,7 @@ void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
     // The lowest tone has most of it. 80 dB below sound in the open it is nothing, as in isFaint().
     constexpr double kFaint = 1e-4;
     if (!(std::abs(known[1].besideDirect) + std::abs(known[1].besideMirrored) > kFaint / end.way)) return;
-    // Times its wave number, which what is far from the shortest way goes down with.
+    // Multiplied by its wave number, because contributions far from the shortest path decrease with it.
     for (std::size_t i = 0; i < kSteps; ++i) {
         const double waveNumber = waveNumberAt((static_cast<double>(i) - 1) * kTonesAStep);
         known[i].besideDirect *= waveNumber;

@@ -1,5 +1,5 @@
-// Corrects for edges that end. The wave by the shortest way loses what would lie beyond their ends, and the ends send
-// sound themselves, even if the shortest way leads past them. So levels are continuous there.
+// Corrects for edges of finite length. The wave over the shortest path loses the part beyond the ends, and the ends
+// send sound themselves, even if the shortest path passes beside them. So levels are continuous there.
 //
 // Threading: pure functions.
 #pragma once
@@ -15,7 +15,7 @@
 
 namespace rtsg {
 
-/// One end, and what the edge would bring beyond it, by tone, see wedgeBeyond().
+/// One end, and the contribution of the edge beyond it, by tone, see wedgeBeyond().
 struct EdgeEnd {
     glm::dvec3 place{0};
     double way = 0;    // m, by this end

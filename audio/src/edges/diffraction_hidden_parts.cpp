@@ -31,7 +31,7 @@ class EdgeView {
         return seen(geometry_, source_, aimAt(edge_, at, source_)) &&
                seen(geometry_, listener_, aimAt(edge_, at, listener_)) && (!covered_ || isOpen(geometry_, edge_, at));
     }
-    /// Another body touches it somewhere: what that covers is not seen.
+    /// Another body touches the edge somewhere: the covered part is not seen.
     void lookUnderBodies(const std::vector<double>& places, std::uint32_t& seen) {
         covered_ = true;
         for (std::size_t i = 0; i < places.size(); ++i)

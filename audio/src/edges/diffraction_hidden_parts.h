@@ -1,4 +1,4 @@
-// Which parts of an edge are seen from both places: something may stand before the rest.
+// Finds the parts of an edge that are visible from both points; other parts may be hidden.
 //
 // Threading: pure functions over const geometry.
 #pragma once

@@ -1,5 +1,4 @@
-// Edges that lie on each other in part, as those of bodies that stand in each other, or go on in each other: they are
-// one.
+// Merges edges that partly coincide, such as those of bodies that overlap or continue each other.
 //
 // Threading: pure functions.
 #pragma once

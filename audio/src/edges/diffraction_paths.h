@@ -1,4 +1,4 @@
-// Ways of sound round edges: where they are shortest, by which angles they bend, and whether there is air for them.
+// Paths of sound over edges: where they are shortest, their angles, and whether they are free.
 //
 // Threading: pure functions over const geometry.
 #pragma once
@@ -84,7 +84,7 @@ double seenRounding(double distance, const glm::dvec3& edge);
 /// Whether nothing lies between a place and one on an edge, but what meets there.
 bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge);
 
-/// A place near to `by` on the edge for what follows, a little off the edge's ends: other walls may begin there.
+/// A point near `by` on the edge for later tests, slightly off the edge's ends, where other walls may begin.
 glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by);
 
 /// Whether there is air all round the edge: it may be the seam of two walls.

@@ -1,5 +1,5 @@
-// Finds the ways of waves by edges when source and listener have moved since they were traced: the shortest ways by the
-// same edges, which go on beyond their ends.
+// Updates the paths over edges when source and listener have moved since the trace: the shortest paths over the same
+// edges, extended beyond their ends.
 //
 // Threading: pure functions.
 #pragma once

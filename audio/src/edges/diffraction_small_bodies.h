@@ -1,9 +1,9 @@
-// How much of what a body does to sound counts: little, where it is small beside a wave.
+// Reduces the effect of bodies that are small compared with a wave length.
 //
-// The theory of edges is one of edges farther from each other than a wave length. Of a body nearer together p = open +
-// w (p of its edges and faces - open), w = 1 / (1 + 8 / (k^3 V) + 1.5 / (k^4 A^2)), V being its volume and A that of
-// its section across its longest side: what scatters of a small body grows as k^2 V, of a thin rod as (k A^(1/2))^(3/2)
-// k^(1/2). Thin plates move as much air aside as thicker ones of .3 of their width. Fitted to the integral over the
+// The theory of edges holds for edges farther apart than a wave length. For a smaller body p = open + w (p of its edges
+// and faces - open), w = 1 / (1 + 8 / (k^3 V) + 1.5 / (k^4 A^2)), where V is its volume and A the area of its section
+// across its longest side: scattering by a small body grows as k^2 V, and by a thin rod as (k A^(1/2))^(3/2) k^(1/2).
+// Thin plates displace as much air as plates whose thickness is .3 of their width. Fitted to the integral over the
 // surfaces of rigid boxes of 1 : 1 : 1 to 1 : 10 : 120. Threading: one thread per object.
 #pragma once
 

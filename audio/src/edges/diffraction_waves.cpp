@@ -146,7 +146,7 @@ class WaveResponses {
     std::shared_ptr<const RealFft> fft_;
     std::vector<Span> spans_;
     std::array<std::vector<float>, 4> weights_;  // by bin: what of four tones counts there
-    std::vector<float> begin_, end_;  // what is left of the first samples, and of the last ones from the end on
+    std::vector<float> begin_, end_;             // factors for the first samples, and for the last ones from the end on
 };
 
 /// Samples from `at` on, which may be below 0.
@@ -156,7 +156,7 @@ void addAt(std::span<const float> samples, std::ptrdiff_t at, std::vector<float>
         channel[static_cast<std::size_t>(at + i)] += samples[static_cast<std::size_t>(i)];
 }
 
-/// A wave as it comes to each channel; through a head, to both ears at once, with what that does.
+/// A wave as it arrives in each channel; through a head, in both ears at once, with the head's response.
 struct Heard {
     const EdgeWave* wave = nullptr;
     bool throughHead = false;
@@ -165,7 +165,7 @@ struct Heard {
     double first = 0;               // of these
 };
 
-/// By time.
+/// Sorted by time.
 std::vector<Heard> heardBy(const std::vector<const EdgeWave*>& waves, double firstArrival,
                            const ImpulseResponseOptions& options, std::size_t channels) {
     const bool heads = options.hrtf && options.channels == ImpulseResponseOptions::Channels::binaural;

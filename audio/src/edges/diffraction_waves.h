@@ -1,4 +1,4 @@
-// EdgeWaves in samples: each is a short response of its own, with the phases that energies of octaves do not have.
+// EdgeWaves as samples: each is a short response of its own, with phases, which octave energies do not have.
 //
 // Threading: pure functions.
 #pragma once
@@ -11,7 +11,7 @@
 
 namespace rtsg {
 
-/// By what the source sends that way, as a share of energy, and by what air takes along `way` metres, see
+/// By the share of energy that the source sends that way, and by the absorption of air along `way` metres, see
 /// airAttenuation().
 void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way);
 
@@ -24,7 +24,7 @@ bool isFaint(const EdgeTonePressures& pressure, double way);
 /// Samples that the response of a wave takes from its delay on.
 std::size_t edgeWaveFrames(int sampleRate);
 
-/// Adds them to the channels of a response; what lies beyond their ends is cut off.
+/// Adds them to the channels of a response; samples beyond the ends of the channels are cut off.
 void addEdgeWaves(const Echogram& echogram, const ImpulseResponseOptions& options,
                   std::vector<std::vector<float>>& channels);
 

@@ -33,7 +33,7 @@ Complex complementaryError(Complex z) {
         }
         return 1.0 - 2 / std::sqrt(kPi) * sum;
     }
-    // So many terms that the next are below rounding.
+    // Enough terms that the next ones are below rounding.
     Complex fraction = z;
     for (int n = static_cast<int>(340 / std::norm(z)) + 3; n >= 1; --n) fraction = z + quotient(0.5 * n, fraction);
     return std::exp(-z * z) / (std::sqrt(kPi) * fraction);
@@ -148,7 +148,7 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     WedgeField field;
     if (std::abs(difference) < kPi) field.direct = wave(waveNumber, path.distanceAt(difference));
     if (sum < kPi) field.mirrored = wave(waveNumber, path.distanceAt(sum));
-    // By the other face, whose angles count from it.
+    // For the other face, with angles counted from it.
     const double other = 2 * path.opening - sum;
     if (other < kPi) field.mirrored += wave(waveNumber, path.distanceAt(other));
     const WedgeBend::Beside beside = WedgeBend(path).at(waveNumber);
@@ -160,8 +160,8 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
 
 namespace {
 
-/// Of places in complex lengths: the farthest from the real ones for the lowest wave number is kLast / k sqrt(2) from
-/// there, and the nearest for the highest so near, relative to what is smaller, its wave or how far it is past.
+/// For points at complex lengths. For the lowest wave number, the farthest from the real axis is kLast / k sqrt(2)
+/// away. The nearest is kSmall away, relative to the smaller one of wave length and excess length.
 constexpr double kLast = 24, kSmall = 0.004, kLeast = 1e-9;
 constexpr std::size_t kMostNodes = 64;
 
@@ -181,7 +181,7 @@ class EdgeIntegrand {
         }
     }
 
-    /// At the length `way` - i `down`, where `past` is what the first is longer than the shortest way; down > 0.
+    /// At the length `way` - i `down`, where `past` is the difference of the former to the shortest path; down > 0.
     WedgeEnd at(double past, double down) const {
         const Complex longer(past, -down), less = longer * (longer + 2 * shortest_) / twice_;  // cosh - 1
         // This is the root that goes on from real lengths, for which cosh is above 1.
@@ -223,9 +223,10 @@ double fallen(std::size_t m) {
 }  // namespace
 
 void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends) {
-    // Into complex lengths way - i u, along which it dies away as exp(-k u) and does not turn. Nothing is singular on
-    // that side; the shortest way is, and `past` says how far it is from there. By trapezoids in log u, whose errors go
-    // down as exp(-pi^2 / step); all wave numbers have one set of places, as steps of u are two of theirs.
+    // Integrates along complex lengths way - i u, on which the integrand decays as exp(-k u) without oscillation. There
+    // is no singularity on that side, except for the shortest path; `past` is the distance from it. Uses trapezoids in
+    // log u, whose errors decrease as exp(-pi^2 / step). All wave numbers share one set of points, because steps of u
+    // are two of theirs.
     const EdgeIntegrand integrand(path);
     const double past = std::max(0.0, way - path.shortestWay());
     const double highest = waveNumber * std::exp2(0.5 * static_cast<double>(ends.size() - 1));
@@ -281,7 +282,7 @@ void setDistances(TwoWedgePath& path, double toFirst, double across, double from
     // How the length of the way grows with the places on both edges: second derivatives.
     const double determinant = first * (1 / a + 1 / w) * second * (1 / w + 1 / b) - between * between / (w * w);
     const double alongFirst = first * (1 / a + 1 / (w + b)), alongSecond = second * (1 / (a + w) + 1 / b);
-    // Such that at the boundary of the second edge half of what the first bends is left, and the other way round.
+    // Chosen so that at the boundary of the second edge half of the first edge's wave is left, and the other way round.
     path.second.part = std::pow(w * b / (w + b), 2) * determinant / alongFirst;
     path.first.part = std::pow(a * w / (a + w), 2) * determinant / alongSecond;
     path.spreading = path.first.sine * path.second.sine / (a * w * b * std::sqrt(determinant));

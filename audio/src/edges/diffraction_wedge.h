@@ -1,13 +1,13 @@
-// Sound round an edge: the field of a point source beside a rigid wedge, by the uniform theory of diffraction.
-// An edge that ends: less what is beyond its ends, by the exact integral over an edge.
+// Diffraction by an edge: the field of a point source near a rigid wedge, by the uniform theory of diffraction. For an
+// edge of finite length the part beyond its ends is subtracted, by the exact integral over an edge.
 //
-// The edge is the z axis, the wedge's faces are at the angles 0 and `opening` of the air beside it (2 pi: a half
-// plane). The field is relative to that of the source in the open at 1 m, time as exp(i w t). It is continuous
-// everywhere; near enough to the edge for a wave length to matter the theory is not exact any more (some tenths of a
-// decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that is
-// nearer to its boundary has the shorter distances, and half of it where the way between them lies on a face of both.
-// Source: Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; of
-// ends Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344. Threading: pure functions.
+// The edge is the z axis; the faces of the wedge are at the angles 0 and `opening` of the air (2 pi: a half plane). The
+// field is relative to that of the source at 1 m in a free field, with time as exp(i w t). It is continuous everywhere.
+// Within about a wave length of the edge the theory is not exact (some tenths of a decibel at a third of one). Two
+// edges in a row: the product of their coefficients, where the edge nearer to its boundary has the shorter distances,
+// and half of it if the path between them lies on a common face. Source: Kouyoumjian and Pathak, Proc. IEEE 62 (1974),
+// 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; for ends Svensson, Fred and Vanderkooy, JASA 106 (1999),
+// 2331-2344. Threading: pure functions.
 #pragma once
 
 #include <array>
@@ -37,7 +37,7 @@ struct WedgePath {
 struct WedgeField {
     /// Direct sound, and sound that either face mirrors, each exp(-i k d) / d; 0 where they do not reach.
     std::complex<double> direct, mirrored;
-    /// By way of the edge: the parts that make each of the above continuous.
+    /// Over the edge: the parts that make each of the above continuous.
     std::complex<double> besideDirect, besideMirrored;
 
     std::complex<double> total() const { return direct + mirrored + besideDirect + besideMirrored; }
@@ -113,7 +113,7 @@ std::complex<double> twoWedgeField(const TwoWedgePath& path, double waveNumber, 
 
 /// Fresnel's transition function 2 i sqrt(x) exp(i x) times the integral of exp(-i t^2) from sqrt(x) on; x >= 0.
 std::complex<double> diffractionTransition(double x);
-/// exp(i x) erfc(sqrt(i x)): of half of what a half plane leaves at its shadow's boundary, and x radians from there.
+/// exp(i x) erfc(sqrt(i x)): twice the share that a half plane leaves, x radians from its shadow boundary.
 std::complex<double> fresnelBeyond(double x);
 
 }  // namespace rtsg

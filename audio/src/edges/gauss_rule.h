@@ -1,4 +1,4 @@
-// Gauss's rule from 0 to 1: sums of smooth functions, exact for polynomials of up to twice as many terms as nodes.
+// Gauss's quadrature from 0 to 1: exact for polynomials with up to twice as many terms as the rule has nodes.
 #pragma once
 
 #include <array>

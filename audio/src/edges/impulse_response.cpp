@@ -104,7 +104,7 @@ std::vector<Arrival> pulsesOf(const Echogram& echogram) {
     return pulses;
 }
 
-/// By arrival, as far as they are early; empty without a head.
+/// For each early arrival; empty without a head.
 std::vector<HeadArrival> throughHead(std::span<const Arrival> arrivals, const ImpulseResponseOptions& options) {
     std::vector<HeadArrival> result;
     if (!options.hrtf) return result;

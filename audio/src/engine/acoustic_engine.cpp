@@ -13,7 +13,7 @@
 namespace rtsg {
 namespace {
 
-/// More changes than this in one step are looked at as one.
+/// If a step has more changes than this, they are treated as one.
 constexpr std::size_t kManyChanges = 256;
 
 }  // namespace
@@ -99,7 +99,7 @@ void AcousticEngine::Impl::leaveOutRooms(std::vector<std::uint32_t>& around, con
     std::erase_if(around, [&](std::uint32_t slot) { return geometry.boxHolds(slot, listener); });
 }
 
-/// A body holds what sounds and nobody else: what the listener is in too is a room, however small.
+/// A body contains the source and nobody else: a shape that also contains the listener is a room, however small.
 std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_t> around,
                                                         const glm::dvec3& listener) const {
     leaveOutRooms(around, listener);
@@ -114,7 +114,7 @@ bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dve
     return motion != glm::dvec3(0) && glm::distance(gone, motion) <= 0.5 * glm::length(motion);
 }
 
-/// Seen under so small an angle that what sound does there is a small part of all; what is no number is not.
+/// Whether the box is seen under so small an angle that its effect on sound is small; false if a value is not finite.
 bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
     constexpr double kSmall = 0.35;
     return glm::length(box.high - box.low) < kSmall * box.distance(place);
@@ -122,7 +122,8 @@ bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
 
 }  // namespace
 
-/// The walls in the straight way that moved, as the source goes `motion`; of what is its body nothing is in its way.
+/// The walls in the direct path that moved, for a source that moves by `motion`. The source's own body is never in its
+/// path.
 void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, const glm::dvec3& motion,
                                      EmitterState& emitter) const {
     constexpr double kNear = 0.5;  // metres from where it will be: what moves is heard from where it was
@@ -173,7 +174,7 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
 }
 
-/// Notes where the emitters are on their way to. Those that jump, come or go do so when the frame ends.
+/// Records the positions that emitters move to. Emitters that jump, come or go do so when the frame ends.
 void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate, seconds = std::max(0.0, poseSeconds - posedAt);
     for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
@@ -192,7 +193,7 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double pos
     }
 }
 
-/// Those that are no longer there begin to fade.
+/// Emitters that no longer exist begin to fade.
 void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate;
     const bool all = std::exchange(listenerJumps, false);

@@ -18,7 +18,7 @@ constexpr std::size_t kDelayStep = 32;
 void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state, const Block& block) {
     const SoundNode& sound = *emitter.sound;
     if (sound.enabled) {
-        // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
+        // Two loudspeakers: the input of a destination is mixed up or down to them as in any node.
         const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
         // Sounds with a place are mixed down to two channels at most, as panners do ("clamped-max"; Web Audio API 1.1,
@@ -38,7 +38,7 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
     }
     state.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     for (std::vector<float>& dry : state.dry) dry.assign(options.blockSize, 0.0f);
-    // Clocks go on: what it plays is elsewhere when it is heard again.
+    // Clocks go on: it plays from a later position when it is heard again.
     state.mix = {};
 }
 
@@ -48,7 +48,7 @@ void AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) co
 
 namespace {
 
-/// From the source, an image of it, or by way of edges.
+/// The path from the source, from an image of it, or over edges.
 EdgeWay wayOf(const FollowedImage* image, const glm::dvec3& source, const glm::dvec3& listener) {
     if (image && image->kind == FollowedImage::Kind::edge) return edgeWay(image->edge->route, source, listener);
     const glm::dvec3 way = (image ? image->at(source) : source) - listener;
@@ -71,7 +71,7 @@ void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedIma
     for (int step = 0; step < 8; ++step) {
         const Trajectory::Point from = motion.at(time - delay);
         const EdgeWay way = wayOf(image, from.position, at.position);
-        // Written so that what is no number is far away.
+        // Written so that a value that is not finite counts as far away.
         if (!(way.length < kHorizon)) {
             delay = kHorizon / speed;
             return;
@@ -143,7 +143,7 @@ void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block,
     }
 }
 
-/// Reflections of what is played; left of two channels stays left. `emitter` is null once it is gone.
+/// Reflections of the played sound; left of two channels stays left. `emitter` is null once it is gone.
 void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to,
                                       bool jumped, Block& block) {
     const std::size_t size = options.blockSize, inputs = state.inputs.size();
@@ -288,7 +288,7 @@ void AcousticEngine::Impl::countWaiting() {
     }
 }
 
-/// Those that are gone fall silent when their last reflections have.
+/// Emitters that are gone fall silent after their last reflections.
 void AcousticEngine::Impl::fadeOut(Block& block) {
     const std::size_t size = options.blockSize;
     for (auto it = states.begin(); it != states.end();) {
@@ -339,7 +339,7 @@ void AcousticEngine::Impl::mixDown(const Block& block) {
         }
 }
 
-/// Silence, in what the last block was.
+/// Silence, in the memory of the last block.
 void AcousticEngine::Impl::begin(Block& block, const ListenerPose& listener) const {
     block.listener = listener;
     block.out.resize(channels);

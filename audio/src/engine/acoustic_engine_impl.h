@@ -1,4 +1,4 @@
-// The insides of AcousticEngine: what it keeps between calls, and the steps of a block.
+// The inside of AcousticEngine: its state between calls, and the steps of a block.
 //
 // Threading: the engine's thread.
 #pragma once
@@ -37,7 +37,7 @@ struct AcousticEngine::Impl {
           samples(std::llround(o.startTime * o.sampleRate)),
           firstSample(samples) {
         if (options.binaural) runAhead();
-        // Whatever asks for a head while live sound is made finds one.
+        // So that live sound finds a head whenever it needs one.
         if (options.background) makeHead(now);
     }
 
@@ -45,7 +45,7 @@ struct AcousticEngine::Impl {
     struct Block {
         ListenerPose listener;       // at the end
         std::vector<double> delays;  // by sample
-        AudioChannels out;           // all but what goes through the head
+        AudioChannels out;           // everything except the sound that goes through the head
         AudioChannels ears;          // what went through the head
         // The levels of the emitter that is being rendered, at the ends of the block before and of this one.
         HeardLevel before, after;
@@ -76,9 +76,9 @@ struct AcousticEngine::Impl {
     HeardBy heardBy(const SoundNode& sound) const;
 
     void follow(const AcousticState& state, const RayView& rays);
-    /// Everything but the sound: what is where at `poseSeconds`.
+    /// Everything except the sound: the positions at `poseSeconds`.
     void followState(const AcousticState& state, const RayView& rays, double poseSeconds);
-    /// From here on `sounds` is what plays: what changed with it is heard.
+    /// From here on `sounds` is played, with all its changes.
     void takeOver(const SoundVersion& sounds, double poseSeconds);
     void goBack(double seconds);
     Result<> renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound);
@@ -170,7 +170,7 @@ struct AcousticEngine::Impl {
     ListenerPose before, now;  // at the ends of the frame being rendered
     ListenerMotion listenerMotion;
     bool posed = false, listenerJumps = false;
-    SoundVersion playing;  // what is heard; what the next one changes is heard from its time on
+    SoundVersion playing;  // the sound that is heard; changes of the next version are heard from its time on
     double renderedUntil;
     double posedAt = 0;           // the scene time of the last poses
     std::int64_t samples;         // consumed from the voices

@@ -13,7 +13,7 @@ namespace {
 
 /// Cosine of 3.6 degrees, the least turn that is traced anew.
 constexpr double kTurned = 0.998;
-/// So many sources look for leaks, and with so many rays of each batch.
+/// The number of sources that look for leaks, and of exits from each batch for that.
 constexpr int kLeakSearches = 8, kLeakExits = 32;
 /// Metres that source and listener go at most while late energy goes on to count.
 constexpr double kNearly = 2;
@@ -24,8 +24,8 @@ constexpr double kSetOff = 0.01, kSetOffMoved = 1e-4;
 constexpr double kSoon = 0.05;
 /// Seconds in which first reflections fade in, of what sounds already.
 constexpr double kBegins = 0.1;
-/// So many times as long a response is kept where all that has changed is small and far off: what that does to it is
-/// less than what other rays do.
+/// A response is kept this many times as long if all changes are small and far away: their effect is less than that of
+/// other random rays.
 constexpr double kFarChanges = 5;
 /// Images of a source that follow, and waves by way of edges, at most.
 constexpr std::size_t kMostImages = 8, kMostEdges = 16;
@@ -137,7 +137,8 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.tracing = options.trace;
     job.tracing.air = air;
     job.quick = worker && heard.unreflected > 1;
-    // That takes all rays: where nothing was lost it is done again only as far off as what was kept would be of no use.
+    // Tracing takes all rays. Where nothing was lost, it is repeated only when the kept result would be of no use so
+    // far away.
     const bool elsewhere = !state.leaksLookedFor || glm::distance(state.leaksSoughtFrom, source) > kNearly;
     if (!job.quick && elsewhere && shallSeekLeaks(state)) {
         state.leaksLookedFor = true;
@@ -168,8 +169,8 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     submit(state, std::move(job), listener);
 }
 
-/// Ways and levels are what they were; only where they come from, seen from the head, is another, or from here on they
-/// are followed.
+/// Paths and levels stay the same; only their directions relative to the head change, or they are followed from here
+/// on.
 void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener,
                                 Renewal why) {
     TraceJob job;
@@ -268,7 +269,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
 void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds,
                                      const RoomOpenings& openings) {
     constexpr std::size_t kMost = 1000;
-    // Less cannot be heard, alone or beside what else escapes.
+    // Weaker sound cannot be heard, alone or beside the rest that escapes.
     constexpr double kLeast = 1e-4, kLeastOfAll = 0.01;
     for (const RoomOpening& opening : openings.openings) {
         const double share = opening.meanShare();
@@ -300,7 +301,7 @@ void AcousticEngine::Impl::endSeal(InstanceId emitter, double seconds) {
     toldSealed.erase(told);
 }
 
-/// Why, as it is at present: what comes into reach later is heard.
+/// The present reason; sources that come within reach later are heard.
 void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double distance, bool inReach,
                                        const ListenerPose& listener) {
     using Why = UnheardSource::Why;

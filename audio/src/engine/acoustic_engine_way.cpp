@@ -18,8 +18,8 @@ glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, dou
     return state.motion.at(static_cast<double>(samples) + static_cast<double>(options.blockSize) - delay).position;
 }
 
-/// The walls are those of now, and what is heard left before: what has gone over that place since, as the body of a
-/// source that moves does, is its body too, and no wall.
+/// The walls are the present ones, but the sound that is heard left earlier. Shapes that have since moved over its
+/// starting point, such as the body of a moving source, count as its body, not as walls.
 void AcousticEngine::Impl::findBodyAt(const EmitterState& state, const glm::dvec3& apparent,
                                       const ListenerPose& listener, std::vector<std::uint32_t>& body) const {
     body.clear();
@@ -62,8 +62,8 @@ double AcousticEngine::Impl::shareOfAll(EmitterState& state, const glm::dvec3& a
     return others * std::min(1.0, straightShare(block.open, state.to, beside) / most);
 }
 
-/// Measures the share of direct sound that walls leave at the end of the block. Walls that moved since the response in
-/// use was traced leave what they left then.
+/// Measures the share of direct sound that walls leave at the end of the block. For walls that moved since the response
+/// in use was traced, the share at that time is used.
 void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
                                       Block& block) const {
     MovedWalls& moved = state.movedWalls;

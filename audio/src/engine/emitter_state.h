@@ -27,7 +27,7 @@
 
 namespace rtsg {
 
-/// How what comes from a direction becomes two ears or other channels.
+/// How sound from a direction is converted to two ears or other channels.
 enum class HeardBy : std::uint8_t { gains, head };
 
 /// How much of an emitter reaches the listener, and when.
@@ -38,7 +38,7 @@ struct HeardLevel {
     bool heard = false;  // straight
 };
 
-/// One channel of what an emitter plays, on its way to the listener.
+/// One channel of an emitter's sound, on its way to the listener.
 struct EmitterInput {
     DelayLine line;
     std::vector<double> gains;  // by channel of the output, at the end of the last block
@@ -58,8 +58,8 @@ struct EmitterState {
     std::vector<EmitterInput> inputs;
     // The samples of a block, by input: as they are played, and as they come straight.
     AudioChannels dry, direct;
-    AudioChannels lead;       // what a destination of one channel plays
-    AudioChannels reflected;  // what is reflected: of all channels, or left and right
+    AudioChannels lead;       // the sound of a destination of one channel
+    AudioChannels reflected;  // the reflected sound: of all channels, or left and right
     Trajectory motion;
     std::vector<Convolver> late;        // by channel
     ImagePlayer images;                 // those that `late` leaves out
@@ -69,7 +69,7 @@ struct EmitterState {
     HeardLevel level;                   // at the end of the last block
     bool started = false;
     bool jumps = false;     // will be put somewhere else when this frame ends
-    bool jumped = false;    // put somewhere else: what is under way is not followed
+    bool jumped = false;    // moved by a jump: sound on its way is not followed
     bool held = false;      // kept its delay in the last block, as it is not to be shifted
     std::size_t quiet = 0;  // samples since something was played
     bool spatialisedOnce = false;
@@ -94,7 +94,7 @@ struct EmitterState {
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;              // nothing arrived, and why; until it was told
     RoomOpenings openings;                 // of the room, until they were told
-    MovedWalls movedWalls;                 // in the straight way, since what is heard was traced
+    MovedWalls movedWalls;                 // in the direct path, since the sound that is heard was traced
     std::vector<std::uint32_t> alongside;  // slots of walls near that way that go along with it
     bool leaksSought = false;              // and some found, since walls changed,
     bool leaksLookedFor = false;           // whether or not any were found
@@ -102,7 +102,7 @@ struct EmitterState {
     bool countsAsSearch = false;
     /// When walls changed since leaks were looked for: first and last.
     std::optional<std::pair<double, double>> wallsChanged;
-    /// Gone from the scene; what it sent is still on its way for this many samples.
+    /// Gone from the scene; its sound is still on its way for this many samples.
     bool gone = false;
     std::size_t fading = 0;
 };

@@ -1,7 +1,6 @@
-// HeadMaker: makes spheres that hear (Hrtf::sphere) while sound goes on, on a thread of its own.
+// HeadMaker: computes the responses of spheres (Hrtf::sphere) on a thread of its own while sound goes on.
 //
-// To make one takes longer than a block of sound lasts. Threading: ask() and take() from one other thread, which they
-// never keep waiting.
+// Computing one takes longer than a block lasts. Threading: ask() and take() on one other thread; they never wait.
 #pragma once
 
 #include <condition_variable>

@@ -98,7 +98,7 @@ void ImagePlayer::render(Set& set, const Block& block, bool arrives) {
     for (std::size_t k = 0; k < set.count(); ++k) render((*set.images)[k], set.voices[k], block);
 }
 
-/// By sample; cubic between the places that are asked for.
+/// By sample; cubic between the computed points.
 void ImagePlayer::findDelays(const FollowedImage& image, Voice& voice, const Block& block) {
     delays_.resize(block_);
     double from = voice.delay, slope = voice.slope;
@@ -198,7 +198,7 @@ void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double bef
 
 /// Whether nothing is heard of the image by a face, as it was right all the time; else its share of now is known.
 bool ImagePlayer::isSilent(const FollowedImage& image, Voice& voice, const Block& block) const {
-    // So nearly where the source was when it left that which arrives.
+    // Approximately the position of the source when it sent the sound that arrives now.
     const EdgeEnds now = block.ends(0);
     const double distance = glm::distance(image.at(now.source), now.listener);
     const EdgeEnds ends = block.ends(distance / image.edge->speedOfSound * block.response.sampleRate);

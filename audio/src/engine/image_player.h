@@ -1,9 +1,9 @@
-// ImagePlayer: images of a source that moves, each heard from where it is in every block, and what comes by way of
-// edges.
+// ImagePlayer: plays the image sources of a moving source, each from its present position in every block, and
+// diffracted sound.
 //
-// A set that comes fades over as a response of a Convolver of the same block and fade does, block by block beside it,
-// so that what one of them leaves out the other has. What sets and blocks need is kept for those that follow: once the
-// largest has been heard no block allocates. Threading: the engine's thread.
+// A new set of images fades in block by block with the response of a Convolver of the same block and fade length, so
+// that the sound which moves from one to the other stays complete. Memory of sets and blocks is reused: after the
+// largest one no block allocates. Threading: the engine's thread.
 #pragma once
 
 #include <array>
@@ -69,12 +69,12 @@ class ImagePlayer {
         const ImpulseResponseOptions& response;  // the listener's axes and channels
         bool jumps = false;                 // it was put somewhere else: from one delay to another within the block
         std::span<std::vector<float>> out;  // by channel; is added to
-        /// With a head of one's own, in place of `out`: by ear; it comes as much later as Hrtf::early() says.
+        /// If the image has a head of its own, by ear, in place of `out`; the sound is later by Hrtf::early().
         std::span<std::vector<float>> ears = {};
         // For waves by way of edges: the source when that went out which arrives at the end of the block with a delay,
         // and the listener then.
         std::function<EdgeEnds(double delay)> ends = {};
-        double reflects = 1;  // by how much, at the end of the block, `late` is louder than what is played
+        double reflects = 1;  // factor by which `late` is louder than the played sound, at the end of the block
         bool heard = true;    // direct sound is, at the end of the block
     };
     /// Samples between the places that a block asks for.

@@ -1,4 +1,4 @@
-// ListenerMotion: where the listener is and how it is turned over time, both as smooth as Trajectory has it.
+// ListenerMotion: the position and orientation of the listener over time, smoothed as in Trajectory.
 // Threading: the engine's thread.
 #pragma once
 

@@ -1,9 +1,9 @@
-// MovedWalls: the walls in the straight way of an emitter that have moved since what is heard of it was traced.
+// MovedWalls: the walls in the direct path of an emitter that have moved since the response in use was traced.
 //
-// A wall that moves into that way takes direct sound away and brings sound that bends round it. Both must come at once,
-// or a gap is heard, but sound that bends is known only when the room is traced anew. So walls that moved leave the
-// share of direct sound that they left when the response in use was traced, and fade with it (StraightWay). Walls that
-// rest count in every block, as edges that rest are followed in every block. Threading: the engine's thread.
+// A wall that moves into this path takes direct sound away and adds diffracted sound. Both must change together, or a
+// gap is heard; but diffracted sound is known only after the next trace. So moved walls keep the share of direct sound
+// that they left when the response was traced, and fade with the response (StraightWay). Walls at rest count in every
+// block, because edges at rest are followed in every block. Threading: the engine's thread.
 #pragma once
 
 #include <algorithm>
@@ -18,14 +18,14 @@
 
 namespace rtsg {
 
-/// Whether shares of the energy differ by what is heard.
+/// Whether two shares of energy differ audibly.
 inline bool isLate(double heard, double there) {
     return std::abs(heard - there) > 0.1;
 }
 
 class MovedWalls {
   public:
-    /// More are not looked at one by one: what they leave counts at once.
+    /// More walls than this are not tested one by one: their effect counts at once.
     static constexpr std::size_t kMost = 64;
 
     void add(std::uint32_t slot, double seconds) {
@@ -42,7 +42,7 @@ class MovedWalls {
     std::span<const std::uint32_t> slots() const { return slots_; }
     /// Whether there are more since the last call.
     bool takeGrown() { return std::exchange(grown_, false); }
-    /// Without those that rest since what was traced at that time; whether these were any.
+    /// Removes walls that have rested since the trace at that time; tells whether there were any.
     bool settle(double since) {
         std::size_t left = 0;
         for (std::size_t i = 0; i < slots_.size(); ++i) {
@@ -61,17 +61,17 @@ class MovedWalls {
         grown_ = false;
     }
 
-    /// Shares of the energy that are left straight, at the end of the last block: by all walls, by those that rest, and
-    /// of what is heard.
+    /// Shares of energy left on the direct path at the end of the last block: by all walls, by walls at rest, and in
+    /// the sound that is heard.
     double all = 0, resting = 0, heard = 0;
     /// The straight way of the last trace, and of the one that was asked for since.
     StraightWay traced, asked;
-    /// Since when what is heard is not what there is, seconds.
+    /// Since when the sound that is heard differs from the present state, seconds.
     double lateSince = 0;
 
-    /// Whether what was asked for will be heard as something else than there is.
+    /// Whether the requested response will differ audibly from the present state.
     bool outdated() const { return any() && isLate(resting * asked.open * asked.open, all); }
-    /// The amplitude that those that moved leave of what the others do.
+    /// The amplitude that moved walls leave, relative to that of the others.
     double open() const { return resting > 0 ? std::sqrt(std::min(1.0, all / resting)) : 1; }
 
   private:

@@ -1,5 +1,5 @@
-// Ring: a queue that is searched by number and keeps its memory: as long as it holds no more than it once did it takes
-// nothing from the heap. Threading: one thread per object.
+// Ring: a queue that is searched by number and keeps its memory: it does not allocate unless it grows beyond its
+// largest size so far. Threading: one thread per object.
 #pragma once
 
 #include <cstddef>

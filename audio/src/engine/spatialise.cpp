@@ -43,7 +43,7 @@ glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
 /// Nearer than this, metres, sound comes from nowhere.
 constexpr double kHere = 1e-6;
 
-/// Unit, as far as it is within hearing; 0 of what is here.
+/// Unit, as far as it is within hearing; 0 for a source at the listener.
 glm::dvec3 directionOf(const glm::dvec3& offset) {
     const double far = glm::length(offset), distance = far < kHorizon ? far : kHorizon;
     return distance > kHere ? offset / distance : glm::dvec3(0);
@@ -68,7 +68,7 @@ HeardBy AcousticEngine::Impl::heardBy(const SoundNode& sound) const {
     return options.ambisonicOrder == 0 && (options.binaural || sound.head) ? HeardBy::head : HeardBy::gains;
 }
 
-/// From here on blocks run ahead of the sound, by as much as an ear may be early.
+/// From here on blocks are rendered ahead of the sound, by the time that an ear may be early.
 void AcousticEngine::Impl::runAhead() {
     if (!lateRing.empty() || options.ambisonicOrder > 0) return;
     findHead(now);
@@ -97,7 +97,7 @@ void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
     if (!options.background || !head) return makeHead(listener);
     auto made = headMaker ? headMaker->take() : std::nullopt;
     if (hearsAs(listener)) {
-        if (made) headAsked = {};  // what was asked for meanwhile is not wanted any more
+        if (made) headAsked = {};  // an older request is no longer needed
         return;
     }
     if (made && made->head) {
@@ -157,7 +157,7 @@ void AcousticEngine::Impl::findTurns(const EmitterState& state, const glm::dvec3
     block.turns.push_back({options.blockSize, block.listener.toLocal(apparent - block.listener.position)});
 }
 
-/// Gives direct sound the direction that it comes from. Where it comes by another way than before one fades into the
+/// Gives direct sound the direction that it comes from. If its path is another one than before, one fades into the
 /// other.
 void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, Block& block) {
     const bool spatialize = sound.spatialize && !(glm::length(block.turns.back().offset) <= kHere);
@@ -219,7 +219,7 @@ void AcousticEngine::Impl::ringOut(EmitterInput& input, Block& block) const {
     if (input.ringing == 0) input.head.restart();
 }
 
-/// Adds what a channel hears of an input, with a gain that goes from the last one to this.
+/// Adds the sound of an input in a channel, with a gain that changes from the last one to this.
 void AcousticEngine::Impl::mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
                                     std::span<const float> direct, std::span<float> out) const {
     const std::size_t size = out.size();

@@ -29,7 +29,7 @@ void AcousticEngine::Impl::streamOut(const SoundEmitter& emitter, EmitterState& 
     stream.sound.samples.insert(stream.sound.samples.end(), fresh.samples.begin(), fresh.samples.end());
 }
 
-/// Those whose node is gone go on in silence.
+/// Streams whose node is gone continue in silence.
 void AcousticEngine::Impl::endStreams() {
     const auto until = static_cast<std::size_t>(samples - firstSample) + options.blockSize;
     for (StreamedSound& stream : streams)

@@ -56,7 +56,7 @@ std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job
     return std::make_shared<const std::vector<FollowedImage>>(std::move(images));
 }
 
-/// Which bin begins with the first arrival.
+/// The bin that begins with the first arrival.
 std::ptrdiff_t onsetOf(const Echogram& echogram) {
     if (echogram.arrivals.empty()) return 0;
     return std::llround((echogram.arrivals.front().seconds - echogram.late.start) * echogram.late.binsPerSecond);
@@ -70,9 +70,9 @@ double energyFrom(const EnergyHistogram& late, std::ptrdiff_t bin) {
     return sum;
 }
 
-/// Whether late energy is as loud as it was, of all and of what comes 100 ms after the onset.
+/// Whether late energy is as loud as before, for all of it and for the part later than 100 ms after the onset.
 bool isAlike(const Echogram& fresh, const Echogram& kept) {
-    // More than chance does to an eighth of the rays; and metres that a source goes between traces.
+    // More than random errors with an eighth of the rays; and the metres that a source moves between traces.
     constexpr double kAlike = 1.6;
     constexpr std::ptrdiff_t kNearly = 8;
     const std::ptrdiff_t a = onsetOf(fresh), b = onsetOf(kept);
@@ -99,7 +99,8 @@ EnergyHistogram goneOn(const Echogram& fresh, const Echogram& kept, std::uint64_
     return mean;
 }
 
-/// The rays of a job, or an eighth of them and what was kept; `parts` is of how many eighths that tells.
+/// The rays of a job, or an eighth of them together with the kept result; `parts` is the number of eighths in the
+/// result.
 TraceResult traceFor(const TraceJob& job, const AcousticTracer& tracer, Echogram& echogram, std::uint64_t& parts) {
     TraceOptions options = job.tracing;
     const bool part = job.kept.traced || job.quick;
@@ -148,7 +149,7 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     result.images = followedBy(job, *result.traced);
     makeChannels(job, result);
     result.reached = recorder.reached();
-    // The receiver's ball shrinks before a wall: what comes near the listener counts as well.
+    // The receiver's ball shrinks near a wall, so changes near the listener count as well.
     result.reached.extend(job.listener - traced.receiverRadius / 0.4);
     result.reached.extend(job.listener + traced.receiverRadius / 0.4);
     result.rays = traced.rays;

@@ -1,5 +1,5 @@
-// Responses made apart from the sound that they are for: what is needed is handed in whole, and what comes out is ready
-// to be convolved with.
+// Traces responses away from the thread that renders sound: the input is handed over as a whole, and the result is
+// ready for convolution.
 //
 // Threading: traceResponse() is a pure function over a const geometry. TraceWorker has a thread of its own, with a
 // geometry of its own that follows the states it is handed; submit() and take() from one other thread.
@@ -32,7 +32,7 @@ constexpr std::uint64_t kTraceParts = 8;
 /// The last trace of an emitter, as far as its energy goes on to count.
 struct KeptEnergy {
     std::shared_ptr<const Echogram> traced;  // null: nothing does
-    // Which images are among its arrivals: their energy is not in what is late.
+    // The order of the images among its arrivals: their energy is not in the late part.
     int imageOrder = 0;
     double imageShare = 0;
     std::uint64_t parts = 0;  // eighths of the rays of a trace that it is the mean of, 8 at most
@@ -49,7 +49,7 @@ struct TraceJob {
     double longest = 0;  // metres that sound goes within a response
     ImpulseResponseOptions response;
     std::size_t block = 256;
-    /// So many images at most are left out of the response, to be rendered for themselves.
+    /// At most this many images are left out of the response, to be rendered separately.
     std::size_t followed = 0;
     std::size_t followedEdges = 0;  // and so many waves by way of edges
     /// The earlier trace, if only the listener's head has turned since: then nothing is traced.

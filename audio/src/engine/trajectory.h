@@ -1,8 +1,8 @@
-// Trajectory: where something is over time, smooth, from what is known once a frame.
+// Trajectory: a smooth position over time from positions that are known once a frame.
 //
-// Between the ends of blocks it is cubic, with the velocities that the frames show; beyond the last frame it goes on
-// straight, so that a block may be longer than the frame it ends in. What moves evenly, but for the rounding of its
-// places in single precision, is taken to lie on one line, so that this rounding is not heard.
+// Between the ends of blocks it is cubic, with velocities from the frames. Beyond the last frame it continues straight,
+// because a block may be longer than the frame. Motion that is even apart from the rounding of positions to single
+// precision is taken as a straight line, so that the rounding is not heard.
 // Threading: the engine's thread.
 #pragma once
 
@@ -57,10 +57,10 @@ class Trajectory {
     }
     /// At a time up to the last that advance() went to; before the first, where it was first.
     Point at(double time) const {
-        // Written so that what is no number gives the oldest.
+        // Written so that a time that is not finite gives the oldest.
         if (!(time > knots_.front().time)) return {time, knots_.front().position, glm::dvec3(0)};
         if (time >= knots_.back().time) return knots_.back();
-        // From the newest backwards, as what is asked for is seldom old: far back all would have to come from memory.
+        // From the newest backwards, because old positions are seldom asked for, and are no longer in the cache.
         std::size_t next = knots_.size() - 1, step = 1;
         for (; next > step && time < knots_[next - step].time; step *= 2) next -= step;
         std::size_t before = next > step ? next - step : 0;

@@ -1,6 +1,6 @@
-// DiffractionParts: the mechanisms of diffraction, each of which a measurement may leave out to see what it brings.
+// DiffractionParts: switches for the mechanisms of diffraction, for measurements of what each contributes.
 //
-// Nothing else of the library writes it. Threading: written while nothing is traced and no wall changes.
+// Nothing else in the library changes them. Threading: change them while nothing is traced and no wall changes.
 #pragma once
 
 namespace rtsg {
@@ -8,7 +8,7 @@ namespace rtsg {
 struct DiffractionParts {
     bool images = true;       // mirror images of first order bend
     bool roundBodies = true;  // cylinders and spheres are round; else their facets have edges
-    bool smallBodies = true;  // what is small beside a wave lets it pass
+    bool smallBodies = true;  // bodies that are small compared with a wave length let it pass
     bool hiddenParts = true;  // edges that something hides in part bend as far as they are seen
 };
 

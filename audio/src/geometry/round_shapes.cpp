@@ -141,7 +141,7 @@ class Parallel {
     double facet(std::uint32_t a, std::uint32_t b) const { return glm::distance(places_[a].across, places_[b].across); }
     static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.1 * std::max(a, b); }
 
-    /// In order round what may be a circle, from an edge to both sides; of a whole one, each once.
+    /// The edges of a possible circle in order, from one edge to both sides; each once if the circle is complete.
     std::vector<std::uint32_t> rowFrom(std::uint32_t i) const {
         const std::uint32_t before = next_[0][i], after = next_[1][i];
         if (before == kNoRound || after == kNoRound || before == after) return {};
@@ -151,7 +151,7 @@ class Parallel {
         for (const std::uint32_t first : {after, before}) {
             std::uint32_t last = i, at = first;
             while (at != kNoRound && !edges_[at]->used && std::ranges::find(row, at) == row.end()) {
-                // What goes on as an oval is none; what ends in something flat, or at an edge, is.
+                // If it continues as an oval, it is no circle; if it ends in something flat, or at an edge, it is.
                 const double next = facet(last, at);
                 if (next > kFlatBeside * wide) break;
                 if (!isAsWide(wide, next)) return {};
@@ -193,7 +193,7 @@ class Parallel {
         body.middle = std::cos(body.halfArc) * first + std::sin(body.halfArc) * side;
         return round;
     }
-    /// By as much as from a facet to the next at each edge, but for the ends of a part.
+    /// Whether the angle at each edge is that between neighbouring facets, except at the ends of a part.
     bool turnsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
         const std::size_t ends = whole ? 0 : 1;
         return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),

@@ -1,4 +1,4 @@
-// Cylinders, parts of them, and spheres among the edges of a mesh: many in a row, each of which turns a little.
+// Recognises cylinders, parts of cylinders, and spheres in a mesh by rows of edges with small angles.
 //
 // Threading: pure functions.
 #pragma once
@@ -24,7 +24,7 @@ struct MeshRound {
     RoundBody body;
 };
 
-/// `edges` of one mesh, straight ones joined; those between the facets of what is found are told by its number.
+/// `edges` of one mesh, with straight ones joined; edges between the facets of a round shape get its number.
 std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges);
 
 /// In the world; false where a transform has made it oval.

@@ -117,7 +117,7 @@ void joinStraight(std::vector<MeshEdge>& edges) {
     std::vector<std::size_t> ends;
     for (std::uint32_t i = 0; i < edges.size(); ++i) {
         if (done[i]) continue;
-        // Back to where it begins, and from there on; what goes straight comes to no edge twice.
+        // Goes back to where the edge begins, and from there on; a straight line meets no edge twice.
         std::uint32_t begin = 2 * i;
         for (std::uint32_t other = links.next(begin); other != kNone && other / 2 != i; other = links.next(begin))
             begin = other ^ 1;

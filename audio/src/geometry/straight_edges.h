@@ -1,5 +1,5 @@
-// Edges of a mesh that go on in each other straight, with the same faces, as one: a wall cut into many pieces bends
-// sound as it does in one piece.
+// Joins edges of a mesh that continue each other straight between the same faces. So a wall that is cut into many
+// pieces diffracts sound like one in one piece.
 //
 // Threading: pure functions.
 #pragma once

@@ -91,7 +91,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
         // There is no wedge where more than two surfaces meet.
         if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
-    // By their ends, however the triangles are numbered.
+    // Sorted by their ends, so that the order does not depend on the numbers of triangles.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
         return a.from != b.from ? isBefore(a.from, b.from) : isBefore(a.to, b.to);
     });
@@ -277,7 +277,7 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
     for (std::size_t i = 0; i < bodies_[slot].size(); ++i)
         bodyOf.push_back(placedBody(found.bodies[i], wall.worldFromLocal, bodies_[slot][i]) ? &bodies_[slot][i]
                                                                                             : nullptr);
-    // Of what is round in part more is known.
+    // Edges of partly round shapes need more data.
     for (const MeshEdge& edge : found.edges)
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;
@@ -333,7 +333,7 @@ void EdgeTable::visitBut(std::span<const std::uint32_t> open, const AcousticGeom
                 visit(placed.edge);
                 continue;
             }
-            // With the first of them that is not open.
+            // Uses the first of them that is not open.
             const std::vector<Place>& group = groups_[placed.group];
             const auto first = std::ranges::find_if(
                 group, [&](const Place& one) { return std::ranges::find(open, one.slot) == open.end(); });

@@ -1,7 +1,8 @@
-// Edges of walls round which sound bends: where two surfaces of a mesh meet, and the rims of surfaces.
+// The edges of walls that diffract sound: where two surfaces of a mesh meet, and the rims of surfaces.
 //
-// Corners at one place are one corner, whatever their normals, and edges at one place are one edge, of whatever walls:
-// two rims that meet are an edge of both. The work follows the walls that change; edges are found once a mesh.
+// Corners at one position are one corner, whatever their normals. Edges at one position are one edge, even of different
+// walls: two rims that meet are an edge of both. The work depends on the walls that change; edges are found once a
+// mesh.
 // Threading: change() alone; the rest are const.
 #pragma once
 
@@ -30,10 +31,10 @@ struct MeshEdge {
     static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
 };
 
-/// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
+/// Edges between surfaces that differ by less than this angle (radians) do not diffract.
 constexpr double kFlatEdge = 0.1;
 
-/// Meshes of more triangles have none: they stand for what is curved, or too much to look at.
+/// Meshes with more triangles have no edges: they represent curved surfaces, or are too costly to search.
 constexpr std::uint32_t kMostTrianglesWithEdges = 20'000;
 
 /// Edges that two surfaces share at an angle of `flat` radians at least, and those of one surface alone.

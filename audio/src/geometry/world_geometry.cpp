@@ -133,8 +133,8 @@ std::uint32_t WorldGeometry::planeOf(std::uint32_t slot, std::uint32_t triangle)
     return settled && planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
 }
 
-/// The normal of what was hit, and its distance: those of the plane in double precision; of a triangle without one as
-/// the ray has found them, within what `clear` says.
+/// The normal of the hit, and its distance: those of the plane in double precision; for a triangle without a plane
+/// those of the ray query, within the error `clear`.
 void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                               const glm::dvec3& direction, AcousticHit& hit) const {
     if (plane == kNoPlane) {
@@ -153,7 +153,7 @@ void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t 
     cornersOf(wall, found.triangle, corners);
     const glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
     hit.distance = glm::dot(corners[0] - origin, normal) / glm::dot(direction, normal);
-    // Also what is no number: of a sliver, or seen from its edge.
+    // Also if it is not finite: for a sliver, or seen from its edge.
     if (!isNearRough(hit.distance, rough)) hit.distance = rough;
 }
 
@@ -178,8 +178,8 @@ bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::d
                                const glm::dvec3& direction, double maxDistance, std::uint32_t except,
                                AcousticHit& hit) const {
     if (!(maxDistance > 0)) return false;
-    // The ray in single precision is longer at both ends by what rounding may shift it; what it meets there is judged
-    // in double precision.
+    // The ray in single precision is extended at both ends by its possible rounding; its hits are checked in double
+    // precision.
     const double rounding = roundingAt(origin);
     Ray ray;
     ray.origin = rays_->fromWorld(origin - direction * rounding);
@@ -260,7 +260,7 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const double reach = radius + 2 * PlaneTolerance().distance, rounding = 0x1p-20 * (away.x + away.y + away.z);
     const auto searched = static_cast<float>(reach + rounding);
-    // By reference: a function of its own would take its room from the heap, and direct sound asks in every block.
+    // By reference: std::function would allocate memory, and direct sound asks in every block.
     const auto look = [&](std::uint32_t slot, std::uint32_t triangle) {
         const Wall& wall = walls_.walls[slot];
         glm::dvec3 corners[3];

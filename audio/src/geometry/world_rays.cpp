@@ -63,7 +63,7 @@ void startRays(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& 
     setOrigins(rays.origin.z, z, rounding, center.z, packet.originZ);
 }
 
-/// From surfaces, as far before them as nothing of these is met, nearly to the end.
+/// Starts rays at their surfaces, far enough before them not to hit them, and ends them just before their targets.
 void startLooks(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& packet) {
     alignas(64) double rounding[kLanes], off[kLanes];
     findRounding(rays, center, rounding);
@@ -81,7 +81,7 @@ void startLooks(const AcousticRays& rays, const glm::dvec3& center, RayPacket16&
 
 }  // namespace
 
-/// judge() for what lies on a plane that is near where it was met, as nearly everything does where there are planes.
+/// judge() for a hit on a plane near the rough position, as nearly all hits are if there are planes.
 inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough,
                                       const AcousticRays& rays, int lane, AcousticHit& hit) const {
     const std::uint32_t plane = planes_->planeOf(instance, triangle);
@@ -93,7 +93,7 @@ inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t tria
     return true;
 }
 
-/// The same for what lies on no plane, where there are none.
+/// The same for a hit on no plane, if there are none.
 inline bool WorldGeometry::meetsLoose(const PacketHits16& found, double rough, double rounding,
                                       const AcousticRays& rays, int lane, AcousticHit& hit) const {
     const std::uint32_t instance = found.instance[lane], own = looseNumber(instance, found.triangle[lane]);
@@ -172,7 +172,7 @@ void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const Acou
             packet.skip(i);
             continue;
         }
-        // From there on it cannot be that surface.
+        // From there on the hit cannot be that surface.
         const double off = 2 * PlaneTolerance().distance / glm::dot(rays.facing[i], rays.direction[i]);
         packet.tMin[i] = static_cast<float>(std::min(off, 1e9));
         packet.tMax[i] = static_cast<float>(rays.maxDistance[i] - 2 * roundingAt(rays.origin[i]));

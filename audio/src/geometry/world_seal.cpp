@@ -17,8 +17,8 @@ glm::dvec3 onUnitSphere(double z, double turn) {
     return {r * std::cos(phi), r * std::sin(phi), z};
 }
 
-/// How often a closed mesh runs round a place, by the solid angles of its triangles (van Oosterom and Strackee 1983);
-/// what is no whole number where the place is on it, or nothing is known.
+/// How often a closed mesh winds round a point, by the solid angles of its triangles (van Oosterom and Strackee 1983).
+/// Not an integer if the point is on the mesh, or nothing is known.
 double windingNumber(const Wall& wall, const glm::dvec3& place) {
     const WorldFromLocal& m = wall.worldFromLocal;
     const glm::dmat3 linear(m[0], m[1], m[2]);
@@ -41,7 +41,7 @@ double windingNumber(const Wall& wall, const glm::dvec3& place) {
 
 }  // namespace
 
-/// Where some rays came to that went out from a place and were scattered by what they met.
+/// Where some rays went that start at a point and are scattered by walls.
 struct WorldGeometry::Flood {
     bool escaped = false, arrived = false;
     std::map<std::uint32_t, int> met;  // slots, and how often
@@ -126,7 +126,7 @@ Seal::Shape WorldGeometry::shapeOf(std::uint32_t slot) const {
 
 std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
                                                const glm::dvec3& listener) const {
-    // Written so that what is no number is nowhere.
+    // Written so that a position that is not finite is nowhere.
     if (!rays_ || !(glm::distance(source, listener) < 1e6)) return std::nullopt;
     const Flood out = floodFrom(open, source, listener);
     if (out.arrived) return std::nullopt;

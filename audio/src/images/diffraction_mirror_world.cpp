@@ -32,7 +32,7 @@ bool MirrorWorld::closest(const glm::dvec3& origin, const glm::dvec3& direction,
         if (above > off) {
             const bool met = geometry_.closest(from, way, toMirror + margin, except, hit);
             if (!met || hit.distance < toMirror - margin || std::abs(glm::dot(hit.normal, normal_)) < 0.999) {
-                // A hole in the mirror, through which one does not see what is mirrored.
+                // A hole in the mirror, through which the mirrored world is not seen.
                 if (!met) hit = {toMirror, normal_, plane_, 0, 0};
                 if (beyond) hit.normal = turned(hit.normal);
                 return true;
@@ -78,7 +78,7 @@ void MirrorWorld::visitEdges(const EdgeVisitor& visit) const {
         const double low = height(edge.from), high = height(end), off = std::max(rounding(edge.from), rounding(end));
         if (!(std::max(low, high) > off)) return;
         WallEdge above = edge;
-        // A mirror does not show what is behind it.
+        // A mirror does not show things behind it.
         if (std::min(low, high) < -off) {
             const double part = low / (low - high) * edge.length;
             if (low < 0) {

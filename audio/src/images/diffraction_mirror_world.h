@@ -1,8 +1,8 @@
-// A world as it is seen in one of its walls: on the listener's side the walls as they are, and beyond the mirror the
-// same once more. A mirror image of the source is a source there, and bends round what hides it as any other.
+// The world as mirrored in one of its walls: the real walls on the listener's side, and their mirror images beyond the
+// mirror. A mirror image of the source is a source there, and bodies that hide it diffract its sound.
 //
-// Nothing passes where the mirror's plane has no surface. Edges and bodies that lie in the plane do not count; a body
-// that stands on it is one with its image. Threading: const; edges point to copies that live as long as this.
+// Nothing passes where the mirror's plane has no surface. Edges and bodies in this plane do not count; a body that
+// stands on it is joined with its image. Threading: const; edges point to copies that live as long as this object.
 #pragma once
 
 #include <map>
@@ -38,7 +38,7 @@ class MirrorWorld final : public AcousticGeometry {
     glm::dvec3 turned(const glm::dvec3& way) const { return way - normal_ * (2 * glm::dot(normal_, way)); }
     /// Metres that a place may be off the mirror by rounding.
     double rounding(const glm::dvec3& place) const;
-    /// But for its body.
+    /// Mirrors an edge, without its body.
     WallEdge mirrored(const WallEdge& edge) const;
     RoundBody mirrored(const RoundBody& body) const;
     const WallBody* mirrored(const WallBody* body) const;

@@ -13,7 +13,7 @@ namespace {
 
 using EdgeValue = std::complex<double>;
 constexpr double kHalfTurn = std::numbers::pi;
-/// A wave of less of all energy is not followed, nor is what is left of one beside the closed form.
+/// Waves with a smaller share of the energy are not followed, nor is a smaller remainder beside the closed form.
 constexpr double kLeastWave = 1e-5;
 constexpr double kLeastRest = 1e-4;
 /// Nearer to a boundary than this, in radians, direct sound decides on which side one is.
@@ -109,7 +109,7 @@ bool hasRoute(const EdgeWave& wave, const glm::dvec3& source, const glm::dvec3& 
     return std::abs(length - wave.seconds * speedOfSound) < 1e-6 * (1 + length);
 }
 
-/// Makes of waves what is followed of them.
+/// Selects the part of the waves that is followed.
 class EdgeFollower {
   public:
     EdgeFollower(const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options, int sampleRate,
@@ -164,7 +164,7 @@ class EdgeFollower {
     double sentTo(const glm::dvec3& by) const {
         return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
     }
-    /// There the wave has been made to go with what was found, of which it is chance on which side that is.
+    /// There the wave was chosen to fit its traced side, which is chance.
     static bool isAtBoundary(const WedgePath& path) {
         const double difference = std::abs(path.receiverAngle - path.sourceAngle);
         const double sum = path.receiverAngle + path.sourceAngle, image = std::min(sum, 2 * path.opening - sum);

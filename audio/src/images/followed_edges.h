@@ -1,7 +1,7 @@
-// Waves by way of edges, for who renders each of them for itself while source and listener move.
+// Diffracted waves that are rendered one by one while source and listener move.
 //
-// Their delays are those of the shortest ways by their edges. What a single edge bends is known for every place
-// (diffraction_wedge.h): weights of a PoleBank are fitted to its tones. All else is as it was when it was traced.
+// Their delays are those of the shortest paths over their edges. The diffraction of a single edge is known for all
+// positions (diffraction_wedge.h), and the weights of a PoleBank are fitted to it. Everything else stays as traced.
 // Threading: pure functions.
 #pragma once
 
@@ -26,7 +26,8 @@ struct FollowedEdge {
     BendingEdge bends;  // if opening > 0
     double way = 0;     // metres, when it was traced
     double speedOfSound = 343;
-    Bands colour{};  // amplitudes of what comes by the edge, by what the source sent there and air took
+    Bands colour{};  // amplitudes of the sound over the edge, with the directivity of the source and the absorption of
+                     // air
     std::shared_ptr<const PoleFit> fit;
     /// The part that no closed form gives for other places: it stays as it was.
     PoleBank::Weights rest{};

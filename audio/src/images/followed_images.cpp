@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// What is below it is not followed: as a share of all energy, and an amplitude below the loudest band's.
+/// Weaker images are not followed: as a share of all energy, and as an amplitude relative to the loudest band.
 constexpr double kLeastOfLoudest = 1e-3, kLeastAmplitude = 1e-4;
 /// Bands that differ by less are the same; .01 dB.
 constexpr double kSame = 1.0012;
@@ -26,7 +26,7 @@ double sumOf(const Bands& bands) {
 }  // namespace
 
 std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::size_t length) {
-    // By the cepstrum: what of it lies before zero is folded over to behind.
+    // By the cepstrum: its part before zero is folded to behind zero.
     const auto kept = RealFft::kept(RealFft::sizeFor(4 * length));
     const RealFft& fft = *kept;
     const std::size_t size = fft.size();

@@ -1,6 +1,5 @@
-// Images of a source that moves, for who renders each of them for itself: they are where the source takes them, while
-// what walls leave of them, and whether they are seen at all, is what it was when they were traced. What comes by way
-// of edges is followed beside them: followed_edges.h.
+// Images of a moving source that are rendered one by one. Their positions follow the source; their energies and
+// visibility stay as traced. For diffracted sound see followed_edges.h.
 //
 // Threading: pure functions.
 #pragma once

@@ -1,6 +1,6 @@
 // Lists where mirror images of a source may be: candidates by position, each with the last wall of its way.
 //
-// Every image that has a way is among them, and most of them have none from a given listener.
+// Every image with a valid path is among them; most of them have none for a given listener.
 // Threading: const once found.
 #pragma once
 
@@ -15,8 +15,8 @@
 namespace rtsg {
 namespace trace {
 
-/// How far an image, or the end of its path, may be from where it should be: walls are given in single precision, so
-/// each reflection turns what is far away by some of its roundings.
+/// How far an image, or the end of its path, may be from its exact position: walls are given in single precision, so
+/// each reflection rotates distant points by some of its roundings.
 inline double imageTolerance(int order, double distance) {
     return 2e-6 * (1 + order) * (1 + distance);
 }
@@ -51,7 +51,7 @@ class ImageCandidateSet {
         std::uint64_t cell = 0;
         std::uint32_t newest = kNoPlane;
     };
-    /// That of a cell, or the free one where it belongs.
+    /// The bucket of a cell, or the free one where it belongs.
     Bucket& newestIn(std::uint64_t cell);
     void grow();
 

@@ -41,9 +41,9 @@ glm::dvec3 aside(const AcousticGeometry& geometry, const glm::dvec3& listener) {
     return listener;
 }
 
-/// From where the way to each candidate is looked for: to those that are mirrored once from the listener's place, to
-/// others from one in the ball around it. Where walls hide some, to the loudest from several; and where these differ,
-/// from all.
+/// The points from which the path to each candidate is followed: the listener's position for images of first order, a
+/// point in the ball around it for others. If walls hide some points, the loudest candidates are followed from several;
+/// and if these differ, from all.
 class ImageViews {
   public:
     ImageViews(const AcousticGeometry& geometry, const ImageCandidates::Impl& candidates, const glm::dvec3& listener,
@@ -67,12 +67,12 @@ class ImageViews {
     std::size_t count(std::size_t candidate) const { return counts_[candidate]; }
     glm::dvec3 place(std::size_t candidate, std::size_t k) const {
         if (candidate < once_) return beside_;
-        // Each of its own, so that what is beyond one wall does not come and go at once.
+        // Each candidate has its own order, so that parts beyond one wall do not come and go at once.
         const std::uint64_t first = (candidate * 0x9E3779B97F4A7C15ull) >> 32;
         return places_[(first + k) % places_.size()];
     }
 
-    /// Those that are to be looked for from more places, after one each.
+    /// The candidates that are to be followed from more points, after one point each.
     std::vector<std::size_t> loudest(const std::vector<std::vector<Arrival>>& ways) {
         std::vector<std::pair<double, std::size_t>> heard;
         std::size_t hidden = 0;

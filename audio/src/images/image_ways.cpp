@@ -70,8 +70,9 @@ class WallsAround {
     bool known_ = false;
 };
 
-/// Follows the way from a listener towards an image: mirrored by walls, and straight on through those that let sound
-/// pass. What ends in the source after the image's motion is a path. Who asks what the way meets tells step().
+/// Follows the path from a listener towards an image: reflected by walls, and straight on through those that transmit
+/// sound. A path that ends in the source after the image's motion is valid. The caller queries the hits and passes them
+/// to step().
 class Retracer {
   public:
     struct State {
@@ -109,8 +110,8 @@ class Retracer {
     const State& state() const { return state_; }
     /// How far to look.
     double reach() const { return reach(state_); }
-    /// Goes on to what was met, as closest() says; false once the way has come to its end. The last of it, where walls
-    /// may be nearer to the source than rays in a row leave them, is gone at once.
+    /// Continues to a hit that closest() found; false once the path has ended. Its last part, where walls may be nearer
+    /// to the source than rays in a row allow, is followed at once.
     bool step(bool met, AcousticHit hit) {
         if (!met || state_.left - hit.distance <= WallsAround::kRadius) {
             AcousticHit exact;
@@ -144,7 +145,7 @@ class Retracer {
         return true;
     }
 
-    /// Whether what is left of the way, no longer than paths are exact, ends in the source.
+    /// Whether the rest of the path, no longer than paths are exact, ends in the source.
     bool follow(State& state) {
         for (;;) {
             AcousticHit hit;
@@ -157,8 +158,8 @@ class Retracer {
 
     Step step(State& state, bool met, const AcousticHit& hit) {
         const double slack = imageTolerance(state.order, distance_);
-        // Where the source is nearer to walls than the path is exact, it may end before or behind each of them: the
-        // turn tells which is meant.
+        // If the source is nearer to walls than the path is exact, the path may end before or behind each of them: the
+        // orientation tells which is meant.
         const bool atEnd = !met || hit.distance > state.left - slack;
         if (atEnd && ends(state, slack)) return Step::arrived;
         if (!met) return Step::lost;

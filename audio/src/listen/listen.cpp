@@ -97,7 +97,7 @@ Result<ListenReport> listen(SoundRenderer& sound, const ListenOptions& options) 
     if (options.metrics)
         if (auto measured = sound.measure(); !measured) return std::unexpected(measured.error());
     if (options.sound) {
-        // Takes no time: what is heard until the first frame.
+        // A frame of no length: the state that is heard until the first frame.
         if (auto begun = sound.renderFrame(); !begun) return std::unexpected(begun.error());
         const auto frames = static_cast<std::uint64_t>(std::ceil(options.seconds * options.framesPerSecond - 1e-9));
         for (std::uint64_t frame = 1; frame <= frames; ++frame) {

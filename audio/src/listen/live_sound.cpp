@@ -166,8 +166,8 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     auto impl = std::make_unique<Impl>(world, live, std::move(*engine), std::move(*device));
     impl->number = world.add(impl->tables);
     impl->added = true;
-    // The device's first block is of this: what it takes to look at walls and sources for the first time is over before
-    // it plays, whenever the scene goes on. Where readers hold too many states it begins with the next one.
+    // The device's first block has this state, so that the first look at walls and sources is over before it plays,
+    // whenever the scene goes on. If readers hold too many states, it begins with the next one.
     if (auto present = world.present(); present && (*present)->of(impl->number) && (*present)->rays)
         impl->state = std::move(*present);
     impl->engine->prepare(*impl->tables.latest());

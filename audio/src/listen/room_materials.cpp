@@ -13,7 +13,8 @@
 namespace rtsg {
 namespace {
 
-/// Who has a node: of AcousticProperties and Materials the Appearance, of Appearances the Shape; the first of each.
+/// The owner of each node: the Appearance for AcousticProperties and Materials, the Shape for Appearances; the first of
+/// each.
 std::unordered_map<std::uint32_t, NodeId> ownersIn(const Scene& scene) {
     std::unordered_map<std::uint32_t, NodeId> owners;
     scene.forEachNode([&](const Node& node) {

@@ -10,8 +10,8 @@
 
 namespace rtsg {
 
-/// The materials of a room with their names and areas, the largest first: what is alike and has the same name is one.
-/// `nodeOf`: the node that says a material.
+/// The materials of a room with their names and areas, the largest first; equal materials of the same name are one.
+/// `nodeOf`: the node that defines a material.
 std::vector<RoomReport::Material> materialsOf(const Scene& scene, const RoomSize& room,
                                               std::span<const AcousticMaterial> materials,
                                               const std::function<NodeId(std::uint32_t)>& nodeOf);

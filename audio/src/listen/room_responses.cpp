@@ -20,7 +20,7 @@ namespace {
 
 using ResponseChannels = ImpulseResponseOptions::Channels;
 
-/// From X3D's axes to those with z up.
+/// Converts X3D's axes to axes with z up.
 glm::dvec3 zUp(const glm::dvec3& v) {
     return {v.x, 0 - v.z, v.y};  // no -0
 }
@@ -165,8 +165,8 @@ void addRoom(const RoomResponses& room, std::vector<NetcdfVariable>& variables) 
                          .attributes = {{"Units", "cubic metre"}}});
 }
 
-/// Who is who: a number from 0 on for each measurement, and the names in an attribute, each on a line of its own. Not
-/// as a variable of characters, which some readers of SOFA refuse.
+/// Identifies sources and listeners: a number from 0 on for each measurement, and the names in an attribute, one a
+/// line. A variable of characters is avoided because some readers of SOFA refuse it.
 NetcdfVariable numbers(const char* name, const RoomResponses& room, std::string RoomResponses::Pair::* who) {
     constexpr std::size_t kLongest = 60'000;  // bytes that an attribute may take
     NetcdfVariable variable{.name = name, .dimensions = "M", .values = {}};
@@ -223,7 +223,7 @@ Result<> writeSofa(const std::string& path, const RoomResponses& room) {
         std::filesystem::remove(fresh, failure);
         return fail("cannot write SOFA: " + error, {}, path);
     }
-    // A name that is a link stands for what it leads to.
+    // If the name is a link, writes to its target.
     const std::filesystem::path target =
         std::filesystem::exists(path) ? std::filesystem::canonical(path) : std::filesystem::path(path);
     std::filesystem::rename(fresh, target, failure);

@@ -27,7 +27,7 @@ std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::
     return place.where;
 }
 
-/// The name that an author gave a shape or its geometry, or what it is made of.
+/// The name that an author gave a shape or its geometry, or the name of its material.
 std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
     std::string text(scene.name(shape));
     if (text.empty()) text = scene.name(geometry);
@@ -43,7 +43,7 @@ std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::
     return line ? line : lineOf(scene, document, geometry);
 }
 
-/// Its name, and in brackets what it is made of, how large, where, and its line.
+/// Its name, and in brackets its material, size, place and line.
 std::string shapeText(const Scene& scene, const std::filesystem::path& document, NodeId shape, NodeId geometry,
                       const AcousticBox& box) {
     const Node* made = scene.find(geometry);
@@ -70,7 +70,7 @@ bool saysOpening(const Scene& scene, NodeId metadata, int depth = 0) {
     return !values.empty() && static_cast<bool>(values[0]);
 }
 
-/// Whether the author says of a shape beside that what is open there is meant.
+/// Whether the author marked a shape beside the opening so that the opening is intended.
 bool isMeant(const Scene& scene, const RoomOpening& opening) {
     return std::ranges::any_of(opening.beside, [&](const RoomOpening::Beside& beside) {
         const Node* shape = scene.find(beside.shape);

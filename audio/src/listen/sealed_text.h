@@ -18,7 +18,7 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
 /// beside.
 void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                Diagnostics& diagnostics);
-/// RoomOpening::Beside::name of all; what the author means is no leak.
+/// Sets RoomOpening::Beside::name of all; openings that the author intends are no leaks.
 void nameShapes(const Scene& scene, RoomOpenings& openings);
 
 }  // namespace rtsg

@@ -108,8 +108,8 @@ struct SoundRenderer::Impl {
         return sought.openings;
     }
 
-    /// By its directivity; nothing for listeners that it sends to as to all others. Cones send the same whoever
-    /// listens, so that all share their rays; what ellipsoids send is told by how far away the listener is.
+    /// Traces with the source's directivity; nothing for listeners to which it radiates as to all others. Cones are the
+    /// same for all listeners, so they share rays; ellipsoids depend on the listener's distance.
     std::vector<std::optional<TraceResult>> traceDirected(const AcousticTracer& tracer, const SoundEmitter& emitter,
                                                           std::span<const glm::dvec3> listeners,
                                                           TraceOptions tracing) const {
@@ -141,7 +141,7 @@ struct SoundRenderer::Impl {
         return *ears;
     }
 
-    /// Drops what comes before ListenOptions::from.
+    /// Drops the sound before ListenOptions::from.
     void drop() {
         if (!options.from) return;
         SoundBuffer& sound = report.sound;
@@ -153,7 +153,7 @@ struct SoundRenderer::Impl {
         blockAt = 0;
     }
 
-    /// Tells what was found since the last call.
+    /// Reports the findings since the last call.
     void tell(const Scene& scene, Diagnostics& diagnostics) {
         const std::span<const SealedSource> sealed = renderer->sealed();
         const std::span<const SoundLeak> leaks = renderer->leaks();
@@ -267,7 +267,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     tracing.air = s.renderer->air();
     tracing.exits = kExits;
     tracing.lateral = true;
-    // Whoever follows the progress is asked on this thread, which traces along with the others.
+    // The progress function is called on this thread, which traces along with the others.
     std::atomic<bool> cancelled = false;
     const auto goOn = [&, self = std::this_thread::get_id()] {
         if (!cancelled && s.options.progress && std::this_thread::get_id() == self && !s.options.progress(s.measured))

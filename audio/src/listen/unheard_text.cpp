@@ -36,7 +36,7 @@ std::string whyText(const UnheardSource& source) {
 }  // namespace
 
 void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics) {
-    // What is empty because of something that was told is told.
+    // Says nothing of an empty source whose reason has been reported.
     if (!diagnostics.all().empty() && std::ranges::all_of(unheard, [](const UnheardSource& source) {
             return source.why == UnheardSource::Why::empty || source.why == UnheardSource::Why::still;
         }))

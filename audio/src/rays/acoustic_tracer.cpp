@@ -109,7 +109,7 @@ struct FadingRay {
     }
 };
 
-/// How long it takes until 65 dB of what a source emits are gone in all bands: the longest that any of some rays needs.
+/// How long it takes until the energy of a source has fallen by 65 dB in all bands: the longest time among some rays.
 double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options) {
     constexpr int kRays = 64;
     const double speed = options.air.speedOfSound;
@@ -190,7 +190,7 @@ WorthyImages imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& sou
     return {asked, std::move(*best)};
 }
 
-/// Energy by class of bands as what it is in each.
+/// Energy by band from energy by class of bands.
 template <std::size_t N>
 double bandOf(const Energy<N>& energy, const BandClasses& classes, std::size_t band) {
     return energy[N == 1 ? 0 : classes.of[band]];
@@ -227,8 +227,8 @@ std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& 
     return groups;
 }
 
-/// Adds what the batches of one run brought a listener to its result, of which that makes up the share
-/// `weight`; `known` is what comes besides, by no chance.
+/// Adds the energy that the batches of one run brought a listener to its result, where this run has the share `weight`;
+/// `known` is the energy that is not random.
 template <std::size_t N>
 void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClasses& classes, std::size_t listener,
               const EnergyHistogram& known, const TraceOptions& options, const Bands& attenuation, double weight) {
@@ -312,7 +312,7 @@ void connect(const AcousticGeometry& geometry, const TraceOptions& options, std:
                                     std::min(kMostOfOne, kMostOfAll / ears.size()));
 }
 
-/// More rays into the batches of the results of a group; energies in N classes of bands, which are no more.
+/// Adds rays to the batches of a group's results; energies are in at most N classes of bands.
 template <std::size_t N>
 void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, const Group& group,
               const TraceOptions& options, std::uint64_t each) {

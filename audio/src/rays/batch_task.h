@@ -92,7 +92,7 @@ struct Ear {
     bool sided;         // whether that is asked for
     int imageOrder;
     double imageShare;
-    ListenerImages images;  // what is scattered and then mirrored on one of their ways is looked for there
+    ListenerImages images;  // sound that is scattered and then reflected on one of their paths is connected there
     NearWalls near;
 
     Ear(const glm::dvec3& at, const TraceResult& result, double speedOfSound)

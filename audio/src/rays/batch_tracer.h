@@ -1,9 +1,10 @@
 // BatchTracer: follows the rays of one batch through a geometry, for one listener or for several at once.
 //
-// From a wall that scatters one of the listeners and their images (response/listener_images.h) is looked for by chance,
-// which grows with what it might hear, or the one listener always where there are no images. What is heard is divided
-// by the chance: the expectation stays, and a ray takes hardly longer for several. Source: see acoustic_tracer.h; Veach
-// 1997, chapters 9 and 10, on connections. Threading: one thread an object.
+// At each wall that scatters, one of the listeners and their images (response/listener_images.h) is chosen at random,
+// with a probability that grows with the energy it might receive; without images, a single listener is always chosen.
+// The energy is divided by the probability, so the expectation stays the same, and a ray takes hardly longer for
+// several listeners. Source: see acoustic_tracer.h; Veach 1997, chapters 9 and 10, on connections. Threading: one
+// thread an object.
 #pragma once
 
 #include <algorithm>
@@ -78,12 +79,12 @@ class BatchTracer {
     }
 
   private:
-    /// Share of a ray's energy at which Russian roulette begins: T20 and T30 need little of what comes later.
+    /// Share of a ray's energy at which Russian roulette begins: T20 and T30 need little of the later energy.
     static constexpr double kRouletteStart = 1e-4;
     /// Rays that are sent from one TraceOptions::goOn to the next: some milliseconds.
     static constexpr std::uint64_t kBetweenQuestions = 256;
-    /// So many walls look for a listener or an image of it each time, those that a ray meets later less often: what
-    /// comes from one after the other is much alike.
+    /// The first walls of a ray always connect to a listener or an image, later ones less often, because their
+    /// contributions resemble each other.
     static constexpr int kEarly = 3;
     static constexpr double kLaterLooks = 0.3;
     /// Metres; a little more than places on walls are moved off them.
@@ -95,7 +96,7 @@ class BatchTracer {
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
-    /// From a wall that scatters to the image of a listener.
+    /// From a scattering wall to the image of a listener.
     struct Connection {
         Energy<N> energy;
         double factor, travelled;  // once it arrives
@@ -149,7 +150,8 @@ class BatchTracer {
         lanes_.rays.count = count;
     }
 
-    /// Each ray to the next wall and what is heard of it there. A bit for each lane whose ray has ended.
+    /// Traces each ray to the next wall, and adds its contribution there. Returns a bit for each lane whose ray has
+    /// ended.
     std::uint32_t step() {
         AcousticRays& rays = lanes_.rays;
         for (int i = 0; i < RayLanes<N>::kMost; ++i) rays.maxDistance[i] = maxDistance_ - lanes_.travelled[i];
@@ -168,7 +170,7 @@ class BatchTracer {
         return met == 0 ? asked : asked & ~interact(met);
     }
 
-    /// Counts what is heard where nothing is in between.
+    /// Adds the contributions whose paths are free.
     void askEvents() {
         if (events_.rays.count == 0) return;
         const std::uint32_t blocked = geometry_.blockedOf(events_.rays);
@@ -229,7 +231,8 @@ class BatchTracer {
         const std::uint32_t mirrored =
             lanesWhere([&](int i) { return (lanes_.last[i] == RayLanes<N>::Event::mirror) & !lanes_.again[i]; });
         if (mirrored == 0 || std::ranges::find(wasTried_, 0) != wasTried_.end()) return mirrored;
-        // In single precision, twice as many at a time: what may come by by rounding is looked at in double.
+        // In single precision, twice as many at a time; candidates that might only pass by rounding are tested in
+        // double precision.
         constexpr int kMost = RayLanes<N>::kMost;
         constexpr float kRounding = 1e-5f;
         const glm::dvec3 center = ears_[0].position;
@@ -352,10 +355,11 @@ class BatchTracer {
         return result;
     }
 
-    /// Splits a ray that has much more energy than rays have at its time in the mean, and plays Russian roulette with
-    /// one that has much less: late sound is often that of few, which is no measure of it. Whether it goes on. Parts go
-    /// different ways where walls scatter, and meet a bounded number of walls: what is expected does not hang on when
-    /// rays are split, as long as that is decided before anything that comes of it.
+    /// Splits a ray that has much more energy than the mean of rays at its time, and plays Russian roulette with one
+    /// that has much less: late sound often comes from few rays, which makes it noisy. Returns whether the ray
+    /// continues. The parts take different paths where walls scatter, and hit a bounded number of walls. The
+    /// expectation does not depend on when rays are split, as long as this is decided before anything that follows from
+    /// it.
     std::uint32_t weigh(std::uint32_t lanes) {
         constexpr double kMuch = 4, kLittle = 1.0 / 8, kScatters = 0.05;
         constexpr int kMostAtOnce = 8, kMostParts = 4096;
@@ -382,7 +386,7 @@ class BatchTracer {
         return result;
     }
 
-    /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a
+    /// Russian roulette: half of the rays continue with twice the energy, each time that their own has fallen to a
     /// quarter. So their number falls with the root of the energy that is left.
     bool survives(int i) {
         do {
@@ -393,7 +397,7 @@ class BatchTracer {
         return true;
     }
 
-    /// From walls that scatter: the one listener.
+    /// Connects scattering walls to the only listener.
     void lookForListener(std::uint32_t from) {
         constexpr int kMost = RayLanes<N>::kMost;
         const AcousticRays& rays = lanes_.rays;
@@ -452,8 +456,8 @@ class BatchTracer {
         receive(who, energy, factor, travelled + distance, -direction);
     }
 
-    /// From walls that scatter: some of the listeners and their images, each by chance in proportion to what it might
-    /// hear. `round`: numbers in [0, 1).
+    /// Connects scattering walls to some of the listeners and their images, chosen at random in proportion to their
+    /// possible contribution. `round`: numbers in [0, 1).
     void connectSome(std::uint32_t from, const double (&round)[RayLanes<N>::kMost]) {
         std::int32_t looks[RayLanes<N>::kMost];
         for (int i = 0; i < RayLanes<N>::kMost; ++i) looks[i] = static_cast<std::int32_t>(looksOf(i) + round[i]);

@@ -118,7 +118,7 @@ std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const 
     return material;
 }
 
-/// Whether something is in the way of the image, or so near to it that it bends what comes from there.
+/// Whether a body blocks the path to the image, or is so near to it that it diffracts its sound.
 bool isBeside(const MirrorWorld& world, const WallImage& image, const glm::dvec3& listener) {
     constexpr int kRound = 8;  // a bound of work
     const glm::dvec3 way = glm::normalize(listener - image.place);
@@ -159,7 +159,7 @@ void foldRoute(EdgeWave& wave, const MirrorWorld& world, const glm::dvec3& sourc
     wave.bends = {};
 }
 
-/// One image, with all that bends it, in place of what is known of it.
+/// Replaces one known image by the image with all its diffracted waves.
 void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const WallImage& image,
               std::uint32_t material, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
               TraceResult& result) {

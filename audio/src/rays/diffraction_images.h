@@ -1,5 +1,5 @@
-// Finds sound that bends round bodies on its way to or from a wall that mirrors it. Each mirror image of first order is
-// a source of its own, in a world that is repeated beyond its mirror.
+// Finds sound that is diffracted by bodies before or after its specular reflection at a wall. Each mirror image of
+// first order is a source of its own, in a world that is repeated beyond its mirror.
 //
 // Threading: pure functions.
 #pragma once
@@ -15,14 +15,13 @@ namespace rtsg {
 /// `arrivals`, those of direct sound and of images, and adds waves to `field`.
 struct BentBy {
     EdgePairCount pairs;
-    BentParts parts;  // what goes on into images
+    BentParts parts;  // waves that continue into images
 };
 BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                   const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field);
 
-/// All images by walls beside which something is, as far as each might bring a fiftieth of an octave of what is in
-/// `result`.
-/// `known`: what edges of mirrors do to their images, which stay as they are if that is much.
+/// Adds all images in walls with bodies near their paths, if each might bring a fiftieth of an octave's energy in
+/// `result`. `known`: the effect of the mirrors' own edges on their images, which stay as they are if it is large.
 void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                    const TraceOptions& options, const BentParts& known, TraceResult& result);
 

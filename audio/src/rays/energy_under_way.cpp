@@ -23,7 +23,7 @@ constexpr std::size_t kMostWalls = kRays * 512;
 
 struct Walker {
     ProbeRay ray;
-    double arrived = 0;  // the most energy before the last wall: what it had on its way there
+    double arrived = 0;  // the largest energy before the last wall, on its way there
 };
 
 bool takeAlike(std::span<const AcousticMaterial> materials, const BandClasses& classes) {
@@ -110,7 +110,7 @@ EnergyUnderWay::EnergyUnderWay(const AcousticGeometry& geometry, const BandClass
     }
     if (logarithms.size() < 2) return;
     for (std::size_t step = 0; step < kSteps; ++step) {
-        // Beyond what is known it goes on as in the last step, but never grows.
+        // Beyond the known steps it continues like the last step, but never grows.
         const std::size_t from = std::min(step, logarithms.size() - 2);
         const double slope = std::min(0.0, logarithms[from + 1] - logarithms[from]);
         const double logarithm = logarithms[from] + slope * (static_cast<double>(step - from) + 0.5);

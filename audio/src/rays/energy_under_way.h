@@ -1,4 +1,4 @@
-// EnergyUnderWay: about how much of what a source sends is still under way, by the metres that it has gone.
+// EnergyUnderWay: an estimate of the energy of a source that is still on its way, by the distance travelled.
 //
 // Where walls differ much in what they take, or some are missing, late energy is that of the few rays that met the
 // right walls: single rays sent at random tell little of it. Here a fixed number of them goes on all the time: those
@@ -26,8 +26,8 @@ class EnergyUnderWay {
                    const TraceOptions& options, double metres);
 
     bool known() const { return !shares_.empty(); }
-    /// What a ray ought to have after so many metres, as a share of what it was sent with, in the band that has most
-    /// left: the mean of all; but below -40 dB, where T20 and T30 need little of what comes, fewer rays have more.
+    /// The energy that a ray should have after so many metres, as a share of its first energy, in the band with most
+    /// left: the mean of all rays. Below -40 dB, where T20 and T30 need little, fewer rays have more.
     double at(double metres) const {
         return shares_[std::min(static_cast<std::size_t>(metres * stepsPerMetre_), shares_.size() - 1)];
     }

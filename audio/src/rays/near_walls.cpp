@@ -8,7 +8,7 @@
 namespace rtsg::trace {
 namespace {
 
-constexpr double kReach = 0.1;            // m: farther away rays find what is scattered well
+constexpr double kReach = 0.1;            // m: farther away, rays find scattered sound well enough
 constexpr double kReachOfDistance = 0.2;  // of the source, whose sound changes over the spot
 constexpr int kDirections = 4096;
 /// A wall nearer than this share of the reach is touched.

@@ -1,4 +1,4 @@
-// NearWalls: what walls within centimetres of a listener scatter to it, known from what arrives there.
+// NearWalls: the sound that walls within centimetres of a listener scatter to it, computed from arrivals.
 //
 // From a wall right beside a listener half of what it scatters there comes from a spot so small that hardly a ray meets
 // it. But what arrives at the listener lights that spot as well: of an arrival of energy e from the direction w, a wall

@@ -1,4 +1,4 @@
-// ProbeRay: a ray that tells about a room, and is heard by nobody. Threading: a plain value.
+// ProbeRay: a ray that explores a room and carries no sound. Threading: a plain value.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ struct ProbeRay {
     double metres = 0;
 
     double most() const { return *std::max_element(energy.begin(), energy.end()); }
-    /// Goes to a wall, leaves there what that absorbs, and goes on by chance as its shares of energy are.
+    /// Goes to a wall, loses the absorbed share there, and continues at random in proportion to the shares of energy.
     void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes, Random& random) {
         double scattered = 0, mirrored = 0, through = 0;
         for (std::size_t c = 0; c < classes.count; ++c) {

@@ -53,13 +53,13 @@ class RayLanes {
 
     enum class Event : std::uint8_t { emitted, diffuse, mirror };
 
-    /// From where they were last; `facing`: of the surface there, towards where they go; `except`: its plane.
+    /// From the last hit; `facing`: normal of the surface there, on the side of the ray; `except`: its plane.
     AcousticRays rays;
     Vectors before;  // where they came from to there
     alignas(64) double energy[N][kMost] = {};
     alignas(64) double travelled[kMost] = {};  // metres
-    double scatteredAt[kMost] = {};            // what it had travelled when it was scattered last, if ever
-    double roulette[kMost] = {};               // share of what a ray starts with at which it is played next
+    double scatteredAt[kMost] = {};            // distance travelled when it was last scattered, if ever
+    double roulette[kMost] = {};               // share of a ray's first energy at which roulette is played next
     Event last[kMost] = {};
     int mirrorOrder[kMost] = {};        // reflections while all were mirror-like
     MirrorSequence mirrors[kMost];      // since the last reflection that was not mirror-like
@@ -109,8 +109,8 @@ class RayLanes {
 
     // The members below belong to the walls that were met last.
 
-    /// Moves rays to what they met. `met`: a bit for each that met something; of others `hits` means nothing. Rays can
-    /// be split if `keepsWay`.
+    /// Moves rays to their hits. `met`: a bit for each that hit something; for others `hits` means nothing. Rays can be
+    /// split if `keepsWay`.
     void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls,
                 bool keepsWay = false) {
         alignas(64) double distance[kMost] = {};
@@ -142,9 +142,9 @@ class RayLanes {
         addUp(diffuse_, diffuseSum_), addUp(mirror_, mirrorSum_), addUp(through_, throughSum_);
     }
     Energy<N> scattered(int i) const { return column(diffuse_, i); }
-    /// Share of what is scattered, of all that the wall leaves.
+    /// The scattered share of the energy that the wall leaves.
     double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
-    /// By lane, the most that the wall leaves of any band.
+    /// By lane, the largest share that the wall leaves in any band.
     void leftMost(double (&most)[kMost]) const {
         for (int i = 0; i < kMost; ++i) most[i] = 0;
         for (std::size_t b = 0; b < N; ++b)
@@ -153,12 +153,13 @@ class RayLanes {
                 most[i] = all > most[i] ? all : most[i];
             }
     }
-    /// Makes what the wall leaves so many times as much.
+    /// Multiplies the energy that the wall leaves by a factor.
     void scale(int i, double factor) {
         for (std::size_t b = 0; b < N; ++b) diffuse_[b][i] *= factor, mirror_[b][i] *= factor, through_[b][i] *= factor;
         diffuseSum_[i] *= factor, mirrorSum_[i] *= factor, throughSum_[i] *= factor;
     }
-    /// Splits a ray into so many that go on by chance each for itself, before it does; this is what the others are.
+    /// Splits a ray into parts that continue independently; call it before the ray continues. Returns the state of the
+    /// other parts.
     Part split(int i, int into) {
         parts[i] *= into;
         Part part{before[i],         rays.direction[i], way_.facing[i], way_.before[i], way_.except[i], energyOf(i),
@@ -187,8 +188,8 @@ class RayLanes {
         return of & lanesWhere([this](int i) { return diffuseSum_[i] > 0; });
     }
 
-    /// Chooses how each goes on, with chances that are its shares of energy: `choice`, in [0, 1). What is scattered
-    /// goes where `across` and `round` say, see cosineDirections().
+    /// Chooses how each ray continues, with probabilities equal to its shares of energy: `choice`, in [0, 1). Scattered
+    /// rays go in the direction of `across` and `round`, see cosineDirections().
     void goOn(const double (&choice)[kMost], const double (&across)[kMost], const double (&round)[kMost],
               std::span<const ReflectingPlane> planes) {
         alignas(64) std::int64_t event[kMost];
@@ -263,7 +264,7 @@ class RayLanes {
         along(rays.direction.y, rays.facing.y, scattered_.y, normal_.y);
         along(rays.direction.z, rays.facing.z, scattered_.z, normal_.z);
     }
-    /// Gives each the energy of what it does, over the chance of that.
+    /// Gives each ray the energy of its event, divided by the probability of the event.
     void weigh(const std::int64_t (&event)[kMost]) {
         for (std::size_t b = 0; b < N; ++b)
             for (int i = 0; i < kMost; ++i) {

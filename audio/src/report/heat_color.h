@@ -1,4 +1,4 @@
-// Colours of values from low to high, which grow lighter all the way and so are told apart on grey paper, too.
+// A colour scale from low to high values whose lightness grows throughout, so that it works in grey prints, too.
 //
 // Threading: pure functions.
 #pragma once

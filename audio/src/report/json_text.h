@@ -1,4 +1,4 @@
-// Numbers and figures as JSON has them.
+// Writes numbers and figures as JSON.
 //
 // NaN and infinity are null. Threading: pure functions.
 #pragma once

@@ -1,4 +1,4 @@
-// Writes where the sound of a room is lost: as the lines of a report, as JSON and as a table of a page.
+// Describes where the sound of a room is lost: as lines of a report, as JSON and as a table of a page.
 //
 // Threading: pure functions.
 #pragma once

@@ -62,8 +62,7 @@ std::string openSvg(double width, double height, std::string_view title) {
                        width, height, title);
 }
 
-/// Level of the line that was fitted from one level to another, at the middle of its times: what a time alone leaves
-/// open.
+/// Level of the fitted line at the middle of its times; the reverberation time alone does not give it.
 struct FittedLine {
     double time = 0, level = 0;  // s after the onset, dB
     bool known = false;

@@ -25,7 +25,7 @@ std::string reflectogram(const RoomReport::Pair& pair);
 std::string energogram(const RoomReport::Pair& pair);
 /// The room from above: x to the right, z down.
 std::string planChart(const RoomReport& report);
-/// Reverberation times by octave: means of what was traced, and what formulas say.
+/// Reverberation times by octave: means of the traced values, and those of formulas.
 std::string timesChart(const RoomReport& report);
 
 }  // namespace rtsg

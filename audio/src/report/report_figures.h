@@ -1,4 +1,4 @@
-// The figures that a report has, in order, and how they are written.
+// The figures of a report, in order, and their formats.
 //
 // Threading: constants and pure functions.
 #pragma once
@@ -42,7 +42,7 @@ inline constexpr std::array<ReportFigure, 11> kReportFigures{
      {"IACC_early", "IACC E", "", &RoomMetrics::iaccEarly, 3, kBand1k - 1, kBand1k + 1},
      {"IACC_late", "IACC L", "", &RoomMetrics::iaccLate, 3, kBand1k - 1, kBand1k + 1}}};
 
-/// A dash for what is no number.
+/// A dash for a value that is not finite.
 std::string reportNumber(double value, int digits);
 
 /// How many bands were computed, in words.
@@ -54,7 +54,7 @@ std::string slopesText(const MetricsEstimate& metrics);
 /// How loud speech is, and what noise there is, in words.
 std::string speechText(const SpeechOptions& speech);
 
-/// With what would steer a terminal or break a page shown as a question mark.
+/// Shows characters that would control a terminal or break a page as question marks.
 inline std::string printable(std::string_view text) {
     std::string result(text);
     for (char& c : result)

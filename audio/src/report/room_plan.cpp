@@ -21,7 +21,7 @@ std::optional<RoomPlan::Line> cutOf(const std::array<glm::dvec3, 3>& corners, do
     std::size_t found = 0;
     for (std::size_t i = 0; i < 3 && found < 2; ++i) {
         const glm::dvec3 &a = corners[i], &b = corners[(i + 1) % 3];
-        // A corner at the very height belongs to what is above.
+        // A corner exactly at the height counts as above it.
         if ((a.y < height) == (b.y < height)) continue;
         const glm::dvec3 at = a + (b - a) * ((height - a.y) / (b.y - a.y));
         line[found++] = {at.x, at.z};
@@ -68,7 +68,7 @@ bool canSee(const AcousticGeometry& geometry, const glm::dvec3& from, const glm:
     return !(distance > 0) || !geometry.closest(from, (to - from) / distance, distance, kNoPlane, hit);
 }
 
-/// From the points that are seen from places of the room on to their neighbours.
+/// The grid points that can be reached, from those seen from places of the room on to their neighbours.
 std::vector<char> reachedFrom(const AcousticGeometry& geometry, const RoomSize& room, const FloorGrid& grid) {
     constexpr std::size_t kSeeds = 64;
     const std::size_t count = grid.columns * grid.rows;

@@ -56,7 +56,7 @@ h1{font-size:20px}h2{font-size:14px;margin-top:1.2em}h3{font-size:11px;margin-to
 table{line-height:1.22}.key span{font-size:9px;padding:0 4px}.pair h2{border:0;margin:0;padding:0}h3{font-weight:600}}
 )";
 
-/// A class of a cell, and what else it has: nothing for what is usual.
+/// The class and other attributes of a cell; nothing for an ordinary one.
 std::string cellOf(std::string_view tag, std::string_view kind, std::string_view content) {
     return kind.empty() ? fmt::format("<{0}>{1}</{0}>", tag, content)
                         : fmt::format("<{0} class=\"{1}\">{2}</{0}>", tag, kind, content);
@@ -84,7 +84,7 @@ std::string_view departure(double difference, double noticeable) {
 
 enum class Around : bool { interval, deviation };
 
-/// A row a figure: value, and what goes behind the plus-minus; intervals have colours.
+/// A row for each figure: the value, and its half width after the plus-minus sign; colours show the width.
 std::string figuresTable(const RoomMetrics& values, const RoomMetrics& around, double schroederHz, Around kind) {
     std::string table = "<table>\n" + octavesHead("Hz", schroederHz);
     for (const ReportFigure& figure : kReportFigures) {

@@ -92,7 +92,7 @@ Walked walk(const AcousticGeometry& geometry, const glm::dvec3& inside) {
     return walked;
 }
 
-/// So many of them, from all of the walk.
+/// Selects this many of them, spread over the whole walk.
 std::vector<glm::dvec3> someOf(const std::vector<glm::dvec3>& places, std::size_t count, std::size_t from) {
     std::vector<glm::dvec3> some;
     const std::size_t step = std::max<std::size_t>(1, places.size() / std::max<std::size_t>(1, count));
@@ -171,7 +171,7 @@ Bands absorptionArea(const RoomSize& room, std::span<const AcousticMaterial> mat
 
 namespace {
 
-/// 24 ln 10 V / c over what is absorbed, m^2.
+/// 24 ln 10 V / c over the absorption area, m^2.
 Bands timesOf(const RoomSize& room, const Bands& absorbed, const Air& air) {
     const Bands attenuation = airAttenuation(air);
     Bands times = allBands(std::numeric_limits<double>::quiet_NaN());

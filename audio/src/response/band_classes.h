@@ -1,7 +1,7 @@
-// BandClasses: which octave bands all walls treat alike, so that one computation stands for all of them.
+// BandClasses: groups of octave bands that all walls treat alike, so that each group is computed once.
 //
-// Only exact equality counts, so nothing is lost; what air takes depends on the way alone and is put on per band
-// afterwards. Threading: a plain value.
+// Bands must be exactly equal, so nothing is lost. Air absorption depends on the distance only and is applied to each
+// band afterwards. Threading: a plain value.
 #pragma once
 
 #include <array>
@@ -42,7 +42,7 @@ inline BandClasses bandClasses(std::span<const AcousticMaterial> materials) {
     });
 }
 
-/// By what each holds in every arrival and every bin.
+/// By the content of each band in every arrival and every bin.
 inline BandClasses bandClasses(std::span<const Arrival> arrivals, std::span<const EnergyHistogram> histograms) {
     return bandClasses([&](std::size_t a, std::size_t b) {
         for (const Arrival& arrival : arrivals)

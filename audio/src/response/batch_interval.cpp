@@ -9,9 +9,9 @@
 namespace rtsg {
 namespace {
 
-/// Degrees of freedom of the variance of `values`, which are no better known than that: of n values from a normal
-/// distribution n - 1, and fewer where some are far from the others. By what the variance itself varies, 2 / (n - 1)
-/// and the kurtosis over n (Satterthwaite 1946; O'Neill 2014, "Some useful moment results in sampling problems").
+/// Degrees of freedom of the variance of `values`: n - 1 for n values from a normal distribution, fewer if some are far
+/// from the others. They follow from the variance of the variance, 2 / (n - 1) and the kurtosis over n (Satterthwaite
+/// 1946; O'Neill 2014, "Some useful moment results in sampling problems").
 double varianceFreedom(std::span<const double> values) {
     const auto n = static_cast<double>(values.size());
     double mean = 0, squares = 0, fourths = 0;

@@ -1,4 +1,4 @@
-// The 95 % interval of a figure that batches of rays give together. Threading: a pure function.
+// The 95 % interval of a figure that is computed from batches of rays. Threading: a pure function.
 #pragma once
 
 #include <span>

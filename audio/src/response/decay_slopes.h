@@ -1,4 +1,4 @@
-// Two exponentials in one decay curve, as coupled rooms have them. Threading: pure functions.
+// Fits two exponentials to a decay curve, as in coupled rooms. Threading: pure functions.
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// Directions of rays by chance: all round, and as rough surfaces scatter.
+// Random directions of rays: uniform over the sphere, and by Lambert's law.
 #pragma once
 
 #include <algorithm>
@@ -39,8 +39,8 @@ inline glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
 inline void cosineDirections(const AcousticRays::Vectors& normal, const double (&across)[AcousticRays::kMost],
                              const double (&round)[AcousticRays::kMost], AcousticRays::Vectors& direction) {
     for (int i = 0; i < AcousticRays::kMost; ++i) {
-        // Sine of half the angle by its series, to 1e-13 up to a right angle. Sine and cosine of the whole angle follow
-        // from it such that they belong to one angle, which is right to 1e-6, whatever was cut off.
+        // Sine of half the angle by its series, to 1e-13 up to a right angle. Sine and cosine of the whole angle are
+        // computed from it, so that they always belong to one angle, which is accurate to 1e-6.
         constexpr double kPi = std::numbers::pi;
         const double half = kPi * (round[i] - 0.5), h2 = half * half;
         constexpr double k3 = 1.0 / 6, k5 = k3 / 20, k7 = k5 / 42, k9 = k7 / 72, k11 = k9 / 110, k13 = k11 / 156,

@@ -1,4 +1,4 @@
-// The tones that stand for an octave where the levels of what edges bend are averaged, and what walls mirror there.
+// The frequencies that represent an octave when levels of diffracted sound are averaged, and the specular shares there.
 //
 // Threading: const.
 #pragma once
@@ -16,8 +16,8 @@
 
 namespace rtsg {
 
-/// Values by tone: `lowest` of the wave numbers, 1/m, of those in the lowest octave, and `next` of what a tone has for
-/// the one an octave above.
+/// Values by tone: `lowest` gives those in the lowest octave from wave numbers, 1/m, and `next` gives a value from that
+/// of the tone an octave below.
 template <class Value, class Lowest, class Next>
 std::array<Value, kEdgeTones> byOctaves(double speedOfSound, const Lowest& lowest, const Next& next) {
     constexpr std::size_t kInOctave = kEdgeTones / kBandCount;

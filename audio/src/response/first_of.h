@@ -1,4 +1,4 @@
-// The best of very many, without keeping all of them.
+// Selects the best of very many values without keeping all of them.
 //
 // Threading: one thread per object.
 #pragma once

@@ -1,9 +1,10 @@
-// ListenerChoice: which of the listeners and their mirror images to look for from a wall that scatters.
+// ListenerChoice: chooses which listener, or which mirror image of one, a scattering wall is connected with.
 //
-// By chance, in proportion to what each would get by Lambert's law if its way were free: cos / d^2 times what its
-// mirrors leave. All places on one side of a plane have the same targets before them, each as far from the plane: both
-// are found once, when the side is first looked from, so that a wall weighs by 1 / d^3 alone, and only what is before
-// it. Chances are rounded to single precision, but each is exactly that with which its target is chosen.
+// The choice is random, in proportion to the energy that each would receive by Lambert's law on a free path: cos / d^2
+// times the share that its mirrors leave. All points on one side of a plane have the same targets in front of them, at
+// the same distances from the plane. Both are found when the side is first used, so that a wall needs only 1 / d^3, and
+// only for targets in front of it. Probabilities are rounded to single precision, but each target is chosen with
+// exactly its rounded probability.
 // Threading: one thread an object.
 #pragma once
 
@@ -48,7 +49,7 @@ class ListenerChoice {
         float all = 0;
         for (std::size_t i = 0; i < kLanes; ++i) upTo[i] = all += sums[i];
         if (!(all > 0)) return 0;
-        // Counted, not searched for: what is chosen cannot be foretold, nor could a branch.
+        // Counted without branches, because the choice is random and branches would be mispredicted.
         float rest = static_cast<float>(uniform) * all;
         std::size_t lane = 0;
         for (std::size_t i = 0; i + 1 < kLanes; ++i) lane += upTo[i] <= rest;

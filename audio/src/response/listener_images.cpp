@@ -14,7 +14,7 @@ namespace {
 /// A way from the listener outwards.
 struct MirroredRay {
     glm::dvec3 origin, direction, facing{0};
-    glm::dvec3 image;      // of the listener, by what it met
+    glm::dvec3 image;      // of the listener, by the planes that were hit
     glm::dmat3 turn{1.0};  // of the listener on its way there
     Bands share = allBands(1);
     std::array<std::uint32_t, MirrorSequence::kMost> met{};
@@ -33,7 +33,7 @@ class ImageFinder {
   public:
     std::vector<FoundImage> found;
 
-    /// Notes what a ray met last.
+    /// Records the last hit of a ray.
     void add(const MirroredRay& ray, int order) {
         MirrorSequence planes;
         for (int i = order; i-- > 0;) planes.append(ray.met[static_cast<std::size_t>(i)]);
@@ -58,7 +58,7 @@ class ImageFinder {
     }
 };
 
-/// Mirrors a ray in what it met; whether it goes on.
+/// Reflects a ray at its hit; returns whether it continues.
 bool mirrorIn(const AcousticGeometry& geometry, const AcousticHit& hit, int order, MirroredRay& ray) {
     const auto planes = geometry.planes();
     if (hit.plane >= planes.size()) return false;

@@ -1,10 +1,11 @@
-// ListenerImages: mirror images of a listener, with which walls that scatter are connected.
+// ListenerImages: mirror images of a listener that scattering walls are connected with.
 //
-// What is scattered last and then mirrored once to three times reaches a listener by one of its images. Those that
-// are worth most are found by mirroring rays from the listener; each is known by the planes that lead to it, in every
-// order in which a ray met them. So whoever follows a path can tell whether it is one of these, whatever others there
-// are: each path is counted once, by its image or elsewhere. Only what rays met decides, never a number of a plane.
-// Threading: const once made.
+// Sound that is scattered and then reflected specularly one to three times reaches a listener through one of its
+// images. The most important images are found by specular reflection of rays from the listener. Each is identified by
+// its planes, in every order in which a ray met them. So the tracer can tell whether a path belongs to one of these
+// images, and each path is counted once, by its image or elsewhere. The choice depends only on hits of rays, never on
+// numbers of planes.
+// Threading: const once constructed.
 #pragma once
 
 #include <cstddef>

@@ -12,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-/// Which side of a wall that both places touch is meant: the one that has something in front of it.
+/// The relevant side of a wall that both points touch: the one with something in front of it.
 double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, const NearSurface& wall, double off) {
     const auto shut = [&](double side) {
         AcousticHit hit;
@@ -116,7 +116,7 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
     TouchedWalls touched;
     findTouched(geometry, point, towards, off, touched);
     if (touched.walls.empty()) return point;
-    // So far that it touches the wall no more, where that is asked again with a place that does not either.
+    // Far enough not to touch the wall any more, if this is asked again with a point that does not touch it either.
     if (turnOutOfSolids(geometry, towards, touched)) return movedOff(touched, point, 2 * off);
     const glm::dvec3 near = movedOff(touched, point, off);
     const double distance = glm::distance(near, towards);
@@ -125,7 +125,7 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
         return near;
     const Passage known = geometry.passage(near, towards);
     if (known == Passage::found) return near;
-    // So far that it touches the wall no more.
+    // Far enough not to touch the wall any more.
     glm::dvec3 place(0);
     const auto isBetter = [&](const TouchedWalls& turned) {
         place = movedOff(turned, point, 2 * off);

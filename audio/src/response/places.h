@@ -1,8 +1,8 @@
 // Moves sources and listeners off walls that they touch, and measures what surrounds a listener.
 //
-// A place on a wall is the limit of places before it, on the side from which it is looked at, unless that is inside of
-// a body; so it is moved off by some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of
-// some metres). Threading: pure functions over const geometry.
+// A point on a wall is the limit of points in front of it, on the side from which it is seen, unless that side is
+// inside a body. So it is moved off the wall by some roundings of its coordinates in single precision, as rays are
+// (1e-5 m in a room of some metres). Threading: pure functions over const geometry.
 #pragma once
 
 #include <cstddef>
@@ -18,9 +18,9 @@ namespace rtsg {
 /// well, on the side that has something in front of it, or else on the one that the wall faces.
 glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
-/// The same of a source and its listener: of a closed mesh whose faces have one side (X3D `solid`), and that both
-/// touch, each is on the side that its face faces, outside of a body and inside of a room. Where faces have two sides
-/// it is a room: nothing tells it from a body.
+/// The same for a source and its listener that both touch a closed mesh with one-sided faces (X3D `solid`): each is put
+/// on the side that its face faces, outside of a body and inside of a room. A mesh with two-sided faces counts as a
+/// room, because it cannot be distinguished from a body.
 glm::dvec3 offSolids(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& other);
 
 /// The same; but where that is sealed off from `towards`, as the inside of a body is whose face the place is on, on the
@@ -31,7 +31,7 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
 
 /// The size of a listener's surroundings, seen from there.
 struct Surroundings {
-    double volume = 0;   // m^3 of what is seen; in the open, as if walls were at `openDistance`
+    double volume = 0;   // m^3 of the visible space; in the open, as if walls were at `openDistance`
     double nearest = 0;  // m to the nearest surface
     bool closed = true;  // no direction leads out
 };

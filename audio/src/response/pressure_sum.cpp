@@ -14,7 +14,7 @@ const double kHalfWidth = std::sinh(0.1 * std::numbers::ln2);
 
 using ToneSums = std::array<double, kEdgeTones>;
 
-/// Sums of what was passed, times exp(-y) and 1, y and y y.
+/// Sums over the pressures passed so far, multiplied by exp(-y) and by 1, y and y y.
 struct Passed {
     ToneSums plain{}, once{}, twice{};
 

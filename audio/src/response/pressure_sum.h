@@ -1,9 +1,9 @@
-// Energies of octaves of pressures that are one sum, and what of them comes with which.
+// Energies in octaves of a sum of pressures, with the interference of each pair.
 //
-// What a tone's fifth of an octave leaves of the interference of two pressures whose ways differ by d is
-// (1 + y + y y / 3) exp(-y), y = .0694 k d: where they are near to each other that of a flat band, sin(y) / y, and
-// beyond it goes to nothing without a sign, as that of a band with soft ends. As it is an exponential with powers
-// before it, the sum over all pairs takes two walks along the pressures in the order of their ways. Source: Rybicki and
+// For each tone, which represents a fifth of an octave, the interference of two pressures with a path difference d is
+// reduced by (1 + y + y y / 3) exp(-y), y = .0694 k d. For small differences this agrees with a flat band, sin(y) / y;
+// beyond that it goes to zero without a change of sign, like a band with soft edges. Because it is an exponential times
+// a polynomial, the sum over all pairs takes two passes over the pressures in order of path length. Source: Rybicki and
 // Press, Physical Review Letters 74 (1995), 1060, on sums of exponentials. Threading: one thread an object.
 #pragma once
 
@@ -28,7 +28,7 @@ class PressureSum {
         Node& node = nodes_.emplace_back();
         node.arrival = arrival;
         node.way = way;
-        // From the first one's way on, so that phases are of small numbers.
+        // Relative to the first path, so that phases are small numbers.
         const auto turned = turnedBy(way - nodes_.front().way, speedOfSound_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
             const std::complex<double> value = std::complex<double>(pressure(t)) * turned[t];

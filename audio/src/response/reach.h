@@ -1,9 +1,8 @@
-// ReachRecorder: a geometry that notes how far the paths traced in it went, so that one knows which changes elsewhere
-// they cannot have met.
+// ReachRecorder: a geometry that records how far the paths traced in it went, to tell which changes of the world cannot
+// have affected them.
 //
-// Every question that tracing asks is along a segment, or about the surroundings of the listener; what lies outside the
-// box around all of these gives the same answers wherever it is. Threading: queries from any number of threads;
-// reached() after them.
+// All queries of a trace are along a segment or near the listener. Anything outside the box around these does not
+// change the answers. Threading: queries from any number of threads; reached() after them.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +16,7 @@ namespace rtsg {
 
 class ReachRecorder final : public AcousticGeometry {
   public:
-    /// Paths are heard if they are shorter than `longest` metres: what is beyond is not asked for.
+    /// Paths are heard if they are shorter than `longest` metres: farther things are not asked for.
     ReachRecorder(const AcousticGeometry& geometry, double longest) : geometry_(&geometry), longest_(longest) {}
 
     std::span<const ReflectingPlane> planes() const override { return geometry_->planes(); }
@@ -77,8 +76,8 @@ class ReachRecorder final : public AcousticGeometry {
     mutable tbb::enumerable_thread_specific<AcousticBox> reached_;
 };
 
-/// Whether a change within `box` may alter what was traced: it lies where paths went, and not so far off that a path by
-/// way of it is longer than `longest`.
+/// Whether a change within `box` may alter the traced result: the box overlaps the region of paths, and a path through
+/// it need not be longer than `longest`.
 inline bool mayReach(const AcousticBox& reached, const glm::dvec3& source, const glm::dvec3& listener, double longest,
                      AcousticBox box) {
     const glm::dvec3 size = glm::max(glm::abs(box.low), glm::abs(box.high));

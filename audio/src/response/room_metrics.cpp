@@ -56,7 +56,7 @@ class DecayCurve {
     }
 
     /// 60 dB over the slope of the least-squares line between two levels; NaN unless the decay goes on for 10 dB below
-    /// them, where the end of what was traced no longer bends it.
+    /// them, where the end of the trace no longer bends it.
     double reverberationTime(double fromDb, double toDb) const {
         constexpr double kFlat = 1e-9;  // dB
         const auto energyAt = [&](double decibels) { return std::pow(10.0, decibels / 10) * total_; };
@@ -252,14 +252,14 @@ bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
     constexpr double kStraight = 1.1;
     const double least = estimate.value.t30[band] - estimate.ci95.t30[band];
     const double most = estimate.value.t20[band] + estimate.ci95.t20[band];
-    return least > kStraight * most;  // not of what is no number
+    return least > kStraight * most;  // false for values that are not finite
 }
 
 namespace {
 
 using BatchBins = std::vector<Bands> EnergyHistogram::*;
 
-/// Bins of one band in some batches, and what follows of them by leaving one out.
+/// Bins of one band in some batches, and the figures that result if one batch is left out.
 struct BandBatches {
     BandBatches(std::span<const EnergyHistogram> batches, BatchBins which, std::size_t band) {
         std::size_t longest = 0;
@@ -286,7 +286,7 @@ struct BandBatches {
     std::vector<double> sum;
 };
 
-/// With the energy that a figure-of-eight microphone along an axis hears.
+/// With the energy that a figure-of-eight microphone along an axis receives.
 std::vector<Arrival> heardAcross(std::vector<Arrival> arrivals, const glm::dvec3& across) {
     for (Arrival& arrival : arrivals) {
         const double side = glm::dot(arrival.direction, across);
@@ -301,10 +301,11 @@ Echogram meanOf(const std::vector<Arrival>& arrivals, std::span<const EnergyHist
     return mean;
 }
 
-/// Figures with one batch left out at a time. The onset is that of the whole: where few rays bring it, it jumps with
-/// single batches, and intervals with it. That it is known no better than that is counted apart (measured behind a
-/// screen, in coupled rooms, and round two corners, 300 traces each: .92 to .98 of the intervals hold the truth; with
-/// the one onset alone .88 to .97, with each batch's own .92 to .98, of which one in twenty is up to twice as wide).
+/// Figures with one batch left out at a time, all with the onset of the whole result: if few rays determine the onset,
+/// it jumps with single batches, and the intervals with it. The uncertainty of the onset is added separately. (Measured
+/// behind a screen, in coupled rooms, and round two corners, 300 traces each: .92 to .98 of the intervals hold the
+/// truth. With one onset and no addition it is .88 to .97; with each batch's own onset .92 to .98, but one interval in
+/// twenty is up to twice as wide.)
 struct LeftOut {
     explicit LeftOut(std::size_t count) : without(count), moved(count) {}
 

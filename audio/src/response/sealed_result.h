@@ -1,4 +1,4 @@
-// Tells why a result is silent, if no way leads from the source to the listener. Threading: pure functions.
+// Explains a silent result if no path leads from the source to the listener. Threading: pure functions.
 #pragma once
 
 #include <optional>

@@ -94,14 +94,14 @@ double intensityOf(double decibels) {
     return std::pow(10.0, decibels / 10);
 }
 
-/// Table A.1, A.5.3: what an octave of this level masks of the next higher one, dB re its own level.
+/// Table A.1, A.5.3: how far an octave of this level masks the next higher one, dB relative to its own level.
 double maskingDb(double level) {
     if (level < 63) return .5 * level - 65;
     if (level < 67) return 1.8 * level - 146.9;
     return level < 100 ? .5 * level - 59.8 : -10;
 }
 
-/// A.5: from what is left of modulations to the index.
+/// A.5: from the remaining modulations to the index.
 SpeechEstimate indexOf(const Modulated& modulated, const SpeechOptions& options) {
     constexpr double kMostDb = 15;  // of a ratio of signal to noise that counts
     const VoiceTable& voice = options.female ? kFemale : kMale;

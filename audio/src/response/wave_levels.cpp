@@ -20,7 +20,7 @@ constexpr double kSphere = 4 * std::numbers::pi;
 constexpr std::size_t kTonesInBand = kEdgeTones / kBandCount;
 constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 
-/// Parts that go on into one mirror image, and what is heard of it.
+/// Parts that continue into one mirror image, and the sound that is heard of it.
 struct ImageGroup {
     glm::dvec3 image{0};
     Bands whole{};

@@ -1,11 +1,11 @@
-// Levels of octaves of what edges and round bodies bend, from the pressures of its waves.
+// Octave levels of sound diffracted by edges and round bodies, from the pressures of the waves.
 //
-// The energy of an octave is the mean over its tones of all pressures as one, each tone standing for a fifth of an
-// octave: what two waves do to each other counts as far as that is not averaged away where one comes later than the
-// other. Mirror images add to direct sound, and to each other, as energies, as they do without edges; an image is one
-// with those parts of waves that go on into it beyond its boundary. Of all that, it is for itself as far as it is
-// whole: what little is left of an image, and what a narrow mirror throws back, is one with direct sound. So levels are
-// as continuous as pressures are. Threading: pure functions.
+// The energy of an octave is the mean over its tones of the squared sum of all pressures. Each tone represents a fifth
+// of an octave, over which the interference of two waves is averaged out as their delays differ. Mirror images add to
+// direct sound and to each other as energies, as they do without edges; an image is summed as pressure with the waves
+// that continue it beyond its boundary. An image counts separately as far as it is complete: the small rest of an
+// image, and the reflection of a narrow mirror, are summed with direct sound. So levels are as continuous as pressures
+// are. Threading: pure functions.
 #pragma once
 
 #include <cstddef>
@@ -33,8 +33,8 @@ struct BentParts {
     std::vector<ImagePart> images;
 };
 
-/// Sets the energies of direct sound and mirror images that something bends, and adds arrivals of the waves; sorts by
-/// time. `arrivals`: what comes straight or mirrored.
+/// Sets the energies of direct sound and of mirror images with diffracted waves, adds the waves as arrivals, and sorts
+/// by time. `arrivals`: direct and specular ones.
 void setLevels(const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound, const BentParts& parts,
                std::vector<Arrival>& arrivals, EdgeField& field);
 

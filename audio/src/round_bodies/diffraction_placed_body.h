@@ -1,4 +1,4 @@
-// A round body between a source and a listener: where these are about it, and places on its surface.
+// A round body between a source and a listener: their positions relative to it, and points on its surface.
 //
 // Threading: const once made.
 #pragma once
@@ -18,7 +18,7 @@ class PlacedBody {
     PlacedBody(const RoundBody& body, const glm::dvec3& source, const glm::dvec3& listener);
 
     const RoundBody& body() const { return body_; }
-    /// By the side of less than half a turn, or by the far one.
+    /// On the side of less than half a turn, or on the far one.
     const RoundPath& path() const { return path_; }
     RoundPath pathBy(bool far) const;
     /// One of both is in the body, as in a round room.

@@ -93,7 +93,7 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
     const PlacedBody& placed = side.placed();
     const glm::dvec3 begin = placed.at(first, side.far(), from, 1 + kOutside),
                      end = placed.at(last, side.far(), to, 1 + kOutside);
-    // By the corners of what is laid round it.
+    // By the corners of a polygon round the body.
     const double each = (last - first) / steps, out = (1 + kOutside) / std::cos(0.5 * each);
     glm::dvec3 at = begin;
     for (int i = 0; i <= steps; ++i) {
@@ -109,7 +109,7 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
 }
 
 bool RoundAir::isFree(const RoundSide& side, const glm::dvec3& from, const glm::dvec3& to, double offset) const {
-    // From a little off the surface: a face may go on from there.
+    // From slightly off the surface, where a face may continue.
     const RoundWay& way = side.way();
     const PlacedBody& placed = side.placed();
     const glm::dvec3 first = placed.at(way.firstAngle(), side.far(), way.firstAlong() + offset, 1 + kLifted),

@@ -1,6 +1,6 @@
-// The round bodies about a way, and whether there is air on ways beside them.
+// The round bodies near a path, and whether paths beside them are free.
 //
-// What round bodies hide is told by what they leave of the pressure: here their facets hide nothing.
+// The effect of round bodies on pressure already describes what they hide, so their facets hide nothing here.
 // Threading: const once made.
 #pragma once
 
@@ -20,7 +20,7 @@ class RoundAir {
   public:
     RoundAir(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
 
-    /// Those nearest to the straight way, the nearest first, each once.
+    /// The bodies nearest to the direct path, the nearest first, each once.
     const std::vector<PlacedBody>& bodies() const { return bodies_; }
 
     /// Whether no surface but those of round bodies lies between two places, of which one may be on such a body.

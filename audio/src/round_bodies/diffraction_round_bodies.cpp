@@ -21,7 +21,7 @@ namespace {
 using Complex = std::complex<double>;
 using TonePressures = std::array<Complex, kEdgeTones>;
 
-/// So many bodies, nearest to the straight way, are looked for beside the ways round others: a bound of work.
+/// Only this many bodies, nearest to the direct path, are tested beside paths round others: this bounds the work.
 constexpr std::size_t kBeside = 5;
 
 /// A wave that comes by a way round bodies.
@@ -32,8 +32,8 @@ struct RoundWave {
     TonePressures pressure{};  // re the phase of its way
 };
 
-/// The side of a body that leads about its axis one way or the other; of a sphere the near one or the far one. None
-/// where one of both places is within.
+/// The side by which a path leads round the body's axis in one direction or the other; for a sphere the near or the far
+/// one. None if one of the two points is inside the body.
 std::optional<RoundSide> sideOf(const RoundBody& body, bool backwards, const glm::dvec3& from, const glm::dvec3& to) {
     const PlacedBody placed(body, from, to);
     if (placed.within()) return {};
@@ -104,7 +104,7 @@ class RoundBends {
         if (byNear || (heard_ && byFar)) removeImages(placed);
     }
 
-    /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
+    /// Whether the path by one side is free; if so, adds its wave. `beside`: there is direct sound, too.
     bool addSide(const RoundSide& side, bool beside, std::vector<RoundWave>& waves) const {
         constexpr double kRounding = 1e-6;  // of the radius
         RoundWave main;
@@ -134,8 +134,8 @@ class RoundBends {
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
                 main.pressure[tone] = side.pressure(beside, k, mirrors[b]);
-                // Along the boundary itself a ray may have met a facet; where something else hides direct sound it is
-                // the mirror image alone.
+                // On the boundary itself a ray may have hit a facet; if another body hides direct sound, the mirror
+                // image alone is added.
                 if (missed)
                     main.pressure[tone] += std::polar(1 / side.placed().path().distance(),
                                                       -k * (side.placed().path().distance() - main.way));
@@ -168,7 +168,7 @@ class RoundBends {
         }
         return true;
     }
-    /// The body itself, and what stands on it or below it.
+    /// Whether the bodies are parts of one, or stand on each other on one axis.
     static bool isOnOneAxis(const RoundBody& a, const RoundBody& b) {
         constexpr double kOff = 0.05;  // of the radius: a tolerance of drawing
         const glm::dvec3 way = b.center - a.center;
@@ -177,8 +177,8 @@ class RoundBends {
         return glm::length(glm::cross(a.axis, b.axis)) < kOff &&
                glm::length(way - a.axis * glm::dot(way, a.axis)) < off;
     }
-    /// By what a body beside a leg of a way takes of what goes straight along it, so that there is no step where it
-    /// begins to hide that.
+    /// Weakens a wave by the share that a body near its path takes away, so that there is no step where the body begins
+    /// to hide the path.
     void weighBeside(const RoundSide& side, TonePressures& left) const {
         constexpr double kFar = 0.5;  // m off the leg: a bound of work, from where on it takes little
         if (!side.lit() || !side.touches() || side.past()[0] || side.past()[1] || side.placed().covered() < -kFar)
@@ -241,8 +241,8 @@ class RoundBends {
         return mirrors;
     }
 
-    /// Adds the wave beyond an end of a cylinder that is in the air, or subtracts what is missing there; returns
-    /// whether it is in the air.
+    /// Adds the wave beyond an end of a cylinder that is in the air, or subtracts the missing part; returns whether the
+    /// end is in the air.
     bool addEnd(const RoundSide& side, std::size_t end, const RoundWave& main, std::vector<RoundWave>& waves) const {
         const RoundWay& way = side.way();
         const PlacedBody& placed = side.placed();

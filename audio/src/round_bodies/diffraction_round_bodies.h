@@ -1,10 +1,11 @@
-// Sound round cylinders and spheres, which many edges in a row stand for: what they add to direct sound, and what comes
-// behind them, where there is none.
+// Diffraction by cylinders and spheres, which rows of many edges represent: the change of direct sound, and the sound
+// in the shadow behind them.
 //
-// By two sides of a body at most: the way by one goes over into direct sound and what its surface mirrors; the
-// mirror images in its facets, which stand for the same, are taken away. Where a cylinder ends in the air so do its
-// waves, by Fresnel's integral. Where a second body hides the first one from the listener sound goes round both: the
-// product of what each does. Field: diffraction_round_way.h. Threading: pure functions over const geometry.
+// Sound goes by at most two sides of a body. The path by one side turns continuously into direct sound and its
+// reflection by the surface; the mirror images in the facets, which represent the same reflection, are removed. Where a
+// cylinder ends in the air, its waves end by Fresnel's integral. If a second body hides the first one from the
+// listener, sound goes round both: the product of their effects. Field: diffraction_round_way.h. Threading: pure
+// functions over const geometry.
 #pragma once
 
 #include <vector>

@@ -45,8 +45,8 @@ Complex RoundSide::pressure(bool beside, double k, double mirrors) const {
     const RoundPath& path = placed_.path();
     const double distance = path.distance();
     const Complex direct = std::polar(1 / distance, -k * (distance - way_.length()));
-    // Where both sides of a sphere are about one way, they are no waves by themselves, but the series is short.
-    // Between these numbers the one goes over into the other, a choice.
+    // If the paths by both sides of a sphere are nearly equal, they are no separate waves, but the series is short.
+    // Between these numbers one formula fades into the other; the numbers are a choice.
     constexpr double kSeries = 2.5, kSides = 4;
     const double apart = k * path.radius * (kSidePi - path.angle);
     const double bySeries = path.sphere ? std::clamp((kSides - apart) / (kSides - kSeries), 0.0, 1.0) : 0.0;

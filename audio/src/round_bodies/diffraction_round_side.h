@@ -1,4 +1,5 @@
-// One side of a round body between two places: the way by it, where that touches, and what comes by it.
+// One side of a round body between two points: the path by it, where the path touches it, and the pressure of that
+// path.
 //
 // Threading: const once made.
 #pragma once
@@ -36,8 +37,9 @@ class RoundSide {
     /// Whether the body is between both places, on this side.
     bool hides() const;
 
-    /// Re the phase of its length: in the dark all there is by this side, in the light what comes beside direct sound,
-    /// of which the surface `mirrors` that share. `beside`: direct sound is there, too, whatever the light.
+    /// Relative to the phase of its length: in the shadow the whole field of this side; in the light the part beside
+    /// direct sound, of which the surface reflects the share `mirrors`. `beside`: there is direct sound, too, whatever
+    /// the light.
     std::complex<double> pressure(bool beside, double waveNumber, double mirrors) const;
     /// The pressure that an end of a cylinder takes away, or leaves past the end, relative to the phase of the way by
     /// it.

@@ -139,8 +139,8 @@ Complex RoundWay::lightBy(double waveNumber, double mirrors) const {
     return -kRoundEighth * std::sqrt(-4 / xi) * std::polar(1.0, -xi * xi * xi / 12) * along / std::sqrt(wide * width);
 }
 
-/// A place within a small part of the layer that waves along a rigid surface are in hears what one at that height
-/// does, as the field does not change across the surface; the theory is not made for places on it.
+/// A point inside a small part of the layer in which waves creep along a rigid surface hears the same as one at that
+/// height, because the field does not change across the layer; the theory does not hold on the surface itself.
 Complex RoundWay::pressure(double waveNumber, double mirrors) const {
     const double a = path_.radius,
                  lowest = a * (1 + std::min(kMostLift, kLift / std::cbrt(2 * std::pow(waveNumber * a, 2))));

@@ -1,9 +1,9 @@
-// A way of sound round one side of a rigid cylinder or sphere: straight to where it touches, along the surface by the
-// shortest way, and straight on; or in the light by way of the place that mirrors.
+// A path of sound round one side of a rigid cylinder or sphere: straight to the point of contact, along the surface by
+// the shortest path, and straight on; or in the light by reflection.
 //
-// Source: Pathak, Burnside and Marhefka, IEEE Trans. AP-28 (1980), 631-642. Relative to the source in the open at 1 m,
-// time as exp(i w t). From bodies of a sixth of a wave length round on (k a = .2) a decibel from exact series, single
-// tones 3. Threading: pure functions.
+// Source: Pathak, Burnside and Marhefka, IEEE Trans. AP-28 (1980), 631-642. Relative to the source at 1 m in a free
+// field, time as exp(i w t). For bodies with a girth of a sixth of a wave length and more (k a = .2), levels are within
+// a decibel of exact series, single tones within 3. Threading: pure functions.
 #pragma once
 
 #include <complex>
@@ -36,8 +36,8 @@ class RoundWay {
     double lastAlong() const { return (before_ + over_) * slope_; }
     double middleAlong() const { return (before_ + 0.5 * over_) * slope_; }
 
-    /// The pressure re the phase of its length: in the dark all there is by this side, in the light what comes beside
-    /// direct sound, of which the surface `mirrors` that share.
+    /// The pressure relative to the phase of its length: in the shadow the whole field of this side; in the light the
+    /// part beside direct sound, of which the surface reflects the share `mirrors`.
     std::complex<double> pressure(double waveNumber, double mirrors) const;
     /// How far in the light it is, for what surfaces mirror: 0 at the boundary, and in the dark, 1 far off.
     double light(double waveNumber) const;

@@ -16,8 +16,8 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kSurfacePi = std::numbers::pi;
 constexpr Complex kSurfaceI(0, 1);
-/// From here on waves that creep are few enough, and up to here what is mirrored is all there is: both
-/// such that the table, the waves and the asymptotic series agree to 3e-5.
+/// Above kDark a few creeping waves are enough, and below kLight the reflected wave is enough. Both are chosen so that
+/// table, waves and asymptotic series agree to 3e-5.
 constexpr double kDark = 2, kLight = -3;
 
 /// The slopes of Airy's functions at x from 0 to 10 by their series.

@@ -1,5 +1,5 @@
-// The field that goes along a rigid convex surface: Pekeris's function, from the light through the shadow's boundary
-// into the dark.
+// The field along a rigid convex surface: Pekeris's function, from the light across the shadow boundary into the
+// shadow.
 //
 // Source: Pathak, Radio Science 14 (1979), 419-435. Threading: pure functions.
 #pragma once

@@ -22,8 +22,7 @@ namespace {
 /// Times that a clip is played faster than it was made and nothing of it aliases: work and reach grow with it.
 constexpr double kFastest = 16;
 
-/// Sound files by their own library; films, and what that library does not know, by that of films. Ogg files may be
-/// either.
+/// Reads sound files by libsndfile; films, and files that libsndfile does not know, by FFmpeg. Ogg files may be either.
 Result<SoundBuffer> readResource(Resource& file, std::uint64_t room, std::string& damage) {
     const bool film = Movie::isMovie(file) && file.readAt(0, 4) != "OggS";
     const Result<> own = film ? fail("it is a film") : checkSound(file);
@@ -98,7 +97,7 @@ std::shared_ptr<SoundInput> ClipLibrary::inputOf(const SoundVoice& voice) const 
     return input ? *input : nullptr;
 }
 
-/// Silence where nobody has said what it hears: a scene opens no microphone by itself.
+/// Silence unless the user has given a sound: a scene opens no microphone by itself.
 std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice) {
     const auto [at, fresh] = heard_.try_emplace({voice.kind, voice.urls});
     if (!fresh) return at->second;

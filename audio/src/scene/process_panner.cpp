@@ -11,8 +11,8 @@
 
 namespace rtsg {
 
-/// The PannerNode of the Web Audio API: of more than two channels it mixes down, and what comes out are left and right.
-/// Level and direction are on their way from those of the block before.
+/// The PannerNode of the Web Audio API: more than two channels are mixed down, and the output is left and right. Level
+/// and direction change gradually from those of the block before.
 void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
     const SoundNode& sound = *process.placed;
     const SoundEmitter at{{}, process.placed, block.emitter.worldFromLocal, {}};

@@ -92,7 +92,7 @@ bool silenceNoSound(AudioChannels& out, double gain) {
     return any;
 }
 
-/// Where each voice has got to; what is gone begins where its clock is if it comes back.
+/// Finds where each voice has got to; a voice that comes back begins at the present time of its clock.
 void AudioMix::find(const std::vector<SoundVoice>& voices, std::int64_t first) {
     if (std::ranges::equal(voices, order_, {}, &SoundVoice::node, &std::pair<NodeId, Playing*>::first)) return;
     order_.clear();

@@ -1,4 +1,4 @@
-// ProcessPlayer: one processing node of an audio graph at work, with what leads into it.
+// ProcessPlayer: runs one processing node of an audio graph and its inputs.
 //
 // Threading: the engine's thread.
 #pragma once
@@ -23,16 +23,16 @@ namespace rtsg {
 
 using AudioChannels = std::vector<std::vector<float>>;
 
-/// Adds what is in other channels: of one, two, four and six as loudspeakers are mixed up and down (Web Audio API 1.1,
-/// section 4, which 16.2, "Sound effects processing", goes by), of other numbers and where it is `discrete` each into
-/// the one of its number; what has none is not heard.
+/// Adds channels to others. One, two, four and six channels are mixed up and down like loudspeakers (Web Audio API 1.1,
+/// section 4, which 16.2, "Sound effects processing", refers to). For other numbers, and if `discrete`, each goes into
+/// the one of its number, and channels without one are dropped.
 void mixInto(std::span<std::vector<float>> out, std::span<const std::vector<float>> in, bool discrete);
 
 /// Samples beyond it are no sound.
 constexpr double kLoudest = 1e9;
 
-/// Silences what is no number, or too large for a sound once it is `gain` times as loud, and says whether there was
-/// any: one such sample would be all that is heard of everything that it is mixed with.
+/// Silences samples that are not finite, or too large once they are multiplied by `gain`, and returns whether there
+/// were any: a single such sample would drown all sounds that it is mixed with.
 bool silenceNoSound(AudioChannels& out, double gain);
 
 /// The inputs from which a piece of a graph is rendered.
@@ -40,9 +40,9 @@ struct GraphBlock {
     ClipLibrary& clips;
     std::int64_t first;            // sample
     std::size_t frames;            // all blocks of a graph have as many
-    const SoundEmitter& emitter;   // that the graph leads to: what is panned in it is placed in its frame
+    const SoundEmitter& emitter;   // that the graph leads to: panners are placed in its frame
     const ListenerPose& listener;  // at the end of the block
-    const Hrtf& head;              // of what is panned by a head (enableHRTF)
+    const Hrtf& head;              // for panning by a head (enableHRTF)
 };
 
 struct AudioLayout {
@@ -56,7 +56,7 @@ class AudioMix {
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
                 AudioChannels& out, const AudioLayout& layout = {});
-    /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
+    /// Adds the present results of each Analyser and DynamicsCompressor; smoothing goes from call to call.
     void analyse(AudioFindings& found);
 
   private:
@@ -65,7 +65,7 @@ class AudioMix {
         std::int64_t heard = 0;  // the first sample of the block in which it was last
     };
     void find(const std::vector<SoundVoice>& voices, std::int64_t first);
-    /// By node, and how many ways before this lead to it.
+    /// By node, and by the number of earlier paths that lead to it.
     std::map<std::pair<std::uint32_t, unsigned>, Playing> players_;
     std::vector<std::pair<NodeId, Playing*>> order_;  // of the voices of the last block
     std::vector<AudioChannels> processed_;
@@ -93,10 +93,10 @@ class ProcessPlayer {
     NodeId node_;
     AudioProcess::Kind kind_;
     AudioMix inputs_;
-    AudioChannels in_;                                    // what leads in
+    AudioChannels in_;                                    // the input
     AudioChannels two_;                                   // of it, as one or two channels
     std::vector<std::unique_ptr<ProcessPlayer>> merged_;  // of a merger, by input
-    std::vector<AudioChannels> parts_;                    // what these give
+    std::vector<AudioChannels> parts_;                    // the outputs of these
     std::vector<Biquad> filters_;                         // by channel, as the next
     bool filtered_ = false;
     Biquad::Type type_{};  // of the last block

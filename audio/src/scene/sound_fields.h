@@ -1,4 +1,4 @@
-// Fields of nodes as sound reads them: whatever an event may have put there. Threading: pure functions.
+// Reads fields of nodes for sound, with any values that events may have set. Threading: pure functions.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ T fieldOr(const Node& node, std::string_view name, T otherwise) {
     return node.get(Field<T>{field});
 }
 
-/// A field's number; `otherwise` for what is none (events may carry anything).
+/// A field's number; `otherwise` if it is not finite (events may carry anything).
 inline double number(float value, double otherwise) {
     return std::isfinite(value) ? static_cast<double>(value) : otherwise;
 }
@@ -45,7 +45,7 @@ class FieldNumbers {
     FieldNumbers(const Scene& scene, const Node& node, std::function<void(std::string)> tell)
         : scene_(scene), node_(node), tell_(std::move(tell)) {}
 
-    /// `otherwise` for what is no finite number, which is told.
+    /// `otherwise` for a number that is not finite, which is reported.
     template <class T>
     double any(Field<T> field, double otherwise) const {
         const double value = number(node_.get(field), std::nan(""));

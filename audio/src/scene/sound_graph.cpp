@@ -297,14 +297,14 @@ void SoundScene::readMerged(const Scene& scene, NodeId id, int depth, AudioProce
         merger.inputs.push_back(std::move(input));
 }
 
-/// Each of a splitter's outputs gets the channel of its number, and what it makes of it is that channel of what the
-/// splitter gives. False: it has none.
+/// Each output of a splitter gets the channel of its number: its own processing applies to that channel of the
+/// splitter's output. False: there is no such output.
 bool SoundScene::readOutputs(const Scene& scene, const Node& splitter, int depth, AudioProcess& process, Branch to) {
     const Array<NodeId>& outputs = splitter.get(x3d::ChannelSplitter::outputs);
     if (outputs.empty()) return false;
     process.kind = AudioProcess::Kind::merger;
     for (std::size_t i = 0; i < outputs.size(); ++i) {
-        // Each output renders what the splitter gets, as each USE of a source does.
+        // Each output renders the splitter's input anew, as each USE of a source does.
         auto channel = std::make_shared<AudioProcess>();
         channel->kind = AudioProcess::Kind::selector;
         channel->discrete = process.discrete;

@@ -27,7 +27,7 @@ double shareOf(double value) {
     return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0;
 }
 
-/// Octave bands in a metadata node called `name`; false when there are none. `tell`: what is wrong with one.
+/// Reads octave bands from a metadata node called `name`; false if there are none. `tell`: reports invalid ones.
 bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, const TellMaterial& tell,
                        int depth = 0) {
     const Node* node = scene.find(id);
@@ -86,7 +86,7 @@ std::string_view askedMaterial(const Scene& scene, const Node& node) {
     return askedIn(scene, fieldOr(node, "metadata", NodeId{}));
 }
 
-/// Where a listener is, as far as that is finite: a Camera has a place and axes of its own for what is not.
+/// The position and axes of a listener, as far as they are finite: a Camera has others to use instead.
 struct FoundPose {
     ListenerPose pose;
     bool isSomewhere, isTurned;
@@ -243,7 +243,7 @@ std::string_view SoundScene::materialName(const Scene& scene, NodeId id) const {
 
 NodeId SoundScene::materialNode(const Scene& scene, const Instance& instance) const {
     if (!materials_) return instance.acoustics;
-    NodeId asking;  // for what is not there
+    NodeId asking;  // for nodes that do not exist
     const Node* appearance = scene.find(instance.appearance);
     const bool whole = appearance && appearance->is(x3d::Appearance::type);
     for (const NodeId id :
@@ -477,7 +477,7 @@ void SoundScene::nameEmitters() {
 }
 
 void SoundScene::warnOnce(const NodePlace& place, std::string text) {
-    // So many texts of a scene that keeps making new names are remembered, and further ones are not told.
+    // This many texts of a scene that keeps making new names are remembered; further ones are not reported.
     constexpr std::size_t kMost = 1000;
     if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warningAt(place, std::move(text));
 }

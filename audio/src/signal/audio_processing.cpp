@@ -18,7 +18,7 @@ double amplitudeOf(double decibels) {
     return std::pow(10.0, decibels / 20);
 }
 
-/// At the ends of the spectrum the formulas have no value: what they tend to.
+/// At the ends of the spectrum the formulas have no value: uses their limits.
 bool atTheEnds(Biquad::Type type, double share, double q, double a, Biquad::Coefficients& c) {
     using enum Biquad::Type;
     const auto flat = [&](double gain) {

@@ -27,7 +27,7 @@ double gaussian(Random& random) {
     return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
 }
 
-/// Means over an odd number of bins; what would reach beyond the ends stays with the bins there.
+/// Means over an odd number of bins; parts beyond the ends stay with the bins there.
 std::vector<float> smoothed(const EnergySteps& late, std::size_t band, double factor, std::size_t half) {
     const std::size_t count = late.bins.size();
     std::vector<float> energy(count);
@@ -110,7 +110,7 @@ void BandNoise::add(const EnergySteps& late, double factor, std::uint64_t seed, 
     }
 }
 
-/// By the energies of a sample at the bins' middles.
+/// From the energies of a sample at the bins' middles.
 void BandNoise::addBand(const std::vector<float>& energy, const EnergySteps& late, std::size_t band, std::size_t offset,
                         std::span<float> samples) const {
     const auto sampleOf = [&](double bin) {
@@ -118,7 +118,7 @@ void BandNoise::addBand(const std::vector<float>& energy, const EnergySteps& lat
         return std::clamp<std::ptrdiff_t>(std::llround(seconds * rate_), 0, std::ssize(samples));
     };
     const auto count = static_cast<std::ptrdiff_t>(energy.size());
-    // From the middle of bin k - 1 to that of bin k; before the first one, and behind the last, it is as there.
+    // From the middle of bin k - 1 to that of bin k; constant before the first and behind the last middle.
     for (std::ptrdiff_t k = 0; k <= count; ++k) {
         const float from = energy[static_cast<std::size_t>(std::max<std::ptrdiff_t>(k - 1, 0))];
         const float to = energy[static_cast<std::size_t>(std::min(k, count - 1))];

@@ -1,9 +1,9 @@
-// BandNoise: Gaussian noise in octave bands, made once and lent to all responses, each of which begins somewhere else
-// in it.
+// BandNoise: Gaussian noise in octave bands, computed once and shared by all responses, each of which begins at another
+// position in it.
 //
-// To filter noise anew for each response takes ten transforms as long as that, a channel. The noise goes round and
-// round; the bands add up to noise whose energy is its number of samples in every millisecond. Threading: const once
-// made; kept() from any number of threads.
+// Filtering noise for each response would take ten transforms of its length, a channel. The noise is periodic. The
+// bands add up to noise whose energy in every millisecond is its number of samples. Threading: const once constructed;
+// kept() on any number of threads.
 #pragma once
 
 #include <array>

@@ -99,7 +99,7 @@ struct Input {
     bool sounds() const {
         return std::ranges::any_of(window, [](float sample) { return sample != 0; });
     }
-    /// From here on as if all before had been silence, and what comes fades in over so many samples.
+    /// From here on the earlier input counts as silence, and new input fades in over so many samples.
     void beginSoftly(std::size_t samples) {
         silence();
         risen = 0;
@@ -226,7 +226,7 @@ struct Convolver::Impl {
     }
 
     std::shared_ptr<Input> input;
-    bool follows = false;  // another one tells the input what comes
+    bool follows = false;  // another one feeds the shared input
     std::size_t fadeLength, onceIn = 0;
     std::size_t fadeSamples = fadeLength;  // of the response that fades in
     Parts current, next, waiting;

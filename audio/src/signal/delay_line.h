@@ -23,9 +23,9 @@ class DelayLine {
         }
     }
 
-    /// The sample `delay` before sample `index` (absolute, counted from the first written); what is not there yet is 0.
+    /// The sample `delay` before sample `index` (absolute, counted from the first written); 0 before the first.
     float read(std::size_t index, double delay) const {
-        // So near that the taps would reach into the future: to the nearest sample.
+        // So near that the taps would reach into the future: uses the nearest sample.
         if (delay < SincTable::kHalf) delay = std::round(delay);
         const double position = static_cast<double>(index) - delay;
         const double whole = std::floor(position), fraction = position - whole;
@@ -61,7 +61,7 @@ class DelayLine {
         for (; i < delays.size(); ++i) out[i] = read(index + i, delays[i]);
     }
     std::size_t written() const { return written_; }
-    /// Forgets what was written, and keeps its memory.
+    /// Forgets its samples, and keeps its memory.
     void restart() { written_ = 0; }
 
   private:

@@ -1,4 +1,4 @@
-// From one sound to another. Threading: pure function.
+// Fades from one sound to another. Threading: pure function.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace rtsg {
 
-/// From 0 to 1 with two continuous derivatives, so that a tone that fades over stays beside no line of its own.
+/// From 0 to 1 with two continuous derivatives, so that a fading tone has no audible side bands.
 inline float fadeIn(double share) {
     const double x = std::clamp(share, 0.0, 1.0);
     return static_cast<float>(x - std::sin(2 * std::numbers::pi * x) / (2 * std::numbers::pi));

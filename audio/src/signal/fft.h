@@ -1,8 +1,8 @@
 // RealFft: forward and inverse transforms of one even size; scaled so that inverse(forward(x)) == x.
 //
-// Sizes that are powers of two go by FFmpeg's libavutil, a module that uses the machine's vectors, where it is there;
-// others, and all without it, by kissfft. So the last bits are those of a machine and a build. Threading: one thread
-// per object.
+// Sizes that are powers of two use FFmpeg's libavutil through a module, if it is installed, which uses vector
+// instructions; other sizes, and builds without the module, use kissfft. So the last bits depend on machine and build.
+// Threading: one thread per object.
 #pragma once
 
 #include <complex>

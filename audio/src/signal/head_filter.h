@@ -1,8 +1,8 @@
-// HeadFilter: what both ears hear of one sound by a head, from a direction that may change.
+// HeadFilter: renders one sound for both ears through a head, from a direction that may change.
 //
-// When an ear hears it goes smoothly with the direction, by a delay line, as far as a sphere tells of that; what is
-// left of the responses changes slowly with the direction, and goes evenly from block to block. So what moves past
-// stays beside no line of its own. Once it has heard one it allocates nothing. Threading: the engine's thread.
+// The arrival time at an ear changes smoothly with the direction, by a delay line that follows the sphere model. The
+// rest of the response changes slowly with the direction and is interpolated from block to block. After its first sound
+// it allocates nothing. Threading: the engine's thread.
 #pragma once
 
 #include <algorithm>
@@ -47,7 +47,7 @@ class HeadFilter {
         heard_ = true;
     }
     const glm::dvec3& direction() const { return from_; }
-    /// Samples for which what it heard goes on once it hears no more. Precondition as of process().
+    /// Number of samples for which its output continues after its input ends. Precondition as of process().
     std::size_t rings() const {
         return responses_[0].size() + static_cast<std::size_t>(std::max(ears_[0].to, ears_[1].to)) + SincTable::kHalf;
     }
@@ -55,7 +55,7 @@ class HeadFilter {
     void process(std::size_t ear, std::span<const float> input, std::span<float> output) {
         ears_[ear].process(input, output);
     }
-    /// Forgets what it heard, and keeps its memory.
+    /// Forgets its input, and keeps its memory.
     void restart() {
         for (Ear& ear : ears_) {
             ear.filter.restart();
@@ -68,7 +68,7 @@ class HeadFilter {
     struct Ear {
         DelayLine line;
         Convolver filter;
-        // Samples: at the ends of the last block and of the next, and what it grew by in a block there.
+        // Samples: at the ends of the last block and of the next, and the growth in a block there.
         double from = 0, to = 0, fromGrowth = 0, toGrowth = 0;
         double grew = 0;  // in the last block
 
@@ -89,7 +89,7 @@ class HeadFilter {
             delays.resize(count);
             read.resize(count);
             const double blockSize = static_cast<double>(count), way = to - from;
-            // From somewhere else at once: one fades into the other, for the pitch would leap.
+            // If the direction jumps, one sound fades into the other, because a moving delay would change the pitch.
             const bool jumps = std::abs(way) > 0.01 * blockSize;
             if (jumps) {
                 std::ranges::fill(delays, from);

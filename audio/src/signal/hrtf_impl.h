@@ -21,7 +21,7 @@ struct Hrtf::Impl {
     /// Responses for a direction, left and then right in `length` samples of `room` each or elsewhere, and by how many
     /// samples they come late.
     virtual std::array<double, 2> raw(const glm::dvec3& direction, float* room, const float*& responses) const = 0;
-    /// By how many samples an ear hears later than the middle of the sphere that tells of delays.
+    /// The delay in samples at an ear relative to the middle of the sphere that models delays.
     double sphereDelay(const glm::dvec3& direction, int ear) const {
         return sphereEarDelay(direction.x, ear, sphereSeconds, 1) * rate;
     }

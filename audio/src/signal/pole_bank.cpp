@@ -10,7 +10,7 @@
 namespace rtsg {
 
 std::array<double, PoleBank::kPoles> PoleBank::poles(int sampleRate) {
-    // From below what is heard up to where the samples beside it are enough, evenly by octaves.
+    // From below the audible range up to where the samples beside it are enough, evenly by octaves.
     constexpr double kLowest = 8;
     const double highest = 0.1 * sampleRate, step = std::pow(highest / kLowest, 1.0 / (kPoles - 1));
     std::array<double, kPoles> keeps;
@@ -105,7 +105,7 @@ class Factors {
 }  // namespace
 
 PoleFit::PoleFit(int sampleRate, std::vector<double> hz) : hz_(std::move(hz)) {
-    // So little that it shows nowhere else than where weights would be large for nothing.
+    // Small enough to have an effect only where weights would be large without need.
     constexpr double kRidge = 1e-9, kTop = 0.45;
     const auto keeps = PoleBank::poles(sampleRate);
     std::array<Factors::Row, Factors::kSize> normal{};
@@ -118,7 +118,7 @@ PoleFit::PoleFit(int sampleRate, std::vector<double> hz) : hz_(std::move(hz)) {
         for (std::size_t t = 0; t < PoleBank::kTaps; ++t)
             of[PoleBank::kPoles + t] =
                 std::polar(1.0, turn * (static_cast<double>(PoleBank::kAhead) - static_cast<double>(t)));
-        // Edges bend the less of a tone the higher it is: what is little there shall be right too.
+        // Edges diffract high tones less than low ones; the small values must be accurate, too.
         const double count = f < kTop * sampleRate ? std::sqrt(f / 1000) : 0;
         counts.push_back(count);
         for (std::size_t i = 0; i < Factors::kSize; ++i)

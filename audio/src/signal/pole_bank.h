@@ -1,7 +1,7 @@
-// PoleBank: a filter whose spectrum goes smoothly with the logarithm of frequency, and may change in every block.
+// PoleBank: a filter with a smooth spectrum over the logarithm of frequency, which may change in every block.
 //
-// A sum of one-pole low passes, which stay, and of a few samples about each, weighted: so a response as long as that of
-// an edge, 1 / sqrt(t), takes 25 weights, and where these go evenly from one set to the next nothing is heard of it.
+// It is a weighted sum of one-pole low passes, which are fixed, and of a few samples around each. A response as long as
+// that of an edge, 1 / sqrt(t), needs only 25 weights, and interpolating the weights between two sets is inaudible.
 // PoleFit finds weights for a spectrum by least squares. Threading: one thread per object; PoleFit is const.
 #pragma once
 
@@ -22,9 +22,9 @@ class PoleBank {
     using Weights = std::array<float, kWeights>;
 
     explicit PoleBank(int sampleRate);
-    /// Forgets what it heard.
+    /// Forgets its input.
     void restart();
-    /// `ahead`: what comes kAhead samples later. Weights go evenly from those of the block before to those of this one.
+    /// `ahead`: the samples kAhead later. Weights change linearly from those of the block before to those of this one.
     void process(std::span<const float> ahead, const Weights& before, const Weights& now, std::span<float> heard);
 
     /// The factors by which they multiply their last values.
@@ -55,7 +55,8 @@ class PoleFit {
   private:
     std::vector<double> hz_;
     std::vector<std::array<std::complex<double>, PoleBank::kWeights>> values_;  // by frequency
-    std::vector<PoleFit::Weights> ofReal_, ofImaginary_;                        // what a part of a value adds to each
+    // the contribution of a part of a value to each
+    std::vector<PoleFit::Weights> ofReal_, ofImaginary_;
 };
 
 }  // namespace rtsg

@@ -1,5 +1,5 @@
-// Transforms of real signals by libavutil, as its module hands them out: the library drags in a dozen and a half of
-// others, which only sound needs.
+// Transforms of real signals by libavutil, through its module, because the library loads some eighteen others, which
+// only sound needs.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ struct QuickTransforms {
     void (*destroy)(QuickTransform& made);
 };
 
-// Goes up with every change of what stands above.
+// Increase it with every change of the declarations above.
 #define RTSG_FFT_SYMBOL rtsg_quick_transforms_1
 
 }  // namespace rtsg

@@ -17,8 +17,8 @@
 namespace rtsg {
 namespace {
 
-/// The near ear is at most this much earlier than the middle of the head, and a little of filters' ringing; and what a
-/// delay line needs that reads between samples.
+/// The near ear is at most this much earlier than the middle of the head, including some ringing of filters and the
+/// margin of a delay line that reads between samples.
 constexpr double kEarlySeconds = 0.0006;
 /// A response begins where it has this share of its peak.
 constexpr float kOnset = 0.1f;
@@ -26,8 +26,8 @@ constexpr float kOnset = 0.1f;
 /// Sound goes past any head in less.
 constexpr float kLongestDelay = 1;  // s
 
-/// Samples and delays that are no numbers would be in sound from their directions alone, where nobody would find why:
-/// returns what is wrong.
+/// Samples and delays that are not finite would be heard from their directions only, and hard to trace back. Returns
+/// the fault.
 const char* unfit(const MYSOFA_HRTF& hrtf, int sampleRate) {
     const float longest = kLongestDelay * static_cast<float>(sampleRate);
     for (const float delay : std::span(hrtf.DataDelay.values, hrtf.DataDelay.elements))

@@ -1,4 +1,4 @@
-// The libraries that read, convert and transform sound, which are loaded when the first sound is.
+// The libraries that read, convert and transform sound. They are loaded when the first sound is.
 #pragma once
 
 #include <rtsg/core/delayed_library.h>

@@ -1,4 +1,4 @@
-// When the ears of a sphere hear. Threading: pure functions.
+// The arrival times of sound at the ears of a sphere. Threading: pure functions.
 #pragma once
 
 #include <algorithm>

@@ -24,7 +24,8 @@ constexpr std::size_t kSphereLead = 24;
 /// change within a few degrees.
 constexpr std::size_t kSphereAngles = 360;
 
-/// By order of the series, what multiplies Legendre's polynomial at each frequency; and from which on it counts.
+/// By order of the series: the factor of Legendre's polynomial at each frequency, and the first frequency at which it
+/// counts.
 struct SphereOrder {
     std::vector<double> real, imaginary;
     std::size_t first = 0;

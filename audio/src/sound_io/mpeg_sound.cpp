@@ -106,7 +106,7 @@ Result<SoundBuffer> readMpegSound(SoundBytes file, std::uint64_t maxSamples, std
     const std::int64_t promised = mpg123_length(mp3);
     Gaps gaps;
     int state = MPG123_OK;
-    // The format is as it was opened; who comes back to it after damage says so again.
+    // The format is that of the beginning; the decoder repeats it when it comes back after damage.
     while (state == MPG123_OK || state == MPG123_NEW_FORMAT) {
         off_t number = 0;
         unsigned char* audio = nullptr;

@@ -1,7 +1,7 @@
-// OpenAL's current context, for the calls of one scope, on one thread only; and the settings that it reads when the
-// first device is opened.
+// Makes an OpenAL context current on one thread for the calls of one scope, and sets the options that OpenAL reads when
+// it opens the first device.
 //
-// Needs ALC_EXT_thread_local_context. Threading: as the context's owner.
+// Needs ALC_EXT_thread_local_context. Threading: as the owner of the context.
 #pragma once
 
 #include <sys/mman.h>
@@ -37,8 +37,8 @@ class BoundContext {
     ALCcontext* before_;
 };
 
-/// Lets devices take short periods: OpenAL Soft's own are three of 21 ms, and files are its only way of being told.
-/// To be held while a device is opened; who has a file named in ALSOFT_CONF goes by that one.
+/// Lets devices use short periods: OpenAL Soft's default is three of 21 ms, and a file is the only way to change it.
+/// Hold it while a device is opened. A file named in ALSOFT_CONF takes precedence.
 class ShortPeriods {
   public:
     ShortPeriods() {

@@ -22,7 +22,7 @@ namespace {
 constexpr int kWaitMs = 20;
 /// The longest header of a WAV.
 constexpr std::size_t kLongestHeader = 1 << 20;
-/// Announced by who does not know how much will come.
+/// The length that a writer announces if it does not know the length.
 constexpr std::uint32_t kEndless = 0x7FFF0000;
 
 template <class T>
@@ -131,7 +131,7 @@ Result<> SoundStreamDecoder::readFormat(std::span<const std::byte> chunk) {
     return {};
 }
 
-/// Takes chunks from the front of what waits, up to where the samples begin.
+/// Takes chunks from the front of the waiting bytes, up to where the samples begin.
 Result<> SoundStreamDecoder::readHeader() {
     if (!riff_) {
         if (waiting_.size() < 12) return {};

@@ -1,4 +1,4 @@
-// SoundBytes: the content of a sound file as the libraries that decode it want to see it, wherever it is.
+// SoundBytes: gives decoding libraries access to the content of a sound file, in memory or on disk.
 //
 // Invariant: `at` is 0 to `size`. Threading: one thread.
 #pragma once
@@ -38,7 +38,7 @@ struct SoundBytes {
         at += got;
         return got;
     }
-    /// The new place; -1, and no change, where there is none: sums of what a file says may be anything.
+    /// The new position; -1, and no change, if it is outside: a file may state any numbers.
     std::int64_t seek(std::int64_t offset, int whence) {
         const std::int64_t from = whence == SEEK_CUR ? at : whence == SEEK_END ? size : 0;
         if (offset < -from || offset > size - from) return -1;

@@ -23,7 +23,7 @@ struct SoundDevice::Impl {
         if (device) alcCloseDevice(device);
     }
 
-    /// Takes back what was played, and counts if that was all.
+    /// Takes back the blocks that were played, and counts an underrun if these were all.
     void collect() {
         ALint processed = 0, state = AL_PLAYING;
         alGetSourcei(source, AL_SOURCE_STATE, &state);
@@ -109,7 +109,7 @@ Result<> SoundDevice::write(std::span<const float> stereo) {
     alBufferData(buffer, AL_FORMAT_STEREO_FLOAT32, stereo.data(), static_cast<ALsizei>(stereo.size_bytes()),
                  s.options.sampleRate);
     alSourceQueueBuffers(s.source, 1, &buffer);
-    // It starts when all is full, so that it has what it needs from then on.
+    // It starts when all blocks are full, so that it has enough from then on.
     if (!s.playing && s.idle.empty()) {
         alSourcePlay(s.source);
         s.playing = true;
@@ -127,7 +127,7 @@ const std::string& SoundDevice::name() const {
 
 double SoundDevice::latencySeconds() const {
     const Impl& s = *impl_;
-    ALint played = 0;  // of what is queued
+    ALint played = 0;  // of the queued blocks
     {
         const BoundContext bound(s.context);
         if (s.playing) alGetSourcei(s.source, AL_SAMPLE_OFFSET, &played);

@@ -235,8 +235,8 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
     SoundBuffer result{sampleRate, sound.channels, {}};
     result.samples.resize((static_cast<std::size_t>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1) *
                           channels);
-    // In pieces: the converter keeps a copy of what it is given at once. After the last one it gives what it holds
-    // back.
+    // In pieces, because the converter copies each input as a whole. After the last piece it gives the rest that it
+    // holds back.
     constexpr std::size_t kPiece = 1 << 16;
     std::size_t taken = 0, made = 0, used = 0, some = 0;
     do {

@@ -155,7 +155,7 @@ std::span<const float> SoundInput::block(std::int64_t first, std::size_t frames,
     std::uint64_t taken = taken_.load(std::memory_order_relaxed);
     std::size_t there = ready();
     if (waits_ == Waits::no && there > framesOf(kOldSeconds, sampleRate_) + wanted) {
-        // One that was full has been dropping what is newer: nothing in it is of now.
+        // A buffer that was full has dropped newer samples: none of its content is recent.
         const std::size_t old = there == room ? there : there - ahead - wanted;
         dropped_ += old;
         taken += old;

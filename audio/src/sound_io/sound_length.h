@@ -1,6 +1,6 @@
-// How long a sound is by what its file says, and what is missing of it where the file is damaged or was cut short.
+// The length of a sound according to its file, and what is missing if the file is damaged or truncated.
 //
-// libsndfile takes what a WAV, AIFF or AU file says to be what there is of it. Threading: pure functions.
+// libsndfile takes the length that a WAV, AIFF or AU file states as the existing length. Threading: pure functions.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace rtsg {
 
-/// By how much the sound in a WAV, RF64, W64, AIFF or AU file is longer by its header than what there is of it; 1 where
-/// it is not, where the header does not say, and for other files.
+/// The length of the sound in a WAV, RF64, W64, AIFF or AU file by its header, divided by the existing length; 1 if it
+/// is not longer, if the header does not tell, and for other files.
 double promisedShare(const SoundBytes& file);
 /// A text, empty unless more than `tolerated` frames are missing of the `promised` ones (0 or less: not known).
 std::string missingSound(double promised, const SoundBuffer& sound, double tolerated = 0);

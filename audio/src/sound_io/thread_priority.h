@@ -1,8 +1,8 @@
-// ThreadPriority: that of the calling thread while a scope lasts, as far as the system allows.
+// ThreadPriority: sets the priority of the calling thread for a scope, as far as the system allows.
 //
-// What must be in time goes before what may be late: in real time if that is permitted, else as nice as may be. Where
-// the system shares its cores among sessions first, the former alone keeps sound from waiting for what else its own
-// program does. Threading: one thread.
+// Work with deadlines goes first: with real-time priority if that is permitted, otherwise with the best nice value. If
+// the system first divides its cores among sessions, only the former keeps sound from waiting for other threads of its
+// own program. Threading: one thread.
 #pragma once
 
 #include <sched.h>

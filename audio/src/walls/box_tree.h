@@ -1,7 +1,7 @@
-// BoxTree: the box around many boxes, to which single ones are added and removed.
+// BoxTree: the box around many boxes, to which boxes are added and from which they are removed one by one.
 //
-// In groups of 16, groups of groups, and so on, so that
-// each costs the logarithm of how many there are. What it answers does not depend on the order.
+// Boxes lie in groups of 16, groups of groups, and so on, so that an operation costs the logarithm of their number. The
+// results do not depend on the order.
 // Threading: none.
 #pragma once
 

@@ -1,8 +1,8 @@
-// FewWalls: the walls of a small world, all of which are asked about sixteen rays at a time.
+// FewWalls: the walls of a small world, all of which are tested against sixteen rays at a time.
 //
-// Up to some dozens of triangles that is faster than any hierarchy of boxes, and places on planes come out in double
-// precision as WorldGeometry has them. Edges are wider by what rounding may move a place, so that no ray slips through
-// where walls meet. Threading: change() and build() alone; queries from any number of threads.
+// Up to some dozens of triangles this is faster than any hierarchy of boxes, and points on planes have double precision
+// as in WorldGeometry. Edges are widened by the possible rounding of a point, so that no ray slips through where walls
+// meet. Threading: change() and build() alone; queries on any number of threads.
 #pragma once
 
 #include <cstdint>

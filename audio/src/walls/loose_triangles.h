@@ -1,4 +1,4 @@
-// Describes a triangle that a ray meets and that lies on no plane that was found, as the ray has found it.
+// Describes a hit on a triangle that lies on none of the planes found.
 //
 // Threading: functions of their arguments.
 #pragma once

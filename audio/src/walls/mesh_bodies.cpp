@@ -15,7 +15,7 @@ std::uint32_t groupOf(std::vector<std::uint32_t>& first, std::uint32_t corner) {
     return corner;
 }
 
-/// Not what stands on another one.
+/// Whether two bodies overlap; false if one only stands on the other.
 bool standInEachOther(const MeshBody& a, const MeshBody& b) {
     const glm::dvec3 within = glm::min(a.high, b.high) - glm::max(a.low, b.low);
     return glm::all(glm::greaterThan(within, 1e-6 * (1.0 + glm::max(glm::abs(a.high), glm::abs(b.high)))));

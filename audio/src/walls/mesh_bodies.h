@@ -1,7 +1,7 @@
-// Closed bodies of a mesh: what they take up, and the boxes around them.
+// Closed bodies of a mesh: their volumes, and the boxes around them.
 //
-// Surfaces that have corners in common are one body, if each of their edges is met as often one way as the other; so
-// are bodies whose boxes share some room.
+// Surfaces that share corners are one body if each edge is used as often in one direction as in the other. Bodies whose
+// boxes overlap are one, too.
 // Threading: pure functions.
 #pragma once
 

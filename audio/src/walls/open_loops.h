@@ -1,4 +1,4 @@
-// Finds where a surface ends: the edges of a mesh that belong to one triangle alone, as loops.
+// Finds the boundary of a surface: the edges of a mesh that belong to one triangle only, as loops.
 //
 // Corners at one place are one corner. Threading: a pure function.
 #pragma once

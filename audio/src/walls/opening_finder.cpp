@@ -22,7 +22,7 @@ constexpr double kOutside = 0.1;
 /// One round of feeling.
 struct OpeningFinder::Rim {
     std::vector<glm::dvec3> corners;   // in the plane that was thought of
-    std::vector<std::uint32_t> slots;  // of what was met beside each, or kNoInstance
+    std::vector<std::uint32_t> slots;  // of the hits beside each, or kNoInstance
     std::vector<glm::dvec3> walls;     // where that was
     bool closed = false;               // it was met in all directions
 };
@@ -37,7 +37,7 @@ OpeningFinder::OpeningFinder(const RayView& rays, const glm::dvec3& source) : ra
     look(source);
 }
 
-/// How much of what the source sees is sky, and how large the rest is.
+/// Measures how much of the source's view is sky, and how large the rest is.
 void OpeningFinder::look(const glm::dvec3& source) {
     double cubes = 0;
     int walls = 0;
@@ -84,7 +84,7 @@ bool OpeningFinder::goesOn(const glm::dvec3& from, const glm::dvec3& direction, 
                            Hit& met) const {
     met = meet(from, direction);
     if (!met) return true;
-    // Far enough before what was met that floats tell the two apart, also where it is near.
+    // Far enough before the hit that floats distinguish the two, also near the source.
     const double t = met.t;
     const double back = std::min(t / 2, std::max(1e-3 * t, 2e-6 * (1 + glm::length(from))));
     return t > wall && seesSky(from + direction * (t - back), sky);
@@ -108,7 +108,7 @@ std::optional<Outline> OpeningFinder::firstLook(const glm::dvec3& before, const 
     constexpr double kFirst = 0.02, kMost = 60, kGrowth = 1.5;  // tangents of angles
     const glm::dvec3 u = anyAcross(direction), v = glm::cross(direction, u);
     std::vector<glm::dvec3> rim;
-    // At first all is wall; then what is much farther away than most and sees the sky is outside.
+    // At first all is wall; then anything much farther away than most, with a view of the sky, is outside.
     double wall = std::numeric_limits<double>::infinity();
     for (int look = 0; look < 2; ++look) {
         std::vector<double> away;

@@ -1,4 +1,4 @@
-// OpeningFinder: follows a ray that escaped to what it went through, and feels for the rim of that with other rays.
+// OpeningFinder: follows a ray that escaped to the opening, and finds the rim of the opening with other rays.
 //
 // Threading: one thread an object.
 #pragma once
@@ -37,7 +37,7 @@ class OpeningFinder {
 
   private:
     static constexpr int kDirections = 96;
-    /// The source is outdoors if so much of what it sees is sky.
+    /// The source is outdoors if this share of its view is sky.
     static constexpr double kOutdoors = 0.3;
 
     void look(const glm::dvec3& source);

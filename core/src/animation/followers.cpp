@@ -134,8 +134,8 @@ std::vector<typename Elements<T>::Element> elements(const T& value) {
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = Elements<T>::at(value, i);
     return out;
 }
-/// 39.3.3: set_value says what the output is at once, its length too: what the destination lacks is there already, and
-/// what it has beyond is gone.
+/// 39.3.3: set_value sets the output at once, and its length too: elements that the destination lacks appear at once,
+/// and those that it has in excess are dropped.
 template <class E>
 std::vector<E> asLongAs(const std::vector<E>& value, std::vector<E> destination) {
     const std::size_t had = std::min(destination.size(), value.size());
@@ -325,8 +325,8 @@ struct Chaser {
 
 // ---- dampers ---------------------------------------------------------------------------------------------------
 
-/// State: what the filters held at `_since`, all elements of the first one, then those of the next; `_tau` is what
-/// they have gone by since then.
+/// State: the values of the filters at `_since`, all elements of the first one, then those of the next; `_tau` is the
+/// time constant that they have used since then.
 template <class N>
 struct Damper {
     using T = ValueOf<N>;
@@ -340,7 +340,8 @@ struct Damper {
         const double tau = node.get(N::tau).seconds;
         return tau > 0 && std::isfinite(tau) ? tau : 0;
     }
-    /// The values of the filters at `_since`, as distances from the destination, and what is left of these later.
+    /// The values of the filters at `_since`, as distances from the destination, and the parts of these that remain
+    /// later.
     class Course {
       public:
         /// `s`: time since then / tau.

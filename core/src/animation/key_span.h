@@ -39,7 +39,7 @@ inline Span locate(const Array<float>& key, std::size_t count, float fraction) {
     return {from, after, width > 0 ? (fraction - keys[from]) / width : 0};
 }
 
-/// 19.2.2: from its first input on, an interpolator's output reads as what it sent last.
+/// 19.2.2: from its first input on, an interpolator's output reads as the value that it sent last.
 template <class N>
 void noteInput(Cascade& cascade, const Node& node) {
     if (!node.get(N::_begun)) cascade.store(node, N::_begun, true);

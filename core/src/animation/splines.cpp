@@ -1,7 +1,7 @@
 // Interpolators that are not linear: splines, squad and ease-in-ease-out. ISO/IEC 19775-1 V4.0, 19.2 and 19.4.
 //
-// A value needs the velocities at the two keys around it alone, so a fraction costs the same whatever the number of
-// keys (but for normalizeVelocity, which goes by the length of the whole path).
+// A value needs only the velocities at the two keys around it, so a fraction costs the same whatever the number of keys
+// (except for normalizeVelocity, which needs the length of the whole path).
 #include <cmath>
 
 #include <glm/gtc/quaternion.hpp>

@@ -15,7 +15,8 @@ namespace rtsg {
 
 using portable::SineCosine;
 
-/// Absolute error at most 3e-16; beyond 10^5 radians, and of what is not finite, as portable::sineCosine() has it.
+/// Absolute error at most 3e-16. Beyond 10^5 radians, and for values that are not finite, the same as
+/// portable::sineCosine().
 inline SineCosine sineCosine(double angle) {
     if (!(std::abs(angle) <= 1e5)) return portable::sineCosine(angle);
     // The first part has 33 bits, so that whole multiples of it are exact.
@@ -36,8 +37,8 @@ inline SineCosine sineCosine(double angle) {
     return {quadrant & 2 ? -s : s, (quadrant + 1) & 2 ? -c : c};
 }
 
-/// atan2(y, x) of what lies in the first quadrant, for a relative error of at most 5e-16. Precondition: neither is
-/// negative or infinite, nor both 0.
+/// atan2(y, x) in the first quadrant, with a relative error of at most 5e-16. Precondition: neither is negative or
+/// infinite, nor are both 0.
 inline double quadrantAngle(double y, double x) {
     constexpr double kTangent = .41421356237309503;  // of an eighth of half a turn
     // From the nearest of three directions: along x, between the two, along y.

@@ -162,7 +162,7 @@ struct Bindable {
 
 template <class N, BindableKind kind>
 BuiltinBehaviour bindable() {
-    // Whatever else comes, a position say, is stored and no more.
+    // Other events, such as a position, are only stored.
     return {N::type,
             {.onEvent = Bindable<N, kind>::onEvent,
              .onTime = Bindable<N, kind>::onTime,
@@ -185,7 +185,7 @@ void unbindWhatHasLeft(Cascade& cascade, const Node& holder, BindableKind kind) 
     if (!stack.empty()) announceBound(cascade, stack[0], true);
 }
 
-/// 35.4.2: 0 stands for what is in no layer; a number that no layer has is taken as 0.
+/// 35.4.2: 0 stands for nodes outside all layers; a number that no layer has is taken as 0.
 double layerSetOnTime(Cascade& cascade, const Node& node) {
     if (!isInScene(cascade.scene(), node.id())) return kNever;
     for (const NodeId other : rootOf(cascade).get(x3d::RtsgScene::children))

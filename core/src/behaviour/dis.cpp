@@ -61,7 +61,7 @@ void tellMode(Cascade& cascade, const Node& node) {
         cascade.warn(node, fmt::format("networkMode '{}' is none: standAlone, networkReader or networkWriter", mode));
 }
 
-/// isActive of who reads. Returns when that ends if nothing is heard.
+/// isActive of a node that reads. Returns the time at which it ends if nothing is heard.
 template <class N>
 double tellActive(Cascade& cascade, const Node& node) {
     const double until = node.get(N::_heardTime).seconds + kDisTimeout<N>;

@@ -15,7 +15,7 @@ namespace rtsg::behaviours {
 
 namespace {
 
-/// Seconds of what is played once at its own speed; negative: not known yet, infinite: no end.
+/// Seconds that the medium plays once at its own speed; negative: not known yet, infinite: no end.
 double lengthOf(const Node& node) {
     if (node.is(x3d::BufferAudioSource::type)) {
         using B = x3d::BufferAudioSource;

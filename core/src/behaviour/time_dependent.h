@@ -42,7 +42,7 @@ void pauseAt(Cascade& cascade, const Node& node, double at) {
     cascade.emit(node, S::isPaused, true);
     cascade.emit(node, S::elapsedTime, Time{std::max(activeBy<S>(at, node), node.get(S::elapsedTime).seconds)});
 }
-/// It goes on from where it was, whatever has become of pauseTime since.
+/// It continues from where it was, whatever has become of pauseTime since.
 template <class S>
 void resumeAt(Cascade& cascade, const Node& node, double at) {
     cascade.store(node, S::_pausedTotal, Time{at - node.get(S::startTime).seconds - node.get(S::elapsedTime).seconds});
@@ -67,9 +67,9 @@ bool handlePause(Cascade& cascade, const Node& node, bool stopping) {
     return false;
 }
 
-/// Handles events with times that have passed: the node does now what it would have done then (8.4.1). It does so at
-/// once, so that a set_startTime behind a set_stopTime of this timestamp begins it anew (8.2.4.3). `finish` sends what
-/// is left to send at the end.
+/// Handles events whose times have passed: the node does now what it would have done then (8.4.1). This happens at
+/// once, so that a set_startTime after a set_stopTime with the same timestamp restarts it (8.2.4.3). `finish` sends the
+/// remaining events at the end.
 template <class S, class Finish>
 void heedTime(Cascade& cascade, const Node& node, FieldIndex field, const Finish& finish) {
     if (!node.get(S::isActive)) return;

@@ -33,7 +33,7 @@ struct Transition {
         }
         return value;
     }
-    /// Nothing for what is none.
+    /// Nothing if the value describes no transition.
     static std::optional<Transition> fromValue(const Array<double>& v) {
         if (v.size() != kNumbers || !std::ranges::all_of(v, [](double n) { return std::isfinite(n); }))
             return std::nullopt;

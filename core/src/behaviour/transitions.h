@@ -12,7 +12,7 @@
 
 namespace rtsg::behaviours {
 
-/// In world coordinates; nothing for what is no view.
+/// In world coordinates; nothing if the node is no viewpoint.
 std::optional<ViewerPose> worldView(const Scene& scene, NodeId viewpoint);
 
 enum class ViewEntry : std::uint8_t {

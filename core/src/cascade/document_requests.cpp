@@ -38,7 +38,7 @@ void append(Array<String>& out, const DocumentRequest& request) {
     }
 }
 
-/// Reads what append() wrote; what was not written by it ends early.
+/// Reads requests that append() wrote; other content ends the reading early.
 class RequestReader {
   public:
     explicit RequestReader(const Array<String>& words) : words_(words) {}

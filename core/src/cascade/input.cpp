@@ -84,8 +84,8 @@ void Scene::State::noteUse(TypeIndex type, const Behaviour& behaviour) {
     if (recording) newUses.push_back(use);
 }
 
-/// Records the edits that are pending now: these are the application's own. The cascade can repeat what comes later in
-/// the frame.
+/// Records the edits that are pending now: these are the application's own. Later changes of the frame can be repeated
+/// by the cascade.
 void Scene::State::captureInput(bool running) {
     const auto free = std::ranges::find_if(inputPool, [](const auto& one) { return one.use_count() == 1; });
     if (free != inputPool.end()) {
@@ -233,7 +233,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
 // ---- running a record --------------------------------------------------------------------------------------------
 
 Result<> Scene::State::adoptUses(std::span<const BehaviourUse> list, bool all) {
-    ++linkEdits;  // what may run on other threads may be another
+    ++linkEdits;  // the part that may run on other threads may have changed
     // A behaviour that is registered here and not there does nothing until it is registered there, too.
     for (std::size_t i = 0; all && i < uses.size();) {
         const TypeIndex type = uses[i].type;

@@ -13,7 +13,7 @@
 
 namespace rtsg {
 
-// ---- what the scene keeps for them --------------------------------------------------------------------------------
+// ---- the scene's records for them ------------------------------------------------------------------------------
 
 Result<> Scene::listenTo(NodeId id, FieldIndex field) {
     State& s = *state_;
@@ -214,7 +214,8 @@ void Listeners::State::gatherMoves(const ChangeSet& set, std::vector<Call>& call
     }
 }
 
-/// A replica has joined anew: whatever is listened to may have another value, and the scene forgot who listens.
+/// A replica has joined anew: all fields with listeners may have other values, and the scene has forgotten the
+/// listeners.
 void Listeners::State::gatherAnew(const ChangeSet& set, std::vector<Call>& calls) {
     for (const auto& [id, ear] : ears) {
         const Node* node = scene.find(ear->node);

@@ -105,7 +105,7 @@ template void Cascade::emitPlain<16>(const Node&, FieldIndex, const void*);
 Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
     Scene::State& s = *scene_.state_;
     if (auto ok = s.checkNodes(node, field, value.storage()); !ok) return ok;
-    // A program counts on what it has written, also where an event of this timestamp has gone.
+    // A program relies on the value that it has written, even if an event with this timestamp has been sent.
     if (node.type_->fields[field].sends())
         emitAgain(node, field, value.storage());
     else
@@ -197,7 +197,7 @@ void Scene::State::warn(const Node& node, const std::string& text) {
         if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return false;
         if (entry.isInstance && !bodyTakes(cascade, node, field, value)) return false;
         write(lane, node, field, value);
-        lane.writingExternally = false;  // what follows from it is derived
+        lane.writingExternally = false;  // changes that follow from it are derived
         if (entry.begun != kNoField) showFirst(lane, node, field);
         send(lane, node, field);
         if (entry.behaviour.onTime) wake(lane, node);
@@ -228,9 +228,9 @@ bool Scene::State::mayRefuse(Node& node, FieldIndex field) const {
            });
 }
 
-/// 4.4.4.3: a PROTO instance's field is those of its body that IS connects with it; so what all of them refuse does not
-/// change it. Those that may refuse have the event at once, as whether they do depends on the events before it. False:
-/// they refuse it, or what they did has destroyed the instance.
+/// 4.4.4.3: a PROTO instance's field stands for the fields of its body that IS connects with it. If all of them refuse
+/// an event, it does not change the instance. Fields that may refuse get the event at once, because their decision
+/// depends on the events before it. Returns false if they refuse it, or if their reaction has destroyed the instance.
 bool Scene::State::bodyTakes(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
     if (!behavioursEnabled || !mayRefuse(node, field)) return true;
     const NodeId id = node.id_;
@@ -285,7 +285,7 @@ void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, 
         if (behaviour.accepts || behaviour.onEvent) return false;
         const FieldSlot& slot = node.type_->slot(field);
         if (!writing::isPlain(slot.type) || !writeAsBefore(lane, node, field, slot, value, slot.size)) return false;
-        lane.writingExternally = false;  // what follows from it is derived
+        lane.writingExternally = false;  // changes that follow from it are derived
         return true;
     }
     if (entry.takesInputs || !behaviour.onEvent || !behavioursEnabled || isTraced(behaviour)) return false;
@@ -347,7 +347,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
 
 [[gnu::always_inline]] inline void Scene::State::sendEach(Cascade& cascade, const Emission& emission, std::size_t first,
                                                           std::size_t last) {
-    // Copies: what it leads to goes into the list that it is in.
+    // Copies, because the emissions that it leads to go into the list that holds it.
     const NodeId sender = emission.node;
     const FieldIndex field = emission.field;
     Node* from = emission.at;

@@ -29,12 +29,12 @@ struct Met {
 /// `direction` is a unit vector.
 using CastRay = std::function<std::optional<Met>(const glm::dvec3& origin, const glm::dvec3& direction, double length)>;
 
-/// The place that an eye reaches that wants to go by `motion`: it stops at `radius` from what is in the way, and slides
-/// along that. For one who walks, things lower than a step and slopes up to 60 degrees are ground, and not in the way.
+/// The position that an eye reaches when it moves by `motion`: it stops at `radius` before obstacles, and slides along
+/// them. For a walking avatar, things lower than a step and slopes up to 60 degrees are ground, not obstacles.
 glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast);
 
-/// Whether what lies at the end of a path from a root node stops avatars: no Collision on it is switched off, and of
-/// one that has a proxy it is the proxy (23.4.2).
+/// Whether the shape at the end of a path from a root node stops avatars: no Collision on the path is disabled, and if
+/// a Collision has a proxy, the path leads through the proxy (23.4.2).
 bool stopsAvatars(const Scene& scene, std::span<const NodeId> path);
 
 struct Stand {

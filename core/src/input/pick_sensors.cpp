@@ -259,8 +259,8 @@ class Picking final : private TriangleTest {
         }
     }
 
-    /// 38.4.3: points have no distance. A point is in what a ray from it leaves an odd number of times, and so does the
-    /// one the other way; open surfaces hold nothing.
+    /// 38.4.3: points have no distance. A point is inside a surface if a ray from it and the opposite ray both cross
+    /// the surface an odd number of times; open surfaces contain nothing.
     void pickByPoints(const Node& geometry, bool exact) {
         if (!accepts(geometry)) return;
         std::vector<Vec3d> points = coordinatesOf(scene_, geometry);
@@ -448,7 +448,7 @@ void Scene::State::pick() {
     constexpr std::uint32_t kShapes = aspectBit(Aspect::structure) | aspectBit(Aspect::geometry);
     if (((touched | touchedBefore) & kShapes) != 0) pickCorners.clear();
     if (!queries || pickSensors.empty() || ((touched | touchedBefore) & kConcerned) == 0) return;
-    // Whoever is asked may edit to bring itself up to date: before anything is held on to.
+    // The queries may edit the scene to bring themselves up to date; so call them before anything is held.
     (void)queries->crossings({}, {0, 0, -1}, 0);
     Round round{*queries, pickCorners};
     const auto evaluate = [&]<class N>(const Node& node) {

@@ -56,7 +56,7 @@ Reduced reducedByBits(double angle) {
     const auto bits = std::bit_cast<std::uint64_t>(angle);
     const std::uint64_t mantissa = (bits & 0xfffffffffffff) | std::uint64_t{1} << 52;
     const int exponent = static_cast<int>(bits >> 52 & 0x7ff) - 1075;
-    // The first of 192 bits stands for two quarters in the product: what stands for four and more makes no difference.
+    // The first of 192 bits stands for two quarters in the product; bits for four quarters and more make no difference.
     const unsigned first = static_cast<unsigned>(exponent - 2 + 64), word = first / 64, shift = first % 64;
     std::array<std::uint64_t, 3> window{};
     for (std::size_t i = 0; i < 3; ++i)

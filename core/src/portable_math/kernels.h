@@ -46,7 +46,7 @@ inline Exponential exponential(double x, double low) {
 
 // ---- log ------------------------------------------------------------------------------------------------------------
 
-/// A reciprocal of 10 bits, with which products are exact, and the logarithm of what it is one of: the first part a
+/// A reciprocal of 10 bits, with which products are exact, and the logarithm of its inverse; the first part is a
 /// multiple of 2^-42.
 struct Entry {
     double reciprocal, log, logRest;
@@ -94,7 +94,7 @@ inline Divided divided(double x, double low) {
     const Entry& entry = kEntries[above >> 45 & 127];
     Pair rest = quickSum(upper * entry.reciprocal - 1, (fraction - upper) * entry.reciprocal);
     if (low != 0) {
-        // Its scale may be below what a double has, where it is nothing beside x.
+        // Its scale may be too small for a double; then it is negligible beside x.
         const double scale = exponent > 1000 || exponent < -1000 ? 0 : powerOfTwo(-exponent);
         rest = exactSum(rest.high, rest.low + low * scale * entry.reciprocal);
     }

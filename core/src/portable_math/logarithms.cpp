@@ -15,7 +15,7 @@ double rounded(Pair x) {
     return x.high + x.low;
 }
 
-/// log(x), or nothing else than what ISO C says of 0, infinity and what is negative.
+/// Handles 0, infinity and negative numbers of log(x) as ISO C says; returns false for all others.
 bool isOutside(double x, double& result) {
     if (x > 0 && x < kInfinity) return false;
     result = x == 0 ? -kInfinity : x > 0 ? x : kNaN;

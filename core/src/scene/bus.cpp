@@ -24,8 +24,8 @@ namespace rtsg {
 
 namespace {
 
-/// A cursor keeps this many sets as they are. Older ones are merged into one, by the merger, which is woken when so
-/// many more wait; should it not get to it, the scene's thread merges what comes beyond the last of these numbers.
+/// A cursor keeps this many sets as they are. Older ones are merged by the merger, which is woken when this many more
+/// wait. If the merger is late, the scene's thread merges the sets beyond the last of these numbers.
 constexpr std::size_t kBacklog = 256, kOverdue = 320, kMost = 384;
 
 constexpr const char* kUnmerged = "there was no memory to merge what it had not taken";
@@ -112,7 +112,7 @@ class Backlog {
         sets_.erase(sets_.begin(), sets_.begin() + static_cast<std::ptrdiff_t>(first_));
         first_ = 0;
     }
-    /// Hands over what is merged, for a composer that is empty, and the sets after it.
+    /// Hands over the merged set, for an empty composer, and the sets after it.
     void takeInto(std::unique_ptr<ChangeComposer>& merged, Sets& sets) {
         freshen(generation_);
         merged_.swap(merged);
@@ -157,7 +157,7 @@ struct Attachment::Cursor {
     std::unique_ptr<ChangeComposer> composer = std::make_unique<ChangeComposer>();
     ChangeSet merged;
 
-    /// Whatever the subscriber does, nothing is thrown across the bus.
+    /// A subscriber's exceptions never cross the bus.
     template <typename Call>
     static Result<> guarded(Call&& call) {
         try {
@@ -253,7 +253,7 @@ struct Attachment::Cursor {
         for (const auto& set : sets) composer->add(*set);
         ChangeSet whole = std::move(merged);
         composer->take(whole, scene);
-        sets.clear();  // what they hold can go back to the scene's pool
+        sets.clear();  // their memory can go back to the scene's pool
         const bool ok = deliver(whole);
         whole.clear();
         merged = std::move(whole);
@@ -263,8 +263,8 @@ struct Attachment::Cursor {
 
 namespace {
 
-/// A thread that merges what waits for those that do not poll, so that it costs the scene nothing. Started for the
-/// first.
+/// A thread that merges sets for cursors that are not polled, so that it costs the scene nothing. Started for the first
+/// one.
 class Merger {
   public:
     ~Merger() {
@@ -342,7 +342,7 @@ bool Bus::State::give(const std::shared_ptr<Attachment::Cursor>& to, const std::
             return false;
         }
         const std::uint64_t have = cursor.backlog.empty() ? cursor.seen : cursor.backlog.to();
-        // A set that leads to the state it starts from puts right what had gone wrong in it.
+        // A set that leads to the state it starts from repairs faults in that state.
         const bool repairs = set->from == set->to && have == set->to && have != 0;
         if (have >= set->to && !repairs && !cursor.restarted) return true;
         cursor.restarted = false;
@@ -517,7 +517,7 @@ bool Attachment::poll() {
     if (!cursor_) return false;
     const auto cursor = cursor_;  // a subscriber may detach itself
     auto sets = cursor->takeBacklog();
-    const bool any = !sets.empty();  // what is merged has sets after it
+    const bool any = !sets.empty();  // a merged set has sets after it
     if (sets.size() == 1 && cursor->composer->empty())
         cursor->deliver(*sets.front());
     else if (any)

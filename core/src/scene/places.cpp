@@ -250,7 +250,7 @@ void Places::computeViewer() {
     watch(scene_.root());
     watch(viewerLayer_);
     viewerKnown_ = true;
-    viewer_ = {};  // 23.4.6: where a viewer stands who is given no viewpoint
+    viewer_ = {};  // 23.4.6: the viewer's place if no viewpoint is given
     const Node* view = topOfStack(scene_, "_viewpointStack");
     if (!view) return;
     // The root is the asker, and is told nothing; the nodes that follow the viewer are told.

@@ -19,8 +19,7 @@ class Places {
   public:
     explicit Places(const Scene& scene) : scene_(scene) {}
 
-    /// The transform of what is in the node, its own translation and the like included. `asker` is told when it
-    /// changes.
+    /// The transform of the node's content, with its own translation and so on. `asker` is told when it changes.
     const glm::dmat4& worldFromLocal(NodeId node, NodeId asker) { return ask(node, asker).worldFromLocal; }
     /// Whether all Switches and LODs above the node show it; `asker` is told likewise.
     bool isShown(NodeId node, NodeId asker) { return ask(node, asker).shown; }
@@ -90,7 +89,8 @@ class Places {
     std::vector<bool> asksViewer_;  // by NodeId
 };
 
-/// Whether an output names nodes that stand elsewhere (what a sensor has picked), and so is no way down the hierarchy.
+/// Whether an output names nodes that stand elsewhere (such as a sensor's picked nodes), and so leads nowhere down the
+/// hierarchy.
 bool onlyTells(const NodeType& type, FieldIndex field);
 /// The turn in a matrix, without its scale and shear.
 glm::dquat turnOf(const glm::dmat4& matrix);

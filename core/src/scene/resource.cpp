@@ -71,7 +71,7 @@ const char* kindOf(mode_t mode) {
     return "something else";
 }
 
-/// Closes what it holds at the end.
+/// Closes the descriptor at the end.
 struct Descriptor {
     int number = -1;
     explicit Descriptor(int opened) : number(opened) {}

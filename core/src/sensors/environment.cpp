@@ -125,7 +125,7 @@ double proximityOnTime(Cascade& cascade, const Node& node) {
     return kUntilMoved;
 }
 
-/// The half spaces that bound what the viewpoint shows, in its own coordinates: inside is where dot(plane, p) >= 0.
+/// The half spaces that bound the view of the viewpoint, in its own coordinates: inside is where dot(plane, p) >= 0.
 std::vector<glm::dvec4> viewVolume(const Scene& scene, const Viewer& viewer) {
     std::vector<glm::dvec4> planes{{0, 0, -1, 0}};  // before the eye
     const Node* view = viewer.viewpoint ? scene.find(viewer.viewpoint) : nullptr;

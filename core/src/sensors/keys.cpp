@@ -18,7 +18,7 @@ const Node& rootOf(Cascade& cascade) {
     return cascade.scene().node(cascade.scene().root());
 }
 
-/// False for what is no such sensor.
+/// False if the node is no such sensor.
 bool isEnabledKeySensor(const Node& node) {
     if (node.is(x3d::KeySensor::type)) return node.get(x3d::KeySensor::enabled);
     return node.is(x3d::StringSensor::type) && node.get(x3d::StringSensor::enabled);

@@ -82,7 +82,7 @@ bool isEnabledPointingSensor(const Node& node) {
     return enabled;
 }
 
-/// Sensors that are children of the group; a PROTO instance counts as what stands for it.
+/// Sensors that are children of the group; a PROTO instance counts as its first node.
 void appendSensors(const Scene& scene, const Node& group, const glm::dmat4& world, std::vector<Concerned>& out) {
     const std::string& role = group.type().role;
     if (role == "choice" || role == "level") return;  // one child is shown, and that is not the sensor
@@ -99,7 +99,7 @@ void appendSensors(const Scene& scene, const Node& group, const glm::dmat4& worl
     }
 }
 
-/// 20.2.1: the lowest enabled ones above what was hit, all of them that share a group.
+/// 20.2.1: the lowest enabled sensors above the hit, all of them that share a group.
 std::vector<Concerned> concerned(const Scene& scene, const PointerHit& hit) {
     const std::vector<NodeId>& path = hit.path;
     std::vector<glm::dmat4> worlds;
@@ -427,7 +427,7 @@ class PointerEvent {
         if (isOver && kindOf(node) == PointingKind::anchor) activate(node);
     }
 
-    /// 9.4.1: "#Name" binds a viewpoint of this file; what else there is to load is the application's to do.
+    /// 9.4.1: "#Name" binds a viewpoint of this file; other urls are loaded by the application.
     void activate(const Node& anchor) {
         cascade_.emit(root_, R::anchor, static_cast<std::int32_t>(anchor.id().value));
         for (const String& url : anchor.get(x3d::Anchor::url)) {

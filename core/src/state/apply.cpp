@@ -290,7 +290,7 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     s.targets.clear();
     if (auto ok = s.applyChanges(set->changes, set->types, false); !ok) return ok;
     s.firstNewId = s.nextId;
-    // A set that leads to the state it starts from puts right what had gone wrong; the running hash may have as well.
+    // A set that leads to the state it starts from repairs faults in it; the running hash may be faulty, too.
     if (set->from == set->to && set->from != 0) {
         Hash128 sum;
         forEachNode([&](const Node& node) { sum = sum + hashOfNode(*this, node); });

@@ -1,5 +1,5 @@
-// Applying what gives anew all that the last set gave, where nobody reads a set: the path of a replica that is looked
-// at and not followed.
+// Applies a set that changes exactly the fields of the last set, if nobody reads sets: the path of a replica that is
+// only looked at.
 //
 // What is the same in set after set is found once, from the entries of the first: where each value goes, and the seed
 // of its term. Then a value costs its term and its copy, and reads a quarter of the memory that a set and its entries

@@ -141,7 +141,7 @@ void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value)
     hash.subtract(termBefore(node, entry));
     store(node, field, value.storage());
     hash.add(termOf(node, field));
-    entry.node = {};  // lists change in place, so their terms do not last; what else comes here is rare
+    entry.node = {};  // lists change in place, so their terms do not last; other types are rare here
     node.dirtySlot_ = place;
 }
 
@@ -308,7 +308,7 @@ void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
         hash.add(part.grown);
         voids += part.voids;
     };
-    constexpr std::size_t kEntriesPerEvent = 4;  // to seal one takes a quarter of what an event takes
+    constexpr std::size_t kEntriesPerEvent = 4;  // sealing one entry takes a quarter of the time of an event
     const std::uint64_t workOfThis = work - std::exchange(workSealed, work);
     if (Crew* some = crewFor(std::max<std::uint64_t>(count / kEntriesPerEvent, workOfThis))) {
         dealSeal(count, some->parts());

@@ -7,7 +7,7 @@ namespace rtsg {
 
 namespace {
 
-/// Whether the output holds one T, or several; then `show` is called with what it shall hold.
+/// Whether the output holds one T, or several; if so, calls `show` with its new content.
 template <class T, class Show>
 bool showAs(const Node& node, const TypeEntry& entry, const Show& show) {
     const FieldSlot& out = node.type().slot(entry.interpolated);

@@ -172,7 +172,7 @@ Result<std::size_t> Scene::removeFromParents(NodeId id) {
         if (def.hidden || !authors || parent.type().kind == NodeType::Kind::script) continue;
         Result<> ok;
         if (def.type == FieldType::SFNode) {
-            if (parent.get(Field<NodeId>{p.field}) != id) continue;  // what a PROTO instance had to say about it
+            if (parent.get(Field<NodeId>{p.field}) != id) continue;  // a PROTO instance may have refused it
             ok = setField(p.node, p.field, Value(NodeId{}));
         } else {
             const auto& children = parent.get(Field<Array<NodeId>>{p.field});

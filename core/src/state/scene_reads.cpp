@@ -197,7 +197,7 @@ void Scene::registerBehaviour(TypeIndex type, const Behaviour& behaviour) {
     if (state_->refuseForeign()) return;
     RTSG_CHECK_LT(type.value, state_->types.size());
     state_->types[type.value].behaviour = behaviour;
-    ++state_->linkEdits;  // what may run on other threads is another now
+    ++state_->linkEdits;  // the part that may run on other threads is another now
     state_->noteUse(type, behaviour);
     forEachNode([&](const Node& node) {
         if (node.is(type)) state_->wake(node);

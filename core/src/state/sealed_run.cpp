@@ -14,7 +14,7 @@ namespace rtsg {
 /// The data that all changes of one field of nodes of one type share.
 struct Scene::State::KnownField {
     const NodeType* nodeType = nullptr;
-    WrittenField entry;  // without what is the node's and the value's own
+    WrittenField entry;  // without the parts that depend on node and value
     std::uint32_t offset = 0;
     std::uint32_t size = 0;
     FieldKey key{};

@@ -73,8 +73,8 @@ struct Scene::State : Scene::Lane {
     static RouteGroup* groupOf(Node& node, FieldIndex field) {
         return node.heardOf_ & Node::Links::heardBit(field) ? node.links_->outOf(field) : nullptr;
     }
-    /// Whether the event of this timestamp has gone along routes (4.4.8.4): the field keeps what it said. Listeners do
-    /// not count: they change nothing.
+    /// Whether the event of this timestamp has been sent along routes (4.4.8.4): then the field keeps that value.
+    /// Listeners do not count, because they change nothing.
     bool hasGone(const RouteGroup& group) const { return group.gone == stamp && !group.targets.empty(); }
     bool hasGone(Node& node, FieldIndex field) const {
         const RouteGroup* group = groupOf(node, field);
@@ -146,7 +146,7 @@ struct Scene::State : Scene::Lane {
     /// The entry of the last set, not the expected one, for a field about to be written, whose term is the value's;
     /// null if there is none.
     [[gnu::noinline]] WrittenField* knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const;
-    /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
+    /// Adds an entry that holds what is known of the field before it is written: its term, or its bytes.
     WrittenField& newEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     /// The same for a field of plain bytes.
     WrittenField& newPlainEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
@@ -166,7 +166,7 @@ struct Scene::State : Scene::Lane {
     }
     /// The entries of this set become those that the next one looks for.
     void keepTerms();
-    /// None is there to be found: what has a number may no longer be what had it when the last set was sealed.
+    /// Terms can no longer be found by number, because a number may belong to another node since the last seal.
     void forgetTerms();
     bool namesTwice = false;  // the set that is applied names a field twice, or may: none of its terms is to be found
     bool isNamedBefore(FieldIndex field, std::uint32_t newest) const;
@@ -183,7 +183,7 @@ struct Scene::State : Scene::Lane {
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
     void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
-    /// Writes what comes from a sealed set, and is not plain: into the hash at once, and not pending.
+    /// Writes a value from a sealed set that is not plain: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// Writes the changes from the first on that are plain values of fields that exist; returns how many.
     std::size_t writeSealedRun(std::span<const Change> changes);
@@ -234,7 +234,7 @@ struct Scene::State : Scene::Lane {
     void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h
     void write(Node& node, FieldIndex field, const void* value) { write(*this, node, field, value); }
     void writeShared(Lane& lane, Node& node, FieldIndex field, const void* value);
-    /// Whoever has asked for the place will be asked again.
+    /// Those who asked for the place are asked again.
     [[gnu::always_inline]] void noteMoved(Lane& lane, NodeId node) {
         if (places.isWatched(node)) [[unlikely]]
             noteWatchedMoved(lane, node);
@@ -285,12 +285,12 @@ struct Scene::State : Scene::Lane {
     bool hasPending() const;
     std::shared_ptr<const ChangeSet> seal();
     std::shared_ptr<const std::vector<Authored>> takeAuthors();
-    /// After the first `behind` changes; what comes later is written over.
+    /// After the first `behind` changes; later changes are overwritten.
     void appendFieldChanges(ChangeSet& set, std::size_t behind);
     /// The contribution of some entries to the hash.
     struct SealedPart {
         Hash128 grown;
-        std::size_t voids = 0;  // changes of what is no longer there, kNoField
+        std::size_t voids = 0;  // changes of things that no longer exist, kNoField
     };
     SealedPart sealPiece(WrittenFields::Piece one, Change* changes);
     /// Entries that one part of a crew seals, and where among the changes theirs go.
@@ -445,7 +445,7 @@ struct Scene::State : Scene::Lane {
     void deliverInput(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     bool deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field, const FieldDef& def, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
-    /// Whether the nodes are of types that the field takes (4.4.2.2); PROTO instances count as what stands for them.
+    /// Whether the field takes nodes of these types (4.4.2.2); a PROTO instance counts as its first node.
     Result<> checkAccepted(const Node& node, FieldIndex field, const void* value) const;
     Result<> checkAccepted(const NodeType& type, FieldIndex field, NodeId child) const;
     /// Scripts that are new are initialised, all before any prepareEvents(); both before other events (29.2.2, 29.2.3).
@@ -485,7 +485,7 @@ struct Scene::State : Scene::Lane {
     std::vector<Stretch> stretches;
     /// The emissions at hand, in order: those of the scene's lane, and of lanes beside it.
     std::vector<const std::vector<Emission>*> emissionRuns;
-    /// The emissions for which `stretches` were laid out: most frames send what the last one sent.
+    /// The emissions for which `stretches` were laid out: most frames send the same as the last one.
     std::vector<std::vector<Emission>> laidOut;
     bool isLaidOut(std::size_t run, const std::vector<Emission>& sentNow) const;
     bool areLaidOut() const;
@@ -506,7 +506,7 @@ struct Scene::State : Scene::Lane {
     Crew* crewFor(std::uint64_t expectedWork);
     /// A frame begins: wakes the threads that are likely to have work in it.
     void callCrew();
-    /// Whether the cascade may be divided now: nobody listens in on it or edits what others read.
+    /// Whether the cascade may be divided now: nobody listens to it or edits data that others read.
     bool mayDivide() const;
     bool isLocal(const Behaviour& behaviour) const { return behaviour.local && behaviour.deterministic; }
     enum class Local : std::uint8_t { no, now, untilEdited };
@@ -526,7 +526,7 @@ struct Scene::State : Scene::Lane {
     bool mayReachBeside(const Node& node, FieldIndex field) const;
     void beginBeside(Lane& lane);
     void mark(Lane& lane);
-    /// Appends what the lane noted between the mark before this number and the mark of this number.
+    /// Appends the lane's notes between the mark before this number and the mark of this number.
     void takeOver(Lane& lane, std::size_t number);
     void endBeside(Lane& lane);
     void warn(const Node& node, const std::string& text);

@@ -30,7 +30,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
         entry.keys = entry.ownKeys.data();
     }
     for (const FieldIndex i : type.sharedFields()) entry.keepsLists |= type.fields[i].hidden;
-    // The interface of a PROTO or a Script is its author's: a field of this name means what the author says.
+    // The author of a PROTO or a Script defines its interface: a field of this name has the author's meaning.
     const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
     const auto listOfNodes = [&](std::string_view name, Access access) {
         const FieldIndex found = fromTable ? type.findExact(name) : kNoField;
@@ -174,7 +174,7 @@ void Scene::State::removeParent(Node& child, ParentRef parent) {
         child.parent_ = {};
     }
     trimLinks(child);
-    if (woken.empty() || woken.back() != owner.root()) wake(*find(owner.root()));  // what is bound may have left
+    if (woken.empty() || woken.back() != owner.root()) wake(*find(owner.root()));  // the bound node may have left
 }
 
 bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {

@@ -9,8 +9,8 @@ namespace rtsg {
 
 namespace {
 
-/// Backwards, as what was added last tends to go first; in blocks, which compilers make many comparisons at once of.
-/// Precondition: it is there.
+/// Searches backwards, because the nodes added last tend to be removed first; in blocks, which compilers turn into many
+/// comparisons at once. Precondition: the node is there.
 std::size_t lastPlace(const Array<NodeId>& children, NodeId id) {
     constexpr std::size_t kBlock = 64;
     std::size_t end = children.size();
@@ -75,7 +75,7 @@ Result<> Scene::State::insertChild(Node& parent, FieldIndex field, Node& child, 
     }
     children.insert(index, child.id_);
     addParent(child, {parent.id_, field});
-    wake(child);  // it may be in the scene now, where what is bound is found
+    wake(child);  // it may be in the scene now, where the bound node is found
     return {};
 }
 
@@ -129,7 +129,8 @@ void Scene::State::detachEverything(Node& node) {
             removeChildAt(parent, p.field, lastPlace(childrenAt(parent.storage(p.field)), node.id_));
         }
         wake(parent);
-        if (def.hidden && def.type == FieldType::MFNode)  // a binding stack: who has come to its top must hear of it
+        if (def.hidden && def.type == FieldType::MFNode)  // a binding stack: the node that has come to its top must be
+                                                          // told
             if (const Array<NodeId>& left = childrenAt(parent.storage(p.field)); !left.empty()) wake(*find(left[0]));
     }
     if (!node.links_) return;
@@ -153,7 +154,8 @@ void Scene::State::releaseChildren(Node& node) {
         } else {
             const auto& children = childrenAt(node.storage(i));
             for (const NodeId child : children) removeParent(*find(child), {node.id_, i});
-            // The binding stacks of a layer go with it: what was bound there hears of it, if it is still there (7.2.2).
+            // The binding stacks of a layer go with it: nodes that were bound there are told, if they still exist
+            // (7.2.2).
             if (def.hidden && !children.empty()) wake(*find(children[0]));
         }
     }

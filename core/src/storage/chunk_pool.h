@@ -26,7 +26,7 @@ class ChunkPool {
     ChunkPool(const ChunkPool&) = delete;
     ChunkPool& operator=(const ChunkPool&) = delete;
 
-    /// Aligned to 64 bytes; what it holds may be anything. `bytes`: 1 to kPage. Throws std::bad_alloc.
+    /// Aligned to 64 bytes; the content is undefined. `bytes`: 1 to kPage. Throws std::bad_alloc.
     std::byte* take(std::size_t bytes);
     /// `bytes` as given to take.
     void giveBack(std::byte* chunk, std::size_t bytes);

@@ -38,7 +38,7 @@ Crew::~Crew() {
 
 /// One that is late, in a turn that is over, finds nothing: all its parts have been taken.
 void Crew::takeParts(std::uint32_t turn, unsigned number) {
-    // Each begins elsewhere, and in the same place every time: what it needs may be near it still.
+    // Each begins elsewhere, and at the same part every time: its data may still be in its cache.
     for (unsigned i = 0; i < parts_; ++i) {
         const unsigned part = (2 * number + i) % parts_;
         std::uint32_t last = turn - 1;

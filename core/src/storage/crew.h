@@ -30,7 +30,7 @@ class Crew {
     /// awake.
     void attend();
     void dismiss() { attending_.store(false, std::memory_order_relaxed); }
-    /// Calls job(part) for every part, and returns, or throws what one of them threw, when all have come to an end.
+    /// Calls job(part) for every part. Returns when all have ended, or throws what one of them threw.
     template <class Job>
     void run(const Job& job) {
         runPlain([](const void* what, unsigned part) { (*static_cast<const Job*>(what))(part); }, &job);

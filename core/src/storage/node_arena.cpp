@@ -65,7 +65,7 @@ void NodeArena::expect(std::size_t bytes) {
     fresh->ready = std::make_unique<std::atomic<bool>[]>(pages);
     fresh->chunk = takeChunk(pages * kHugePage);
     left_ = 0;     // page by page
-    filler_ = {};  // of what was expected before
+    filler_ = {};  // the memory expected before
     expected_ = std::move(fresh);
     entered_ = 0;
     try {
@@ -80,7 +80,7 @@ void NodeArena::expect(std::size_t bytes) {
 #endif
 }
 
-/// The next page of what was expected is to be written to. False if there is none.
+/// The next page of the expected memory is about to be written to. False if there is none.
 bool NodeArena::enterPage() {
     if (!expected_ || entered_ == expected_->pages) return false;
     const std::size_t page = entered_++;

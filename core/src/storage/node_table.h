@@ -25,7 +25,8 @@ class NodeTable {
     explicit NodeTable(NodeArena& memory) : memory_(memory) {}
 
     Node* find(NodeId id) const { return view().find(id); }
-    /// To look up many: its parts stay in registers whatever is written in between. Valid until a node comes or goes.
+    /// For many look-ups: its members stay in registers whatever is written in between. Valid until a node is added or
+    /// removed.
     struct View {
         Node* const* const* pages;
         std::size_t count;

@@ -17,8 +17,8 @@
 
 namespace rtsg {
 
-/// One field written since the last seal. Sealed ones are kept until the next set: what was written in one frame is
-/// likely to be written in the next, and then the term of the value before is there already.
+/// One field written since the last seal. Sealed ones are kept until the next set, because fields written in one frame
+/// are likely to be written in the next, and then the term of the earlier value is known.
 struct WrittenField {
     NodeId node;             // none once the node is destroyed or the term used
     std::uint32_t next = 0;  // slot + 1 of the entry of the same node before
@@ -51,8 +51,8 @@ class WrittenFields {
         std::uint32_t slot = 0;  // of the first entry
     };
 
-    /// Room for kChunk entries that nobody else has, for the lane of this number: if it can be, what it had before,
-    /// which is where its thread has it at hand. The scene's own, 0, gets those that are free in order.
+    /// Room for kChunk entries that nobody else has, for the lane of this number: if possible the chunk that it had
+    /// before, which is in its thread's cache. The scene's own lane, 0, gets free chunks in order.
     Chunk takeChunk(std::uint32_t lane);
     /// Precondition: there is an entry.
     WrittenField& at(std::uint32_t slot) const {
@@ -68,7 +68,7 @@ class WrittenFields {
     void append(Piece piece, std::uint32_t slot);
     const std::vector<Piece>& pieces() const { return pieces_; }
     std::size_t size() const { return size_; }
-    /// The chunks are kept for what comes, as far as this much needed them.
+    /// Keeps as many chunks as were needed now.
     void clear();
 
   private:

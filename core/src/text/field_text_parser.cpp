@@ -14,7 +14,7 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kBlock = 512;  // numbers read between two looks at what else there is to do
+constexpr std::size_t kBlock = 512;  // numbers read between two checks for other work
 
 template <class T>
 constexpr bool kNumeric = !std::is_same_v<T, bool> && !std::is_same_v<T, String> && !std::is_same_v<T, NodeId> &&
@@ -148,7 +148,7 @@ bool FieldTextParser::parseNumbers(T& out) {
 template <class S>
 std::unique_ptr<NumberPieces<S>> FieldTextParser::piecesOf(const char* start, bool bracketed) {
     const Splitting splitting = report_.splitting();
-    // A long comment may have led beyond what makes a list long.
+    // A long comment may have led past the size at which a list counts as long.
     const auto from = static_cast<std::ptrdiff_t>(splitting.from);
     const std::ptrdiff_t rest = std::max(from - (p - start), from / 16);
     const auto isHere = [&] { return end_ - p >= rest; };

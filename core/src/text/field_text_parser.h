@@ -17,7 +17,7 @@
 
 namespace rtsg::detail {
 
-/// Takes what a value parser has to say; `at` points into the text parsed.
+/// Receives the reports of a value parser; `at` points into the text parsed.
 class FieldTextReport {
   public:
     virtual ~FieldTextReport() = default;

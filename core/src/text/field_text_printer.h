@@ -17,7 +17,7 @@ namespace rtsg::detail {
 /// At least this many characters are there for a number.
 constexpr std::size_t kLongestNumber = 32;
 
-/// The shortest text that reads back to the same bits; in JSON null for what is no number. Returns behind its end.
+/// The shortest text that reads back to the same bits; in JSON null if the value is not finite. Returns behind its end.
 template <class S>
 char* printNumber(char* to, S number, TextSyntax syntax) {
     if constexpr (std::is_floating_point_v<S>)

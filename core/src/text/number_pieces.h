@@ -30,7 +30,7 @@ void readPiece(TextPiece& piece) {
         while (p != piece.end && isSpace(*p)) ++p;
         piece.stop = p;
         if (p == piece.end) return;
-        // The last bytes, and what a run leaves to those who look closer.
+        // The last bytes, and words that the fast path leaves to the exact scanner.
         if (scanNumber(p, piece.end, numbers[piece.count]) != NumberStatus::ok || p == piece.end || !isSpace(*p))
             return;
         ++piece.count;
@@ -92,7 +92,7 @@ bool NumberPieces<S>::cut(const char* end) {
         if (end - next_ < static_cast<std::ptrdiff_t>(size_)) return true;
         const char* cut = next_ + size_;
         while (cut != next_ && !isSpace(cut[-1])) --cut;
-        // The rest of a list is short, and what has no white space is none.
+        // The rest of a list is short, and text without white space is no list.
         ended_ = cut == next_ || (bracketed_ && std::memchr(next_, ']', size_));
         if (ended_) break;
         pieces_.push_back({.begin = next_, .end = cut, .stop = next_, .numbers = free_.back()});

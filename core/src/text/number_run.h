@@ -39,7 +39,7 @@ inline std::uint64_t spacesOf64(const char* p) {
     return mask;
 }
 
-/// A word of at most sixteen characters without its sign, as digits right-aligned, and what they come to.
+/// A word of at most sixteen characters without its sign, as right-aligned digits, and the value of these.
 struct PlainDigits {
     std::uint64_t value;
     unsigned fraction;  // digits behind the point

@@ -75,7 +75,7 @@ Result<> mayHold(std::uint64_t more) {
         return held <= most && more <= most - held;
     };
     if (fits()) return {};
-    // The allocator keeps what was given back, and that is still ours.
+    // The allocator keeps freed memory, and it still counts as ours.
     ::malloc_trim(0);
     if (fits()) return {};
     return fail("the process would hold more than " + std::to_string(most) +

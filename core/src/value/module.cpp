@@ -43,8 +43,8 @@ Result<> DelayedLibrary::fill() {
     // Other threads call through them meanwhile.
     for (std::size_t i = 0; i < stubs_.functionCount; ++i)
         std::atomic_ref(stubs_.functions[i]).store(addresses[i], std::memory_order_release);
-    // exit() goes through what was registered from the last to the first. So this comes before the library's static
-    // data are destroyed, which it registered while it was loaded.
+    // exit() calls registered functions from the last to the first. So this one is called before the library's static
+    // data are destroyed, because the library registered them while it was loaded.
     abi::__cxa_atexit([](void* self) { static_cast<DelayedLibrary*>(self)->ended_ = true; }, this, &__dso_handle);
     return {};
 }

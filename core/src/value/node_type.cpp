@@ -44,8 +44,8 @@ bool FieldDef::inRange(const Value& value) const {
     return allInRange<float>(*this, data, count);
 }
 
-/// Takes the tags of the nearest abstract type of the tables that has any. Without one, the type may act and write
-/// whatever it can, and holds children if it is bounded.
+/// Takes the tags of the nearest abstract type in the tables that has any. Without one, the type counts as able to act
+/// and write, and holds children if it is bounded.
 void NodeType::takeTags() {
     const SpecTags* actor = nullptr;
     const SpecTags* place = nullptr;

@@ -8,7 +8,7 @@
 
 namespace rtsg::detail {
 
-/// From where the descriptor stands to its end. Errors: more than `limit` bytes, or what the system says.
+/// From the descriptor's position to the end. Errors: more than `limit` bytes, or an error of the system.
 Result<std::string> readDescriptor(int descriptor, std::uint64_t limit);
 
 }  // namespace rtsg::detail

@@ -143,7 +143,7 @@ class UdpTransport final : public DisTransport {
             setFlag(listener.socket, SOL_SOCKET, SO_BROADCAST);
             if (!bindTo(listener.socket, at->anyHost())) return fail(systemError("cannot listen at", address));
         } else if (!bindTo(listener.socket, *at)) {
-            // No address of this machine: what comes from there is meant.
+            // The address is not one of this machine: then it is the sender's.
             if (errno != EADDRNOTAVAIL || !bindTo(listener.socket, at->anyHost()))
                 return fail(systemError("cannot listen at", address));
             listener.only = *at;
@@ -208,7 +208,7 @@ class UdpTransport final : public DisTransport {
         SocketAddress at;
         bool isRelayed = false;
     };
-    /// Names are asked for once, whatever comes of it: that may take its time.
+    /// Names are looked up once, whatever the result, because that may take long.
     const Result<SocketAddress>& lookUp(const DisAddress& address) {
         const auto known = found_.find(address);
         return known != found_.end() ? known->second : found_.emplace(address, find(address)).first->second;

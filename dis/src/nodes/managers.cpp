@@ -16,7 +16,7 @@ namespace {
 using Espdu = x3d::EspduTransform;
 using Mapping = x3d::DISEntityTypeMapping;
 
-/// The number of fields in which a mapping names what the entity has; -1 if one differs. 0 in a mapping matches
+/// The number of fields in which a mapping equals the entity's type; -1 if one differs. 0 in a mapping matches
 /// anything.
 int fitOf(const Node& mapping, const EntityType& type) {
     const std::pair<std::int32_t, std::int32_t> numbers[] = {

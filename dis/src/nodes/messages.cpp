@@ -23,7 +23,7 @@ template <class T, class N>
 T fieldOf(const Node& node, N field) {
     return static_cast<T>(node.get(field));
 }
-/// Finite, whatever has been computed: others refuse a PDU with such a number, and rightly.
+/// Replaces values that are not finite: other programs refuse a PDU with such a number, and rightly.
 glm::vec3 finite(const glm::dvec3& v) {
     return std::isfinite(v.x + v.y + v.z) ? glm::vec3(v) : glm::vec3(0);
 }

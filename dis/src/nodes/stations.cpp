@@ -16,7 +16,7 @@ namespace {
 using Espdu = x3d::EspduTransform;
 using EntityManager = x3d::DISEntityManager;
 
-/// Calls with the handles of the node's type; false for what reads and writes nothing.
+/// Calls with the handles of the node's type; false if the node neither reads nor writes.
 template <class F>
 bool withDisType(TypeIndex type, F&& call) {
     if (type == Espdu::type) return call.template operator()<Espdu>(), true;
@@ -30,7 +30,7 @@ bool isStation(TypeIndex type) {
     return withDisType(type, []<class N>() {});
 }
 
-/// Whether who reads or writes cares for the field.
+/// Whether a station that reads or writes depends on the field.
 bool isSetup(std::string_view name) {
     for (const std::string_view one :
          {"address", "port", "multicastRelayHost", "multicastRelayPort", "networkMode", "enabled", "siteID",

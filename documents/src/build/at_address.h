@@ -1,4 +1,4 @@
-// Documents at addresses of the network: their own urls start where the answer came from.
+// Documents from network addresses: their relative urls start at the final address of the response.
 #pragma once
 
 #include <rtsg/documents/scene_builder.h>

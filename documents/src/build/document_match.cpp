@@ -350,7 +350,7 @@ void DocumentMatch::pairElsewhere() {
         one.after = node.id();
         ++one.countAfter;
     });
-    for (const NodeId id : news) {  // parents come before what is below them
+    for (const NodeId id : news) {  // parents come before their children
         const Left& one = left[afterDigests_[id.value]];
         if (one.countBefore != 1 || one.countAfter != 1 || !pair(one.before, id)) continue;
         descend();
@@ -359,7 +359,7 @@ void DocumentMatch::pairElsewhere() {
 
 /// A node of a body keeps its IS connections for ever: with others it is another node, and so is all in its own body.
 void DocumentMatch::partUnequalConnections() {
-    afterScene_.forEachNode([&](const Node& node) {  // scopes come before what is in them
+    afterScene_.forEachNode([&](const Node& node) {  // scopes come before their nodes
         const NodeId partner = before(node.id());
         if (!partner || !node.scope()) return;
         const bool isInScope = before(node.scope()) == beforeScene_.node(partner).scope() && before(node.scope());

@@ -1,9 +1,9 @@
-// DocumentMatch: which nodes of an edited document are those of the document before.
+// DocumentMatch: pairs the nodes of an edited document with those of the document before.
 //
-// Nodes are paired by their DEF names first; then children by their places in paired parents, those that are the same
-// with all below them before others; then what is left and stands elsewhere, if nothing else is the same.
-// Invariant: nodes of a pair have the same type and lie in paired scopes; none is in two pairs. Cost grows with both
-// documents, by a logarithm faster where lists were edited. Threading: the scenes' thread, while it is made.
+// Nodes are paired by their DEF names first; then children by their places in paired parents, where children with
+// identical contents come first; then the remaining nodes that have moved, if exactly one other node is identical.
+// Invariant: paired nodes have the same type and lie in paired scopes; none is in two pairs. The cost grows with both
+// documents, and by a logarithm more where lists were edited. Threading: the scenes' thread, during construction.
 #pragma once
 
 #include <cstdint>

@@ -201,7 +201,7 @@ Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId 
     const auto opened = openFirst(scene, script, urls, *resources);
     if (!opened) return std::unexpected(opened.error());
     Diagnostics diagnostics{opened->file.string()};
-    // Its own urls start from its own folder; what may be opened stays the same.
+    // Its own urls start from its own folder; the permissions stay the same.
     const Resources beside(folderOfDocument(opened->file), resources->policy());
     const Node* node = scene.find(script);
     BuildOptions options = detachedOptions(node ? node->scope() : NodeId{}, &beside);
@@ -270,7 +270,7 @@ std::string Documents::nodeText(const Scene& scene, NodeId node, bool xml) const
     const Encoding encoding = xml ? Encoding::xml : Encoding::classicVrml;
     const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, ignored);
     SceneExporter(scene, ignored).writeNode(*writer, node, encoding);
-    // Less what a file has around it: of ClassicVRML a line with its version and one with its profile.
+    // Without the frame of a file: in ClassicVRML a line with its version and one with its profile.
     std::size_t from = text.find(xml ? "<Scene" : "PROFILE ");
     if (from != text.npos) from = text.find('\n', from);
     const std::size_t to = xml ? text.find("</Scene") : text.size();

@@ -206,7 +206,7 @@ void EditedDocument::State::Edits::defineTypes() {
     }
 }
 
-/// Scopes have smaller numbers than what is in them.
+/// Scopes have smaller numbers than their nodes.
 void EditedDocument::State::Edits::createNodes() {
     after_.forEachNode([&](const Node& a) {
         NodeId& live = live_[a.id().value];
@@ -246,7 +246,7 @@ void EditedDocument::State::Edits::removeNodes(const Node& b, const Node& a) {
     }
 }
 
-/// Sets the nodes of a field of the scene's node: one by one if they are few, so that who follows the scene gets few.
+/// Sets the nodes of a field of the scene's node: one by one if they are few, so that subscribers get few.
 void EditedDocument::State::Edits::change(const Node& a, FieldIndex field, const std::vector<NodeId>& wanted) {
     const NodeId id = liveOf(a.id());
     const Node& node = scene_.node(id);

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kImport = 3, kExport = 2;  // inlineDEF, exportedName, localName; localName, exportedName
 
-/// kNoField: what the scope names holds no document.
+/// kNoField: the scope's name stands for no document.
 FieldIndex listField(const Scene& scene, NodeId holder, std::string_view name) {
     const Node* node = scene.find(holder);
     return node ? hiddenField(node->type(), name) : kNoField;
@@ -114,7 +114,7 @@ Result<> updateExportedNode(Scene& scene, std::string_view exportedName, NodeId 
     if (!known) return fail(DiagnosticCode("no-such-node"), fmt::format("no node {}", node.value));
     if (exportedName.empty()) return fail("a node is exported under a name");
     std::string local(known->scope() == scope ? scene.name(node) : std::string_view());
-    if (local.empty()) {  // what is imported may be passed on
+    if (local.empty()) {  // an imported node may be passed on
         const auto imports = importedNodes(scene, scope);
         const auto found = std::ranges::find(imports, node, &ImportedNode::node);
         if (found == imports.end()) return fail("a node that has no name in the document cannot be exported");

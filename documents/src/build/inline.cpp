@@ -186,7 +186,7 @@ struct InlineLoader::State final : Subscriber {
         options.leavesAwaited = true;
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
-        scene.seal();  // what the caller loaded is not news
+        scene.seal();  // changes by the caller's load are not news
         attachment = scene.bus().attach(*this);
         changed.clear();
         fonts = FontReports(target);

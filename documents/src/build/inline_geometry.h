@@ -1,7 +1,7 @@
-// InlineGeometry: what stays of a document that was read for the sake of a geometry.
+// InlineGeometry: the part of a document that is kept when it was read for its geometry.
 //
-// Threading: the scene's thread. Source: ISO/IEC CD 19775-1 V4.1 9.4 (InlineGeometry); the choice of the first geometry
-// in the order of the document, and what `smooth` sets, as X_ITE has them.
+// Threading: the scene's thread. Source: ISO/IEC CD 19775-1 V4.1 9.4 (InlineGeometry). The choice of the first geometry
+// in document order, and the effect of `smooth`, are those of X_ITE.
 #pragma once
 
 #include <span>

@@ -1,6 +1,6 @@
-// Keeps what lights of Inlines light when the Inlines become Groups.
+// Preserves the scope of lights in Inlines when the Inlines become Groups.
 //
-// Invariant: after keepInlineLights() each light shines on what it shone on, or a warning says which Inline's does not.
+// Invariant: after keepInlineLights() each light illuminates the same shapes as before, or a warning names the Inline.
 // Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 9.4.2 (`global` of an Inline), 17.2.1 (of a light).
 #pragma once
 

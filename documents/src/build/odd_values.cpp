@@ -44,7 +44,7 @@ constexpr std::array kModes{"MODULATE"sv,
 constexpr std::array kSources{"DIFFUSE"sv, "SPECULAR"sv, "FACTOR"sv, ""sv};
 constexpr std::array kFunctions{"COMPLEMENT"sv, "ALPHAREPLICATE"sv, ""sv};
 
-constexpr std::int32_t kMostDrawnPixels = 4096;  // a side of what a scene draws for itself
+constexpr std::int32_t kMostDrawnPixels = 4096;  // a side of a picture that a scene draws for itself
 
 std::string_view trimmed(std::string_view word) {
     while (!word.empty() && word.front() == ' ') word.remove_prefix(1);

@@ -1,8 +1,9 @@
 // The library of materials behind the urns urn:rtsg:material:NAME, as the tracer knows them.
 //
-// EXTERNPROTOs name such a urn first and a file behind it: here the urn leads to these prototypes, whose bodies have
-// the metadata that the renderers read; elsewhere the file, examples/materials/materials.x3dv, shows a fair Material.
-// Both have the same interfaces. Threading: constants. Source: RTSG paper 7; ISO/IEC 19775-1 V4.0 4.4.5.
+// EXTERNPROTOs name such a urn first, and a file after it. Here the urn leads to these prototypes, whose bodies have
+// the metadata that the renderers read. Other programs use the file, examples/materials/materials.x3dv, which shows a
+// similar Material. Both have the same interfaces. Threading: constants. Source: RTSG paper 7; ISO/IEC 19775-1 V4.0
+// 4.4.5.
 #pragma once
 
 #include <optional>

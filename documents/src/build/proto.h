@@ -58,7 +58,7 @@ struct ProtoDeclaration {
     /// Type of the first node of the body, through nested instances; null if unknown.
     const NodeType* primary = nullptr;
     Environment* inside = nullptr;       // of the body, filled by its first instance
-    ProtoDeclaration* target = nullptr;  // external: what the url led to
+    ProtoDeclaration* target = nullptr;  // external: the declaration that the url led to
     std::string targetUrl;               // external: from where this is declared, through other EXTERNPROTOs
     bool resolved = false;               // external: the url has been tried
     bool instanced = false;              // diagnostics of the body have been given
@@ -72,7 +72,7 @@ class Environment {
         : outer_(outer), outerVisible_(outerVisible) {}
     /// Null if `name` is not declared within the first `visible` declarations or further out.
     ProtoDeclaration* find(std::string_view name, std::size_t visible = SIZE_MAX) const;
-    /// Declared here, whatever the order.
+    /// Declared here, before or behind.
     ProtoDeclaration* findHere(std::string_view name) const;
     /// Precondition: findHere(declaration->name) is null.
     ProtoDeclaration* add(std::unique_ptr<ProtoDeclaration> declaration);

@@ -297,7 +297,7 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
         s.warning(where, fmt::format("{}.{} is given twice; the last counts", node->describe(), def.name));
     node->markGiven(field);
     if (sf(def.type) == FieldType::SFNode) {
-        // NULL or []: what a PROTO instance overrides its default with. Nodes come as beginNode and useNode.
+        // NULL or []: a PROTO instance overrides its default with it. Nodes come as beginNode and useNode.
         node->list(field).clear();
         return;
     }

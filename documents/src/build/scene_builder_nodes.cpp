@@ -152,7 +152,7 @@ std::pair<TypeIndex, const NodeType*> SceneBuilder::State::findBuiltin(std::stri
         const bool fromTables = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
         if (fromTables && !type.internal) result = {*index, &type};
     } else if (const auto own = dialect ? dialect->findType(name) : nullptr) {
-        // The scene learns a type of a table with the first node of it: what nobody uses travels nowhere.
+        // The scene learns a type of a table with the first node of it, so that unused types are not sent to mirrors.
         if (const auto defined = scene.defineType(own))
             result = {*defined, own.get()};
         else
@@ -199,7 +199,7 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
     FieldIndex index = parent.find(field);
     if (index == kNoField || !acceptsType(parent.field(index), child)) {
         const bool exists = index != kNoField;
-        // XML files often leave containerField out: then the one field that takes the node is what was meant.
+        // XML files often omit containerField. Then the field that takes the node is meant, if there is only one.
         FieldIndex other = kNoField;
         std::size_t candidates = 0;
         for (const FieldIndex i : parent.type->nodeFields()) {
@@ -261,7 +261,7 @@ void SceneBuilder::State::attach(OpenNode& parent, FieldIndex field, NodeId chil
 /// Which children of a CADLayer show (X3D 3.1 to 3.3): those that do not are put below a Group that is not visible.
 void SceneBuilder::State::hideChildren(OpenNode& node) {
     if (node.values.empty()) return;
-    const auto shown = node.values.back().second.as<Array<bool>>();  // of what is given twice, the last counts
+    const auto shown = node.values.back().second.as<Array<bool>>();  // if a field is given twice, the last value counts
     node.values.clear();
     std::vector<NodeId>& children = node.list(x3d::CADLayer::children.index);
     for (std::size_t i = 0; i < std::min(shown.size(), children.size()); ++i) {

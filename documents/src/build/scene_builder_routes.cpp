@@ -19,7 +19,7 @@ const Array<String>* tuples(const Scene& scene, NodeId scope, std::string_view n
     return field == kNoField ? nullptr : static_cast<const Array<String>*>(node->storage(field));
 }
 
-/// Null if `id.name` may send (or take) events, else what is wrong.
+/// Null if `id.name` may send (or take) events, otherwise the fault.
 std::string checkEnd(const Node& node, std::string_view nodeName, std::string_view fieldName, bool sends,
                      FieldIndex& field) {
     field = node.type().find(fieldName);

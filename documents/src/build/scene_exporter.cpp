@@ -51,7 +51,7 @@ class DeclarationScan final : public Filter {
     bool inBody_ = false;
 };
 
-/// Passes on what stands in a document, not the document itself.
+/// Passes on the content of a document, without its beginning and end.
 class Contents final : public Filter {
   public:
     using Filter::Filter;
@@ -79,10 +79,10 @@ struct SceneExporter::State {
     std::vector<Route> routes;                              // between nodes of the document
     DeclarationScan declarations;
     std::vector<const NodeType*> declared;  // the document's own prototypes
-    NodeId single{};                        // all that comes out is this node and what is below it
+    NodeId single{};                        // only this node, with its descendants, is written
     NodeId home{};                          // the scope that counts as the document
 
-    /// Whether a node is not said itself, but what it is made of.
+    /// Whether a node is replaced by its content.
     bool isExpanded(const Node& node) const {
         if (isInstance(node.type())) return options.expandPrototypes && !content(node).empty();
         return options.expandInlines && isInline(node) && !content(node).empty();
@@ -128,7 +128,7 @@ struct SceneExporter::State {
         return only ? Array<NodeId>{only} : Array<NodeId>();
     }
 
-    /// Field values that a document states: not what a PROTO provides by itself.
+    /// Field values that a document states, not those that a PROTO provides by itself.
     bool isOwnField(const FieldDef& def) const {
         return !def.hidden && def.access != Access::inputOnly && def.access != Access::outputOnly;
     }
@@ -427,7 +427,7 @@ void SceneExporter::State::writeDeclarations(DocumentHandler& handler) {
     const std::string text = declarationsOf(scene);
     if (text.empty()) return;
     CommandList read;
-    Diagnostics again(diagnostics.file());  // what there is to say of values was said when they were loaded
+    Diagnostics again(diagnostics.file());  // values were checked, and reported, when they were loaded
     const FieldTypesInScope known(fieldTypesOf(scene));
     readDocument(text, read, again, {.dialect = dialectOf(scene)});
     if (again.errors() > 0) diagnostics.append(again);

@@ -148,7 +148,7 @@ class Validate final : public Filter {
             checkKnots(node, "vKnot", node.number("vOrder", 3), node.number("vDimension", 0), " along v");
         }
     }
-    /// Reports of knots what an interpolator would report when it runs.
+    /// Reports the faults of knots that an interpolator would report when it runs.
     void checkKnots(const ValidatedNode& node, const char* field, int order, std::int64_t points, const char* name) {
         const auto given = node.given.find(field);
         if (given == node.given.end() || !given->second.value.holds<Array<double>>()) return;

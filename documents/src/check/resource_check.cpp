@@ -14,7 +14,7 @@ namespace {
 
 /// Links that somebody may follow are not part of the scene; documents that were to be loaded are the loader's.
 bool isChecked(const Node& node) {
-    // Nobody reads what a RenderedTexture would be written to.
+    // Nobody reads the files that a RenderedTexture is written to.
     if (node.is(x3d::Anchor::type) || node.is(x3d::RenderedTexture::type)) return false;
     if (node.is(x3d::InlineGeometry::type)) return !node.get(x3d::InlineGeometry::load);
     return !node.is(x3d::Inline::type) || !node.get(x3d::Inline::load);
@@ -33,7 +33,7 @@ std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, co
     return problem;
 }
 
-/// Whether the field names what a source of sound streams from; this may be a file.
+/// Whether the field names the stream of a sound source; this may be a file.
 bool isStream(const NodeType& type, const FieldDef& field) {
     return field.name == "streamIdentifier" && type.isA("X3DSoundSourceNode");
 }

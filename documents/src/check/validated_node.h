@@ -1,4 +1,4 @@
-// A node of a document as `validate` sees it when it ends: what its fields were given, and what stands in them.
+// A node of a document at its end, as `validate` sees it: which fields were set, and their values.
 //
 // Threading: none of its own.
 #pragma once

@@ -19,7 +19,7 @@ bool isName(std::string_view text) {
     return !text.empty() && text.find_first_of(kEndsNames) == text.npos && findInvalidUtf8(text) == text.npos;
 }
 
-/// Authors call nodes what they like: whoever writes a document spells it as the encoding can.
+/// Authors may give nodes any names; the writer of a document spells them as the encoding can.
 bool isDef(std::string_view text) {
     const auto isControl = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
     return !text.empty() && std::ranges::none_of(text, isControl) && findInvalidUtf8(text) == text.npos;

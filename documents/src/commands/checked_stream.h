@@ -1,9 +1,9 @@
-// CheckedStream: the commands of a reader that may break the rules, as a stream that keeps them.
+// CheckedStream: turns the commands of a reader that may break the rules into a stream that keeps them.
 //
-// Readers of other programs' files, and those of plug-ins, push through it: what does not nest, a field that a type
-// does not have, a value of another type than the field's, a name that no file can spell and numbers that are not
-// finite are reported as faults of the reader, and left out or mended. Invariant: what comes out is what
-// document_handler.h promises, from beginDocument to endDocument, whatever goes in. Threading: one thread a stream.
+// Readers of other programs' files, and those of plug-ins, push through it. Commands that do not nest, fields that a
+// type does not have, values of another type than the field's, names that no file can spell, and non-finite numbers are
+// reported as faults of the reader, and left out or repaired. Invariant: whatever goes in, the output is what
+// document_handler.h promises, from beginDocument to endDocument. Threading: one thread a stream.
 #pragma once
 
 #include <string>
@@ -18,8 +18,8 @@ class CheckedStream final : public Filter {
   public:
     /// `dialect` may be null; all must outlive the stream.
     CheckedStream(DocumentHandler& next, std::string format, const Dialect* dialect, Diagnostics& diagnostics);
-    /// After the reader, which says whether it has read all: ends what is open, and reports what was mended. A reader
-    /// that pushed nothing has made no document.
+    /// Call after the reader, which tells whether it has read all: ends what is open, and reports repairs. If a reader
+    /// pushed nothing, there is no document.
     void close(bool complete);
 
     void beginDocument(const DocumentHeader& header) override;
@@ -53,7 +53,7 @@ class CheckedStream final : public Filter {
         const NodeType* type = nullptr;  // null: not known here, as that of a prototype's instance
     };
 
-    /// Whether a statement may come now; begins the document if the reader has not. Not within what was refused.
+    /// Whether a statement may come now; begins the document if the reader has not. False inside a refused part.
     bool mayCome(SourceLocation where);
     bool isIn(Kind kind) const { return !levels_.empty() && levels_.back().kind == kind; }
     /// At the top, or in a prototype's body.

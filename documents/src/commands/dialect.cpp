@@ -47,7 +47,7 @@ const FormatReader* Dialect::readerOf(const FormatClue& clue) const {
     for (const FormatReader& reader : readers_ | std::views::reverse) {
         try {
             if (reader.recognises(clue)) return &reader;
-        } catch (...) {  // code of others: a format that cannot say what it is does not fit
+        } catch (...) {  // foreign code: a format that fails to describe itself does not fit
             continue;
         }
     }

@@ -1,8 +1,8 @@
 // A Script or shader in the body of a PROTO, held back until its end: an IS may connect fields before or behind their
 // declarations, and handlers hear of a connection directly behind the declaration.
 //
-// Invariant: whatever the order in the file, the same commands come out, in the file's order except for connections.
-// Scripts in node-valued fields of the Script come with it. Threading: one thread a document.
+// Invariant: whatever the order in the file, the same commands result, in the file's order except for connections.
+// Scripts in node-valued fields of the Script are included. Threading: one thread a document.
 #pragma once
 
 #include <cstddef>

@@ -126,7 +126,7 @@ class ReaderTypes {
     /// The name that a PROTO gets which the file calls `name`: another where that is one of a later version's nodes.
     /// Empty if the file's own version has a node of that name.
     std::string protoName(std::string_view name) const;
-    /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
+    /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is the name in the file.
     bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);
     bool declareProto(const std::shared_ptr<const ProtoType>& proto) { return declareProto(proto, proto->name); }
     /// Chooses the name of an EXTERNPROTO. If it is that of a later version's node, or of one of the dialect, and all

@@ -78,7 +78,7 @@ void appendEscape(std::string& out, std::uint32_t code) {
         fmt::format_to(std::back_inserter(out), "_x{:04X}_", code);
 }
 
-/// Whether the _ at `i`, with what is written behind it, would be read as an escape.
+/// Whether the _ at `i`, with the text after it, would be read as an escape.
 bool looksEscaped(std::string_view name, std::size_t i, Spelling spelling) {
     if (name.substr(i, 2) != "_x") return false;
     std::size_t end = i + 2;

@@ -21,8 +21,8 @@ std::string droppedField(const NodeShape& shape, std::string_view field);
 inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {
     return noField(shape, field) + "; what is in it is kept under its name";
 }
-/// Whether a field that a node does not have is an error of its author's: one that holds a node of an unknown type
-/// belongs to it, to somebody's extension, and `children` is where writers put what has no place.
+/// Whether an unknown field is likely to be an author's error. It is not if it holds a node of an unknown type, which
+/// may belong to an extension; nor if it is `children`, where writers put nodes that fit nowhere.
 inline bool isMisspelled(std::string_view field, bool nodeIsKnown) {
     return nodeIsKnown && field != "children";
 }

@@ -81,8 +81,8 @@ double Units::factor(Unit unit) const {
     return 1;
 }
 
-/// An SFRotation is an angle wherever it stands (ISO/IEC 19775-1 V4.0, 5.3); other values are what the tables say of
-/// their field.
+/// An SFRotation is an angle everywhere (ISO/IEC 19775-1 V4.0, 5.3); for other values the tables give the unit of their
+/// field.
 double Units::factorOf(const FieldDef* field, const Value& value) const {
     if (areStandard() || (field && isSentinel(field, value))) return 1;
     if (sf(value.type()) == FieldType::SFRotation) return angle_;

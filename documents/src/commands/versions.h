@@ -1,5 +1,5 @@
-// Which node types a version of the standard has: for names that a file of an earlier version may give to its own
-// prototypes, and for what an earlier version cannot hold.
+// The node types of each version of the standard: for files of an earlier version, whose prototypes may have names of
+// later types, and for writing an earlier version.
 //
 // Threading: constant data. Source: the node tables' @since, after ISO/IEC 14772-1:1997 clause 6 (VRML97) and the
 // object models of X3D 3.0 to 4.1.

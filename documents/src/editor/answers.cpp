@@ -162,7 +162,7 @@ std::string protoText(const WordProto& proto) {
     return text + "```\n";
 }
 
-/// Collects what may stand in one place.
+/// Collects proposals for one place.
 class Proposer {
   public:
     Proposer(const DocumentWords& whole, const DocumentWords& before, bool xml)
@@ -260,7 +260,7 @@ class Proposer {
                 add(Proposal::Kind::value, isXml_ ? (one[0] == 'T' ? "true" : "false") : one);
         for (const std::string& one : field->allowed) add(Proposal::Kind::value, one);
     }
-    /// A ROUTE may stand before what it names; a USE may not.
+    /// A ROUTE may stand before the nodes that it names; a USE may not.
     void names() {
         for (const WordNode& node : end_.node == kNoNode ? whole_.nodes : before_.nodes)
             if (!node.def.empty()) add(Proposal::Kind::name, node.def, std::string(node.type));

@@ -1,5 +1,4 @@
-// Answers to an editor's questions about one text: what may stand here, what this is, where it is defined, what was
-// meant.
+// Answers an editor's questions about a text: completions, descriptions, definitions, and corrections.
 //
 // Threading: pure functions. Offsets are bytes of the text.
 #pragma once
@@ -43,7 +42,7 @@ struct Misspelled {
     TextRange word;
     std::string meant;
 };
-/// The word of which a message at this place says what may have been meant.
+/// The misspelled word of a message at this place, with the proposal.
 std::optional<Misspelled> misspelledWord(std::string_view text, std::size_t offset, std::string_view message);
 
 /// The clause of ISO/IEC 19775-1 V4.0 that a component stands in; 0 if there is none of that name.

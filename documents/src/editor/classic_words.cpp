@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::string_view kEndsWords = " \t\r\n,\"#{}[]";
 
-/// No name is called so: what was begun before it has not been written to its end.
+/// Keywords are no names: if one comes, the earlier statement is incomplete.
 bool isKeyword(std::string_view word) {
     return word == "DEF" || word == "USE" || word == "ROUTE" || word == "PROTO" || word == "EXTERNPROTO";
 }
@@ -111,7 +111,7 @@ class ClassicWords {
         levels_.back().waiting = {};
     }
 
-    /// What the next word would be.
+    /// The role that the next word would have.
     WordsEnd expected() const {
         const Level& level = levels_.back();
         if (pending_ == "DEF" || pending_ == "PROTO" || pending_ == "EXTERNPROTO") return {};

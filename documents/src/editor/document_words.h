@@ -50,7 +50,7 @@ struct WordProto {
     std::vector<Field> fields{};
 };
 
-/// What the next letter at the end of the text would belong to: the word, and the level around it.
+/// The context at the end of the text: the word that the next letter would belong to, and the level around it.
 struct WordsEnd {
     enum class Expects { nothing, nodeType, field, value, use, routeField, attribute };
     Expects expects = Expects::nothing;
@@ -68,7 +68,7 @@ struct DocumentWords {
 
 DocumentWords wordsOfClassic(std::string_view text);
 DocumentWords wordsOfXml(std::string_view text);
-/// By what the text begins with; none of JSON and others.
+/// Chooses the encoding by the beginning of the text; no words for JSON and others.
 DocumentWords wordsOf(std::string_view text);
 
 }  // namespace rtsg::editor

@@ -50,7 +50,7 @@ std::uint32_t countOf(const Json& value) {
     return static_cast<std::uint32_t>(std::min<std::uint64_t>(value.get<std::uint64_t>(), UINT32_MAX));
 }
 
-/// Brackets within brackets: what a message holds is small, and what is deep would be long in coming.
+/// Limits nested brackets: messages are shallow, and deep ones would take long.
 bool isTooDeep(std::string_view message) {
     std::size_t depth = 0;
     bool isText = false;

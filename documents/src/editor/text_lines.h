@@ -1,4 +1,4 @@
-// TextLines: places in a text as the Language Server Protocol counts them, and as diagnostics do.
+// TextLines: converts positions in a text between those of the Language Server Protocol and those of diagnostics.
 //
 // Threading: values; the text must outlive them. Source: Language Server Protocol 3.17, Position.
 #pragma once

@@ -106,7 +106,7 @@ class XmlWords {
     bool attributes(const Element& element, bool isNode) {
         Ends ends;
         const std::size_t tagEnd = std::min(text_.find('>', at_), text_.size());
-        // Where a ROUTE comes from may stand behind what it names there.
+        // The source of a ROUTE may stand behind the field that it names there.
         for (const auto& [attribute, into] : {std::pair("fromNode", &ends.fromNode), std::pair("toNode", &ends.toNode)})
             if (!isNode) *into = lookAhead(attribute, tagEnd);
         for (;;) {

@@ -42,7 +42,7 @@ std::optional<Parts> partsOf(const Matrix& m) {
         if (!(parts.scale[i] > 1e-12) || !std::isfinite(parts.scale[i])) return {};
         axes[i] /= parts.scale[i];
     }
-    constexpr double straight = 1e-7;  // far below what a float shows
+    constexpr double straight = 1e-7;  // far below the precision of a float
     if (std::abs(glm::dot(axes[0], axes[1])) > straight || std::abs(glm::dot(axes[0], axes[2])) > straight ||
         std::abs(glm::dot(axes[1], axes[2])) > straight)
         return {};
@@ -137,7 +137,7 @@ class FlattenTransforms final : public TreeFilter {
         const std::string field = (*this)[root].field;
         const std::size_t first = now.size();
         std::vector<Open> open;
-        std::vector<Index> rest;  // of the innermost one, what needs a Transform
+        std::vector<Index> rest;  // of the innermost one, the parts that need a Transform
         const auto flush = [&] {
             if (rest.empty()) return;
             for (const Index in : rest)
@@ -177,7 +177,7 @@ class FlattenTransforms final : public TreeFilter {
         for (std::size_t i = first; i < now.size(); ++i)
             if ((*this)[now[i]].kind != Kind::comment) (*this)[now[i]].field = field;
     }
-    /// A Transform that shears with what is above it stays, within one of what is above it.
+    /// A Transform whose product with those above it shears stays, inside one for those above it.
     void leave(Index index, const Matrix& outer, std::vector<Index>& now, std::vector<Index>& waiting) {
         waiting.push_back(index);
         const std::optional<Parts> parts = partsOf(outer);

@@ -146,7 +146,7 @@ class IndexFilter final : public TreeFilter {
             if (indices.empty()) indices = original;
             reindex(node, kIndex[i], *list, std::move(indices));
         }
-        // Whoever had no indices went by the points'.
+        // Attributes without indices used those of the points.
         for (std::size_t i = 1; i < std::size(kNodes); ++i)
             if (hasNode(node, kNodes[i]) && isPerVertex(node, kNodes[i]) && !hasIndices(node, kIndex[i]))
                 setValue(node, kIndex[i], Value(original));
@@ -180,7 +180,7 @@ class IndexFilter final : public TreeFilter {
         keep(list, result.kept);
         setValue(node, field, Value(std::move(indices)));
     }
-    /// Triangles and quads: what a corner has is one, so the lists have equal lengths.
+    /// Triangles and quads: all attributes of a corner share one index, so the lists have equal lengths.
     void together(Index node) {
         if (!hasOnly(node, {"coord", "normal", "color", "texCoord"}) || !isPerVertex(node, "normal") ||
             !isPerVertex(node, "color"))

@@ -34,7 +34,7 @@ FilterPtr makePortable(DocumentHandler& next, Diagnostics& diagnostics);
 Result<FilterPtr> makeSelect(std::string_view names, DocumentHandler& next, Diagnostics& diagnostics);
 /// Puts the document into other units, "length:0.001,angle:0.0174"; into those of the standard if there are none.
 Result<FilterPtr> makeUnits(std::string_view units, DocumentHandler& next);
-/// Reports what is in the document.
+/// Reports statistics of the document.
 FilterPtr makeStatistics(DocumentHandler& next, Diagnostics& diagnostics);
 /// Nodes that are equal, names aside, become one node that is used again.
 FilterPtr makeShare(DocumentHandler& next);
@@ -42,7 +42,7 @@ FilterPtr makeShare(DocumentHandler& next);
 FilterPtr makeIndex(DocumentHandler& next);
 /// Transforms that nothing moves go into the coordinates below them, or become one.
 FilterPtr makeFlattenTransforms(DocumentHandler& next);
-/// Instances of prototypes become the nodes that they are; or Inlines become Groups of what they load.
+/// Replaces instances of prototypes by their nodes, or Inlines by Groups with their content.
 FilterPtr makeFlattenProtos(DocumentHandler& next, const FilterContext& context);
 FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context);
 

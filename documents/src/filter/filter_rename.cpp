@@ -68,7 +68,7 @@ class Rename final : public Filter {
     Diagnostics& diagnostics_;
     std::size_t protos_ = 0;
     std::unordered_set<std::string> met_;                 // as the document calls them
-    std::unordered_map<std::string, std::string> given_;  // by what they are called now
+    std::unordered_map<std::string, std::string> given_;  // by present name
 };
 
 }  // namespace

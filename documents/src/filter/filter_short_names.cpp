@@ -29,7 +29,7 @@ class ShortNames final : public Filter {
     }
     void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
                SourceLocation where) override {
-        const std::string from(renamed(fromNode));  // the next call may move what the view is on
+        const std::string from(renamed(fromNode));  // the next call may move the memory of the view
         Filter::route(from, fromField, renamed(toNode), toField, where);
     }
     void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,

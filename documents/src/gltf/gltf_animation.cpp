@@ -52,7 +52,7 @@ GltfAnimations::Clip GltfAnimations::readTimes(const json& animation, std::size_
         clip.length = std::max(clip.length, static_cast<double>(keys.back()));
         clip.times.emplace(*sampler, std::move(keys));
     }
-    // A clip whose keys all stand at its beginning is a pose: it holds, whatever the clock says.
+    // A clip whose keys are all at its beginning is a pose: it holds at any time.
     if (!(clip.length > 0)) clip.length = 1;
     return clip;
 }

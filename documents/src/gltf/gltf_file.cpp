@@ -180,8 +180,7 @@ constexpr std::string_view kReadExtensions[] = {"KHR_lights_punctual",
                                                 "KHR_materials_variants",
                                                 "EXT_mesh_gpu_instancing"};
 
-/// Whether an extension says how things look or what is known of them, and not where they are: without it a scene is
-/// there, in other colours.
+/// Whether an extension concerns only looks or metadata, not geometry: without it the scene exists, in other colours.
 bool isOfLooks(std::string_view name) {
     return name.contains("_materials_") || name.contains("_technique") || name.contains("_texture_") ||
            name.contains("_lights_") || name.contains("_xmp");
@@ -189,7 +188,7 @@ bool isOfLooks(std::string_view name) {
 
 }  // namespace
 
-/// 3.12: what a file requires has to be read; but what it requires for looks alone need not take the rest away.
+/// 3.12: required extensions must be supported; but those that only concern looks need not prevent the import.
 bool GltfFile::readExtensions() {
     const auto isKnown = [](std::string_view name) {
         return std::ranges::find(kReadExtensions, name) != std::end(kReadExtensions) ||

@@ -47,7 +47,7 @@ GltfOptics opticsOf(const json& material, double depth) {
     GltfOptics result;
     const auto extension = [&](const char* name) -> const json& { return GltfFile::extension(material, name); };
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
-    // A texture says where it is metal; what is made of glass is none.
+    // A texture says where the material is metal; glass is no metal.
     const double metallic =
         metal.contains("metallicRoughnessTexture") ? 0 : GltfFile::number(metal, "metallicFactor", 1);
     const double factor = GltfFile::number(extension("KHR_materials_transmission"), "transmissionFactor", 0);
@@ -145,7 +145,7 @@ std::optional<GltfGloss> glossOf(const json& material) {
 
 namespace {
 
-/// Whether a material uses an extension so that something of it is left out, and what that is.
+/// Whether a material uses an extension of which something is lost, and what that is.
 struct Look {
     std::string_view extension;
     bool (*isUsed)(const json& material, const json& its);

@@ -11,21 +11,21 @@
 
 namespace rtsg::detail {
 
-/// Light that goes through a material or is mirrored by what lies on it.
+/// Light that passes through a material or is reflected by a coat on it.
 struct GltfOptics {
-    double transmission = 0;     // the share that passes, of what is not mirrored
+    double transmission = 0;     // the share of light that passes, of the light that is not reflected
     double refractiveIndex = 0;  // of a body; 0: it is none
     Vec3d absorption{0};         // in a body, 1/m; of a pane, in all of it
     double reflectivity = 0;     // mirrored at every angle
 
     bool passes() const { return transmission > 0; }
 };
-/// `depth`: how deep what is made of it is, which a thickness of the file may understate.
+/// `depth`: the depth of the bodies of this material, which the thickness in the file may understate.
 GltfOptics opticsOf(const nlohmann::json& material, double depth);
 /// For each material of the file, the least extent of the boxes of the primitives that are made of it, and the largest
 /// of these; 0 if there are none.
 std::vector<double> depthsOf(const GltfFile& file);
-/// Writes what it has as the metadata of a PhysicalMaterial, if it has any.
+/// Writes the optical values that are set as metadata of a PhysicalMaterial.
 void writeOptics(DocumentHandler& out, const GltfOptics& optics);
 
 /// KHR_materials_pbrSpecularGlossiness as the numbers of a PhysicalMaterial; nothing if the material has numbers of its

@@ -52,7 +52,7 @@ class GltfMaterials {
     GltfNames& names_;
     std::set<std::size_t> textureGiven_, materialGiven_;  // those that have a name to be used by
     std::map<std::size_t, std::string> strokeMaterials_;  // their names
-    std::vector<double> depths_;                          // of what is made of each material
+    std::vector<double> depths_;                          // of the bodies of each material
 };
 
 }  // namespace rtsg::detail

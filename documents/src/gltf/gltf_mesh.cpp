@@ -138,7 +138,7 @@ void GltfMeshes::takeTexCoords(const json& attributes, const json* material, Imp
         mesh.texCoords = texCoords(attributes, 0, mesh.points.size());
         return;
     }
-    std::map<std::size_t, Array<Vec2f>> sets;  // each once, whatever the number of its names
+    std::map<std::size_t, Array<Vec2f>> sets;  // each once, however many names it has
     for (const GltfMapping& mapping : mappings) {
         const auto [set, isNew] = sets.try_emplace(mapping.lookup.set);
         if (isNew) set->second = texCoords(attributes, set->first, mesh.points.size());

@@ -24,7 +24,7 @@ Vec3f vectorOf(const std::vector<double>& v) {
 
 namespace {
 
-/// Where a list is in the file, what one of it is called without a name, and what tells it apart from others of the
+/// Where a list is in the file, how its items are called without names, and which attribute distinguishes items of the
 /// same name.
 struct Kind {
     const char* list;

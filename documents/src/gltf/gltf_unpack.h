@@ -19,7 +19,7 @@ namespace rtsg::detail {
 struct DracoAttribute {
     std::uint32_t id = 0;  // that Draco knows it by
     std::size_t componentType = 0, components = 0;
-    std::string bytes;  // what comes out
+    std::string bytes;  // the unpacked bytes
 };
 struct DracoMesh {
     std::size_t points = 0, indices = 0;  // as the accessors count them; another number is an error
@@ -51,7 +51,7 @@ using UnpackMeshopt = const char* (*)(const MeshoptView& view, std::string& out)
 Result<UnpackDraco> dracoModule();
 Result<UnpackMeshopt> meshoptModule();
 
-/// Whether a view's counts, filter and stride fit each other and its bytes; null, or what is wrong.
+/// Whether a view's counts, filter and stride fit each other and its bytes; null, or the fault.
 const char* misfit(const MeshoptView& view);
 
 }  // namespace rtsg::detail

@@ -20,7 +20,7 @@ enum class FileKind : std::uint8_t { document, stl, obj, ply, gltf, glb, urdf, c
 
 /// By the first bytes of a file; `size` is that of all of it, 0 if that is not known.
 FileKind fileKind(std::string_view head, std::uint64_t size);
-/// Says in a sentence what a file is that cannot be read.
+/// Says in a sentence what kind of file it is that cannot be read.
 std::string whyNotRead(std::string_view head);
 
 /// The content of a file beside the one that is read: a material library, a buffer.

@@ -76,7 +76,7 @@ class ObjReader {
 
   private:
     void complain(std::string text) { diagnostics_.error({lines_.line(), 1}, std::move(text)); }
-    /// Each word once: points, lines, curves, surfaces, and what is no OBJ.
+    /// Reports each word once: points, lines, curves, surfaces, and words that are not OBJ.
     void leftOut(std::string_view word) {
         constexpr std::size_t most = 40;
         if (leftOut_.size() < most && leftOut_.emplace(word.substr(0, most)).second)

@@ -50,7 +50,7 @@ bool isFontFile(std::string_view bytes, std::string& why) {
     if (kind == woff || kind == woff2) {
         // The tables of WOFF2 are one packed stream: its length is all there is to see.
         if (fontNumber(bytes, 8, 4) != bytes.size()) return why = "it is not as long as its head says", false;
-        // Who reads it takes memory for all of it, as the head says; deflate makes 258 bytes of two bits.
+        // Readers take memory for the size in the header; deflate makes at most 258 bytes of two bits.
         constexpr std::uint64_t mostOfByte = 1032, mostUnpacked = std::uint64_t{1} << 28;
         const std::uint64_t unpacked = fontNumber(bytes, 16, 4);
         if (unpacked > mostUnpacked || (kind == woff && unpacked / mostOfByte > bytes.size()))

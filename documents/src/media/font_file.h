@@ -10,7 +10,7 @@
 
 namespace rtsg::detail {
 
-/// TrueType and OpenType fonts, collections of them, WOFF and WOFF2. `why`: else what is wrong, as a clause.
+/// TrueType and OpenType fonts, collections of them, WOFF and WOFF2. `why`: otherwise the fault, as a clause.
 bool isFontFile(std::string_view bytes, std::string& why);
 
 }  // namespace rtsg::detail

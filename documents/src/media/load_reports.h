@@ -1,6 +1,6 @@
-// LoadReports: tells LoadSensors what became of the urls that they watch (9.4.3). An Inline has content or none, a
-// FontLibrary has a font or none; for any other node, one of its urls can be opened or none can. Readers of the file
-// report what is wrong in it.
+// LoadReports: reports to LoadSensors whether the urls that they watch could be loaded (9.4.3). An Inline has content
+// or none, a FontLibrary has a font or none; for any other node, one of its urls can be opened or none can. Readers of
+// the file report its errors.
 //
 // Threading: the scene's thread; note() from within a frame, answer() between frames.
 #pragma once

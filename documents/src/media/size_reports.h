@@ -32,7 +32,7 @@ class SizeReports {
 
     std::set<std::uint32_t> projectors_, texts_;
     bool heardAlone_ = false;
-    bool anyScript_ = false;          // there has been one, which may read whatever it likes
+    bool anyScript_ = false;          // there has been a Script, which may read any field
     std::set<std::uint32_t> silent_;  // Texts of which nobody may hear, and which may be others than was told
     std::uint64_t hearingEdits_ = 0;  // of the scene, when these were last looked at
 };

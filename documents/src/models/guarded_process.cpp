@@ -49,7 +49,7 @@ void writeAll(int descriptor, std::string_view bytes) {
     }
 }
 
-/// In the copy: signals do there what they do by default, and nothing of this process's own is ended.
+/// Runs in the copy: signals have their default effect there, and nothing of the original process is ended.
 [[noreturn]] void runHere(const std::function<bool(std::string&)>& make, const GuardLimits& limits, std::uint64_t space,
                           int descriptor) {
     for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGTERM, SIGPIPE})

@@ -76,7 +76,8 @@ class PlainMaterials final : public Filter {
 
     std::string from_, renamed_;
     std::size_t depth_ = 0;
-    std::size_t material_ = 0, left_ = 0;  // how deep the open PhysicalMaterial is, and what is left out; 0: none is
+    std::size_t material_ = 0, left_ = 0;  // depths of the open PhysicalMaterial and of the part that is left out; 0:
+                                           // none
 };
 
 /// The first of its lines, without what kind of a message it is.

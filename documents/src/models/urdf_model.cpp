@@ -384,7 +384,7 @@ class UrdfReader {
         const auto [lower, upper] = rangeOf(joint);
         return std::clamp(value, lower, upper);
     }
-    /// Those come first whose leaders are known; what is left over is a circle.
+    /// Joints whose leaders are known come first; the rest form a cycle.
     void orderMimics(const std::vector<std::uint32_t>& waiting) {
         std::vector<std::vector<std::uint32_t>> followers(model_.joints.size());
         std::vector<std::uint32_t> open;

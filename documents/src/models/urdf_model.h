@@ -1,8 +1,8 @@
-// UrdfModel: what a URDF file says of a robot: its links, its joints, and what they look like.
+// UrdfModel: the content of a URDF file: the links and joints of a robot, and their shapes.
 //
-// Invariant: links and joints are a forest, whose numbers are checked; numbers are finite; lower limits are not above
-// upper ones; who mimics is behind whom it mimics. Lengths are metres and angles radians, as in the file. Faults are
-// reported with their places; what cannot be had is left out. Threading: one thread a model.
+// Invariant: links and joints form a forest, whose numbers are checked. Numbers are finite. Lower limits are not above
+// upper ones. A joint that mimics another stands behind it. Lengths are metres and angles radians, as in the file.
+// Faults are reported with their places, and the faulty parts are left out. Threading: one thread a model.
 // Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML), as urdfdom 3.0 reads it.
 #pragma once
 
@@ -65,7 +65,7 @@ struct UrdfJoint {
     UrdfPose origin;
     std::array<double, 3> axis{1, 0, 0};  // of length 1
     double lower = 0, upper = 0;          // of revolute and prismatic joints
-    double start = 0;                     // its value at the beginning: 0, or what is nearest to that
+    double start = 0;                     // its value at the beginning: 0, or the nearest allowed value
     std::optional<Mimic> mimic;
     SourceLocation where;
 

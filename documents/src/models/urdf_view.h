@@ -1,7 +1,6 @@
-// Where to look at a robot from: a Viewpoint that has all of it in view.
+// Makes a Viewpoint that has all of a robot in view.
 //
-// Meshes are not opened for it: how large they are is guessed by how far apart the joints are. Threading: pure
-// functions.
+// It does not open meshes; their size is estimated from the distances of the joints. Threading: pure functions.
 #pragma once
 
 #include <rtsg/documents/document_handler.h>

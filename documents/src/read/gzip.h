@@ -1,4 +1,4 @@
-// Gzip by content: how a file begins that is so packed. TextFeed unpacks it.
+// Recognises gzip by the first bytes of a file. TextFeed unpacks it.
 #pragma once
 
 #include <string_view>

@@ -45,7 +45,7 @@ struct Masks {
 /// Numbers, white space and commas taking turns, 64 bytes at a time.
 struct Turns {
     bool inNumber = false;  // where the next bytes begin
-    bool isDue = false;     // a number is what has to come
+    bool isDue = false;     // a number must come next
     bool isDueAtOther = false;
 
     /// Moves behind these bytes; false if numbers and commas do not alternate in them. If they hold a byte that may
@@ -140,7 +140,7 @@ class Outliner {
         feed_.release(released_ = p_);
     }
 
-    /// Reads the token at p_. Returns what makes it impossible to go on, if anything does.
+    /// Reads the token at p_. Returns the fault if reading cannot go on.
     const char* token() {
         const char c = *p_;
         if (c == ',' || c == ':') {
@@ -169,7 +169,7 @@ class Outliner {
         return nullptr;
     }
 
-    /// Commas are read as white space, so that nothing is lost; a few faults are enough to see what is wrong.
+    /// Faulty commas are read as white space, so that nothing is lost; a few reports are enough.
     void commaFault(const char* what) {
         constexpr int most = 20;
         if (++commaFaults_ <= most) diagnostics_.error(position_.of(p_), what);
@@ -218,7 +218,7 @@ class Outliner {
         return nullptr;
     }
 
-    /// A number, true, null, or what has no place here.
+    /// A number, true, null, or a misplaced word.
     void word() {
         do ++p_;
         while (there() && !isSeparator(*p_) && *p_ != ':');

@@ -11,7 +11,8 @@
 
 namespace rtsg::detail {
 
-/// Opens what the resources let, from the folder of the file that is read (the resources' own if it is empty).
+/// Opens files that the resources allow, relative to the folder of the file that is read (or the resources' own
+/// folder).
 OpenBeside openBeside(Resources resources, std::filesystem::path folder);
 /// The same as readDocument.
 bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler, Diagnostics& diagnostics,

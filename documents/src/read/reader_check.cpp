@@ -9,7 +9,7 @@ namespace rtsg::detail {
 
 namespace {
 
-/// Beyond what the standard allows, and with a meaning here: what shines that bright is a lamp (docs/color.md).
+/// Values above the standard's range that have a meaning here: a very bright surface is a lamp (docs/color.md).
 bool mayExceed(const FieldDef& field) {
     return field.type == FieldType::SFColor && field.name == "emissiveColor";
 }

@@ -265,7 +265,8 @@ bool splitAtDot(std::string_view text, std::string_view& before, std::string_vie
 
 }  // namespace
 
-/// `node.field`, with white space round the dot or not. False if it is not that; `node` is then what was there.
+/// Reads `node.field`, with or without white space round the dot. If it returns false, `node` is the word that was
+/// there.
 bool ClassicReader::routeEnd(std::string_view& node, std::string_view& field) {
     const std::string_view first = word();
     if (splitAtDot(first, node, field)) {

@@ -113,13 +113,13 @@ class ClassicReader final : private FieldTextReport {
     TextFeed& feed_;
     const char* p_;
     const char* end_;
-    const char* released_;  // what is before is gone
+    const char* released_;  // text before it is released
     DocumentHandler* handler_;
     DocumentHandler* loud_;  // the real one, while muted
     NullHandler silent_;
     std::size_t mutedAt_ = kNotMuted;  // frames below this depth are silent
     static constexpr std::size_t kLongestHeader = 1 << 12;
-    bool holdsText_ = false;  // what is being read is wanted as text
+    bool holdsText_ = false;  // the value being read is wanted as text
     static constexpr std::size_t kNotMuted = ~std::size_t{0};
     Diagnostics& diagnostics_;
     TextPosition position_;

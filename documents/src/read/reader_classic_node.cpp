@@ -81,7 +81,7 @@ void ClassicReader::stray() {
     }
 }
 
-/// `p_` is on `{` or `[`; moves behind the matching one, whatever is between.
+/// `p_` is on `{` or `[`; moves behind the matching bracket.
 void ClassicReader::skipBalanced() {
     std::size_t depth = 0;
     do {
@@ -109,7 +109,7 @@ bool ClassicReader::startsItem(std::string_view next) const {
     return accessFromKeyword(next, access);
 }
 
-/// Skips a value of unknown type, or what is left of a bad one: numbers, strings, a list, or one node. `valueEnd_` is
+/// Skips a value of unknown type, or the rest of a faulty one: numbers, strings, a list, or one node. `valueEnd_` is
 /// then behind it, and before the comments that follow.
 void ClassicReader::skipValue() {
     bool any = false;
@@ -361,9 +361,9 @@ std::string ClassicReader::ofUnclosed(std::string_view field) const {
     return {};
 }
 
-/// Reads what follows the name of a field that the open node does not have, or has been given before. Nodes there are
-/// kept with their names, though they are in no field; other values are kept as text in nodes of unknown types.
-/// `ifNoNodes` is the error then, if it is one.
+/// Reads the value of a field that the open node does not have, or that was given before. Nodes there are kept with
+/// their names, although they are in no field; other values are kept as text in nodes of unknown types. `ifNoNodes` is
+/// the error if there are no nodes.
 void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
     skipSpace();
     const bool isList = p_ != end_ && *p_ == '[';
@@ -436,8 +436,7 @@ void ClassicReader::keepText(std::string_view name, const char* where, const cha
     if (text != "NULL") handler_->setField(name, Value(String(text)), at(where));
 }
 
-/// Is what comes next `DEF name`, `USE name` or `Type {`?
-/// Whether nodes stand here, or a list of them.
+/// Whether nodes or a list of them follow: `DEF name`, `USE name` or `Type {`.
 bool ClassicReader::nodesFollow() {
     skipSpace();
     const char* const start = p_;
@@ -491,7 +490,7 @@ void ClassicReader::openList(const FieldRef& field) {
     push({.inside = Inside::list, .shape = {}, .proto = {}, .field = field.name, .into = field, .open = at(p_)});
 }
 
-/// `access type name`. False if that was not there; then what was there has been skipped and reported.
+/// Reads `access type name`. Returns false if something else was there, which has then been skipped and reported.
 bool ClassicReader::declaration(FieldDeclaration& out, const char*& where, bool& recognised) {
     skipSpace();
     where = p_;

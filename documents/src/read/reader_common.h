@@ -61,7 +61,7 @@ bool readClassic(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnost
 /// `utf8`: the text is valid UTF-8; if not, it is in whatever encoding the XML declaration or a BOM names.
 bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderOptions& options);
-/// A file is read twice, so that nothing but its values is kept; what can be read only once is kept as a whole.
+/// A file is read twice, so that only its values are kept; text that can be read only once is kept as a whole.
 bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options);
 
 }  // namespace rtsg::detail

@@ -27,7 +27,7 @@ namespace rtsg {
 namespace {
 
 detail::ReaderOptions readerOptions(const ReadOptions& options) {
-    // Who bounds the text bounds what it becomes.
+    // A caller that bounds the text also bounds the memory of its content.
     const std::uint64_t memory = options.maximumBytes == ReadOptions().maximumBytes ? UINT64_MAX : options.maximumBytes;
     return {.progress = options.progress,
             .splitting = detail::splitting(options.threads),
@@ -64,7 +64,7 @@ class ReadingEnd {
         reports_ = diagnostics_;
         return true;
     }
-    /// Leaves out what was reported of the place where the text ends, which is nobody's fault; and says why it does.
+    /// Drops reports about the end of the text if the text was cut off on purpose, and says why it was.
     void settle() {
         if (!reports_) return;
         diagnostics_ = std::move(*reports_);

@@ -1,4 +1,4 @@
-// Elements with attributes in, document commands out: what the XML and the JSON reader share.
+// Turns elements with attributes into document commands; shared by the XML and the JSON reader.
 //
 // Invariant: an explicit stack, never recursion; commands to the handler nest whatever the input. Threading: one thread
 // a document. Source: ISO/IEC 19776-1 V3.3. Laxer: a child without containerField
@@ -28,7 +28,7 @@ class ElementReader : private FieldTextReport {
     void endSection() { inSection_ = false; }
     void text(std::string_view characters);
     void comment(std::string_view text) override;
-    /// Closes what is open. False if there was no element at all.
+    /// Closes all open elements. False if there was no element at all.
     bool finish();
 
     /// The place of the element that starts, or of the end that is being read.
@@ -156,7 +156,7 @@ class ElementReader : private FieldTextReport {
     std::size_t mutedAt_ = kNotMuted;
     Diagnostics& diagnostics_;
     Encoding encoding_;
-    bool plainStrings_;  // an SFString is what it is, without escapes
+    bool plainStrings_;  // an SFString has no escapes
     ReaderTypes types_;
     std::vector<Frame> frames_;
     std::size_t skipDepth_ = 0;  // elements open inside one that is left out

@@ -128,7 +128,7 @@ const FormatReader* findReader(const FormatClue& clue, const Dialect* dialect) {
 
 namespace {
 
-/// The library's readers of texts keep the rules, and what they read is not looked at again.
+/// The library's own text readers keep the rules, so their commands are not checked again.
 bool keepsRules(const FormatReader& reader) {
     const auto texts = builtinReaders().first(kTexts);
     return std::ranges::any_of(texts, [&](const FormatReader& one) { return &one == &reader; });

@@ -44,7 +44,7 @@ void JsonReader::step() {
         else if (key == "#comment")
             comments();
         else if (frames_.size() == 1 && key != "X3D" && at(p_) != '{')
-            p_ = valueEnd(p_);  // "$schema" and what else may stand beside the document
+            p_ = valueEnd(p_);  // "$schema" and other members beside the document
         else if (!key.starts_with('#'))
             element(key, std::string(frames_.back().containerField));
         else
@@ -181,7 +181,7 @@ void JsonReader::sourceLines() {
 }
 
 bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
-    // Looked at twice: what comes through a pipe has to be kept in between.
+    // The text is read twice, so text from a pipe is kept in between.
     std::unique_ptr<TextFeed> again = text.isWhole() ? nullptr : text.again();
     if (!again) text.fill();
     JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics, options.splitting);

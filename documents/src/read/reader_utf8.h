@@ -1,4 +1,4 @@
-// The encoding of a document, as its first bytes tell.
+// Finds the encoding of a document from its first bytes.
 //
 // Threading: pure functions.
 #pragma once

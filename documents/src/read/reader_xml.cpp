@@ -144,7 +144,7 @@ bool XmlReader::feed(const char* from, const char* to, bool last) {
 }
 
 bool XmlReader::feedAll() {
-    const char *at = feed_.begin(), *looked = at;  // expat has had what is before `at`
+    const char *at = feed_.begin(), *looked = at;  // expat has had the text before `at`
     std::size_t part = kPart;
     if (!utf8_) in_ = In::opaque;
     for (;;) {
@@ -172,7 +172,7 @@ bool XmlReader::feedAll() {
     }
 }
 
-/// Tells what the `<` at `opened_` begins, by the character behind it.
+/// Tells what kind of markup the `<` at `opened_` begins, by the character behind it.
 XmlReader::In XmlReader::whatBegins(char next) {
     if (next == '?') return In::instruction;
     if (next != '!') return In::tag;
@@ -295,7 +295,7 @@ const char* XmlReader::findMark(const char* from, const char* end) const {
 
 /// The type of the attribute whose value starts at `quote`, if it is a list of numbers.
 FieldType XmlReader::typeOfLong(const char* quote) const {
-    const bool again = longTag_ == tag_;  // then what is before its last long value may be gone
+    const bool again = longTag_ == tag_;  // then the text before its last long value may be gone
     const char* const from = again ? longEnd_ : tag_ + 1;
     if (!again && tag_ < released_) return FieldType::SFNode;
     if (feed_.isWhole()) {

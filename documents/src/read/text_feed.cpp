@@ -271,8 +271,8 @@ bool TextFeed::more() {
     return end_ != before;
 }
 
-/// Makes the `size` bytes at `from`, which is the end of what is clean, valid UTF-8; an incomplete character at their
-/// end waits for more.
+/// Makes the `size` bytes at `from`, the end of the checked text, valid UTF-8; an incomplete character at their end
+/// waits for more bytes.
 void TextFeed::clean(char* from, std::size_t size, bool last) {
     Source& s = *source_;
     std::string_view text(from, size);
@@ -287,7 +287,7 @@ void TextFeed::clean(char* from, std::size_t size, bool last) {
         s.filled += size;
     } else {
         s.pending = 0;
-        if (!last)  // what may be the start of a character stays as it is
+        if (!last)  // bytes that may begin a character stay as they are
             for (std::size_t back = 1; back < 4 && back <= size - bad - 1; ++back) {
                 const auto c = static_cast<unsigned char>(text[size - back]);
                 if (c < 0x80u) break;

@@ -277,7 +277,7 @@ Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std
         auto created = OutputFile::create(file, existing);
         if (!created) return std::unexpected(created.error());
         out.file = std::move(*created);
-        // gzclose() closes what it was given.
+        // gzclose() closes the descriptor that it was given, so it gets a copy.
         if (gzip) out.packed = gzdopen(::dup(out.file->descriptor()), "wb");
         if (gzip && !out.packed) return fail("cannot pack what is written", {}, file.string());
     }

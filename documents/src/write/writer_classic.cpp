@@ -208,7 +208,7 @@ class ClassicWriter final : public DocumentHandler {
     struct Frame {
         Kind kind;
         std::string* text;
-        std::size_t indent;  // of what stands between the braces
+        std::size_t indent;  // of the text between the braces
         NodeShape shape{};
         bool filled = false;                   // something stands there
         std::string* declaredList = nullptr;   // where the list of a declared field is open, until the next command
@@ -320,7 +320,7 @@ class ClassicWriter final : public DocumentHandler {
         *frame.declaredList += ']';
         frame.declaredList = nullptr;
     }
-    /// Ends the open list and writes what was held back.
+    /// Ends the open list and writes the text that was held back.
     void finish(Frame& frame) {
         settle(frame);
         if (!frame.openList.empty()) {

@@ -18,7 +18,7 @@
 
 namespace rtsg::detail {
 
-/// Bytes of text at which a writer hands over what it has.
+/// Bytes of text at which a writer hands over its buffer.
 constexpr std::size_t kFlushAt = 1 << 16;
 
 std::size_t arraySize(const Value& value);

@@ -126,7 +126,7 @@ class JsonWriter final : public DocumentHandler {
             if (!nodes) frame.values.back().text += ",\"@value\":" + valueText(value);
             return;
         }
-        if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (nodes) return;  // NULL and the empty list are the default of a field of nodes
         if (frame.shape.unknown) {
             const std::string name = spellName(field, Spelling::attribute);
             if (frame.unknownGiven.insert(name).second) attribute(frame, name, valueText(value));
@@ -278,7 +278,7 @@ class JsonWriter final : public DocumentHandler {
             found->many = Many::yes;  // more than its field takes: kept all the same
         append(found->items, std::move(item));
     }
-    /// A node or statement has ended: into its place in what is open.
+    /// A node or statement has ended: puts it into its place in the open one.
     void place(std::string_view field, Rope&& item) {
         if (frames_.empty()) {
             openScene();

@@ -1,5 +1,5 @@
-// Text that waits in a writer until what stands before it is known: in pieces, joined while they are short, and in a
-// file without a name once there are many.
+// Text that a writer holds back until the text before it is known: in pieces, which are joined while they are short,
+// and in an unnamed file if there are many.
 //
 // Invariant: of settled text, the longest list and 16 MiB beside it stay in memory, unless no such file can be had.
 // Pieces of one rope keep their order. Threading: one thread a writer.
@@ -42,15 +42,15 @@ class Waiting {
     Waiting(const Waiting&) = delete;
     Waiting& operator=(const Waiting&) = delete;
 
-    /// Joins or moves them behind what is there.
+    /// Appends the piece, or joins it with the last one.
     void add(Rope& rope, WaitingText piece);
     void add(Rope& rope, Rope&& pieces);
-    /// Joins the piece at `at` with the one before it, if they are short; else what is before it is settled. Returns
-    /// the one that holds its text now.
+    /// Joins the piece at `at` with the one before it, if they are short; otherwise settles the one before it. Returns
+    /// the piece that now holds its text.
     Rope::iterator join(Rope& rope, Rope::iterator at);
     /// Nothing more will be added to its text: it may go into the file, and its list too.
     void settle(WaitingText& piece);
-    /// Passes all of it on; false if what is in the file cannot be read.
+    /// Passes all of it on; false if the file cannot be read.
     bool send(WaitingText& piece, const TextSink& sink);
     /// Nothing waits any more.
     void clear();

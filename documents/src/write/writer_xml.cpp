@@ -128,7 +128,7 @@ class XmlWriter final : public DocumentHandler {
             write("/>");
             return;
         }
-        if (nodes) return;  // NULL and the empty list are what a node without such children has
+        if (nodes) return;  // NULL and the empty list are the default of a field of nodes
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && keepSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
             // The field's name as it was read.
@@ -309,7 +309,7 @@ class XmlWriter final : public DocumentHandler {
         waiting_.settle(pieces_.back());
         pieces_.emplace_back();
     }
-    /// Passes on what has no gap before it, if that is at least `least` bytes.
+    /// Passes on the text before the first gap, if that is at least `least` bytes.
     void flush(std::size_t least) {
         if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().text.size() < least)) return;
         if (pieces_.size() == 1) {

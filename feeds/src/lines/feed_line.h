@@ -39,8 +39,8 @@ struct FeedLine {
 /// The lines of one stream, whose header says what the columns of CSV are.
 class FeedReader {
   public:
-    /// Nothing for an empty line, one that begins with '#', and a header. Errors: what is wrong with the line, and in
-    /// which column (from 1).
+    /// Nothing for an empty line, a line that begins with '#', and a header. Errors: the fault of the line, and its
+    /// column (from 1).
     Result<std::optional<FeedLine>> read(std::string_view line);
 
   private:

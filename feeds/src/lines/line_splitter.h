@@ -32,7 +32,7 @@ class LineSplitter {
             bytes.remove_prefix(end + 1);
         }
     }
-    /// The stream has ended: what is left is a line.
+    /// The stream has ended: the rest is a line.
     template <class Take>
     void finish(Take&& take) {
         if (!rest_.empty()) take(std::string_view(rest_), tooLong_);

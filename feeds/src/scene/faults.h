@@ -1,4 +1,4 @@
-// Faults: what was wrong with lines, counted, and named while there are few.
+// Faults: counts invalid lines, and reports them as long as there are few.
 //
 // Threading: any thread.
 #pragma once

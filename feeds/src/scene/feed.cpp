@@ -82,7 +82,7 @@ Result<std::unique_ptr<Feed>> Feed::start(Scene& scene, FeedOptions options) {
         new Feed(std::make_unique<State>(scene, std::move(options), std::move(*place), std::move(*source))));
 }
 
-/// A name that nobody has costs no search for what may have been meant, unless that is told.
+/// Searches for similar names only if they will be reported, because the search is costly.
 std::optional<FieldRef> Feed::State::find(const feeds::NumberedLine& line) {
     const std::string& name = line.line.node;
     NodeId node = scene.findName(name);
@@ -98,7 +98,8 @@ std::optional<FieldRef> Feed::State::find(const feeds::NumberedLine& line) {
     return std::nullopt;
 }
 
-/// What the event would make the scene load or run, which only the user's own files may do. Empty if it is allowed.
+/// The file that the event would make the scene load, or the program that it would run; only the user's own files may
+/// do so. Empty if the event is allowed.
 std::string Feed::State::refusal(const FieldRef& target) {
     if (trusted) return {};
     const NodeType& type = scene.node(target.node).type();

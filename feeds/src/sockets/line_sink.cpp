@@ -28,7 +28,7 @@ namespace {
 
 constexpr std::size_t kMostWaiting = std::size_t{4} << 20;
 constexpr std::size_t kMostSubscribers = 64;
-constexpr auto kFarewell = std::chrono::milliseconds(500);  // for what waits at the end
+constexpr auto kFarewell = std::chrono::milliseconds(500);  // for lines that wait at the end
 
 /// The target of lines. All functions are called on the sink's thread.
 class Outlet {
@@ -113,7 +113,7 @@ class MqttOutlet final : public Outlet {
     std::unique_ptr<MqttModule> module_;
 };
 
-/// All who are connected get every line.
+/// Sends every line to all connections.
 class TcpOutlet final : public Outlet {
   public:
     explicit TcpOutlet(Descriptor socket) : socket_(std::move(socket)) {}

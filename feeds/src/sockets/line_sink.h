@@ -30,8 +30,8 @@ class LineSink {
     static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure, bool waits = false);
     /// `line` without its end.
     virtual void write(std::string line) = 0;
-    /// Sends what waits, for half a second at most. From then on counts() and failure() are final, and every line is
-    /// missed.
+    /// Sends the waiting lines, for half a second at most. From then on counts() and failure() are final, and every
+    /// line is missed.
     virtual void close() = 0;
     virtual SinkCounts counts() const = 0;
     /// Why nothing more can be written; empty while it can.

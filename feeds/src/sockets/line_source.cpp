@@ -162,7 +162,7 @@ class MqttSource final : public LineSource {
     Place place_;
     std::mutex mutex_;
     LineTaker* taker_ = nullptr;
-    std::unique_ptr<MqttModule> module_;  // last: its thread ends before what it uses
+    std::unique_ptr<MqttModule> module_;  // last: its thread must end before the members that it uses
 };
 
 }  // namespace

@@ -14,7 +14,7 @@
 
 namespace rtsg::feeds {
 
-/// Takes what a source reads. Streams are connections, or datagrams of one socket.
+/// Takes the bytes that a source reads. Streams are connections, or datagrams of one socket.
 class LineTaker {
   public:
     virtual ~LineTaker() = default;
@@ -32,7 +32,7 @@ class LineTaker {
 class LineSource {
   public:
     virtual ~LineSource() = default;
-    /// Opens it. `place` gets the real port. Errors: what the system or a broker says; an address that others reach,
+    /// Opens it. `place` gets the real port. Errors: those of the system or a broker; an address that others can reach,
     /// unless `insecure`.
     static Result<std::unique_ptr<LineSource>> open(Place& place, bool insecure);
     /// Reads until the end, or until `stop` is readable.

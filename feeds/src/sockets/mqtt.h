@@ -10,7 +10,7 @@
 
 namespace rtsg::feeds {
 
-/// Sets host, topic and port of the settings from the place. Errors: no module; what the broker or the system says.
+/// Sets host, topic and port of the settings from the place. Errors: no module; those of the broker or the system.
 Result<std::unique_ptr<MqttModule>> startMqtt(const Place& place, MqttSettings settings);
 
 }  // namespace rtsg::feeds

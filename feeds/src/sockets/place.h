@@ -57,12 +57,12 @@ struct SocketAddress {
 
 /// Looks the host up, which may take its time.
 Result<SocketAddress> findAddress(const Place& place);
-/// Opens a socket that listens there, and does not wait. `place.port` becomes the real one. Errors: what the system
-/// says; an address that others reach, unless `insecure`.
+/// Opens a listening, non-blocking socket. `place.port` becomes the real one. Errors: those of the system; an address
+/// that others can reach, unless `insecure`.
 Result<Descriptor> listenAt(Place& place, bool insecure);
 /// Opens a socket for datagrams to that place.
 Result<Descriptor> sendTo(const Place& place);
-/// "cannot WHAT PLACE: " and what the system says.
+/// "cannot WHAT PLACE: " and the system's message.
 std::string systemError(std::string_view what, const Place& place);
 
 }  // namespace rtsg::feeds

@@ -135,7 +135,7 @@ void DiskCache::write(const fs::path& file, std::string_view bytes) const {
     if (::close(descriptor) != 0 || !whole || ::rename(made.c_str(), file.c_str()) != 0) ::unlink(made.c_str());
 }
 
-/// Removes what was longest unused, entries of files that are gone, and what processes left that were killed.
+/// Removes the files longest unused, entries whose files are gone, and remains of processes that were killed.
 void DiskCache::shrink() const {
     struct Kept {
         fs::file_time_type used;

@@ -18,7 +18,7 @@ namespace rtsg::fetch {
 
 struct TransferRequest {
     std::string address;
-    std::string etag, lastModified;  // of what is there already; or empty
+    std::string etag, lastModified;  // of the copy that exists already; or empty
     std::string certificates;        // a PEM file of authorities; empty: the system's
     double connectSeconds = 10;      // until there is a connection, TLS and all
     double stallSeconds = 15;        // without a byte

@@ -219,7 +219,7 @@ struct WebFetcher::State {
     std::condition_variable changed;
     std::atomic<bool> stopped = false;
     std::map<std::string, Entry> entries;
-    std::vector<std::string> order;  // of what has come, as it was first opened
+    std::vector<std::string> order;  // of fetched files, in the order in which they were first opened
     std::deque<std::pair<std::string, std::uint64_t>> queue;
     std::uint64_t usedBytes = 0;
     bool hasKeptBytes = false;

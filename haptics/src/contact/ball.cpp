@@ -13,7 +13,7 @@ namespace {
 constexpr int kSteps = 32;        // of a sweep: Newton's method, which needs few unless the ball grazes
 constexpr int kSlides = 24;       // bends of a way
 constexpr double kLittle = 1e-9;  // metres
-constexpr double kSame = 1e-14;   // of normals: less than what a way may lead against one
+constexpr double kSame = 1e-14;   // for normals: less than a path may lead against one
 
 Vec3d unitOr(const Vec3d& v, const Vec3d& otherwise) {
     const double length = glm::length(v);

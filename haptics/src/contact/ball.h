@@ -1,7 +1,7 @@
-// A small ball among triangles: where it touches them, how far it can move, and where it slides to.
+// A small ball among triangles: its contacts, how far it can move, and where it slides to.
 //
-// Places are metres from some place near by, in double. Triangles have no thickness and two sides: the ball stays on
-// whichever it is on. Invariant: wherever a function here moves the ball to, the way there was free.
+// Positions are in metres from a nearby origin, in double precision. Triangles have no thickness and two sides: the
+// ball stays on its side. Invariant: wherever a function here moves the ball to, the way there was free.
 // Source: D. C. Ruspini, K. Kolarov, O. Khatib, "The haptic display of complex graphical environments", 1997: a proxy
 // with a radius; C. Ericson, "Real-time collision detection", 2005, 5.1.5: the closest point of a triangle.
 #pragma once
@@ -28,7 +28,7 @@ struct Touching {
     Vec3d place{0};            // on the triangle
 };
 
-/// A ball ends this much before it would touch, and touches what is twice as near; metres.
+/// A ball stops this far before contact, and counts as touching up to twice this distance; metres.
 constexpr double kSkin = 1e-7;
 
 Vec3d closestOnTriangle(const Vec3d& p, const Vec3d (&corners)[3]);
@@ -47,8 +47,8 @@ std::vector<Touching> touched(const Vec3d& at, double radius, const std::vector<
 /// The vector next to `way` that leads against none of the normals.
 Vec3d alongAll(const Vec3d& way, const std::vector<Touching>& touching);
 
-/// Where a ball gets to that is drawn from `from` towards `goal` and slides along what it meets: the next place to
-/// `goal` that it can reach so.
+/// The position that a ball reaches when it is drawn from `from` towards `goal` and slides along surfaces: the nearest
+/// position to `goal` that it can reach in this way.
 Vec3d slide(const Vec3d& from, const Vec3d& goal, double radius, const std::vector<NearTriangle>& triangles);
 
 }  // namespace rtsg::haptics

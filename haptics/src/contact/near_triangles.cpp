@@ -11,7 +11,7 @@ namespace rtsg::haptics {
 namespace {
 
 constexpr double kMostAhead = 0.1;  // metres that what moves is looked for beyond where it was
-constexpr double kWayOut = 0.25;    // metres to the surface of what has come over the hand
+constexpr double kWayOut = 0.25;    // metres to the surface of a solid that has moved over the hand
 
 const RayInstance* instanceAt(const WorldMoment& moment, std::uint32_t slot) {
     if (!moment.state || slot >= moment.state->rays->instances().size()) return nullptr;

@@ -1,7 +1,7 @@
-// NearTriangles: the triangles of a world around a hand, where they are now and where they were a tick ago.
+// NearTriangles: the triangles of a world around a hand, at their present positions and at those of the last tick.
 //
-// States come once a frame, ticks a thousand times a second: what moved from one state to the next, and before that,
-// is taken to move on likewise until the next state is there. Threading: one thread; states may be of another.
+// States arrive once a frame, ticks a thousand times a second. Motion between the last two states is extrapolated until
+// the next state arrives. Threading: one thread; states may come from another.
 #pragma once
 
 #include <memory>
@@ -50,8 +50,8 @@ class NearTriangles {
     const std::vector<NearTriangle>& all() const { return all_; }
     std::vector<NearTriangle> still() const;
 
-    /// The way out of what has come over a place since the last tick, other than by steady motion: a solid whose
-    /// nearest surface the place lies behind. `everything`: nothing was there before. Null if it lies in no such thing.
+    /// The way out of a solid that has come over a place since the last tick, other than by steady motion: the place
+    /// lies behind the solid's nearest surface. `everything`: nothing was there before. Null if there is no such solid.
     std::optional<Vec3d> wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
                                 bool everything) const;
     /// Preconditions: of a triangle of find().

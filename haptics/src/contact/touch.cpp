@@ -77,8 +77,8 @@ HapticTick Touch::tick(const WorldMoment& now, const Vec3d& hand, double seconds
     return tick;
 }
 
-/// A triangle that has gone through the ball since the last tick takes it along, on the side where it was, as far as
-/// what stands still lets it.
+/// A triangle that has passed through the ball since the last tick pushes it along, on its old side, as far as resting
+/// surfaces allow.
 void Touch::pushByWhatMoves() {
     std::optional<std::vector<NearTriangle>> still;
     const double apart = options_.radius + kSkin;
@@ -94,7 +94,7 @@ void Touch::pushByWhatMoves() {
         const double distance = glm::length(from);
         Vec3d push(0);
         if (glm::length(from - side * height * normal) < 1e-9 + 1e-6 * distance) {
-            // Above or below its area; what has passed the ball by more than it moved was never beside it.
+            // Above or below its area; a triangle that is farther past the ball than it moved was never beside it.
             double most = options_.radius;
             for (int c = 0; c < 3; ++c) most = std::max(most, glm::length(t.corners[c] - t.before[c]));
             if (height < apart && apart - height <= 2 * most) push = side * (apart - height) * normal;
@@ -107,8 +107,8 @@ void Touch::pushByWhatMoves() {
     }
 }
 
-/// Where the hand counts as being, for friction: in the cone of friction about the surface the proxy stays where it
-/// was; outside, it lags behind by what the cone is wide.
+/// The hand's position with friction: inside the cone of friction about the surface, the proxy stays where it was;
+/// outside, it lags behind by the width of the cone.
 Vec3d Touch::rubbed(const Vec3d& goal) {
     if (!pressed_) return sticks_ = true, goal;
     const TouchSurface surface = near_.surfaceOf(*pressed_, options_.surface);
@@ -162,8 +162,8 @@ void Touch::press(HapticTick& tick) {
     tick.force = shortened(tick.force, options_.maxForce);
 }
 
-/// A clock that holds a force for a tick gives more on the way out than it took on the way in. A damper takes back what
-/// has been given too much; it draws no hand to a surface either.
+/// Because a force is held for a tick, more energy is given on the way out than was taken on the way in. A damper takes
+/// the surplus back; and it never draws the hand to a surface.
 void Touch::keepPassive(HapticTick& tick) {
     const Vec3d way = hand_ - handBefore_ - step_ * tick.velocity;
     energy_ += glm::dot(force_, way);

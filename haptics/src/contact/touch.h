@@ -1,4 +1,4 @@
-// Touch: where the proxy of a hand is among the triangles of a world, and what force follows from that.
+// Touch: the position of a hand's proxy among the triangles of a world, and the resulting force.
 //
 // One call of tick() is one step of the clock. The proxy is a ball that follows the hand as far as surfaces let it; a
 // spring draws the hand to it. Surfaces that move carry the proxy along and push it; between two states of the scene
@@ -39,7 +39,7 @@ class Touch {
     bool sticks_ = true;
     double energy_ = 0;                    // J that the force has given to the hand, against surfaces at rest
     std::optional<double> rateBefore_;     // m/s away from the surface, at the last tick
-    std::optional<NearTriangle> pressed_;  // what was touched most at the last tick
+    std::optional<NearTriangle> pressed_;  // the triangle that was pressed most at the last tick
 };
 
 }  // namespace rtsg::haptics

@@ -37,7 +37,7 @@ class SpaceMouse final : public HapticDevice {
     void push(const Vec3d&) override {}  // it has no motor
 
   private:
-    /// Takes what has come: packets of eight numbers, a kind and then the axes.
+    /// Reads the packets that have arrived: eight numbers each, a kind and then the axes.
     Result<> take() {
         for (int i = 0; i < 1000; ++i) {
             const ssize_t got =

@@ -60,7 +60,7 @@ void TouchEvents::send(Scene& scene, const HapticTick& strongest, const HapticTi
     if (isNew || !last.touching) pushBody(scene, last);
 }
 
-/// The proxy points at what it touches.
+/// The proxy points at the touched shape.
 void TouchEvents::point(Scene& scene, const HapticTick& tick, bool presses) {
     PointerInput input;
     input.device = pointer_;
@@ -73,7 +73,7 @@ void TouchEvents::point(Scene& scene, const HapticTick& tick, bool presses) {
     if (sendPointer(scene, input)) sent_ = input;
 }
 
-/// The button goes up over the thing, which is what a TouchSensor waits for, and then the pointer is gone.
+/// Releases the button over the shape, as a TouchSensor needs, and then removes the pointer.
 void TouchEvents::leave(Scene& scene) {
     if (!sent_) return;
     if (sent_->buttons) {

@@ -53,7 +53,7 @@ class NatsLink {
                                 std::span<const std::byte> bytes) = 0;
     virtual std::string subscribe(const std::string& subject) = 0;
     virtual void unsubscribe(const std::string& subject) = 0;
-    /// Waits until the server has read what was published.
+    /// Waits until the server has read all published messages.
     virtual std::string flush(std::chrono::milliseconds most) = 0;
 
     // ---- JetStream ------------------------------------------------------------------------------------------

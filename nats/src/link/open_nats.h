@@ -41,7 +41,7 @@ struct NatsSubjects {
           ask("rtsg." + name + ".ask"),
           log("rtsg." + name + ".log") {}
     std::string live;   // every new record, pings and the goodbye
-    std::string state;  // the last keyframe and what follows it, when somebody has asked
+    std::string state;  // the last keyframe and the frames after it, when a client has asked
     std::string ask;    // what mirrors send to the server
     std::string log;    // records of a stored session
 };

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::size_t kMostMirrors = 20000, kMostRequests = 256, kMostQuestions = 64, kMostCommands = 16;
 constexpr std::uint64_t kMostSubmitted = std::uint64_t{16} << 20;  // bytes of requests without a verdict
-// A little less than what the server allows one peer.
+// Slightly less than the server allows one peer.
 constexpr double kQuestionsAtOnce = 20, kQuestionsPerSecond = 3.8;
 constexpr auto kAnswerWithin = 3s;  // after which the next question goes out
 constexpr auto kForgotten = 120s;   // a mirror of which nothing was heard

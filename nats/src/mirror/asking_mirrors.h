@@ -1,6 +1,6 @@
-// AskingMirrors: what mirrors send to the server by way of NATS, and who gets which answer.
+// AskingMirrors: passes on to the server what mirrors send over NATS, and gives each its answers.
 //
-// The server sees one peer, so requests get numbers of that peer's, and questions go one at a time.
+// The server sees one peer, so requests are given numbers of that peer, and questions are sent one at a time.
 // Invariant: a request is passed on once, however often its mirror repeats it. The numbers of mirrors, requests and
 // questions that are remembered are bounded.
 // Threading: one thread.
@@ -39,7 +39,7 @@ class AskingMirrors {
     void repaired(const SharedRecord& record, std::size_t mostBytes);
     /// The server has welcomed us; with another epoch nothing of before counts.
     void welcomed(bool sameEpoch);
-    /// Asks the next question where that is due, and forgets who is gone.
+    /// Asks the next question when it is due, and forgets mirrors that have left.
     void turn(Clock::time_point now);
 
   private:

@@ -121,7 +121,7 @@ class NatsPublisher::Impl {
     ByteBuffer message_, packet_;
     NatsPublisherStatistics statistics_;
     std::thread thread_;
-    mutable std::mutex mutex_;  // guards what follows
+    mutable std::mutex mutex_;  // guards the members below
     NatsPublisherStatistics shown_;
     std::vector<Diagnostic> diagnostics_;
 };
@@ -258,7 +258,7 @@ void NatsPublisher::Impl::record(const SharedRecord& record) {
     if (jumps) history_.clear();
     if (!history_.add(record)) return;
     ++statistics_.records;
-    // A keyframe goes only to who asks: mirrors that follow have its state, or find the gap.
+    // A keyframe goes only to those who ask: mirrors that follow have its state, or notice the gap.
     if (header.from != 0) publishRecord(subjects_.live, *record);
 }
 
@@ -320,7 +320,7 @@ void NatsPublisher::Impl::publishRecord(const std::string& subject, const Encode
     statistics_.bytes += whole.size();
 }
 
-/// Says which state what was published leads to.
+/// Publishes the state that the records so far lead to.
 void NatsPublisher::Impl::publishEnd(const std::string& subject) {
     const std::uint64_t token[] = {history_.newest(), history_.newest(), 0};
     mirror::write(message_, Message::ping, token);

@@ -37,7 +37,7 @@ constexpr int kReadAtOnce = 256;  // messages, before the client gets a turn
 constexpr std::size_t kMostTold = 100;
 constexpr std::uint64_t kSmallestCredit = 1 << 20;  // bytes
 
-/// Limits of what is published, as the client asked for less.
+/// The published stream has limits, so wishes for less are refused.
 const char* refusalOf(const mirror::Wishes& wishes) {
     if (wishes.partial()) return "over NATS whole scenes are published: parts, regions and aspects need ZeroMQ";
     if (wishes.inputs) return "over NATS states are published: inputs need ZeroMQ";
@@ -86,7 +86,7 @@ class NatsSubscriber::Impl {
     using Clock = std::chrono::steady_clock;
     enum class Mode : std::uint8_t {
         idle,       // no client has said hello
-        joining,    // the server was asked for a state, or for what is missing
+        joining,    // the server was asked for a state, or for missing records
         following,  // records come as they are published
         behind,     // the client has more than its window to read
     };
@@ -134,7 +134,7 @@ class NatsSubscriber::Impl {
     ByteBuffer message_, packet_;
     NatsSubscriberStatistics statistics_;
     std::thread thread_;
-    mutable std::mutex mutex_;  // guards what follows
+    mutable std::mutex mutex_;  // guards the members below
     NatsSubscriberStatistics shown_;
     std::vector<Diagnostic> diagnostics_;
 };
@@ -265,7 +265,7 @@ void NatsSubscriber::Impl::acknowledged(std::span<const std::byte> first) {
     if (mode_ == Mode::behind && sent_ - acknowledged_ <= greeting_.window / 2) join();
 }
 
-/// Asks for what leads on from the client's state.
+/// Asks for the records that follow the client's state.
 void NatsSubscriber::Impl::join() {
     ++statistics_.joins;
     mode_ = Mode::joining;
@@ -313,7 +313,7 @@ void NatsSubscriber::Impl::live(const Packet& packet) {
             if (mode_ == Mode::following) data(packet, false);
             return;
         case Message::ping: {
-            // The client must not take what it has not got from us yet for lost.
+            // The client must not take records as lost that it has not had from us yet.
             wire::Reader in = packet.fields();
             std::uint64_t numbers[3] = {0, 0, 0};  // state sent, state of the scene, 1: the origin is lost
             if (!mirror::read(in, numbers)) return garbage();

@@ -1,4 +1,4 @@
-// RecordChain: looks at parts of records as they come, and says which of them lead on from the state that is here.
+// RecordChain: checks parts of records as they arrive, and tells which of them continue the present state.
 //
 // Invariant: a record is passed on whole or not at all, unless its last parts are lost; then there is a gap.
 // Threading: one thread.

@@ -33,7 +33,7 @@ std::string streamOf(const NatsAddress& address) {
     return "RTSG_" + address.name;
 }
 
-/// Whoever names three servers of a cluster wants what is stored to outlive one of them.
+/// A user who names three servers of a cluster wants stored data to survive the loss of one.
 int copiesFor(const NatsAddress& address) {
     return address.servers.size() >= 3 ? 3 : 1;
 }
@@ -169,7 +169,7 @@ class NatsLog::Impl {
     std::unique_ptr<NatsLink> link_;
     GrowingLog log_;
     std::atomic<std::uint64_t> storedBytes_, storedMessages_;
-    mutable std::mutex mutex_;  // guards what follows
+    mutable std::mutex mutex_;  // guards the members below
     std::condition_variable changed_;
     std::string failure_;
     bool stop_ = false, ended_ = false;

@@ -29,7 +29,7 @@ class DeltaQueue {
 
   private:
     struct Entry {
-        std::uint64_t first = 0, last = 0;  // numbers of what is in it
+        std::uint64_t first = 0, last = 0;  // numbers of the deltas in it
         InstanceDelta delta;
     };
     std::mutex mutex_;

@@ -87,7 +87,7 @@ glm::mat4 viewOf(const Camera& camera, const Vec3d& origin) {
     return view;
 }
 
-/// Depths are the fragments' own matter: this one only cuts off what is behind the eye.
+/// Fragments write their own depths; this matrix only cuts off the part behind the eye.
 glm::mat4 projectionOf(const RasterView& view, bool orthographic) {
     const float width = view.rightEdge - view.left, height = view.top - view.bottom;
     glm::mat4 m(0.0f);
@@ -95,7 +95,7 @@ glm::mat4 projectionOf(const RasterView& view, bool orthographic) {
     const float x = (view.rightEdge + view.left) / width, y = (view.top + view.bottom) / height;
     if (orthographic) {
         m[3] = {-x, -y, 0, 1};
-        m[2][2] = -1e-12f;  // far enough for whatever is seen, and not 0, since OGRE inverts the matrix
+        m[2][2] = -1e-12f;  // far enough for all content, and not 0, since OGRE inverts the matrix
         return m;
     }
     constexpr float kNear = 1e-6f;
@@ -166,16 +166,16 @@ struct OgreRenderer::Impl {
     std::size_t taken = 0;  // of the tables'
     DeltaQueue deltas;      // to the thread of the graphics
     // Used by the thread that makes pictures, and in module->run().
-    std::unique_ptr<RasterModule> module;  // outlives what is handed to it
+    std::unique_ptr<RasterModule> module;  // outlives the objects that it is given
     std::unique_ptr<RasterScene> scene;
     Picture frame;
     Camera camera;
 
-    std::mutex mutex;  // guards what follows
+    std::mutex mutex;  // guards the members below
     std::set<std::string> lacks;
     Diagnostics lackNews;
     std::optional<PictureSight> looked;  // by whoever looks on, last
-    bool traces = false;                 // rays show what the rasteriser lacks
+    bool traces = false;                 // rays show the features that the rasteriser lacks
     double tracing = 0;                  // Counts::tracing
     double named = 0;                    // share of missing light that has been reported
 

@@ -76,7 +76,7 @@ RasterWrap wrapOf(TextureWrap wrap) {
     return RasterWrap::repeat;
 }
 
-/// `color`: what is looked up is one, and not numbers. `linear`: the material computes in light.
+/// `color`: the texture holds colours, not numbers. `linear`: the material computes in linear light.
 RasterUse rasterUse(const TextureUse& use, bool color, bool linear, RasterTextures& textures) {
     RasterUse result;
     result.texture = textures.take(use.texture, color && linear);

@@ -1,4 +1,4 @@
-// Materials, textures, lights and skies as a rasteriser wants them.
+// Converts materials, textures, lights and skies for a rasteriser.
 //
 // Threading: one thread.
 #pragma once
@@ -51,7 +51,7 @@ struct LookKind {
     friend auto operator<=>(const LookKind&, const LookKind&) = default;
 };
 
-/// The material in a rasteriser's numbers; takes its textures. `lack` is told of what is left out.
+/// The material in a rasteriser's numbers; takes its textures. `lack` is told which features are left out.
 RasterMaterial rasterMaterial(const Material& material, const LookKind& kind, RasterTextures& textures,
                               const RasterTextures::Lack& lack);
 /// Gives the textures back.

@@ -20,7 +20,7 @@
 
 namespace rtsg {
 
-/// A vertex of triangles: what moves when a mesh deforms, and what does not.
+/// A vertex of triangles: the part that changes when a mesh deforms, and the part that does not.
 struct RasterPlace {
     glm::vec3 position{0}, normal{0, 0, 1};
 };
@@ -79,7 +79,7 @@ struct RasterMaterial {
     bool strokes = false;  // of lines or points
     bool points = false;
     bool clear = false;   // things behind it may show
-    bool cutOut = false;  // clear or opaque, hardly anything between: hides what is behind it
+    bool cutOut = false;  // transparent or opaque, hardly anything between: hides things behind it
     glm::vec3 base{0}, specular{0}, emissive{0};
     float ambient = 0, exponent = 0, opacity = 1, cutoff = .5f, metallic = 0, roughness = 1;
     glm::vec3 reflectivity{0};
@@ -97,7 +97,7 @@ struct RasterThing {
     std::uint32_t place = 0;  // among the surroundings
     std::uint16_t layer = 0;
     bool fronts = true, backs = true;  // which sides of triangles are drawn
-    bool first = false;                // before another thing in the same place: the backs of what is clear
+    bool first = false;                // drawn before another thing in the same place: the backs of transparent shapes
     bool mirrored = false;             // its matrix is
     bool colored = false, alphaColored = false, fogged = false;  // the mesh has colours, with an alpha, and fog depths
     glm::vec4 stroke{1, 1, 1, 1};       // width in pixels; line type; least and most width of points
@@ -109,7 +109,7 @@ struct RasterThing {
 /// The lights, fog and cuts at one place.
 struct RasterSurroundings {
     std::vector<std::uint32_t> lights;
-    std::vector<glm::vec4> cuts;  // planes: left out is what lies where dot(xyz, place) + w < 0
+    std::vector<glm::vec4> cuts;  // planes: points with dot(xyz, place) + w < 0 are left out
     float fogType = 0;            // 0 none, 1 linear, 2 exponential
     float fogRange = 0, fogBegin = 0;
     glm::vec3 fogColor{0}, fogAlong{0};

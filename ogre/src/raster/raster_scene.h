@@ -1,8 +1,8 @@
-// RasterScene: the instances of a scene as a rasteriser has them: what to draw, with which mesh and material, where.
+// RasterScene: the instances of a scene in a rasteriser: what to draw, with which mesh and material, and where.
 //
-// Invariant: after bring() the rasteriser has what handing it the scene anew would give. The work follows the deltas:
-// follow() notes which slots changed, bring() hands these over. A mesh, a texture and a material are handed over once,
-// however many instances show them.
+// Invariant: after bring() the rasteriser has the same content as if the scene had been handed over anew. The work
+// depends on the deltas: follow() notes which slots changed, and bring() hands these over. A mesh, a texture or a
+// material is handed over once, however many instances show it.
 // Threading: one thread. Places are handed over relative to an origin near the eye, which moves only when the eye has
 // gone far from it.
 #pragma once
@@ -37,7 +37,7 @@ class RasterScene {
     void follow(const InstanceDelta& delta);
     /// For a picture of these layers, seen from about there.
     void bring(const SurfaceState& state, const std::vector<LayerView>& layers, const Vec3d& eye);
-    /// Around what is seen of a layer.
+    /// Around the visible things of a layer.
     WorldBox box(std::uint16_t layer) const;
     const Vec3d& origin() const { return origin_; }
     /// The sky of a layer of the last bring(), by its index in the list.

@@ -1,4 +1,4 @@
-// Meshes as a rasteriser wants them.
+// Converts meshes for a rasteriser.
 //
 // Threading: re-entrant.
 #pragma once

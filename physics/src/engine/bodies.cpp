@@ -104,7 +104,7 @@ void RigidBodyPhysics::Engine::setWorld(World& world, const Node& node) {
     dWorldSetQuickStepNumIterations(world.world, std::clamp(node.get(C::iterations), 1, 1000));
 }
 
-/// Sets what may change in motion without building anything anew.
+/// Sets the properties that may change in motion without building anything anew.
 void RigidBodyPhysics::Engine::setBody(Body& body, const Node& node, const Node& collection) {
     using C = x3d::RigidBodyCollection;
     const dBodyID b = body.body;

@@ -164,7 +164,7 @@ void RigidBodyPhysics::Engine::join(World& world, const Hit& hit, const Node& co
     const std::size_t index = static_cast<std::size_t>(&world - worlds_.data());
     const dBodyID a = bodyOf(geoms_[hit.first]->body, index), b = bodyOf(geoms_[hit.second]->body, index);
     if (!a && !b) return;
-    if (a && b && dAreConnectedExcluding(a, b, dJointTypeContact)) return;  // what a joint holds may overlap
+    if (a && b && dAreConnectedExcluding(a, b, dJointTypeContact)) return;  // bodies connected by a joint may overlap
     dContact contact{};
     contact.geom = hit.point;
     contact.surface = surfaceOf(collection).parameters();

@@ -74,7 +74,7 @@ struct Geom {
 
 /// The poses of a joint's bodies when it was made, for when everything is built anew.
 struct JointStart {
-    std::vector<float> signature;  // of what it was made from
+    std::vector<float> signature;  // of the values that it was made from
     Pose first, second;
 };
 

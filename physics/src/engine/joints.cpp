@@ -235,8 +235,8 @@ void RigidBodyPhysics::Engine::setJoint(const Joint& joint, const Node& node) {
     }
 }
 
-/// A stop that does not bounce takes all speed. But the engine sees it only when it is passed, and the speed that
-/// brings a body back from there stays: so what would pass a stop within the step is driven just to it.
+/// A stop that does not bounce takes all speed. But the engine reacts only after the stop is passed, and the speed that
+/// then brings a body back remains. So a joint that would pass a stop within the step is driven exactly to the stop.
 void RigidBodyPhysics::Engine::driveToStops(const Joint& joint) {
     const dJointID j = joint.joint;
     const bool slides = dJointGetType(j) == dJointTypeSlider;

@@ -115,7 +115,7 @@ RigidBodyPhysics::Counts RigidBodyPhysics::counts() const {
 }
 
 RigidBodyPhysics::Engine::Engine(Scene& scene) : scene_(scene) {
-    // A scene that goes on: what its fields hold now is what the first frame starts from.
+    // A scene that continues: the first frame starts from the present values of its fields.
     bool has = false;
     scene.forEachNode([&](const Node& node) { has = has || node.is(Bodies::type); });
     if (!has) return;
@@ -130,7 +130,7 @@ RigidBodyPhysics::Engine::Engine(Scene& scene) : scene_(scene) {
 }
 RigidBodyPhysics::Engine::~Engine() {
     attachment_.detach();
-    if (!isBroken_) clear();  // what has failed is left alone
+    if (!isBroken_) clear();  // a world that has failed is left alone
 }
 void RigidBodyPhysics::Engine::warn(NodeId id, const std::string& text) {
     if (!cascade_) {

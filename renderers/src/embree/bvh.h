@@ -45,7 +45,7 @@ using DeviceHandle = std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release<r
 using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, Release<rtcReleaseScene>>;
 using GeometryHandle = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, Release<rtcReleaseGeometry>>;
 
-/// The device, what it uses, and what went wrong in it.
+/// The device, its memory, and its last error.
 class Device {
   public:
     Device(unsigned buildThreads, bool robust);

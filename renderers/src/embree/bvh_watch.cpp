@@ -160,7 +160,7 @@ double BvhWatch::findAreas(const Array<Vec3f>& positions) const {
 
 BvhWatch::Look BvhWatch::look(const Array<Vec3f>& positions) const {
     const double rootArea = findAreas(positions);
-    // A point, or a line: no ray will meet it, whatever the tree.
+    // A point or a line: no ray will hit it, with any tree.
     if (!(rootArea > kNoArea)) return {builtCost_, 0};
     if (!(builtCost_ > 0)) return {1, HUGE_VAL};
     const auto scale = static_cast<float>(1 / rootArea);

@@ -1,7 +1,7 @@
-// Clusters: the triangles of a group sixteen by sixteen, as they follow one another in their meshes, with a box each.
+// Clusters: the triangles of a group in groups of sixteen, in the order of their meshes, with a box each.
 //
-// What a picture looks through in place of a tree: two bytes a triangle, made in one pass. Meshes whose neighbours in
-// the list are no neighbours in space have boxes that help little; who uses them counts first.
+// Pictures use them in place of a tree: they need two bytes a triangle and are made in one pass. If neighbours in the
+// list are not neighbours in space, the boxes help little; so count before you use them.
 // Threading: immutable once made.
 #pragma once
 

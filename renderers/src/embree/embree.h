@@ -26,9 +26,9 @@ inline RTCDevice newDevice() {
     return rtcNewDevice(highest.empty() ? nullptr : ("max_isa=" + highest).c_str());
 }
 
-/// Rays in the widest packets that Embree has on this machine: 16 with AVX-512, 8 with AVX, else 4. Embree 3 takes
-/// wider ones as a stream, which knows of no valid lanes (what lies in the others is traced, and may never end), Embree
-/// 4 as one ray after the other.
+/// The width of the widest packets that Embree traces natively on this machine: 16 with AVX-512, 8 with AVX, else 4.
+/// Wider packets are streams in Embree 3, which know no valid lanes (the other lanes are traced, and may never end),
+/// and single rays in Embree 4.
 inline int packetWidth() {
     static const int answer = [] {
         const RTCDevice device = newDevice();

@@ -82,7 +82,8 @@ struct LargeKernelsOf {
         }
     };
 
-    /// Above 0 where a ray's line may come into the ball around what is in a box. `squared`: the direction's length.
+    /// Above 0 if a ray's line may enter the ball around the content of a box. `squared`: the direction's squared
+    /// length.
     RTSG_INLINE F inBall(const LargeTable& table, const Rays& rays, F squared, std::uint32_t box) {
         const float* const middle = table.middle[box];
         const V from{rays.origin.x - middle[0], rays.origin.y - middle[1], rays.origin.z - middle[2]};

@@ -82,7 +82,7 @@ std::vector<Face> facesOf(const Triangles& triangles) {
 /// Whether all of a mesh lies behind each of its triangles, as nearly as its corners can tell.
 bool isConvex(const Triangles& triangles) {
     using namespace simd;
-    constexpr std::size_t kMost = 4096;  // what it takes to look grows with the square
+    constexpr std::size_t kMost = 4096;  // the time of the search grows with the square
     const Array<Vec3f>& places = triangles.positions;
     const std::uint32_t count = triangles.mesh->triangleCount;
     if (count > kMost || places.size() > kMost || places.empty()) return false;
@@ -207,7 +207,7 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
     table.label[i] = std::bit_cast<float>(about.label);
 }
 
-/// The next box of the table, and the ball in it, wider than what a ray's distances are rounded by.
+/// The next box of the table, and the ball in it, widened by the rounding of a ray's distances.
 void add(const Around& around, LargeTable& table) {
     const Vec3f size = glm::abs(around.box.lower) + glm::abs(around.box.upper), more = 0x1p-20f * size,
                 middle = around.middle();

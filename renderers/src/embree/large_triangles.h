@@ -1,10 +1,11 @@
-// LargeTriangles: the few large triangles of a world, walls and floors, of which all are asked sixteen rays at a time,
-// and boxes around everything else.
+// LargeTriangles: the few large triangles of a world (walls and floors), which are all tested against sixteen rays at a
+// time, and boxes around everything else.
 //
-// Rays from anywhere meet a box in proportion to the box's surface, so if the boxes are small, most rays of bouncing
-// light are answered without any tree. The answers are Embree's, except for the last bits. A ray stays open, and is to
-// be traced, if it may meet anything else, or if rounding might decide: near an edge, a plane of its start, or another
-// triangle at the same distance. Invariant: bit for bit the same on any processor. Threading: immutable once made.
+// Rays from anywhere hit a box in proportion to its surface. So if the boxes are small, most rays of bouncing light are
+// answered without a tree. The answers are Embree's, except for the last bits. A ray stays open, and must be traced, if
+// it may hit anything else, or if rounding might decide: near an edge, near a plane of its start, or near another
+// triangle at the same distance. Invariant: bit for bit the same on any processor. Threading: immutable once
+// constructed.
 #pragma once
 
 #include <cstddef>
@@ -40,7 +41,7 @@ struct LargeTable {
     Face faces[kFaces];
     LargeSpot spots[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
-    float middle[kBoxes][3], radiusSquared[kBoxes];  // of a ball around what is in the box
+    float middle[kBoxes][3], radiusSquared[kBoxes];  // of a ball around the content of the box
     std::uint32_t convex[kBoxes];                    // the instance that is all of it and bulges everywhere; else kNone
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
     float size = 0;                                            // metres, of the largest sum of coordinates
@@ -48,7 +49,7 @@ struct LargeTable {
     alignas(64) float normal[3][kFaces];  // as Hit::normal
     float mirrored[kFaces];               // -1: merged triangles are inside out there
     float turn[2][kFaces];                // of each of the two: the place of `corner`, or of the one opposite, in it
-    float number[2][kFaces];              // bits of integers, as what follows
+    float number[2][kFaces];              // bits of integers, like the members below
     float geometry[kFaces], instance[kFaces], label[kFaces];
 };
 
@@ -69,8 +70,7 @@ struct alignas(64) LargeHits {
 class LargeTriangles {
   public:
     static constexpr std::uint32_t kFront = 1, kBack = 2;
-    /// An instance: which of its sides nothing comes through, whether it is mirrored, and whatever it is called
-    /// and has.
+    /// An instance: the sides through which nothing comes, whether it is mirrored, and its numbers.
     struct About {
         std::uint32_t sides = 0;
         bool isMirrored = false;
@@ -78,7 +78,7 @@ class LargeTriangles {
         Vec3f color{0};
     };
     using Tell = std::function<About(std::uint32_t slot)>;
-    /// Null: a tree is quicker. `others`: what else there is; `mask`: of the rays.
+    /// Null: a tree is quicker. `others`: the rest of the world; `mask`: of the rays.
     static std::unique_ptr<const LargeTriangles> make(const Group& group, const TreeView& others, std::uint32_t mask,
                                                       const Tell& tell);
 

@@ -11,8 +11,8 @@ namespace rtsg::bvh {
 
 namespace {
 
-/// From here on a box is called empty: half its surface over what the triangle covers of it, seen along the axes. It is
-/// 2 for half a rectangle along the axes, and hardly above 4 for any that is not long.
+/// From this value on a box counts as empty: half its surface divided by the area of the triangle seen along the axes.
+/// The value is 2 for half a rectangle along the axes, and hardly above 4 for any triangle that is not long.
 constexpr double kEmptyBox = 6;
 /// Rays that meet the mesh's box should meet so many empty ones at most; and some more before anything is done.
 constexpr double kFewEmpty = 2, kManyEmpty = 6;

@@ -1,4 +1,4 @@
-// LongTriangles: long slanting triangles cut into pieces for Embree, and what rays hit put back on the whole ones.
+// LongTriangles: cuts long slanting triangles into pieces for Embree, and maps hits back to the whole triangles.
 //
 // The box of a beam that runs from one corner of a hall to another is the hall, and so are its triangles': every ray
 // tests them all. Embree's builder cuts boxes (RTC_BUILD_QUALITY_HIGH), but ignores that where rays must not slip

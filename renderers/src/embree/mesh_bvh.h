@@ -33,7 +33,7 @@ class MeshBvh {
     MeshBvh(const MeshBvh&) = delete;
     MeshBvh& operator=(const MeshBvh&) = delete;
 
-    /// Builds or refits what has changed.
+    /// Builds or refits the changed parts.
     void commit();
     /// Takes other positions for the same triangles, or another mesh altogether. The same mesh again puts a finished
     /// rebuild in place.
@@ -56,8 +56,8 @@ class MeshBvh {
 
   private:
     struct Work;
-    /// An Embree scene with what it reads: a refit goes on with the index of the build, equal to the mesh's and yet
-    /// maybe another array.
+    /// An Embree scene with the arrays that it reads: a refit continues with the indices of the build, which equal the
+    /// mesh's but may be another array.
     struct Tree {
         Array<Vec3f> positions;
         Array<std::int32_t> index;

@@ -1,4 +1,4 @@
-// MovedTop: a top in which some objects are elsewhere than in the one that it was made of.
+// MovedTop: a top in which some objects have been moved compared with the top that it was made from.
 //
 // Invariant: it answers as a Top would in which they had been moved there. The parts that it shares with the other one
 // (groups, BVHs, pages without moved objects) must outlive it. Made from scratch: its tree holds every object.
@@ -29,7 +29,7 @@ class MovedTop {
   public:
     struct Move {
         std::uint32_t object = 0;
-        TopObject as;           // what it is there
+        TopObject as;           // the object at its new place
         InstanceTree::Box box;  // of that
     };
     /// `leaves`: of `now`; `moves`: of some of them, in the order of their numbers.

@@ -19,8 +19,9 @@ extern DelayedLibrary tbb;
 namespace rtsg {
 namespace {
 
-// oneTBB as packaged is not instrumented: ThreadSanitizer sees neither that what was written before a loop is there in
-// its iterations, nor that they have ended when the loop returns. These two say so; elsewhere they cost nothing.
+// The packaged oneTBB is not instrumented: ThreadSanitizer sees neither that writes before a loop are visible in its
+// iterations, nor that these have ended when the loop returns. These two calls tell it so; in other builds they cost
+// nothing.
 #if defined(RTSG_TELL_TSAN)
 void tellReached(const char& point) {
     __tsan_release(const_cast<char*>(&point));

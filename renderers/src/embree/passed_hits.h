@@ -16,7 +16,7 @@ struct PassedHits {
 
     PassedHits(Passes p, const void* a) : passes(p), asked(a) {}
 
-    const Passes passes;  // whether rays go on behind what is met of a slot
+    const Passes passes;  // whether rays continue behind a hit on a slot
     const void* const asked;
     std::uint32_t many = 0;  // lanes that pass more, and were ended
     std::uint32_t count[16] = {};

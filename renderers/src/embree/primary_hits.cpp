@@ -39,7 +39,7 @@ struct Range {
         const float rounding = 0x1p-20f * (glm::dot(size, glm::abs(middle)) + reach);
         low = at - reach - rounding, high = at + reach + rounding;
     }
-    /// Divided by what lies in another one, of positive numbers.
+    /// Divides by a value of another range of positive numbers.
     Range over(const Range& depth) const {
         Range result = *this;
         result.low /= low < 0 ? depth.low : depth.high;

@@ -73,9 +73,9 @@ class PrimaryHits {
     /// False: so many clusters may be seen there that rays are quicker. `places`: as many as `hits`, within the pixels;
     /// null: of one sample, in the pixels' middles.
     bool find(int tileX, int tileY, std::span<TileHits> hits, const TilePlaces* places = nullptr) const;
-    /// Sets the hits of a block's rays that are `valid`, and returns false where that cannot be told well enough: rays
-    /// that run within a triangle's plane to the last bit. Precondition: they are those of the grid; tMax of none is
-    /// below what is not to be seen.
+    /// Sets the hits of a block's `valid` rays. Returns false if they cannot be found reliably: for rays that run
+    /// within a triangle's plane to the last bit. Precondition: the rays are those of the grid; tMax of none is below
+    /// the distance of surfaces that are cut off.
     bool meet(const TileHits& hits, int block, const std::int32_t* valid, RayPacket16& rays) const;
 
     /// A cluster that a tile may see, how near it is at most, and a bit for each block that it may be in.

@@ -144,7 +144,7 @@ struct PrimaryKernelsOf {
             }
             across[3] = dot(t.normal, f.toRight) * inverse, down[3] = dot(t.normal, f.downwards) * inverse;
             one[3] = dot(t.normal, f.middle) * inverse;
-            // Beyond the edges by what is rounded, so that corners are closed, too.
+            // Beyond the edges by the rounding error, so that corners are closed, too.
             M use = W::greater(absolute(height), F{});
             std::uint32_t bits = W::bits(use) & kAll;
             if (middles) bits &= overMiddles(f, t);
@@ -225,7 +225,7 @@ struct PrimaryKernelsOf {
         }
     }
 
-    /// Asks for what the clusters that follow need, so that it is there when their turn comes.
+    /// Prefetches the data of the next clusters.
     RTSG_INLINE void prepare(const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end, const Cluster* clusters,
                              const ClusteredMesh* meshes) {
         constexpr int kRecord = 8, kIndices = 4, kCorners = 2;  // so many clusters ahead

@@ -1,7 +1,7 @@
-// Top: everything there is to trace, one tree over groups and instances, and what queries see of it.
+// Top: all traced objects: one tree over groups and instances, and the view of it that queries use.
 //
-// The largest resting group, the main one, is traced first and without a look at its box: nearly every ray meets it,
-// and what it hits shortens the search among everything else, which is in the tree.
+// The largest resting group, the main one, is traced first and without a test of its box: nearly every ray hits it, and
+// the hit shortens the search among the other objects, which are in the tree.
 // Invariant: a TopView is some lists of pages and a few numbers. Queries run on it and on nothing else, so a frozen one
 // answers as the Top did at that moment. Rays that reach it have been checked (ray_view.cpp).
 // Threading: changes on one thread; tracing from any, in between; frozen views from any at any time.
@@ -43,7 +43,7 @@ struct PassedHits;
 
 class TopView {
   public:
-    // `hider`: what it hides is not met; null: everything is.
+    // `hider`: surfaces that it hides are not hit; null: hides nothing.
     RawHit intersect(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
     bool occluded(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
     /// Lanes with all-ones in `valid` are traced; the packet's private members are set for all. Returns a bit per lane
@@ -52,7 +52,7 @@ class TopView {
                             const RayFilter* hider = nullptr) const {
         return intersect(rays, valid, coherent, kind, nullptr, hider);
     }
-    /// The same, where something else may know what they meet of the main group, hidden or not.
+    /// The same, if the hits in the main group may be known already, hidden or not.
     std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                             const PrimaryBlock* known, const RayFilter* hider) const;
     /// Null: rays are quicker.
@@ -63,8 +63,8 @@ class TopView {
     std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Tell& tell) const {
         return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), tell) : nullptr;
     }
-    /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: where what it lets pass is noted; null:
-    /// everything blocks.
+    /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: records the surfaces that it lets rays pass;
+    /// null: everything blocks.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                            PassedHits* passed = nullptr, const RayFilter* hider = nullptr) const;
 

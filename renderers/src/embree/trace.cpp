@@ -236,7 +236,7 @@ void traverse(const TreeView& tree, const RayPacket16& rays, const std::int32_t*
         &leaf);
 }
 
-/// Fills in what the caller of a packet leaves to us.
+/// Fills in the members of a packet that the caller leaves to us.
 inline void complete(RayPacket16& rays, std::uint32_t mask) {
     if (kWide) return avx512::complete(rays, mask);
     for (int i = 0; i < 16; ++i) {

@@ -8,7 +8,7 @@ namespace rtsg::flatten {
 
 namespace {
 
-/// Whether each axis of the world is along one of the mesh's: what a box becomes then is its content's box, too.
+/// Whether each axis of the world is along one of the mesh's; then a transformed box fits its content, too.
 bool keepsAxes(const glm::dmat3& m) {
     for (int row = 0; row < 3; ++row) {
         int along = 0;

@@ -32,7 +32,7 @@ WorldBox moved(const WorldBox& box, const Vec3d& by);
 /// Both at once.
 WorldBox worldBox(const Mesh& mesh, const WorldFromLocal& worldFromLocal);
 
-/// bboxSize and bboxCenter, in the space of what is below the node; none where bboxSize is not given (-1 -1 -1).
+/// bboxSize and bboxCenter, in the space of the node's children; none if bboxSize is not given (-1 -1 -1).
 std::optional<Bounds> authoredBox(const Node& node, const TypeRole& role);
 /// Around its transformed corners.
 WorldBox worldBox(const Bounds& box, const WorldFromLocal& worldFromLocal);

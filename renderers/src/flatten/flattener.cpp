@@ -257,7 +257,7 @@ void Flattener::Impl::runTransforms() {
         for (std::uint32_t o = state(node).firstOccurrence; o != kNone; o = tree[o].nextOfNode)
             if (tree[o].created != stamp) found.push_back(o);
     transformed.clear();
-    // Upper ones first: what lies below is then up to date when its turn comes.
+    // Upper ones first, so that lower ones are up to date when their turn comes.
     const auto above = [&](std::uint32_t a, std::uint32_t b) { return tree[a].depth < tree[b].depth; };
     if (!std::is_sorted(found.begin(), found.end(), above)) std::sort(found.begin(), found.end(), above);
     for (const std::uint32_t occurrence : found) updateFrames(occurrence);
@@ -321,7 +321,7 @@ void Flattener::Impl::runViewer() {
 }
 
 void Flattener::Impl::turnBillboards() {
-    // Outer ones first: what lies below is then up to date when its turn comes.
+    // Outer ones first, so that inner ones are up to date when their turn comes.
     found = billboards;
     found.insert(found.end(), screened.begin(), screened.end());
     std::sort(found.begin(), found.end(), [&](std::uint32_t a, std::uint32_t b) {
@@ -376,8 +376,8 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
         if (s.acousticsUses > 0) report(id, delta.acousticsChanged);
         const Node* node = scene->find(id);
         if (!node) continue;
-        // Only another node in a PROTO's or an appearance's place can change what a shape refers to; and other colours,
-        // which may have an alpha, whether it is to be seen.
+        // Only another node in a PROTO's or an appearance's place can change the nodes that a shape refers to. Other
+        // colours, which may have an alpha, can change whether it is visible.
         const bool rebinds = restyles || (structural && (roles.of(*node).role == Role::first ||
                                                          node->is(x3d::Appearance::type) || isColored(*node)));
         for (const ParentRef& parent : scene->parents(id)) {

@@ -66,7 +66,7 @@ double Flattener::Impl::levelNeeded(const Instance& instance, const Detail& deta
         const Vec3d middle = m * Vec4d((low + high) / 2.0, 1);
         double distance = glm::distance(sight->eye, middle) - stretch * glm::length(high - low) / 2;
         if (distance <= 0) distance = distanceToMesh(sight->eye, m, mesh);
-        // The surface itself may be nearer than what it is cut into.
+        // The surface itself may be nearer than its triangles.
         distance -= error(detail.level ? Tessellator::levelOptions(*detail.level) : TessellationOptions());
         allowed = std::min(allowed, options.error.pixels * pixelAcross(*sight, std::max(distance, 0.0)));
     }

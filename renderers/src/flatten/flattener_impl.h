@@ -47,7 +47,7 @@ struct Occurrence {
     Role role = Role::none;
     bool ownsFrame = false, hidden = false, isLocal = false;
     bool seen = true, heard = true, felt = true;  // as Instance has them
-    bool hasProxy = false, isProxy = false;       // a Collision with such a field; what is in it
+    bool hasProxy = false, isProxy = false;       // a Collision with such a field; its content
     bool isMover = false;                         // its transform or choice may change by itself
     bool wasSeen = false;                         // its transform has changed though that was not foreseen
     bool moving = false;                          // it or one around it is a mover
@@ -139,7 +139,7 @@ struct Flattener::Impl {
     /// The level of detail of a geometry that is cut from something curved.
     struct Detail {
         std::optional<int> level;  // none: as the Tessellator has it by itself
-        double needed = 0;         // by what was looked at last
+        double needed = 0;         // for the last viewer
         bool chosen = false;       // in this apply(); the mesh is to follow
     };
     /// One that bboxDisplay shows, by the occurrence that has it.
@@ -149,7 +149,7 @@ struct Flattener::Impl {
         std::uint32_t depth = 0, slot = kNone;
         bool whole = false;           // to be put together anew
         flatten::WorldBox content;    // as the one around it knows it
-        flatten::WorldBox next = {};  // with what has changed since
+        flatten::WorldBox next = {};  // including the changes since
     };
     /// A shape below one that has leaves.
     struct BoxLeaf {
@@ -184,7 +184,7 @@ struct Flattener::Impl {
     void runChildOps();
     bool turnsClear(const Node& node, FieldIndex field);
     void reconcileOnce(NodeId group);
-    /// Does what other answers about what may change ask for.
+    /// Processes the updates that possible changes require.
     void runMobility();
     void shapesAbove(NodeId changed);
     void runTransforms();
@@ -194,7 +194,7 @@ struct Flattener::Impl {
     void runLevels();
     void turnBillboards();
     void runScopes();
-    /// Tells whatever holds `changed`, directly or through other nodes, that its content changed.
+    /// Tells all nodes that hold `changed`, directly or through others, that its content has changed.
     void walkUp(NodeId changed, bool structural, bool marksSkins = true);
     void followSkins();
     void report(NodeId node, std::vector<NodeId>& list);
@@ -209,7 +209,7 @@ struct Flattener::Impl {
                      const WorldFromLocal& worldFromParent, WorldFromLocal& parentFromLocal);
     /// The region of the innermost layout from this occurrence outwards; null if it is in no LayoutLayer.
     const flatten::Region* regionAround(std::uint32_t occurrence) const;
-    /// Marks what is laid out by `layoutsChanged`, or by another viewer.
+    /// Marks the nodes that `layoutsChanged`, or another viewer, lays out anew.
     void followLayouts();
     /// Gives a Shape a frame of its own if its geometry is text in points, and takes it if not.
     void followScreened(std::uint32_t shape);
@@ -236,7 +236,7 @@ struct Flattener::Impl {
     void chooseLevel(NodeId geometry, Detail& detail);
     /// A new or changed mesh at the level that it is needed at.
     std::shared_ptr<const Mesh> atItsLevel(NodeId geometry, std::shared_ptr<const Mesh> mesh);
-    /// Marks what another level is due for: all by a new eye, otherwise what has come or moved.
+    /// Marks geometries that need another level: all for a new eye, otherwise those that are new or have moved.
     void followDetails();
 
     // flattener_boxes.cpp: bounding boxes that are displayed
@@ -246,7 +246,7 @@ struct Flattener::Impl {
         if (!boxes.shown.empty()) boxes.touched.push_back(index);
     }
     void touchBoxesBelow(std::uint32_t top);
-    /// Finds which nodes display a box and what is in it; called before meshes are made.
+    /// Finds the nodes that display a box, and the content of the box; called before meshes are made.
     void followBoxes();
     /// Sets the sizes of the boxes; called when meshes are there.
     void placeBoxes();
@@ -296,7 +296,7 @@ struct Flattener::Impl {
     /// Passes the senses on to the children of an LOD that were there before, and to all below them; reports those that
     /// differ.
     void spreadSenses(std::uint32_t level);
-    /// Whether a placed thing is for what can be sensed of its place.
+    /// Whether a placed thing is there only for sensors.
     static bool isSensed(const Occurrence& o, PlacedKind kind);
     void dropPlaced(std::uint32_t occurrence);
     /// The children that there are occurrences of, into `wanted`.
@@ -347,7 +347,7 @@ struct Flattener::Impl {
     /// Reports a wrong geographic place once.
     void tellOfPlace(const Node& node);
     bool deforms(NodeId geometry) const;
-    /// Sets what it hangs below; true if that is something else.
+    /// Sets the transform that moves it; true if that has changed.
     bool setMotion(std::uint32_t occurrence);
     /// The same for all below it, and tells of those that differ.
     void spreadMotion(std::uint32_t top);

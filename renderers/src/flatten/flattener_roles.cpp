@@ -28,7 +28,7 @@ struct NamedRole {
 constexpr NamedRole kRoles[] = {
     {"group", Role::all},
     {"joint", Role::all},
-    {"humanoid", Role::all},  // joints, segments and sites only name what the skeleton holds
+    {"humanoid", Role::all},  // joints, segments and sites only name parts of the skeleton
     {"choice", Role::choice},
     {"level", Role::level},
     {"layers", Role::layers},
@@ -314,7 +314,7 @@ bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance) {
     using A = x3d::Appearance;
     const Node *look = scene.find(appearance), *form = scene.find(geometry);
     if (!look || !form || !look->is(A::type)) return false;
-    if (form->typeIndex().value >= builtinTypes().size()) return false;  // whatever a user's own type makes of it
+    if (form->typeIndex().value >= builtinTypes().size()) return false;  // a user's own type may do anything with it
     if (const Node* fill = scene.effectiveNode(look->get(A::fillProperties))) {
         using F = x3d::FillProperties;
         return fill->is(F::type) && !fill->get(F::filled) && !fill->get(F::hatched) && !hasNoInside(*form);

@@ -17,7 +17,7 @@ namespace rtsg::flatten {
 enum class Role : std::uint8_t {
     none,    // no place in the hierarchy
     all,     // a group
-    first,   // a PROTO instance: the first node of its body is what is rendered (4.4.4.2)
+    first,   // a PROTO instance: only the first node of its body is rendered (4.4.4.2)
     choice,  // Switch
     level,   // LOD
     layers,  // LayerSet
@@ -34,14 +34,14 @@ struct TypeRole {
     bool isParticles = false;  // a shape that is its own geometry
     bool isVolume = false;     // a shape that is its own geometry and appearance
     bool ownsGeometry() const { return isParticles || isVolume; }
-    bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint, segment or displacer
+    bool ofHumanoid = false;  // its content may move a skin: a humanoid, joint, segment or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
                center = kNoField, axis = kNoField, layout = kNoField, viewport = kNoField, proxy = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
-    FieldIndex bboxDisplay = kNoField, bboxCenter = kNoField, bboxSize = kNoField;  // of what can show its box
+    FieldIndex bboxDisplay = kNoField, bboxCenter = kNoField, bboxSize = kNoField;  // of nodes that can show their box
 
     bool isChildField(FieldIndex field) const {
         return field == children[0] || field == children[1] || field == children[2];
@@ -113,10 +113,9 @@ bool isOfStrokeStyle(const Node& node);
 
 /// Whether a node is a material whose transparency says that it shows nothing.
 bool isClear(const Node& material);
-/// Whether nothing of a shape with them is to be seen: its inside is neither filled nor hatched, or its material
-/// isClear(), and nothing stands in for that: colours with an alpha of their own, several textures, another back,
-/// hatches, an alphaMode, what a MetadataSet says. Never true for geometry of a user's own type, which may colour it at
-/// will.
+/// Whether a shape with this geometry and appearance is invisible: its inside is neither filled nor hatched, or its
+/// material isClear(), and nothing replaces that: colours with an alpha of their own, several textures, another back,
+/// hatches, an alphaMode, a MetadataSet. Never true for geometry of a user's own type, which may colour it at will.
 bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
 
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.

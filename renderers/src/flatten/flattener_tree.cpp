@@ -92,7 +92,8 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
 
 void Flattener::Impl::grow(std::uint32_t parent, NodeId child) {
     const Node* node = scene->find(child);
-    if (!node || tree[parent].role == Role::placed) return;  // a Viewport where it cuts: what it groups is elsewhere
+    // inside a Viewport that cuts: its children are grouped elsewhere
+    if (!node || tree[parent].role == Role::placed) return;
     const TypeRole& role = roleBelow(parent, *node);
     if (role.role != Role::none) growContent(newOccurrence(*node, role, parent));
 }
@@ -413,7 +414,7 @@ void Flattener::Impl::reconcile(std::uint32_t top) {
 }
 
 void Flattener::Impl::reconcileChildren(std::uint32_t index) {
-    if (tree[index].role == Role::placed) return;  // a Viewport that cuts: what is below it is not shown
+    if (tree[index].role == Role::placed) return;  // a Viewport that cuts: its content is not shown
     const Node& node = scene->node(tree[index].node);
     const TypeRole& role = roles.of(node);
     const std::uint32_t parent = tree[index].parent;
@@ -429,7 +430,7 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
         tree[index].level = flatten::chooseLevel(node, role, frames[tree[index].frame], eyeIn(tree[index].layer));
     chooseChildren(index, node, role);
     std::sort(wanted.begin(), wanted.end());
-    // Both sides sorted: what is only here goes, what is only there comes.
+    // Both sides are sorted: items on one side only are removed or added.
     std::vector<std::pair<NodeId, std::uint32_t>> have;
     for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) have.emplace_back(tree[c].node, c);
     std::sort(have.begin(), have.end());
@@ -505,7 +506,7 @@ std::uint32_t Flattener::Impl::limitOf(std::uint32_t index, const Node& node, co
             group = tree[group].parent;  // a PROTO's light shines where the PROTO is
         return group;
     }
-    // 9.4.2: what an Inline brings shines within it, unless the Inline says otherwise.
+    // 9.4.2: lights of an Inline shine within it, unless the Inline says otherwise.
     for (; tree[group].parent != kNone; group = tree[group].parent) {
         const Node* around = scene->find(tree[group].node);
         if (!around) return kNone;  // destroyed by the same set: this occurrence is about to go with it

@@ -32,7 +32,7 @@ constexpr Word<Unit> kUnits[] = {{"WORLD", Unit::world}, {"FRACTION", Unit::frac
 constexpr Word<Scale> kScales[] = {
     {"NONE", Scale::none}, {"FRACTION", Scale::fraction}, {"STRETCH", Scale::stretch}, {"PIXEL", Scale::pixel}};
 
-/// Reads one Layout and tells what is wrong with it.
+/// Reads one Layout and reports its faults.
 class Reader {
   public:
     Reader(const Scene& scene, const Node& node, Diagnostics& problems)
@@ -139,7 +139,7 @@ Region layOut(LayoutParams p, bool outermost, const Region& around, WorldFromLoc
     else if (upwards)
         scale.y = scale.x / around.pixel.x * around.pixel.y;
     const Region own{size / scale, around.pixel / scale};
-    // In depth as in the direction in which it is smaller, so that what is scaled evenly keeps its shape.
+    // The depth is scaled like the smaller direction, so that evenly scaled content keeps its shape.
     const double depth = std::max(around.pixel.x, around.pixel.y) / std::max(own.pixel.x, own.pixel.y);
     m[0].x = scale.x, m[1].y = scale.y, m[2].z = depth;
     return own;

@@ -1,4 +1,4 @@
-// How a Layout places a rectangle in the one around it, and how wide a pixel is where something stands.
+// Computes how a Layout places a rectangle in its parent, and the width of a pixel at a position.
 //
 // Invariant: pure functions of fields and a picture's size; who knows no picture has one of 1280 by 720 pixels.
 // Lengths of a Region are in the units of what lies in it: Transforms between two of them need not be known.
@@ -41,8 +41,8 @@ LayoutParams readLayout(const Scene& scene, const Node& layout, Diagnostics& pro
 /// A layer's whole rectangle, seen by the implicit eye of a LayoutLayer: its smaller side is 2 m.
 Region wholeRegion(const LayerSight* sight);
 
-/// The rectangle in `around`, and what lies in it; `aroundFromLocal` is flat where the rectangle has no size.
-/// `outermost`: of a LayoutLayer, for which WORLD and NONE are FRACTION.
+/// The rectangle in `around`, with its content; `aroundFromLocal` is flat if the rectangle has no size. `outermost`: of
+/// a LayoutLayer, for which WORLD and NONE are FRACTION.
 Region layOut(LayoutParams params, bool outermost, const Region& around, WorldFromLocal& aroundFromLocal);
 
 /// The sight of a layer, if there is one.

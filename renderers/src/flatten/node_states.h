@@ -1,8 +1,8 @@
-// NodeStates: what the flattener keeps of nodes, by their numbers.
+// NodeStates: the flattener's data for each node, by node number.
 //
-// Numbers are never reused. Those of a file are dense, and lie in an array; those of a set from elsewhere may leave
-// gaps as they like, and those of a long session grow without end: what lies far beyond the number of nodes is kept in
-// a tree. Invariant: memory follows the nodes there are, not their numbers. Threading: one thread.
+// Numbers are never reused. Those of a file are dense and lie in an array. Those of sets from elsewhere may have gaps,
+// and those of a long session grow without end; numbers far above the count of nodes are kept in a tree. Invariant:
+// memory depends on the count of nodes, not on their numbers. Threading: one thread.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,7 @@ class NodeStates {
         const auto found = scattered_.find(id);
         return found == scattered_.end() ? nullptr : &found->second;
     }
-    /// Now and then, so that it costs nothing: forgets what is idle.
+    /// Forgets unused entries; done now and then, so that it costs nothing.
     void tidy() {
         if (scattered_.size() < 2 * kept_ + kAlways) return;
         std::erase_if(scattered_, [](const auto& entry) { return entry.second.isIdle(); });

@@ -131,7 +131,7 @@ Result<> Renderer::renderNode(NodeId node, Operation operation) {
     } catch (...) {
         result = fail("a node renderer threw");
     }
-    waiting_.resize(until);  // what an error left over
+    waiting_.resize(until);  // the remains of an error
     --nested_;
     return result;
 }

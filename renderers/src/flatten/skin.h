@@ -34,10 +34,11 @@ namespace flatten {
 
 class Skins {
   public:
-    /// A joint, a segment, a displacer, a humanoid or something it refers to has changed. Finds what it moves.
+    /// A joint, a segment, a displacer, a humanoid or a node that it refers to has changed. Finds the skins that it
+    /// moves.
     void mark(const Scene& scene, NodeId node);
-    /// Computes anew what is marked; appends the coordinate and normal nodes whose values are others now, and to
-    /// `problems` what refers to points that there are not.
+    /// Computes the marked skins anew. Appends the coordinate and normal nodes whose values have changed, and to
+    /// `problems` the references to points that do not exist.
     void update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed, Diagnostics& problems);
     /// Forgets everything and marks every humanoid and segment of the scene.
     void startOver(const Scene& scene);

@@ -196,7 +196,7 @@ bool isSrgb(const Profile& profile) {
     return true;
 }
 
-/// The description's text: all of an older one, the first language of a newer one, without what is not ASCII.
+/// The description's text: all of an older one, the first language of a newer one, without characters beyond ASCII.
 std::string nameOf(const Profile& profile) {
     const ByteSpan tag = profile.tag("desc");
     std::string name;

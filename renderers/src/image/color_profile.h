@@ -1,4 +1,4 @@
-// Names the colour profile that an image file carries, where its colours are not those of sRGB.
+// Names the colour profile of an image file if its colours are not sRGB.
 //
 // Source: ICC.1:2022 (7.2, 9.2, 10.6, 10.13, 10.15, 10.18), the PNG specification's iCCP chunk, APP2 segments of JPEG
 // (ICC.1, annex B.4) and WebP's ICCP chunk. Profiles of other formats are not looked for.
@@ -11,8 +11,8 @@
 
 namespace rtsg {
 
-/// The profile's own name, or what it is for where it has none; empty: there is none, it is sRGB's but for what eyes do
-/// not tell apart, or the file is damaged before it. `file`: all of it.
+/// The profile's name, or its purpose if it has none. Empty: there is no profile, it is visually the same as sRGB, or
+/// the file is damaged before it. `file`: the whole file.
 std::string foreignColorProfile(std::span<const std::uint8_t> file);
 
 }  // namespace rtsg

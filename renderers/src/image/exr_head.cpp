@@ -63,7 +63,7 @@ std::string whyPartIsNotWithin(const Part& part, std::uint64_t fileSize) {
     return {};
 }
 
-/// The length of the name at a place; more than there can be if it does not end.
+/// The length of the name at a position; if the name does not end there, more than the longest possible one.
 std::size_t nameLength(const HeadBytes& file, std::uint64_t at) {
     return file.text(at, kLongestName + 1).find('\0');
 }

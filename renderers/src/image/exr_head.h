@@ -1,4 +1,4 @@
-// The headers of an OpenEXR file, attribute by attribute: whether all that they say lies within the file.
+// Checks the headers of an OpenEXR file, attribute by attribute: all that they refer to must lie within the file.
 //
 // Source: "OpenEXR File Layout" (openexr.com). Threading: pure functions.
 #pragma once

@@ -10,8 +10,8 @@ namespace rtsg {
 
 namespace {
 
-/// Pictures of so many bytes are read whatever the file's size: that does no harm, and readers say more precisely what
-/// is wrong.
+/// Pictures of at most this many bytes are read whatever the file's size: that does no harm, and readers describe
+/// faults more precisely.
 constexpr std::uint64_t kAlwaysRead = std::uint64_t{1} << 22;
 
 }  // namespace

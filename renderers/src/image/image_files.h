@@ -26,7 +26,7 @@ struct FilePixels {
     std::string damage;               // of a file that is shown as far as it could be read; a sentence
     bool encoded = false;             // numbers of an integer format: sRGB where they are colours
     std::vector<std::uint8_t> bytes;  // 8 bits a channel
-    std::vector<float> values;        // all else, and what was asked for as floats; integers span [0, 1]
+    std::vector<float> values;        // all other pixels, and those requested as floats; integers span [0, 1]
 };
 
 struct ReadRequest {
@@ -132,9 +132,9 @@ using ReadExr = const char* (*)(std::span<const std::uint8_t> bytes, ExrContent&
 /// The reader of librtsg_exr.so. Error: the build has none.
 Result<ReadExr> exrReader();
 
-/// Reads a PNG, JPEG or still WebP file, all but what is asked for as floats, as ImageFiles::readMemory() would, bit
-/// for bit. False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is
-/// refused. A JPEG file that ends too early is read all the same, and says so.
+/// Reads a PNG, JPEG or still WebP file as ImageFiles::readMemory() would, bit for bit, unless floats are requested.
+/// False: the file is of another kind or damaged, and ImageFiles is to read it; or, with a sentence, it is refused. A
+/// JPEG file that ends too early is still read, and reported.
 using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                            std::string& refused);
 /// The reader of the same modules for a file that begins with these bytes, as most textures do.

@@ -21,7 +21,7 @@ namespace rtsg {
 
 struct MovieBytes {
     std::uint64_t size = 0;
-    /// Fills `to` with what is there from `offset` on, as far as the file goes; how many bytes that were.
+    /// Fills `to` with the bytes from `offset` on, as far as the file goes; returns their number.
     std::function<std::size_t(std::uint64_t offset, std::span<std::uint8_t> to)> read;
     /// Asked before memory is taken for a picture; not set: there is enough.
     std::function<bool(std::uint64_t bytes)> mayTake{};
@@ -33,7 +33,7 @@ class MovieFile {
     /// How long its pictures are shown.
     virtual double seconds() const = 0;
     /// The picture that is shown `time` seconds after the first one began, bottom row first, 3 or 4 channels; the last
-    /// one for all times after it. Leaves `out` alone if that is what the call before gave, and `changed` says so.
+    /// one for all later times. If it is the same as in the call before, leaves `out` alone and clears `changed`.
     virtual std::string frameAt(double time, bool& changed, FilePixels& out) = 0;
 };
 
@@ -46,14 +46,14 @@ struct FileSound {
 
 /// The destination of a film that is made.
 struct MovieSink {
-    /// At any place of it, also before what was written already; false if that failed.
+    /// Writes at any offset, also before bytes that were written already; false if that failed.
     std::function<bool(std::uint64_t offset, std::span<const std::uint8_t> bytes)> write;
 };
 
 struct FilmShape {
     int width = 0, height = 0;  // pixels
     double picturesPerSecond = 0;
-    bool hasSound = false;  // sound() will be called, or there will be none: what is encoded is kept until finish()
+    bool hasSound = false;  // sound() will be called: encoded pictures are kept until finish()
 };
 
 class MovieMaker {
@@ -72,7 +72,7 @@ class MovieMaker {
 class MovieFiles {
   public:
     virtual ~MovieFiles() = default;
-    /// An MP4 of H.264 and AAC, the same bytes each time, whatever the number of cores.
+    /// An MP4 of H.264 and AAC, with the same bytes each time, whatever the number of cores.
     virtual std::string make(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out) const = 0;
     /// Refuses pictures of more pixels than `maximumPixels`.
     virtual std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const = 0;

@@ -38,7 +38,7 @@ Result<> writeBytes(const Bytes& bytes, const std::filesystem::path& file) {
     return writeWholeFile(file, std::as_bytes(std::span(bytes)));
 }
 
-/// Those that are made in memory, so that what goes wrong on the disk is ours to see.
+/// Formats that are made in memory, so that errors of the disk are reported by us.
 constexpr std::string_view kWritten[] = {".png", ".exr",  ".gif", ".jpg", ".jpeg", ".tif", ".tiff",
                                          ".hdr", ".webp", ".bmp", ".tga", ".ppm",  ".pfm"};
 
@@ -94,7 +94,7 @@ Vec3f ToneMap::apply(Vec3f linear) const {
     for (int c = 0; c < 3; ++c) linear[c] = std::isfinite(linear[c]) ? std::max(linear[c] * exposure, 0.0f) : 0.0f;
     const float peak = std::max({linear.r, linear.g, linear.b});
     if (peak <= 1) return linear;
-    // Keep the hue at the gamut's edge and mix in white with what was lost.
+    // Keeps the hue at the gamut's edge and mixes in white for the excess.
     const float white = 1 - 1 / peak;
     return linear / peak * (1 - white) + Vec3f(white);
 }
@@ -186,7 +186,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     } else {
         encoded = toSrgb8(picture, toneMap);
         sheet.bytes = encoded.data();
-        sheet.opaque = true;  // as the file would say, whatever was lost to roundings
+        sheet.opaque = true;  // like the file, in spite of roundings
         for (std::size_t alpha = 3; alpha < encoded.size() && sheet.opaque; alpha += 4)
             sheet.opaque = encoded[alpha] == 255;
     }

@@ -20,12 +20,12 @@ namespace {
 constexpr std::uint64_t kDeflate = 1032;      // 258 bytes of two bits
 constexpr std::uint64_t kLzw = 4096;          // an entry of a full table, of twelve bits
 constexpr std::uint64_t kRuns = 128;          // a run of 255 takes two bytes
-constexpr std::uint64_t kArithmetic = 32768;  // of coders that spend a small part of a bit on what they expect
+constexpr std::uint64_t kArithmetic = 32768;  // of coders that spend a small part of a bit on expected values
 
 /// For a file whose head is longer than any writer makes it.
 constexpr HeadSize kUnknown{kLargestSide, kLargestSide, kLargestSide, 8, 1};
 
-/// A JPEG file's segments, each of which says how long it is; behind those that begin a scan comes what is coded.
+/// The segments of a JPEG file, each of which states its length; coded data follow those that begin a scan.
 class JpegSegments {
   public:
     explicit JpegSegments(const HeadBytes& file) : file_(&file) {}
@@ -188,7 +188,7 @@ void noteTag(const HeadBytes& file, std::uint64_t at, bool isWide, TiffTags& tag
     const std::uint64_t tag = file.number(at, 2), kind = file.number(at + 2, 2), value = at + (isWide ? 12 : 8);
     const std::uint64_t count = file.number(at + 4, isWide ? 8 : 4);
     const std::uint64_t bytes = kind == 3 ? 2 : kind == 16 ? 8 : kind == 1 ? 1 : 4;
-    // Several numbers that do not fit stand elsewhere, and are all the same in what is read.
+    // Several numbers that do not fit stand elsewhere; for the tags that are read they are all equal.
     const bool isElsewhere = count > (isWide ? 8u : 4u) / bytes;
     const std::uint64_t number =
         file.number(isElsewhere ? file.number(value, isWide ? 8 : 4) : value, static_cast<std::size_t>(bytes));

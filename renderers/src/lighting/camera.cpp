@@ -223,7 +223,7 @@ void Camera::viewAll(const Vec3d& lower, const Vec3d& upper, const Vec3d& uprigh
     if (!glm::all(glm::lessThanEqual(lower, upper))) return;
     const Vec3d center = 0.5 * (lower + upper), towards = center - position;
     const Vec3d across = glm::cross(towards, upright);
-    // One who is in the middle already, or looks straight up or down at it, has no direction to turn into but his own.
+    // A viewer who is in the middle already, or looks straight up or down at it, keeps his direction.
     if (areEven(axes(), right, up) && glm::length(across) > 1e-9 * glm::length(towards) * glm::length(upright)) {
         forward = glm::normalize(towards);
         right = glm::normalize(across);

@@ -1,7 +1,7 @@
-// Emitters: the triangles that shine, and a tree to choose from by what they can do for a point.
+// Emitters: the emitting triangles, and a tree that chooses one by its possible contribution at a point.
 //
-// Holds those of materials that emit, are opaque and do not mirror, and that rest while the shutter is open; what else
-// shines is found by bounces alone.
+// Contains triangles of materials that emit, are opaque and do not mirror, and that rest while the shutter is open;
+// other emitters are found by bounces only.
 // Invariant: an emitter that lights a point at all is chosen there with a probability above 0, and density() is the one
 // that sample() chooses with. In ray space.
 // Threading: const once built.
@@ -45,7 +45,7 @@ class Emitters {
         std::shared_ptr<const Mesh> mesh;
         glm::mat4x3 rayFromLocal{1.0f};
         int sign = 1;
-        float glow = 0;  // what it sends at most
+        float glow = 0;  // the most that it emits
         bool even = false;
         Vec3f front{0}, behind{0};  // as Emitter's
         friend bool operator==(const Source&, const Source&) = default;
@@ -78,7 +78,7 @@ class Emitters {
     Eight eight(const std::uint32_t* numbers) const;
     /// The probability that sample() chooses this one.
     float density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const;
-    /// By what a ray hit; kNone: not in here.
+    /// By the hit of a ray; kNone: not in this list.
     std::uint32_t find(std::uint32_t instance, std::uint32_t triangle) const;
 
   private:

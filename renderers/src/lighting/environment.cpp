@@ -169,7 +169,7 @@ Vec3f Environment::matte(const Vec3f& normal) const {
     return matte_->at(normal);
 }
 
-/// Each is chosen by its area there, and counts by the cosine of what it mirrors.
+/// Each is chosen by its area there, and weighted by the cosine of the reflected direction.
 std::vector<Environment::Facet> Environment::facetsOf(float roughness) {
     constexpr std::uint32_t kFacets = 64;
     const float alpha = roughness * roughness, a2 = alpha * alpha;

@@ -70,7 +70,7 @@ class Environment {
     void findMatte() const;
     void findBlurred() const;
     Grid convolved() const;
-    /// A facet of GGX seen along the surface's normal: its own normal, and how much of what it mirrors counts.
+    /// A facet of GGX seen along the surface's normal: its own normal, and the weight of its reflected light.
     struct Facet {
         float across, along, outwards;
         float weight, width;

@@ -1,5 +1,5 @@
-// Lamps: the PointLights and SpotLights of the whole scene, where they are so many that each surface asks one of them,
-// chosen by a tree, in place of all.
+// Lamps: the PointLights and SpotLights of a scene that has so many of them that each surface samples one, chosen by a
+// tree.
 //
 // Threading: const once built.
 #pragma once

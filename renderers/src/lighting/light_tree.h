@@ -1,7 +1,7 @@
-// LightTree: a choice among many things that shine, by what they can do for a point.
+// LightTree: chooses one of many light sources by its possible contribution at a point.
 //
-// Invariant: what lights a point at all is chosen there with a probability above 0, and probability() is the one that
-// sample() chooses with. Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph.
+// Invariant: a source that lights a point at all is chosen there with a probability above 0, and probability() is the
+// one that sample() uses. Threading: const once built. Source: Conty Estevez & Kulla 2018, Proc. ACM Comput. Graph.
 // Interact. Tech. 1, 2 (importance of a cluster: power, distance, cones).
 #pragma once
 
@@ -77,8 +77,8 @@ class LightTree {
     simd::F8 importance(const Clusters& clusters, const simd::V8& point, const simd::V8& normal) const;
     static Clusters allOf(const Node& node);
     static Clusters oneOf(const Node& node, std::size_t child);
-    /// A step on the way down: the node that it has reached, or the emitter where it ends, and what is left of the
-    /// random number.
+    /// A step on the way down: the node that it has reached, or the emitter at its end, and the rest of the random
+    /// number.
     struct Step {
         std::uint32_t next = kNone;
         float u = 0, probability = 0;
@@ -90,7 +90,7 @@ class LightTree {
         Vec3f middle;
         std::uint32_t thing;
     };
-    std::vector<Placed> order_;  // while building; with what it is sorted by, which is looked at some twenty times
+    std::vector<Placed> order_;  // during construction; with the sort key, which is read some twenty times
     std::vector<Node> nodes_;
     float least_ = 1e-12f;
     bool squaresOnly_ = true;  // the light of each falls off with the square of the distance and nothing else

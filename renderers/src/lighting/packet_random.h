@@ -1,7 +1,8 @@
-// PacketRandom: the numbers that sixteen paths draw together, eight at a time.
+// PacketRandom: the random numbers of sixteen paths, drawn together, eight at a time.
 //
-// Invariant: each lane gets, bit for bit, what its PathRandom gives; all make every call, whether they need it or not,
-// so that they stay together. Lanes of other sequences, or with other calls before, have seeds of their own.
+// Invariant: each lane gets, bit for bit, the numbers of its PathRandom. All lanes take part in every call, whether
+// they need the number or not, so that they stay together. Lanes with other sequences, or with other calls before, have
+// seeds of their own.
 // Threading: one of a tile.
 #pragma once
 

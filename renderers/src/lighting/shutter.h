@@ -1,9 +1,9 @@
-// Shutter: a picture's world and eye at the instants at which its samples are taken.
+// Shutter: the world and the eye of a picture at the instants at which its samples are taken.
 //
-// Each sample of a tile is of one of these instants, whole: its rays, their shadows and reflections meet the world as
-// it is then. So an instant is to a sample what the scene is to a picture of one, and integrators know nothing of it.
-// The instants are evenly spread over the time in which the shutter is open, and so are a tile's samples over them,
-// from a start of the tile's own. Lights, and what the headlight is, are those of the picture's own instant.
+// Each sample of a tile belongs to one of these instants as a whole: its rays, shadows and reflections meet the world
+// of that instant. So integrators need not know about it. The instants are spread evenly over the time in which the
+// shutter is open, and a tile's samples evenly over the instants, with a start that differs from tile to tile. Lights,
+// and the choice of the headlight, are those of the picture's own instant.
 // Threading: const once made; the scene that it was made of must outlive it.
 #pragma once
 

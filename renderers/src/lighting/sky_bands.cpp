@@ -118,7 +118,7 @@ SkyBands::SkyBands(const Sky& sky) {
         Ring& ring = rings_[i];
         ends_.push_back(ring.to);
         const float share = sums_[i] - (i > 0 ? sums_[i - 1] : 0);
-        // A ring's solid angle is 4 pi times what the square of that sine grows by.
+        // A ring's solid angle is 4 pi times the growth of the square of that sine.
         if (ring.to > ring.from)
             ring.density = share / (4 * static_cast<float>(std::numbers::pi) * (ring.to - ring.from));
     }

@@ -1,10 +1,10 @@
-// SkyBands: directions towards the colours of a Background, between its angles, chosen by how much comes from there.
+// SkyBands: samples directions towards the colours of a Background, between its angles, by their contribution.
 //
-// Colours change with the angle from the zenith alone, between angles that the node names: rings between those, cut
-// finer, hold all of it, however small one is. A ring is chosen by its light (luminance times solid angle, integrated),
-// a direction within it evenly. Angles count from the nearer pole by the square of the sine of their half, so that a
-// ring of a millionth of a radian keeps its digits.
-// Invariant: density() is the one that sample() chooses with. Threading: const once built.
+// The colours depend only on the angle from the zenith, between angles that the node gives. So rings between those
+// angles, divided further, cover the sky, however small one is. A ring is chosen by its light (integral of luminance
+// over solid angle), and a direction within it evenly. Angles are measured from the nearer pole by the square of the
+// sine of their half, so that a ring of a millionth of a radian keeps its digits.
+// Invariant: density() is the one that sample() uses. Threading: const once built.
 // Source: ISO/IEC 19775-1 V4.0 24.2.1 (Background); Gauss-Legendre quadrature.
 #pragma once
 

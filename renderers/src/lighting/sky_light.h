@@ -1,10 +1,10 @@
-// SkyLight: directions towards a sky, or all that comes from infinitely far, chosen by how much comes from there.
+// SkyLight: samples directions towards the sky and other light from infinitely far away, by their contribution.
 //
-// A Background's colours are rings (SkyBands). The directions of pictures are cut into cells (SkyCells), grids along
-// the pictures' own pixels. Which of these is asked goes by their light.
-// Invariant: a direction that anything comes from has a density above 0, and density() is the one that sample()
-// chooses with. Threading: const once built. Source: Pharr, Jakob & Humphreys 2023, 12.5 (light of images); Veach 1997,
-// 9.2 (one sample of several techniques).
+// The colours of a Background are rings (SkyBands). The directions of pictures are divided into cells (SkyCells), in
+// grids along the pictures' pixels. One of these is chosen in proportion to its light.
+// Invariant: a direction with any light has a density above 0, and density() is the one that sample() uses. Threading:
+// const once built. Source: Pharr, Jakob & Humphreys 2023, 12.5 (light of images); Veach 1997, 9.2 (one sample of
+// several techniques).
 #pragma once
 
 #include <functional>
@@ -93,8 +93,8 @@ class SkyLight {
 /// The sky of the last picture, for as long as it is the same. Threading: any.
 class SkyTable {
   public:
-    /// The light of a sky (null: none) and more, from a table if there is one. Precondition: what is in `more` has a
-    /// source, or there is no table.
+    /// The light of a sky (null: none) and of more sources, from a table if there is one. Precondition: everything in
+    /// `more` has a source, or there is no table.
     static std::shared_ptr<const SkyLight> of(SkyTable* table, const Sky* sky, std::vector<FarLight> more);
 
   private:

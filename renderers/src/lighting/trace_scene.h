@@ -55,10 +55,10 @@ class SlotPages {
     std::size_t size_ = 0;
 };
 
-/// A material and what is decided about it beforehand.
+/// A material and the decisions about it that are made beforehand.
 struct MaterialEntry {
     Material material = defaultMaterial();
-    std::shared_ptr<const Volume> volume;  // of what is no surface but the box around one of these
+    std::shared_ptr<const Volume> volume;  // if it is no surface but the box around one of these
     bool textured = false, transmits = false, mirrors = false;
     std::vector<std::shared_ptr<const GeneratedCube>> generated;  // that it shows
     void finish() {
@@ -116,7 +116,7 @@ class MaterialList {
     const MaterialEntry& operator[](std::size_t material) const { return *entries_[material]; }
     /// Whether any shows a GeneratedCubeMapTexture.
     bool generates() const { return generates_; }
-    /// Whether any shows what others send as more than a matte surface does.
+    /// Whether any material is glossy: reflects other light more than a matte surface does.
     bool glossy() const { return glossy_; }
     /// Whether any has a refractive index.
     bool bends() const { return bends_; }
@@ -158,7 +158,7 @@ class Fogs {
         Fog fog;          // its colour as display value
         Vec3f linear{0};  // the same, decoded
         const Vec3f& color(bool asLight) const { return asLight ? linear : fog.color; }
-        /// The share of its own colour that is left of what a ray meets at a place, after `run`.
+        /// The share of its own colour that is left of a hit at a place, after `run`.
         float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, const Vec3f& place, float run) const {
             if (fog.type == FogType::none) return 1;
             if (mesh.fogDepths.present() && triangle != kCap) [[unlikely]]  // 24.4.3: in place of the distance
@@ -219,9 +219,9 @@ struct TraceScene {
     const PlainSurfaces* plain = nullptr;         // of paths
     const LargeRays* large = nullptr;             // of paths in stages, where they pay
     const Shutter* shutter = nullptr;             // where something moves while it is open
-    std::shared_ptr<CoincidentFaces> coincident;  // null: something moves, or nobody keeps what is found
+    std::shared_ptr<CoincidentFaces> coincident;  // null: something moves, or nobody keeps the result
     std::vector<std::uint32_t> aroundEye;         // slots of what bends light, where all rays start in one place
-    const PrimaryRays* primary = nullptr;         // of the picture, where they find what they meet together
+    const PrimaryRays* primary = nullptr;         // of the picture, if they are traced together
     const SeenFirst* seen = nullptr;              // what primary rays start from, where a rasteriser has looked before
     MaterialList materials;
     SlotPages slots;
@@ -274,21 +274,21 @@ struct TraceScene {
     }
 };
 
-/// One ray of the recursion, unrolled: what it adds to a pixel is `weight` times the radiance it finds.
+/// One ray of the recursion, unrolled: it adds `weight` times its radiance to a pixel.
 struct PathTask {
     Vec3f origin{0}, direction{0, 0, -1};
     Vec3f weight{1};
-    float travelled = 0;       // metres from the eye to the origin; for the size of a pixel on what it hits
+    float travelled = 0;       // metres from the eye to the origin; for the size of a pixel at its hit
     float line = 0;            // of them along this straight line; for fog
     std::uint32_t media = 0;   // the bodies that it runs in, as the tile's Media has them
     std::uint16_t pixel = 0;   // of its tile; of group g those from g * kTilePixels on
     std::uint16_t depth = 0;   // mirrorings, refractions and bounces before
     std::uint16_t passes = 0;  // clear surfaces passed straight
     std::uint32_t lights = 0;  // the group of lights of the surface that sent it, where depth > 0
-    bool linear = false;       // what it finds counts as light; else as display values
+    bool linear = false;       // its radiance is linear light; otherwise display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
-    /// The normal of the surface that sampled this direction, and the density with which it did, per steradian; 0 if
-    /// nothing else could have found what lies there (the eye, mirrors, glass). Only paths use these.
+    /// The normal of the surface that sampled this direction, and its probability density per steradian; 0 if no other
+    /// strategy could have found the hit (for rays from the eye, mirrors, glass). Only paths use these.
     Vec3f normal{0};
     float density = 0;
     float first = 1;  // what roulette counts as a full weight; paths only
@@ -328,10 +328,9 @@ struct TileResult {
     }
 };
 
-/// Traces one tile whose top left pixel is (x0, y0), by the integrator that is asked for and through the shutter where
-/// there is one. Deterministic. `groups`: of samples, each of which gets what it would get alone; they differ in their
-/// seeds. Rays of all of them go together, so that few are left over whose packets are nearly empty; all rays are
-/// counted in the first.
+/// Traces one tile whose top left pixel is (x0, y0), by the chosen integrator, and through the shutter if there is one.
+/// Deterministic. `groups`: groups of samples that differ in their seeds; each gets the same result as alone. Rays of
+/// all groups go together, so that few packets are nearly empty; all rays are counted in the first group.
 void traceTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                std::span<TileResult> groups);
 /// Traces a tile at one instant, by Whitted's recursion.

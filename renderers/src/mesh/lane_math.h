@@ -14,7 +14,7 @@ namespace rtsg::simd::lanes {
     template <class F, class I> \
     __attribute__((always_inline)) inline
 
-/// All the same. (x - 0 is x whatever it is.)
+/// The same value in all lanes. (x - 0 is x for every x.)
 template <class F>
 __attribute__((always_inline)) inline F fill(float x) {
     return x - F{};
@@ -42,7 +42,7 @@ RTSG_LANES F log2Of(F x) {
     const I exponent = offset >> 23;
     const F m = reinterpret<F>((offset & 0x007fffff) + 0x3f3504f3);
     const F s = (m - 1.0f) / (m + 1.0f), q = s * s;
-    // Terms by pairs (Estrin): what waits for the term before takes as long as the rest of a light.
+    // Terms by pairs (Estrin): waiting for the previous term would take as long as the rest of a light.
     const F q2 = q * q;
     const F series =
         (2.8853900818f + q * 0.9617966939f) + q2 * ((0.5770780164f + q * 0.4121985831f) + q2 * 0.3205988980f);

@@ -1,6 +1,6 @@
-// ToldOnce: what has been said is not said again, however often a changing scene gives reason to.
+// ToldOnce: remembers reports, so that each is made once, however often a changing scene gives reason to.
 //
-// Invariant: memory is bounded: past kMost different ones, repeats of later ones are told again.
+// Invariant: memory is bounded: after kMost different reports, later ones may be repeated.
 // Threading: one thread.
 #pragma once
 

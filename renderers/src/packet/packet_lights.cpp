@@ -90,12 +90,11 @@ std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::u
     return met & most;
 }
 
-/// A smaller share of light than this is none. Lights may be as strong as they like: what a thousandth of one is to a
-/// picture says nothing of another.
+/// Smaller shares of light count as 0. The limit is this small because lights may be of any strength.
 constexpr float kLeast = 1e-9f;
 
-/// Takes from `left` what a ray, which ends at `tMax`, loses at its hit, of which `through` passes, and has it go on
-/// from there; false: nothing more is in its way, or nothing is left.
+/// Multiplies `left`, for a ray that ends at `tMax`, by `through`, which its hit lets pass, and moves the ray on behind
+/// the hit. False: nothing more is in its way, or nothing is left.
 bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float tMax, Ray& ray, Vec3f& left) {
     left *= through;
     if (!(std::max({left.x, left.y, left.z}) > kLeast)) {
@@ -108,7 +107,7 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
         ray.direction = ray.origin + ray.direction - next;
         if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return false;
     }
-    // Whatever was left out before this hit is behind the new start, so the ray begins at 0 again.
+    // All things ignored before this hit are behind the new start, so the ray begins at 0 again.
     ray.origin = next, ray.tMin = 0, ray.tMax = tMax;
     return true;
 }
@@ -167,9 +166,9 @@ Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, RunsIn in, C
     return left;
 }
 
-/// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
-/// `left` tells how much. `world`: what they may meet, `in`: what each of them starts in. A ray that an opaque thing
-/// blocks needs no closer look, whatever else the scene holds.
+/// Returns which rays, to a light at `tMax`, are blocked, and in `clear` which of them by a surface that may let light
+/// through: `left` tells how much. `world`: the things that rays may hit; `in`: the media that they start in. A ray
+/// that an opaque surface blocks needs no closer look, whatever else the scene contains.
 std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t tested,
                           float tMax, bool coherent, RunsIn* in, std::uint32_t& clear, Vec3f* left) {
     clear = 0;
@@ -273,7 +272,7 @@ class InEyeSpace {
             storeV(view_, at, turned(eye.toSquare, loadV(s_.view, at)));
         }
     }
-    /// Calls `reflect` while the packet and what comes from a light are in that space.
+    /// Calls `reflect` while the packet and the incoming light are in that colour space.
     template <class Reflect>
     void with(Incoming& in, const Reflect& reflect) {
         std::swap(s_.normal, normal_), std::swap(s_.view, view_);

@@ -1,4 +1,4 @@
-// SeenFirst: a rasteriser's sight of a picture as a tile's primary rays use it.
+// SeenFirst: the surfaces that a rasteriser found in a picture, for use in place of a tile's primary rays.
 //
 // Threading: immutable once made, asked by any number of tiles.
 #pragma once

@@ -1,11 +1,11 @@
-// Trail: where a picture's rays have been, so that the next one traces only what cannot be as it was.
+// Trail: records where the rays of a picture went, so that the next picture traces only tiles that may have changed.
 //
-// A tile remembers boxes around what its rays started from, met and lost; a state of the world differs from another in
-// boxes around the instances that are other than they were, and in the balls and cones of such lights. A tile none of
-// whose rays can have come into such a box, and none of whose surfaces such a light shines on, is as it was, bit for
-// bit. If something without bounds differs (the sun, the sky, a fog), or if rays go ways that are not recorded (paths,
-// volumes, generated cubes), only a picture of the very same state is kept. Invariant: a picture with a trail is the
-// one without, unless it is to be refined. Threading: one picture at a time; its tiles on any threads.
+// A tile stores boxes around the starts, hits and misses of its rays. Two states of the world differ in boxes around
+// the changed instances, and in the balls and cones of changed lights. A tile is unchanged, bit for bit, if none of its
+// rays can have come into such a box, and such a light shines on none of its surfaces. If something without bounds
+// differs (the sun, the sky, a fog), or if rays take paths that are not recorded (paths, volumes, generated cubes),
+// only a picture of exactly the same state is kept. Invariant: a picture with a trail equals the one without, unless it
+// is to be refined. Threading: one picture at a time; its tiles on any threads.
 #pragma once
 
 #include <cstddef>
@@ -31,7 +31,7 @@ struct LightReach {
 
 /// Boxes (ray space) around all that a tile's rays have touched, or could have.
 struct TileReach {
-    Bounds eyes, first, later;  // where primary rays start, what they meet, what all later ones meet
+    Bounds eyes, first, later;  // the starts of primary rays, their hits, and the hits of all later rays
     Bounds lost, lostLater;     // directions of primary and of later rays that meet nothing
     /// After a packet was traced; bits by lane.
     void note(const RayPacket16& rays, std::uint32_t active, std::uint32_t hits, const SurfacePacket& surfaces,
@@ -103,7 +103,7 @@ class Trail {
                const RenderSettings& settings);
     void end(bool complete);
 
-    /// The next part of this picture, in the order of drawing: what the last picture had there, to be replaced.
+    /// The next part of this picture, in the order of drawing: the last picture's part there, to be replaced.
     Part& next(const Camera& camera);
     /// Whether the last picture shows the same in that part.
     bool isSame() const { return usable_ && differences_.none(); }

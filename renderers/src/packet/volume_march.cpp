@@ -14,7 +14,7 @@ namespace rtsg::trace {
 namespace {
 
 constexpr float kSamplesPerVoxel = 2;
-constexpr float kEnough = 1 / 4096.0f;  // what is left of light beyond which a march ends
+constexpr float kEnough = 1 / 4096.0f;  // a march ends when less than this share of the light is left
 constexpr float kOpaque = 69;           // optical depth of an opacity of 1
 
 /// The part of a ray in one volume.
@@ -83,7 +83,7 @@ class March {
         return way.in->filter && way.in->filter->leavesOut(way.in->slot, at(t), 0);
     }
 
-    /// Puts something in front of what is beyond it.
+    /// Puts a sample in front of everything beyond it.
     void add(float t, const TraceVolume& volume, const Vec3f& color, float opacity) {
         if (colors_) {
             Vec3f seen = color;

@@ -18,7 +18,7 @@ namespace rtsg::trace {
 
 struct VolumeLight {
     Vec3f radiance{0};
-    float left = 1;  // of what is beyond tMax
+    float left = 1;  // share of the light from beyond tMax
 };
 
 /// Between the ray's ends. `asLight`: colours are light, else display values; `line`: metres on this straight line

@@ -95,7 +95,7 @@ Vec4f StyledPlace::surface(const VolumeStyle& style, float value) {
     return apply(style, *volume_.volume->voxels, voxel, 1, voxel);
 }
 
-/// `color`: display values, and what comes back is of the march's space.
+/// `color`: in display values; the result is in the march's colour space.
 Vec4f StyledPlace::apply(const VolumeStyle& style, const VoxelGrid& voxels, const Vec4f& voxel, int components,
                          Vec4f color) {
     const auto painted = [&](const Vec4f& display) {
@@ -148,8 +148,8 @@ void StyledPlace::apply(const BoundaryEnhancement& step, const VoxelGrid& voxels
     color.a = std::min(color.a, 1.0f);
 }
 
-/// 41.4.3: in bands of equal angle to the view, from the orthogonal colour to the parallel one; what has no surface is
-/// clear.
+/// 41.4.3: in bands of equal angle to the view, from the orthogonal colour to the parallel one; places without a
+/// surface are transparent.
 void StyledPlace::apply(const Cartoon& step, const Vec3f& normal, Vec4f& color) const {
     if (normal == Vec3f(0)) {
         color.a = 0;
@@ -180,7 +180,7 @@ void StyledPlace::apply(const SilhouetteEnhancement& step, const Vec3f& normal, 
     color.a = std::min(color.a, 1.0f);
 }
 
-/// 41.4.12: the sum over the lights; what has no surface stands between warm and cool.
+/// 41.4.12: the sum over the lights; places without a surface are between warm and cool.
 void StyledPlace::apply(const ToneMapped& step, const Vec3f& normal, Vec4f& color) const {
     if (!colors_) return;
     const Vec3f warm = paint(step.warm), cool = paint(step.cool);

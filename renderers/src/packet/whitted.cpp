@@ -150,7 +150,7 @@ class Tile {
         const bool mixed = task || s.coverage[lane] * s.opacity[lane] < 1;
         return light || !mixed || (task && task->depth > 0) ? radiance : glm::min(radiance, Vec3f(1));
     }
-    /// Whether what has no space of its own is to be light: sky and fog.
+    /// Whether values without a colour space of their own (sky and fog) become linear light.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
     void trace(std::span<TilePacket> packets) {
@@ -175,8 +175,8 @@ class Tile {
         Shares shares;
         addLights(scene_, surfaces, counts_.shadowRays, findShares(packet, hits, surfaces, shares) ? &shares : nullptr);
     }
-    /// False: none is so small that a closer look pays; those that are not count as if they were whole, whatever goes
-    /// with them. So does what counts as light: it is encoded before it is seen, which makes much of little.
+    /// False: no share is small enough for a closer look to pay; the others count as whole. So do linear ones, because
+    /// encoding them for display enlarges small values.
     bool findShares(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s, Shares& shares) const {
         if (scene_.space == ColorSpace::linear || (!packet.tasks && !s.special)) return false;
         bool anySmall = false;
@@ -198,7 +198,7 @@ class Tile {
         return anySmall;
     }
 
-    /// Adds what a packet has found to its pixels.
+    /// Adds the results of a packet to its pixels.
     void take(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
         const RayPacket16& rays = packet.rays;
         const PathTask* tasks = packet.tasks;
@@ -241,7 +241,8 @@ class Tile {
         return false;
     }
 
-    /// Adds what volumes send on the way to what the rays met, and finds what they leave of that. False: none is near.
+    /// Adds the light of volumes in front of the hits, and finds the share of the hits' light that they leave. False:
+    /// none is near.
     bool march(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
         const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
         if (!met) return false;
@@ -253,13 +254,13 @@ class Tile {
             const VolumeLight found = marchVolumes(scene_, rays.ray(lane), light, task ? task->line : 0);
             left_[lane] = found.left;
             if (!(found.left < 1)) continue;
-            // The radiance is complete, so it is no share of a weight; what it covers is.
+            // The radiance is complete and needs no weight; the coverage does.
             add(pixels[lane], task, task ? task->weight : Vec3f(1), found.radiance, light, 1 - found.left);
         }
         return true;
     }
 
-    /// Adds what a lane's surface sends and queues the rays it asks for.
+    /// Adds a lane's own radiance and queues the rays that its surface asks for.
     void finish(const TilePacket& packet, const SurfacePacket& s, int lane) {
         const PathTask* tasks = packet.tasks;
         const std::uint16_t pixel = packet.pixels[lane];
@@ -291,7 +292,7 @@ class Tile {
         add(pixel, task, weight * (1 - fog), scene_.fogs.of(scope).color(light), light, 1);
     }
 
-    /// Adds what a surface sends itself, and the fog before it.
+    /// Adds a surface's own radiance, and the fog before it.
     void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
                 float fog) {
         const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
@@ -308,15 +309,16 @@ class Tile {
         const bool glass = branches_.glass >> lane & 1u;
         const PathTask* task = packet.tasks ? packet.tasks + lane : nullptr;
         addOwn(pixel, task, s, lane, weight, fog);
-        // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
-        // its own colour. Light that passes straight goes on as the ray came.
+        // A surface in linear light, hit by a ray that is not linear: its reflected and refracted light is linear too,
+        // and shares one weight with its own colour. Light that passes straight on keeps the space of the ray.
         const bool root = scene_.space == ColorSpace::automatic && (s.linear >> lane & 1u) && !(task && task->linear);
         if (root)
             loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0),
                                            weight * fog * coverage * branches_.whole.get(lane));
 
         const PathTask& from = task ? *task : fromEye_;
-        // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
+        // Rays are filled in directly in the queue, because copying recently written parts takes as long as many
+        // additions.
         const auto queue = [&](Turn how, const Vec3f& share, const Lanes3& start, const Vec3f& towards,
                                const auto& fill) {
             if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
@@ -383,7 +385,7 @@ class Tile {
     std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
     std::vector<SamplePlaces> places_;  // of more than one
     bool marched_ = false;              // volumes are near the packet at hand:
-    float left_[16] = {};               // what they leave
+    float left_[16] = {};               // share of light that they leave
 };
 
 }  // namespace

@@ -21,7 +21,7 @@ constexpr double kAround = 0.4, kOfTile = 0.2;
 /// From so many samples of a group on, a block must be good enough twice in a row.
 constexpr int kOnceGood = 8;
 
-/// How far a block's error may stay above what is asked for, where others of its tile make up for it.
+/// How far a block's error may stay above the requested one if others of its tile make up for it.
 constexpr double kWorstBlock = 1.1;
 
 /// Sums over the samples of each group, by pixel. Each fold has two groups.
@@ -73,7 +73,7 @@ double relativeSquare(const Vec3d& value, const Vec3d& variance) {
     return variance[c] / (over * over);
 }
 
-/// Adds what is of these blocks, times a weight for each.
+/// Adds the results of these blocks, times a weight for each.
 void addBlocks(const TileResult& from, std::uint32_t blocks, const float* weights, TileResult& to) {
     for (std::size_t i = 0; i < kTilePixels; ++i) {
         const int block = blockOf(static_cast<int>(i));
@@ -333,7 +333,8 @@ class Sampling {
             tile_.error[at] = static_cast<float>(std::sqrt(square));
             tile_.variance[at] = static_cast<float>((variances[at].x + variances[at].y + variances[at].z) / 3);
         }
-        const double quantile = studentQuantile(folds_ + 1);  // what the neighbours tell counts as one degree more
+        // the neighbours' information counts as one more degree of freedom
+        const double quantile = studentQuantile(folds_ + 1);
         for (std::size_t at = 0; at < kTilePixels; ++at) {
             const auto block = static_cast<std::size_t>(blockOf(static_cast<int>(at)));
             // A pixel that has not met rare bright light yet is too dark and seems too certain: its neighbours'

@@ -1,13 +1,14 @@
-// Tiles sampled until their pixels are known well enough.
+// Samples tiles until their pixels are accurate enough.
 //
-// A pixel's samples are of a few groups, each a sequence of its own that is scrambled on its own: the groups' means are
-// independent of each other and tell the error of their mean, of points that are better than random ones too (L'Ecuyer
-// 2018, "Randomized quasi-Monte Carlo", section 3). To stop when the samples look good makes them dark and their errors
-// small, since rare bright light looks bad. So the groups are in folds of two, and how many samples a fold shows is
-// decided by all the others: what is shown is independent of what decided about it, and unbiased. A block of four by
-// four pixels has enough if its error is as small as asked for, or a tenth above it while that of its tile is as small.
-// What is told of the error follows from what each fold shows, and lies above what was asked for where light is rare.
-// Units: errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as tiles.
+// The samples of a pixel are divided into a few groups, each with a sequence that is scrambled separately. So the means
+// of the groups are independent and give the error of their mean, also for points that are better than random ones
+// (L'Ecuyer 2018, "Randomized quasi-Monte Carlo", section 3). Stopping when the samples look good would make them dark
+// and their errors small, because rare bright light looks bad. So groups form folds of two, and the number of samples
+// that a fold shows is decided by all other folds: the result is independent of the decision, and unbiased. A block of
+// four by four pixels has enough samples if its error is as small as requested, or up to a tenth above it if the error
+// of its tile is small enough. The reported error follows from the results of the folds, and is above the requested one
+// where light is rare. Errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as
+// tiles.
 #pragma once
 
 #include "lighting/trace_scene.h"
@@ -26,7 +27,7 @@ double studentQuantile(int degreesOfFreedom);
 
 struct AdaptiveTile {
     TileResult result;                             // sums, as of any tile
-    std::array<std::uint32_t, kBlocks> samples{};  // that a block's pixels show
+    std::array<std::uint32_t, kBlocks> samples{};  // number of samples in the result of a block's pixels
     std::uint32_t ranOut = 0;                      // blocks that ended before they were good enough
     /// By pixel and channel: half the width of the 95 % interval around the mean.
     std::array<Vec3f, kTilePixels> interval{};

@@ -1,5 +1,5 @@
-// LaneQueue: rows of numbers that wait for their turn, kept column by column, so that eight rows at a time are read and
-// written as they lie.
+// LaneQueue: rows of numbers that wait to be processed, stored by column, so that eight rows at a time are read and
+// written with vector instructions.
 //
 // Numbers are 32 bits wide: floats, or integers by their bits. Invariant: reading and writing eight rows from any one
 // that is there, or from the end, stays within the memory. Threading: one of a tile.

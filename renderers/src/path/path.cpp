@@ -205,7 +205,7 @@ class Paths {
     void cover(const PathTask& task, float coverage) {
         if (isFirst(task)) loop_.sumOf(task.pixel).a += coverage * largest(task.weight);
     }
-    /// The share of the background that shows through what lies behind a clear surface. Paths choose their way there at
+    /// The share of the background that shows through things behind a clear surface. Paths choose their way there at
     /// random, which would add noise to a pixel's coverage.
     float backgroundBehind(const Vec3f& direction, int lane) const {
         const float clear = 1 - scene_.skyColor(direction, true).a;
@@ -253,7 +253,7 @@ class Paths {
         }
     }
 
-    /// Adds the light that volumes send on the way to the hits, and weakens what comes from there.
+    /// Adds the light that volumes send on the way to the hits, and weakens the light from the hits.
     void march(const RayPacket16& rays, PathTask* tasks) {
         const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
         for (int lane = 0; lane < 16; ++lane) {
@@ -294,14 +294,14 @@ class Paths {
         return lanes & ~brought_.inside;
     }
 
-    /// The light that eight surfaces reflect of what was found, and the directions in which they send paths on.
+    /// The light that eight surfaces reflect from sampled sources, and the directions in which they send paths on.
     struct Scattered {
         V8 lit;
         Scattered8 on;
     };
 
-    /// The reflected light of what was found for eight lanes. `shown` gives it for a radiance of 1, by direction and
-    /// density.
+    /// The reflected light of the sampled sources for eight lanes. `shown` gives it for a radiance of 1, by direction
+    /// and density.
     template <class Shown>
     V8 foundBy(const EmitterLight& from, int at, const Shown& shown) const {
         if (!(from.mask >> at & 0xFFu)) return V8{};
@@ -375,7 +375,7 @@ class Paths {
         store(onward_.first + at, roulette.first);
     }
 
-    /// Adds what a lane shows, and queues its ray.
+    /// Adds a lane's radiance, and queues its ray.
     void goOn(const PathTask& task, int lane) {
         const SurfacePacket& s = surfaces_;
         const Onward& to = onward_;
@@ -527,7 +527,7 @@ class Paths {
         return sample;
     }
 
-    /// The light that the surface reflects of what was found. `chance` is that of a bounce by its own colours.
+    /// The light that the surface reflects from the sampled source. `chance`: that of a bounce by its own colours.
     static Vec3f found(const EmitterLight& from, int lane, const Bsdf& own, const Frame& frame, float chance) {
         const Vec3f direction = from.direction.get(lane);
         Vec3f result(0);
@@ -554,7 +554,7 @@ class Paths {
         return all - own * (1 - powerHeuristic(task.density, other));
     }
 
-    /// Roulette, and the ray: what survives carries the share of what does not, which keeps the mean.
+    /// Roulette, and the next ray: surviving paths also carry the share of those that end, which keeps the mean.
     void follow(PathTask& task, bool straightOn, float t, const Vec3f& out, int lane) {
         const float weight = largest(task.weight);
         if (!(weight > 0)) return;

@@ -34,7 +34,7 @@ Vec3f behind(const TraceScene& scene, const Hit& hit, const Ray& ray) {
     return RayView::leave(scene.world->point(hit, ray), ray.direction);
 }
 
-/// Follows a ray, which has made this hit, to its emitter through what is clear; false: something is in the way.
+/// Follows a ray, which has made this hit, through transparent surfaces to its emitter; false: something blocks it.
 bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit& hit,
              Vec3f& left) {
     const Vec3f direction = glm::normalize(ray.direction);
@@ -111,7 +111,7 @@ struct ChosenEmitters {
     }
 };
 
-/// Rays to places of what was chosen, `u` and `v` telling where; which of them are worth a look is in out.mask.
+/// Rays to points on the chosen emitters, at `u` and `v`; out.mask tells which are worth tracing.
 void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const float* v, RayPacket16& rays,
          EmitterLight& out) {
     for (int at = 0; at < 16; at += 8) {
@@ -147,8 +147,8 @@ void reset(RayPacket16& rays, std::uint32_t lanes, float tMax) {
     }
 }
 
-/// The lanes of `asked` on whose way there is nothing at all, which is quicker to find out than what is there. Parts
-/// that a filter cuts away do not shine, and only a hit tells whether they are cut away.
+/// The lanes of `asked` whose way is completely free, which is quicker to test than the kind of obstacle. Parts that a
+/// filter cuts away do not emit, and only a hit tells whether they are cut away.
 std::uint32_t findFree(const TraceScene& scene, RayPacket16& rays, std::uint32_t asked, float tMax) {
     if (!asked || scene.filter) return 0;
     reset(rays, asked, tMax);
@@ -282,7 +282,7 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PacketRandom& r
 
 namespace {
 
-/// The lamp that each lane asks, and what it sends there where nothing is in the way.
+/// The lamp that each lane samples, and the light that it would send there on a free way.
 struct AskedLamps {
     const TraceLight* lamp[16];
     float sent[16];

@@ -1,4 +1,4 @@
-// EmitterLight: what shining triangles or the sky send to sixteen surfaces, found by choosing a direction for each.
+// EmitterLight: the light of emitting triangles or the sky at sixteen surfaces, with one sampled direction for each.
 //
 // Threading: one of a tile. Source: Veach 1997, chapters 8 and 9 (estimators of direct light and their combination).
 #pragma once
@@ -27,8 +27,8 @@ struct EmitterLight {
 void lookForEmitters(const TraceScene& scene, const SurfacePacket& surfaces, const PathTask* tasks,
                      PacketRandom& random, EmitterLight& out, std::uint64_t& shadowRays);
 
-/// Whether light comes to the start of a ray, which has made this hit, from a place on an emitter; `left`: how much of
-/// it, by what is clear on its way.
+/// Whether light from a point on an emitter reaches the start of a ray, which has made this hit; `left`: the share that
+/// transparent surfaces on the way leave.
 bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit hit,
                     Vec3f& left);
 

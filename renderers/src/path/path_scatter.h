@@ -1,5 +1,5 @@
-// Scatters light at eight surfaces of paths: weighs light that was looked for against what bounces find, and chooses
-// where paths go on.
+// Scatters light at eight surfaces of paths: weighs sampled light against light that bounces find, and chooses the
+// directions in which paths continue.
 //
 // Conventions: `facing` is the true surface's normal on the viewer's side. Threading: values. Source: Veach 1997,
 // section 9.2.
@@ -119,8 +119,9 @@ struct Roulette8 {
     /// The odds of a path below which its random number has too few bits left to decide by.
     static constexpr float kRedraw = 0x1p-10f;
     simd::F8 first, odds, fate;  // as PathTask has them
-    /// Paths that would go on with the weight `after`: what is left of it, larger by the share of those that do not.
-    /// `drawn`: new numbers, for those that need them. Returns all ones in the lanes that go on.
+    /// Roulette for paths that would continue with the weight `after`: survivors get a larger weight, which includes
+    /// the share of those that end. `drawn`: new numbers, for those that need them. Returns all ones in the lanes that
+    /// continue.
     simd::I8 survive(simd::V8& after, simd::F8 drawn) {
         using namespace simd;
         const F8 most = max(max(after.x, after.y), after.z), survival = min(most / first, all(1));

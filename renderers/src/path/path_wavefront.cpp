@@ -35,11 +35,11 @@ enum RayColumn : std::size_t {
     kCalls,  // bits of PathRandom's sequence, from bit 12 on, and the number of its next call
     kRayNormal,
     kDensity = kRayNormal + 3,
-    kOther,  // 0, or one more than the place of what else the ray brings along
+    kOther,  // 0, or one more than the index of the ray's additional data
     kFront,  // the instance whose front it leaves; kNoFront: none, or nobody knows
     kRayColumns
 };
-// Columns of hits; kDirection, kWeight and what follows as of rays.
+// Columns of hits; kDirection, kWeight and the following ones are as for rays.
 enum HitColumn : std::size_t {
     kInstance = 0,
     kTriangle,
@@ -54,7 +54,7 @@ enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedFr
 constexpr std::uint32_t kNoFront = bvh::LargeTable::kNone;
 
 constexpr std::uint32_t kCallBits = 12, kMostCalls = (1u << kCallBits) - 16, kMostDepth = 9'999;
-constexpr std::size_t kTogether = 2048;  // primary rays; what is made of them stays in the second cache
+constexpr std::size_t kTogether = 2048;  // primary rays; their data fit into the second-level cache
 
 using U8 = std::uint32_t __attribute__((vector_size(32)));
 
@@ -302,7 +302,7 @@ I8 kindsAt(const std::int32_t* kinds) {
 
 }  // namespace
 
-/// The lanes that must be treated elsewhere, whatever these sixteen rays meet.
+/// The lanes that must be treated elsewhere, whatever these sixteen rays hit.
 std::uint32_t Wavefront::lanesOfOthers(const LaneQueue& from, std::size_t row) {
     std::uint32_t result = 0;
     for (std::size_t at = 0; at < 16; at += 8) {
@@ -400,7 +400,7 @@ void Wavefront::miss(const LaneQueue& from, std::size_t row, const RayPacket16& 
     }
 }
 
-/// Adds what is sent out there, of which only the share counts that no chosen direction brings.
+/// Adds the light that is emitted out there, weighted by the share that no sampled direction brings.
 void Wavefront::shine(const LaneQueue& from, std::size_t row, const RayPacket16& rays, const PacketHits16& hits,
                       std::uint32_t lanes) {
     for (; lanes; lanes &= lanes - 1) {
@@ -546,8 +546,8 @@ void Wavefront::shadeGlossy() {
     follow(hits, s, scatterGlossy(own, frame, hits.numbers.one(callsOfLights_ + 1), u, v));
 }
 
-/// Chooses an emitter and a place on it for each, and queues a ray to there with what it would show. `shown`: of a
-/// radiance of 1 from a direction, which is looked at with a density.
+/// Chooses an emitter and a point on it for each, and queues a ray to it with the light that it would bring. `shown`:
+/// of a radiance of 1 from a direction that is sampled with a density.
 template <class Shown>
 void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s, const Shown& shown) {
     const Emitters& emitters = *scene_.emitters;
@@ -620,7 +620,7 @@ void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const
 
 // ---- rays towards emitters ------------------------------------------------------------------------------------------
 
-/// Adds what the last ones of asked_ show, where large triangles tell; the others go on to askedOpen_.
+/// Adds the light of the last rays of asked_ if the large triangles decide about them; the others go on to askedOpen_.
 void Wavefront::askLarge() {
     const std::size_t count = std::min<std::size_t>(asked_.size(), 16), row = asked_.size() - count;
     const std::uint32_t lanes = firstLanes(count);
@@ -633,7 +633,7 @@ void Wavefront::askLarge() {
     while (askedOpen_.size() >= 16) askWhetherFree(askedOpen_);
 }
 
-/// The same of what has nothing at all in its way; the others go on to blocked_.
+/// Adds the light of rays whose way is completely free; the others go on to blocked_.
 void Wavefront::askWhetherFree(LaneQueue& asked) {
     const std::size_t count = std::min<std::size_t>(asked.size(), 16), row = asked.size() - count;
     const std::uint32_t lanes = firstLanes(count);

@@ -1,8 +1,9 @@
-// Wavefront: a tile's paths where nearly all surfaces are plain and nothing but shining triangles and the sky gives
-// light: in stages, each of which waits until it has eight or sixteen lanes of a kind.
+// Wavefront: a tile's paths in scenes whose surfaces are nearly all plain and whose only lights are emitting triangles
+// and the sky. Paths run in stages, each of which waits until it has eight or sixteen lanes of a kind.
 //
-// The estimator and its random numbers are those of path.cpp, which does what is not plain: pictures differ from its by
-// roundings and by the order of sums. Threading: one of a tile. Source: Laine, Karras & Aila 2013 (wavefronts).
+// The estimator and its random numbers are those of path.cpp, which handles all surfaces that are not plain. Pictures
+// differ from those of path.cpp by roundings and by the order of sums. Threading: one of a tile. Source: Laine, Karras
+// & Aila 2013 (wavefronts).
 #pragma once
 
 #include <cstdint>

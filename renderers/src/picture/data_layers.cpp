@@ -26,7 +26,7 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMostSamples = 64;  // of what is a mean
+constexpr int kMostSamples = 64;  // for layers that hold a mean
 constexpr std::size_t kRanks = 6;
 
 struct Kind {

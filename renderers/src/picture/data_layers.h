@@ -1,6 +1,6 @@
-// Layers of a picture that hold other things than colour: depth, places, normals, whose pixel it is.
+// Layers of a picture that hold data other than colour: depth, positions, normals, identities.
 //
-// Which surface they are of is said at DataLayer. Threading: re-entrant; the pixels are filled by several threads.
+// DataLayer says which surface they describe. Threading: re-entrant; the pixels are filled by several threads.
 // Source: Friedman & Jones 2015, Fully Automatic ID Mattes with Support for Motion Blur and Transparency, and the
 // Cryptomatte specification 1.2.0 (names' hashes as floats, ranks of coverage, manifest).
 #pragma once

@@ -1,4 +1,4 @@
-// The filter of denoise.h for two pictures at once, whose difference tells of noise.
+// The filter of denoise.h for two pictures at once, whose difference shows the noise.
 //
 // Threading: as denoise().
 #pragma once

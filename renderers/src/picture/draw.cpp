@@ -42,7 +42,7 @@ int countTiles(const PixelRegion& drawn) {
     return tilesAside(drawn.width) * tilesAside(drawn.height);
 }
 
-/// The tiles of a picture, drawn by several threads, and what is counted over them.
+/// The tiles of a picture, drawn by several threads, and the statistics over them.
 class Drawing {
   public:
     Drawing(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture,

@@ -1,4 +1,4 @@
-// One picture through one camera: what it is of, and the loop over its tiles.
+// Draws one picture through one camera: its input, and the loop over its tiles.
 //
 // Threading: re-entrant; a picture's tiles are drawn by several threads.
 #pragma once

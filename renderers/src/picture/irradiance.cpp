@@ -32,12 +32,11 @@ double solidAngle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
     return 2 * std::atan2(volume, under);
 }
 
-/// How much more light true disks, balls and the like might give a place than what they are cut into.
-///
-/// Chords an e-th of the radius off take 4/3 e of a disk's light, or twice that where they run across both directions
-/// of a ball. That holds for the whole lamp head-on; of one that the place's horizon cuts the rim may be all there is.
-/// So the light is counted that would come from it without horizon, cosine and obstacle, where the place sees any of
-/// it, and all that arrives, for what comes by way of other surfaces.
+/// Estimates how much more light true disks, balls and the like might give a place than their triangles. Chords that
+/// are an e-th of the radius away lose 4/3 e of a disk's light, or twice that on a ball, which has chords in both
+/// directions. This holds for the whole lamp seen head-on; if the place's horizon cuts the lamp, its rim may be all
+/// there is. So the estimate uses the light of the lamp without horizon, cosine and obstacles, if the place sees any of
+/// it, and all light that arrives, for light by way of other surfaces.
 class CurvedLamps {
   public:
     CurvedLamps(const TraceScene& scene, const Probe& probe, double chordError) {
@@ -117,7 +116,7 @@ class CurvedLamps {
     Vec3d direct_{0};
 };
 
-/// Sums over groups of samples: of red, green, blue and what an eye makes of them.
+/// Sums over groups of samples: of red, green, blue and luminance.
 struct Sums {
     glm::dvec4 sum{0}, squares{0};
     std::uint64_t groups = 0;

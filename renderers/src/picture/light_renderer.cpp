@@ -38,7 +38,8 @@ struct LightRenderer::Impl {
     Diagnostics said;                             // the tracer's and its own
     std::size_t taken = 0;                        // of the tracer's
     std::atomic<std::uint64_t> prepared{0};       // the last prepare()'s moment
-    std::mutex mutex;                             // of what follows: pictures of states are made on other threads
+    std::mutex mutex;                             // guards the members below: pictures of states are made on other
+                                                  // threads
     Diagnostics lacks;                            // of pictures, not yet in `said`
     double named = 0;                             // share of missing light that has been reported
     bool toldOfEye = false;                       // that sees nothing of the scene where it is
@@ -134,7 +135,7 @@ Camera equipped(Camera camera, const ImageOptions& options) {
     return camera;
 }
 
-/// Two pictures of one size, and what is known of them, as one.
+/// Joins two pictures of one size, with their statistics.
 Picture joined(const Picture& first, const Picture& second, bool beside) {
     Picture both(first.width * (beside ? 2 : 1), first.height * (beside ? 1 : 2));
     both.space = first.space, both.notes = first.notes;
@@ -281,7 +282,7 @@ Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
 
 Result<> LightRenderer::keepBefore(const RenderSettings& settings) {
     Impl& s = *impl_;
-    s.before.reset();  // what is held no longer makes room
+    s.before.reset();  // older states no longer need memory
     if (!asksForMotion(settings)) return {};
     const auto state = world().present();
     if (!state) return std::unexpected(state.error());

@@ -155,7 +155,7 @@ Result<Picture> LightTracer::render(const RayView& world, const Camera& camera, 
 
 namespace {
 
-/// `cutFor`: what is left out of what a view's eye sees; `seenBy`: which surfaces that sees.
+/// `cutFor`: what a view's eye does not see; `seenBy`: which surfaces it sees.
 template <class CutFor, class SeenBy>
 Result<Pick> pickIn(const Picker& picker, const std::vector<LayerView>& views, double x, double y, const CutFor& cutFor,
                     const SeenBy& seenBy) {

@@ -138,8 +138,7 @@ auto traceLights(const LightState& state, const RayView& world, const RenderSett
     };
 }
 
-/// "Behind illuminated X3DShapeNode geometry" (17.3.1) are shadows: what a light does not reach by its scope casts
-/// none.
+/// "Behind illuminated X3DShapeNode geometry" (17.3.1) are shadows: shapes outside a light's scope cast none.
 void limitShadows(const LightState& state, const RayView& world, const RenderSettings& settings, TraceScene& scene) {
     LightGroups& groups = scene.lightGroups;
     std::vector<std::uint32_t> scopes;

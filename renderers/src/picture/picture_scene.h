@@ -1,4 +1,4 @@
-// The scene of a picture as integrators see it, made of a version of light's tables.
+// The scene of a picture for integrators, made from a version of the light tables.
 //
 // Threading: re-entrant.
 #pragma once

@@ -1,8 +1,8 @@
-// SurfacesInPicture: what of surfaces a picture shows, one hit at a time: not the backs of solids, nor what hatches,
-// masks and the alpha of textures and colours leave clear.
+// SurfacesInPicture: the visible surfaces of a picture, one hit at a time: without the backs of solids, and without
+// parts that hatches, masks and alpha make transparent.
 //
-// Differs from pictures in one thing: what a Material's `transparency` alone makes wholly clear is there, so that
-// authors can lay it over others to be pointed at. Threading: const.
+// Differs from pictures in one thing: surfaces that are fully transparent only by a Material's `transparency` are
+// included, so that authors can lay them over others to be pointed at. Threading: const.
 #pragma once
 
 #include <memory>

@@ -13,7 +13,7 @@ using namespace trace;
 
 namespace {
 
-/// 36.2.1: what is laid out is seen as by an OrthoViewpoint of its own, whatever is bound.
+/// 36.2.1: laid-out content is seen by an OrthoViewpoint of its own, whichever viewpoint is bound.
 bool isLaidOut(const LightState& state, std::uint16_t layer) {
     return state.layers && std::ranges::any_of(state.layers->order, [&](const LayerList::Layer& one) {
                return one.number == layer && one.laidOut;

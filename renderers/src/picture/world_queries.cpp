@@ -25,7 +25,7 @@ bool mayBeClear(const Scene& scene, NodeId appearance) {
     using A = x3d::Appearance;
     const Node* node = scene.effectiveNode(appearance);
     if (!node || !node->is(A::type)) return false;
-    // Most have none of what would have to be looked up.
+    // Most instances have none of the nodes that would have to be looked up.
     const auto find = [&](NodeId id) { return id ? scene.effectiveNode(id) : nullptr; };
     if (const Node* fill = find(node->get(A::fillProperties));
         fill && fill->is(x3d::FillProperties::type) && !fill->get(x3d::FillProperties::filled))

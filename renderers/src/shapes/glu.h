@@ -13,7 +13,7 @@ extern DelayedLibrary glu;
 
 namespace rtsg::detail {
 
-/// Null without memory. Throws if the library is missing: whoever follows the scene is then detached, with this reason.
+/// Null without memory. Throws if the library is missing: the subscriber is then detached, with this reason.
 inline GLUtesselator* newTessellator() {
     if (const auto loaded = delayed::glu.load(); !loaded) throw std::runtime_error(loaded.error().text);
     return gluNewTess();

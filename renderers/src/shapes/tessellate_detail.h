@@ -170,8 +170,8 @@ float checkedCreaseAngle(Mesh& mesh, float creaseAngle);
 /// Cuts a counter-clockwise polygon into triangles in n log n. False, with no triangles, unless it is simple.
 bool cutSimplePolygon(std::span<const Vec2d> points, std::vector<std::array<int, 3>>& triangles);
 
-/// Cuts polygons into triangles: convex and simple ones ourselves, what is left (holes joined by bridges, crossings)
-/// by the GLU tessellator, which is robust but quadratic.
+/// Cuts polygons into triangles: convex and simple ones by itself, the others (holes joined by bridges, crossings) by
+/// the GLU tessellator, which is robust but quadratic.
 class PolygonCutter {
   public:
     PolygonCutter() = default;
@@ -210,7 +210,7 @@ struct FacePlan {
     bool cutsAlike(const Array<Vec3f>& points, PolygonCutter& cutter) const;
 };
 
-/// Does what the public functions do; `plan`, if any, is filled.
+/// Implements the public functions; fills `plan`, if given.
 Mesh tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan);
 Mesh tessellateSet(const PrimitiveSetParams& params, FacePlan* plan);
 

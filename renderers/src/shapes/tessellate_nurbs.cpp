@@ -146,7 +146,7 @@ class Cuts {
 
 using Contour = std::vector<Vec2d>;
 
-/// Sutherland and Hodgman's cut at one side of a box: axis 0 or 1, keeping what is on the `sign` side of `at`.
+/// Sutherland and Hodgman's cut at one side of a box: on axis 0 or 1, keeps the part on the `sign` side of `at`.
 Contour cutAt(const Contour& polygon, int axis, double sign, double at) {
     Contour result;
     for (std::size_t i = 0; i < polygon.size(); ++i) {

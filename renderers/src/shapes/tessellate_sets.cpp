@@ -62,7 +62,7 @@ class RunCutter {
     bool leftOutForPoints() const { return notFinite_ > 0; }
 
   private:
-    /// False: what is wrong with its points is counted already.
+    /// False: its points are faulty, which has been counted already.
     bool add(std::size_t a, std::size_t b, std::size_t c, std::size_t face) {
         const std::int32_t v[3] = {index_[a], index_[b], index_[c]};
         for (const std::int32_t i : v) {

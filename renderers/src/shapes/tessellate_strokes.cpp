@@ -74,7 +74,7 @@ class StrokeBuilder {
         mesh_.normals = MeshAttribute(p_.normal, MeshAttribute::Binding::vertex,
                                       byVertex(p_.normal.size(), "normal has {} vectors"), 3);
     }
-    /// Which of so many values each end has; `has`: what is said of too few.
+    /// The index of each end's value; `has`: the message if there are too few.
     Array<std::int32_t> byVertex(std::size_t values, fmt::format_string<std::size_t&> has) {
         Array<std::int32_t> index = mesh_.triangles;
         if (values >= p_.coord.size()) return index;

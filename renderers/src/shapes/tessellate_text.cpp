@@ -70,7 +70,7 @@ struct Extent {
     float middle() const { return .5f * (low + high); }
 };
 
-/// The characters of a line of its own each, marks and joiners with what they follow.
+/// The characters, each as a line of its own, with the marks and joiners that belong to them.
 std::vector<std::string> cells(const std::string& text) {
     std::vector<std::string> result;
     for (std::size_t i = 0; i < text.size();) {
@@ -129,8 +129,8 @@ std::uint32_t TextMaker::loadedFace(const Fonts& fonts, const TextParams& p, Mes
     return face;
 }
 
-/// MIDDLE puts the middle of what is seen on an axis: of each line along the lines, of all of them across. The other
-/// places are those of the font, so that lines stay where they are when their characters change.
+/// MIDDLE puts the middle of the visible text on an axis: of each line along the lines, of all of them across. The
+/// other places are those of the font, so that lines stay where they are when their characters change.
 void TextMaker::placeLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& p) {
     const float down = p.topToBottom ? -p.spacing : p.spacing;
     const float last = down * static_cast<float>(lines.size() - 1);
@@ -156,7 +156,7 @@ void TextMaker::placeLines(std::vector<Line>& lines, const FontChoice& font, con
     }
 }
 
-/// By what is seen alone: fonts made for lines say nothing of columns.
+/// By the visible shapes alone, because fonts made for lines have no metrics for columns.
 void TextMaker::placeColumns(std::vector<Line>& lines, const TextParams& p) {
     const bool up = !p.topToBottom;
     const float right = p.leftToRight ? p.spacing : -p.spacing;
@@ -246,7 +246,7 @@ bool hasUsableSizes(const TextParams& p) {
 Array<float> TextMaker::measure(const TextParams& p) {
     const auto loaded = fonts();
     if (!loaded || p.strings.empty() || !hasUsableSizes(p)) return {};
-    Mesh ignored;  // who draws it says what is wrong with it
+    Mesh ignored;  // the renderer of the shape reports its faults
     const std::vector<Line> lines = layOut(**loaded, p, ignored);
     if (lines.empty()) return {};
     Vec2f low = lines[0].low, high = lines[0].high;

@@ -27,7 +27,7 @@ struct GlyphMesh {
     std::vector<std::int32_t> triangles;  // counter-clockwise
 };
 
-/// Cuts what the nonzero rule encloses into triangles. Curves deviate by `tolerance` at most.
+/// Cuts the interior by the nonzero rule into triangles. Curves deviate by `tolerance` at most.
 GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance);
 
 class TextMaker {

@@ -80,7 +80,7 @@ State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangl
                     along = part.share * (face.corner[2] - face.corner[0]);
         radius = std::max(glm::length(across + along), glm::length(across - along)) / 2;
     }
-    const double margin = 0x1p-18 * size + 1e-30;  // some times what a hit's own roundings may be
+    const double margin = 0x1p-18 * size + 1e-30;  // some times the rounding of a hit
     const auto reach = static_cast<float>((radius + margin) * 1.001);
     State state = alone;
     world.visitNear(Vec3f(middle), reach, [&](std::uint32_t otherSlot, std::uint32_t otherTriangle) {

@@ -1,7 +1,7 @@
-// Backs of solids, which eyes see through, and CoincidentFaces: which triangles may have others in their place, so that
-// rays that met such a back look for these.
+// CoincidentFaces: tells which triangles may coincide with others, so that rays that hit the invisible back of a solid
+// look for those others.
 //
-// Invariant: what is said of a triangle hangs on the geometry alone, not on which rays ask or in which order.
+// Invariant: the answer for a triangle depends on the geometry only, not on which rays ask or in which order.
 // Threading: any.
 #pragma once
 
@@ -41,7 +41,7 @@ inline bool hidesBacks(const TraceScene& scene, std::uint32_t instance) {
     return scene.world->instance(instance).mesh->solid &&
            scene.materials[scene.slot(instance).material].material.refractiveIndex == 0;
 }
-/// Whether that is so of what was met.
+/// Whether the hit is on the back of a solid.
 bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
 /// The hit of `ray`, or if that is the back of a solid, another surface in the same place; the back itself if there is

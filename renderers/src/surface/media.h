@@ -1,10 +1,10 @@
-// Media: which bodies of glass, water and the like the rays of a tile run in, and what the surfaces that they meet lie
-// between.
+// Media: the transparent bodies (glass, water) that the rays of a tile are in, and the media on both sides of each
+// surface.
 //
-// A body is an instance whose material has a refractive index. Where bodies overlap, one of them is there: that of the
-// highest priority, of these the smallest (the diagonal of its box), of these the last. So a ball in water, a drop on
-// a pane and two blocks that share a face are what they look like. A surface between a body and itself is not there.
-// Invariant: what a ray meets in one place counts as one surface, in whatever order it is told.
+// A body is an instance whose material has a refractive index. Where bodies overlap, one of them counts: the one with
+// the highest priority, then the smallest (by the diagonal of its box), then the last. So a ball in water, a drop on a
+// pane and two blocks that share a face look right. A surface inside a single body does not count.
+// Invariant: several surfaces at one point count as one, in whatever order they are reported.
 // Threading: one tile's. Source: Schmidt & Budge 2002 (Simple Nested Dielectrics in Ray Traced Images).
 #pragma once
 
@@ -78,7 +78,7 @@ struct RunsIn {
                               std::span<const Hit> others);
 };
 
-/// Finds what the surfaces of bodies in a packet lie between. `tasks`: null for rays from the eye.
+/// Finds the media on both sides of the surfaces in a packet. `tasks`: null for rays from the eye.
 void findInterfaces(const TraceScene& scene, const RayPacket16& rays, const PathTask* tasks, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

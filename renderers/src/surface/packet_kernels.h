@@ -42,7 +42,7 @@ struct NormalSource {
 };
 
 struct PacketKernels {
-    /// Rays through these places of the pixels, [0, 1)^2; those of `active` are.
+    /// Makes rays through these points of the pixels, [0, 1)^2, for the lanes in `active`.
     void (*makeRays)(const PixelBlock& block, std::uint32_t active, const float* u, const float* v, RayPacket16& rays);
     /// Sets `normal` to the true surfaces' normals.
     void (*useOutside)(SurfacePacket& surfaces);
@@ -57,19 +57,19 @@ struct PacketKernels {
     /// `exact` and `error` of the lanes of `lanes`, which lie on this instance's mesh.
     void (*findPoints)(const RayInstance& instance, const Vec3f* positions, const std::int32_t* triangles,
                        std::uint32_t stride, std::uint32_t lanes, SurfacePacket& surfaces);
-    /// Sets `radiance` to what the surfaces send themselves.
+    /// Sets `radiance` to the light that the surfaces emit.
     void (*addOwn)(SurfacePacket& surfaces);
     /// Computes the light from a light that is no projector. Returns whether any lane is lit at all.
     bool (*gather)(const TraceLight& light, const SurfacePacket& surfaces, Incoming& in);
-    /// The lanes of which the light's shadow would change a pixel by less than `least`. `shares`: what a lane's colour
-    /// counts in its pixel.
+    /// The lanes whose pixel the light's shadow would change by less than `least`. `shares`: the weight of a lane's
+    /// colour in its pixel.
     std::uint32_t (*faint)(const TraceLight& light, const Incoming& in, const float* shares, float least, bool shiny,
                            const SurfacePacket& surfaces);
     /// Rays from the lanes of `mask` that the light may reach to it; `behind`: of these the ones whose own true surface
     /// lies between. Returns the lanes.
     std::uint32_t (*shadowRays)(const TraceLight& light, const SurfacePacket& surfaces, const Incoming& in,
                                 std::uint32_t mask, RayPacket16& rays, std::uint32_t& behind);
-    /// Adds what the lanes of `mask` reflect of a light to `radiance`.
+    /// Adds the light of `in` that the lanes of `mask` reflect to `radiance`.
     void (*addPhong)(const TraceLight& light, const Incoming& in, std::uint32_t mask, bool shiny,
                      SurfacePacket& surfaces);
     void (*addPhysical)(const TraceLight& light, const Incoming& in, std::uint32_t mask, SurfacePacket& surfaces);

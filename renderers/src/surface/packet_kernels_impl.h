@@ -348,7 +348,7 @@ struct KernelsOf {
         return found;
     }
 
-    /// Adds what a surface reflects of a light, before its shadow.
+    /// Adds a surface's reflection of a light, before its shadow.
     RTSG_INLINE void reflect(const TraceLight& light, const V& towards, F cosine, F factor, const V& visible,
                              bool shiny, int at, SurfacePacket& s) {
         const V ambient = loadV(s.ambient, at), direct = reflected(towards, cosine, shiny, at, s);

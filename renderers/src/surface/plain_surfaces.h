@@ -1,7 +1,7 @@
-// PlainSurfaces: which instances are nothing but their own even colours, and what eight hits on such need for shading.
+// PlainSurfaces: tells which instances have only one even colour, and gives what eight hits on them need for shading.
 //
-// Plain: opaque, of one material without textures, vertex colours, mirroring or refraction; so are nearly all of most
-// scenes. Built for one picture of paths; it reads the scene's meshes, which must outlive it.
+// Plain: opaque, of one material without textures, vertex colours, mirroring or refraction; most instances of most
+// scenes are. Built for one picture of paths; it reads the scene's meshes, which must outlive it.
 // Threading: const once built.
 #pragma once
 
@@ -29,7 +29,7 @@ class PlainSurfaces {
 
     /// Whether most triangles are.
     bool most() const { return most_; }
-    /// A Kind with what else is true of it.
+    /// A Kind with additional flags.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
     /// Added to a label's kind: a matte surface without normals of its own, which fetchFaces() can read.
     static constexpr std::int32_t kFlat = 1 << 8;

@@ -17,7 +17,7 @@ inline float share(float number) {
     return number < 1 ? std::max(number, 0.0f) : 1;
 }
 
-/// `opacity`: the material's, or what the colours of a mesh have in its place (11.2.2).
+/// `opacity`: the material's, or the alpha of a mesh's colours in its place (11.2.2).
 inline float coverageOf(const Material& material, float textureAlpha, float opacity) {
     switch (material.alphaMode) {
         case AlphaMode::opaque:

@@ -37,7 +37,7 @@ struct alignas(64) SurfacePacket {
     Lanes3 base, specular, emissive, ambient;  // ambient: what ambient light is multiplied with
     alignas(64) float exponent[16], metallic[16], roughness[16];
     alignas(64) float coverage[16], opacity[16];
-    alignas(64) float occlusion[16];  // what is left of light from all around (glTF's occlusion)
+    alignas(64) float occlusion[16];  // remaining share of light from all around (glTF's occlusion)
     std::uint32_t lights[16];
     const Material* material[16];
     /// For surfaces that bend light: the index behind the surface divided by the one before it. Coverage 0 means that
@@ -58,7 +58,7 @@ struct alignas(64) SurfacePacket {
         const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
         return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], place, run);
     }
-    /// The share of light that a PhysicalMaterial mirrors along one ray, without what it spreads.
+    /// The share of light that a PhysicalMaterial reflects along one ray, without its diffuse part.
     Vec3f gloss(int lane, float cosView) const {
         const Vec3f f0 = glm::mix(Vec3f(0.04f), base.get(lane), metallic[lane]);
         const float smooth = 1 - roughness[lane];

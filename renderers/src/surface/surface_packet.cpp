@@ -326,7 +326,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 
 namespace {
 
-/// The one that met what a lane shows.
+/// The ray of a lane's hit.
 Ray rayTo(const SurfacePacket& s, int lane) {
     const Vec3f back = s.view.get(lane);
     return {s.position.get(lane) + s.distance[lane] * back, 0, -back};
@@ -388,7 +388,7 @@ std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& 
         mean += at[corner] / 3.0f;
     }
     for (std::uint32_t corner = 0; corner < 3; ++corner) {
-        // Normals that all lean the same way bend no surface: what they have in common is the triangle's own.
+        // Normals that all lean the same way bend no surface: their common part is the triangle's own.
         const Vec3f normal = glm::normalize(at[corner] - mean + facing);
         const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
         off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;

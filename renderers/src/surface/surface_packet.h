@@ -23,9 +23,9 @@ void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 /// The start of rays that go straight on from a hit. Precondition: findPoints().
 HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
-/// A place on the curved surface that a lane's flat triangle stands for, on the viewer's side of it; nothing if that is
-/// not curved outwards there. Rays from it to lights that the shading normal faces and the triangle does not leave
-/// bodies that bulge. Precondition: findPoints(). Source: Hanika 2021 (Ray Tracing Gems II, chapter 4).
+/// A point on the curved surface that a lane's flat triangle represents, on the viewer's side; nothing if the surface
+/// is not convex there. Rays from this point to lights in front of the shading normal but behind the triangle do not
+/// pass through the body. Precondition: findPoints(). Source: Hanika 2021 (Ray Tracing Gems II, chapter 4).
 std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
 /// Whether light may pass straight through an instance.
@@ -42,7 +42,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
 constexpr int kMostPassed = 10'000;
 
 /// The share of light that is left along a ray, which ends at tMax or goes on for ever. `world` has the things that it
-/// may meet, `in` is what it starts in.
+/// may hit, `in` is the medium that it starts in.
 Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow,
                    RunsIn in = {});
 
@@ -61,7 +61,7 @@ struct Shares {
 void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays,
                const Shares* shares = nullptr);
 
-/// Adds the light of EnvironmentLights to it, without shadows; for what follows no bounces.
+/// Adds the light of EnvironmentLights to it, without shadows; for uses without bounces.
 void addEnvironments(const TraceScene& scene, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

@@ -1,4 +1,4 @@
-// TextureLookup: what a hit's textures say, by the coordinates of its mesh or those that are made for it.
+// TextureLookup: the values of a hit's textures, by the coordinates of its mesh or by generated ones.
 //
 // Threading: values; what they refer to must outlive them.
 #pragma once

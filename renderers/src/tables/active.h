@@ -1,4 +1,4 @@
-// Which of several nodes of a kind counts: viewpoints, backgrounds, fogs, navigation.
+// Chooses the active one among several nodes of a kind: viewpoints, backgrounds, fogs, navigation.
 //
 // Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 7.2.2 (bindable nodes).
 #pragma once

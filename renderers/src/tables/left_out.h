@@ -1,5 +1,5 @@
-// Filters for what rays pass as if it were not there: things behind ClipPlanes, in other layers, and around a cube that
-// is drawn; and, for rays towards a light, whatever that light does not illuminate.
+// Filters for shapes that rays ignore: things behind ClipPlanes, in other layers, and around a cube that is drawn; and,
+// for rays towards a light, shapes that this light does not illuminate.
 //
 // Threading: the filters are const.
 #pragma once

@@ -1,11 +1,10 @@
-// LightTables: what light must know of a scene besides its rays: who is drawn with what, what shines where, from where
-// it is seen.
+// LightTables: the data of a scene that lighting needs besides rays: materials, lights, and viewpoints.
 //
-// Invariant: after apply() they are those that reading the scene anew would give. Work follows the delta: a light that
-// is switched touches the list of its own scope; which lists reach an instance is found along the scopes around it, by
-// whoever makes a picture.
-// Versions: what a picture reads lies in paged arrays of which a version costs four pointers; materials and placed
-// things are replaced, never changed. Threading: one thread, the scene's; a LightState from any.
+// Invariant: after apply() they equal tables that are built anew. The work depends on the delta: switching a light
+// touches the list of its own scope only; whoever makes a picture finds the lists that reach an instance along the
+// scopes around it.
+// Versions: a picture reads paged arrays, of which a version costs four pointers; materials and placed things are
+// replaced, never changed. Threading: the scene's thread; a LightState from any.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (scope of lights), 7.2.2 (bindable nodes).
 #pragma once
 
@@ -69,15 +68,15 @@ struct LocalFogEntry {
     Fog fog;
     std::uint32_t scope = 0;  // its number
 };
-/// Leaves out, of everything in its scope, what lies on the wrong side of any of its planes; and
-/// what the eye of a picture sees outside of a window, as clipBoundaryOf() has it.
+/// Cuts off the parts of everything in its scope that lie on the wrong side of any of its planes; and the parts of an
+/// eye's view outside a window, as in clipBoundaryOf().
 struct ClipEntry {
     std::vector<CutPlane> planes;
     std::optional<std::array<float, 4>> window;
     std::uint32_t scope = 0;  // its number
     bool capped = false;      // where RenderSettings::caps says so: a ClipPlane, not a viewport
 };
-/// Left, right, bottom and top of a Viewport, as shares of what it divides.
+/// Left, right, bottom and top of a Viewport, as shares of the area that it divides.
 std::array<float, 4> clipBoundaryOf(const Node& viewport);
 struct PlacedEntry {
     Placed placed;
@@ -93,7 +92,7 @@ struct LightScope {
 /// Which of a mesh's texture coordinates each texture of a material uses, by their names; without a mesh the first.
 std::array<std::uint8_t, kTextureRoles> channelsOf(const Material& material, const Mesh* mesh);
 
-/// A LayerSet (35.4.2): what is drawn over what.
+/// A LayerSet (35.4.2): the order of drawing.
 struct LayerList {
     struct Layer {
         std::uint16_t number = 0;               // as Instance::layer
@@ -124,7 +123,7 @@ struct LightState {
     std::shared_ptr<trace::SkyTable> skyTable;                      // the same
 };
 
-/// The textures of a world under one policy, of all who have the same.
+/// The textures of a world under one policy, shared by all who have the same policy.
 std::shared_ptr<TextureStore> sharedTextures(SharedWorld& world, const Resources& resources);
 
 class LightTables {

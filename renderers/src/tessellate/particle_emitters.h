@@ -1,8 +1,8 @@
-// ParticleEmitter: where and how fast a particle sets out.
+// ParticleEmitter: the initial position and velocity of a particle.
 //
-// Invariant: uniform by direction, length, area or volume; all follows from the numbers given. Threading: const members
-// re-entrant. Source: ISO/IEC 19775-1 V4.0 40.3.1, 40.4.2 to 40.4.8; that a face of a surface is chosen by its area,
-// and `internal` FALSE means the volume's surface, is ours, as the standard leaves it open.
+// Invariant: uniform by direction, length, area or volume; a function of the given random numbers. Threading: const
+// members re-entrant. Source: ISO/IEC 19775-1 V4.0 40.3.1, 40.4.2 to 40.4.8. The standard leaves open how a face is
+// chosen and what `internal` FALSE means; here a face is chosen by its area, and FALSE means the volume's surface.
 #pragma once
 
 #include <functional>

@@ -40,7 +40,7 @@ std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system,
 /// Their picture: points, lines, triangles, or copies of the system's geometry, coloured by their ages. Sprites face
 /// `eye`, which is in the system's own space; without one they lie in its x-y plane.
 Mesh tessellateParticles(const Scene& scene, const Node& system, const MeshOf& meshOf, std::optional<Vec3d> eye);
-/// The same with the meshes of its geometry nodes, and what they complain of; `text` as tessellateNode() has it.
+/// The same with the meshes of its geometry nodes, and their problems; `text` as in tessellateNode().
 std::shared_ptr<const Mesh> particlesNode(const Scene& scene, const Node& system, const TessellationOptions& options,
                                           TextMaker* text, std::optional<Vec3d> eye);
 /// Whether that depends on the eye.

@@ -23,7 +23,7 @@ enum class Look : std::uint8_t { quad, sprite, triangle, line, point, geometry }
 /// Copies of a geometry have no more corners together.
 constexpr std::size_t kMostCopied = std::size_t{1} << 22;
 
-/// 40.2.1: a geometry that is given is taken, whatever the type.
+/// 40.2.1: a geometry that is given is used, whatever the geometryType.
 Look lookOf(const Scene& scene, const Node& system, Mesh& problems) {
     const std::string_view name = system.get(P::geometryType).view();
     if (scene.effectiveNode(system.get(P::geometry)) || name == "GEOMETRY") return Look::geometry;

@@ -109,8 +109,8 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
     return mesh;
 }
 
-/// Null for what is no composed geometry, and for one seen for the first time: most never change, and what is
-/// remembered of those that do is not free.
+/// Null if it is no composed geometry, and for one seen for the first time: most never change, and remembering those
+/// that do costs memory.
 std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geometry, const detail::PointsOf* points) {
     const Node* node = scene.effectiveNode(geometry);
     if (!node || !detail::isComposed(*node)) return nullptr;

@@ -63,7 +63,7 @@ class Fonts {
     static constexpr std::size_t kMostLoaded = 256, kMostBytes = std::size_t{256} << 20;
     /// Error, in the returned sentence: there is no font at all.
     virtual std::string choose(const FontRequest& request, FontChoice& out) const = 0;
-    /// `text`: UTF-8; what is not valid counts as U+FFFD. Characters run to the right, or to the left; those of
+    /// `text`: UTF-8; invalid bytes count as U+FFFD. Characters run to the right, or to the left; those of
     /// right-to-left scripts always to the left. `language`: a BCP 47 tag, or empty.
     virtual void shape(std::uint32_t face, const std::string& text, const std::string& language, bool leftToRight,
                        ShapedLine& out) const = 0;

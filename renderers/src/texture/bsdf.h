@@ -1,5 +1,5 @@
-// Bsdf: how a surface's own colours send light on: value, density and samples of one function, so that light that is
-// looked for (lights) and light that is come across (bounces) agree.
+// Bsdf: how a surface reflects light: value, density and samples of one function, so that sampled lights and bounces
+// agree.
 //
 // Frame: z is the shading normal; `view` and `light` are unit vectors away from the surface. Threading: values.
 // Units: those of X3D, in which a white Lambertian surface under a light of intensity 1 head-on shows 1: pi times
@@ -16,8 +16,8 @@
 namespace rtsg::trace {
 
 /// The share of a light's intensity that a PhysicalMaterial shows. It follows glTF (KHR_lights_punctual), in which
-/// intensity is irradiance: a white one under a light of intensity 1 shows 1/pi of what a white Material does. Browsers
-/// do the same.
+/// intensity is irradiance: under a light of intensity 1, a white one shows 1/pi of the value that a white Material
+/// shows. Browsers do the same.
 constexpr float kPhysicalLight = 0.318309886f;
 
 inline float largest(const Vec3f& v) {
@@ -66,10 +66,10 @@ EvenlyLit evenlyLit(const Vec3f& base, float metallic, float roughness, float co
 float highlightAlbedo(float exponent);
 /// specularColor made so small that diffuse and highlight together send on no more than they get.
 Vec3f energyLimited(const Vec3f& diffuse, const Vec3f& specular, float exponent);
-/// baseColor made so small that what is seen at `cosView` is no more than what is got. glTF's model takes from the
-/// diffuse part what a facet half way between light and view mirrors, which at grazing views is far less than the
-/// facets that are seen mirror: a white dielectric would send on up to one and a half times its light. Views within 55
-/// degrees of the normal, and colours below about .6, stay as they are. Within 1 %.
+/// Reduces baseColor so that no more light leaves in direction `cosView` than arrives. glTF's model subtracts from the
+/// diffuse part the reflection of a facet half way between light and view, which at grazing views is far less than the
+/// reflection of the visible facets: a white dielectric would send on up to one and a half times its light. Views
+/// within 55 degrees of the normal, and colours below about .6, stay as they are. Accurate to 1 %.
 Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float cosView);
 
 }  // namespace rtsg::trace

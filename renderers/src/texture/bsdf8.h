@@ -94,7 +94,7 @@ class Bsdf8 {
         return {headOn_.x + (1 - headOn_.x) * m5, headOn_.y + (1 - headOn_.y) * m5, headOn_.z + (1 - headOn_.z) * m5};
     }
 
-    /// Into the lanes of `value` what is shown, and of `glossy` how likely the highlight's lobe is.
+    /// Puts the reflected light into the lanes of `value`, and the probability of the highlight's lobe into `glossy`.
     void phong(const V8& view, const V8& light, const V8& half, V8& value, F8& glossy) const {
         using namespace simd;
         const F8 shine = power(min(max(half.z, all(0)), all(1)), exponent_), along = absolute(dot(view, half));

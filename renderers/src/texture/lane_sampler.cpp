@@ -66,7 +66,7 @@ class LaneSampler {
     LaneSampler(const Texture& texture, const TextureAccess& access, bool decode)
         : texture_(texture), access_(access), decode_(decode) {}
 
-    /// Whether this can look it up; the borders of what has any are left to single look-ups.
+    /// Whether this class can look it up; textures with borders are left to single look-ups.
     static bool suits(const Texture& texture, const TextureAccess& access) {
         return !texture.tiles_ && !texture.wide_ && access.wrapS != TextureWrap::border &&
                access.wrapT != TextureWrap::border;

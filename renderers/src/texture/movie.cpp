@@ -122,7 +122,7 @@ double movieTime(const Node& node, double length) {
     if (!(speed != 0) || !std::isfinite(speed) || !(length > 0)) return 0;
     const double cycle = length / std::abs(speed);
     double time = std::isfinite(elapsed) && elapsed > 0 ? std::fmod(elapsed, cycle) : 0;
-    // 18.4.2: what has run to its end stays there, and is not at its beginning again.
+    // 18.4.2: a movie that has ended stays at its end, and is not at its beginning again.
     if (!node.get(M::isActive) && elapsed > 0 && time < 1e-9 * elapsed) time = cycle;
     time *= std::abs(speed);
     return std::clamp(speed < 0 ? length - time : time, 0.0, length);

@@ -157,7 +157,7 @@ Vec4f SpaceTexture::sample(const Vec3f& str, float footprint, const TextureAcces
         if (space == ColorSpace::display) return access.border;
         return Vec4f(linearFromSrgb(Vec3f(access.border)), access.border.a);
     };
-    // A number of layers that fits into int whatever the coordinate is, and keeps its bits.
+    // Reduces a coordinate so that the number of layers fits into int and keeps its precision.
     float r = std::isfinite(str.z) ? str.z : 0.0f;
     if (access.wrapR == TextureWrap::clamp || access.wrapR == TextureWrap::border)
         r = std::clamp(r, -1.0f, 2.0f);

@@ -123,7 +123,7 @@ F4 lightOf(std::uint32_t word, const float* table) {
               static_cast<float>(word >> 24) * (1 / 255.0f)};
 }
 
-/// Brings a coordinate near 0 so that what follows fits into int and keeps its bits.
+/// Brings a coordinate near 0 so that it fits into int and keeps its precision.
 float reduce(float s, TextureWrap wrap) {
     if (!std::isfinite(s)) return 0;
     if (wrap == TextureWrap::clamp) return std::clamp(s, 0.0f, 1.0f);
@@ -153,7 +153,7 @@ ReadRequest request(std::uint64_t maximumPixels, Texture::Content content, bool 
             if (count > kMaxSide) return "the texture has more than 32768 layers";
             const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
                                 static_cast<std::uint64_t>(count);
-            // While it is read there are rows of the file's kind, and what is kept of them.
+            // During reading there are rows in the file's format, and the rows that are kept.
             const std::uint64_t whileRead = pixels * (bytes ? 2 * 4 : 2 * sizeof(Vec4f));
             if (pixels <= maximumPixels / (bytes ? 1 : 4)) {
                 const auto ok = mayHold(whileRead);
@@ -390,7 +390,7 @@ Texture::Level Texture::halved(const Level& fine, bool decode) const {
                     alpha += pixel.a;
                 }
             const auto n = static_cast<float>((y1 - y0) * (x1 - x0));
-            // Weighted by alpha, so that what is clear does not bleed into the visible.
+            // Weighted by alpha, so that transparent pixels do not bleed into visible ones.
             const Vec4f average(alpha > 0 ? color / alpha : plain / n, alpha / n);
             if (fine.linear.empty())
                 coarse.encoded[at] = encode(average, decode);

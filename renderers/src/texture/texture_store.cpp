@@ -50,7 +50,7 @@ std::optional<Texture> tiledIfLarger(const std::shared_ptr<Resource>& resource, 
     const std::string name = nameByContent(resource->readAt(0, 32));
     if (name != "picture.tif" && name != "picture.exr") return std::nullopt;
     auto texture = Texture::fromTiles(resource, name, content);
-    if (!texture) return std::nullopt;  // the usual way says what is wrong
+    if (!texture) return std::nullopt;  // the usual path reports the fault
     const auto pixels = static_cast<std::uint64_t>(texture->width()) * static_cast<std::uint64_t>(texture->height());
     const std::uint64_t counted = pixels * (texture->bytesPerPixel() / 4);
     if (counted <= policy.maximumPixels / 4) return std::nullopt;

@@ -1,5 +1,5 @@
-// TextureStore: the textures of one scene, read once each, however many materials use them and however often those
-// change, and however many renderers show them.
+// TextureStore: the textures of one scene. Each is read once, however many materials and renderers use it and however
+// often those change.
 //
 // A url list is tried in order, each as core/resource.h says. A file that cannot be read, or has more pixels than the
 // policy allows, is reported to everybody who asks, and tried again only when the list changes. Threading: one thread,
@@ -45,7 +45,7 @@ class TextureStore {
     void tellOfDamage(Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();
-    /// Says what a store for these resources has in common with others: those of one name may be one.
+    /// A name for these resources: stores with the same name can be shared.
     static std::string nameOf(const Resources& resources);
 
   private:
@@ -67,7 +67,7 @@ class TextureStore {
     bool mayComeLater(const Scene& scene, const Node& node, const Array<String>& urls) const;
     std::string listName(const Scene& scene, const Node& node, const Array<String>& urls,
                          Texture::Content content) const;
-    /// Opens the urls in order until `take`(resource, why) has what it wants; else why not.
+    /// Opens the urls in order until `take`(resource, why) accepts one; otherwise returns the reason.
     template <class Take>
     std::string tryUrls(const Scene& scene, const Node& node, const Array<String>& urls, const Take& take);
     /// False, with the reason, if the policy does not let the scene have so many more.

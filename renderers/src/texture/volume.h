@@ -1,4 +1,4 @@
-// Volume: what an X3DVolumeDataNode shows: its voxels, and what its render styles make of them.
+// Volume: the content of an X3DVolumeDataNode: its voxels, and the optical properties that its render styles give them.
 //
 // Invariant: all fields are finite and in their ranges, so that a march needs no checks. Colours are display values.
 // Threading: immutable once read; share freely. Source: ISO/IEC 19775-1 V4.0 clause 41; docs/volumes.md says what is
@@ -95,7 +95,7 @@ struct Volume {
     const VolumeStyle& styleOf(std::size_t index) const { return styles[std::min(index, styles.size() - 1)]; }
 };
 
-/// `before`: what was read of it the last time, or null; voxels that have not changed are taken from there.
+/// `before`: the last result, or null; unchanged voxels are taken from it.
 std::shared_ptr<const Volume> readVolume(const Scene& scene, const Node& node, TextureStore& textures,
                                          const Volume* before, Diagnostics& diagnostics);
 

@@ -247,8 +247,8 @@ InstanceTree::Part InstanceTree::partOf(std::uint32_t begin, std::uint32_t end) 
     return part;
 }
 
-/// Cuts a part in two where the surface-area heuristic over `kBins` slices says so; far down the tree in halves,
-/// whatever they cost: the depth stays bounded.
+/// Divides a part where the surface-area heuristic over `kBins` slices says so; far down the tree in halves at any
+/// cost, so that the depth stays bounded.
 void InstanceTree::split(const Part& part, std::size_t level, Part& a, Part& b) {
     const auto center = [&](std::uint32_t object) { return objects_[object].box.lower + objects_[object].box.upper; };
     Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);

@@ -97,7 +97,7 @@ RTSG_INLINE void call(Leaf leaf, void* self, std::uint32_t child, __mmask16 lane
     leaf(self, child & ~TreeView::kLeaf, mask);
 }
 
-/// For a few objects, all below the root: what the packet's interval saves is less than it costs.
+/// For a few objects, all below the root: the packet's interval would cost more than it saves.
 void traverseRoot(const Node& root, const Packet& p, const RayPacket16& rays, Leaf leaf, void* self) {
     __mmask16 lanes;
     std::uint64_t order[8];

@@ -35,13 +35,13 @@ struct Limits {
 std::uint32_t findValid(const RayPacket16& rays, const Limits& limits, std::int32_t* valid);
 /// The members of a packet that its maker leaves to us.
 void complete(RayPacket16& rays, std::uint32_t mask);
-/// Does what the function of that name in rays_together.h does.
+/// The same as the function of that name in rays_together.h.
 bool runTogether(const RayPacket16& rays, const std::int32_t* valid, float parallel, float nearby);
 /// A bit for each lane that has hit something.
 std::uint32_t findHits(const RayPacket16& rays);
 /// Copies the packet's hits: places on triangles, triangles, and normals as they are.
 void copyHits(const RayPacket16& rays, PacketHits16& hits);
-/// The same directions with length 1; what has none becomes +z.
+/// The same directions with length 1; a direction of length 0 becomes +z.
 void makeUnit(PacketHits16& hits);
 
 /// Whether this build has it: false for other processors' and for compilers that cannot.

@@ -1,4 +1,4 @@
-// Paged: an array in pages, of which versions keep those that are written to later.
+// Paged: an array in pages; versions keep the old pages that are overwritten later.
 //
 // Invariant: a page that a held version sees (versions.h) is never written; write() puts a copy in its place first. So
 // to freeze the array is to copy its list of pages, and a change costs the copy of a page at most.
@@ -36,7 +36,7 @@ class Paged {
             replace(page);
         return pages_[page][i % N];
     }
-    /// At least so many; what is added on a page that was there already holds what was there.
+    /// Grows to at least this size; elements added to an existing page have its old content.
     void grow(std::size_t size) {
         while (pages_.size() * N < size) {
             owners_.push_back(newPage());

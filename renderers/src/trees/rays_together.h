@@ -1,5 +1,5 @@
-// Whether rays of a packet run so close together that it pays to trace them by the frustum around all of them, as
-// Embree does with coherent rays: those from an eye, to a lamp, from a flat mirror.
+// Whether the rays of a packet are so close together that it pays to trace them by their common frustum, as Embree does
+// with coherent rays: those from an eye, to a lamp, from a flat mirror.
 //
 // Threading: a function of its arguments.
 #pragma once

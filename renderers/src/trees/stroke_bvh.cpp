@@ -41,7 +41,7 @@ struct StrokeBvh::Builder {
         for (std::uint32_t i = begin; i < end; ++i) part.box.extend(boxes[order[i]]);
         return part;
     }
-    /// `level`: far down the tree it is halved, whatever that costs, so that its depth stays bounded.
+    /// `level`: far down the tree parts are halved at any cost, so that its depth stays bounded.
     void split(const Part& part, std::size_t level, Part& a, Part& b) {
         Vec3f lower(HUGE_VALF), upper(-HUGE_VALF);
         for (std::uint32_t i = part.begin; i < part.end; ++i) {

@@ -16,7 +16,8 @@ using namespace simd;
 
 namespace {
 
-/// One or more rays, as a cone: at a way of t from `origin` they and what they may meet are within reach + growth t.
+/// One or more rays, as a cone: at distance t from `origin` the rays and their possible hits are within reach + growth
+/// t.
 struct Cone {
     Vec3f origin, direction;  // in a tree's frame
     Vec3f reach, growth;      // by axis
@@ -205,7 +206,7 @@ struct Met {
     F8 t, u;
     F8 pixel;  // metres, where it was met
 
-    /// Takes out what lies in the gaps of a line of that length, width and type; false: all of it.
+    /// Removes the parts in the gaps of a line of that length, width and type; false: all of it.
     bool keepDrawn(std::int32_t type, float length, float width) {
         for (int k = 0; k < 8; ++k)
             if (hit[k] && !isDrawn(type, u[k] * length / pixel[k], width)) hit[k] = 0;
@@ -213,9 +214,9 @@ struct Met {
     }
 };
 
-/// The place on an axis that is fewest pixels away from a ray: that is, what it is apart over its depth. Both grow
-/// evenly along the axis, so it is the place nearest to the ray in a plane on which all of it is projected. Nothing at
-/// or behind the eye can be; where an axis begins there, it is cut off just before.
+/// The point on an axis that is nearest to a ray in pixels: with the smallest quotient of distance and depth. Both
+/// change linearly along the axis, so it is the nearest point in a plane onto which all of it is projected. It cannot
+/// be at or behind the eye; an axis that begins there is cut off just before.
 F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     constexpr float kCut = 1e-4f;
     const F8 least = kCut * max(depthA, depthB), difference = depthB - depthA;
@@ -226,7 +227,7 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     const V8 p0 = (apartA + along * first) * z0, way = (apartA + along * last) * z1 - p0;
     const F8 square = dot(way, way);
     const F8 v = select(square > 1e-30f, min(max(-dot(p0, way) / square, all(0)), all(1)), all(0));
-    // Back from the plane: what is half way there is nearer to the nearer end.
+    // Back from the plane: the middle there is nearer to the nearer end.
     return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
 }
 
@@ -234,7 +235,8 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
 /// meets the square to its left, or below. `isOwn`: of which rays this is true, as they are the picture's own.
 Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, I8& isOwn) {
     constexpr float kBeside = .02f;       // pixels: rays may have gone straight through something
-    constexpr float kEdge = 1.0f / 2048;  // pixels: more than roundings, so that what lies between two is in one
+    constexpr float kEdge = 1.0f / 2048;  // pixels: more than roundings, so that a point between two pixels is in one
+                                          // of them
     const V8 from = points - width.eye, start = o - width.eye;
     const I8 isAhead = d.z < 0.0f;
     const F8 inverse = -1.0f / select(isAhead, d.z, all(-1));
@@ -282,9 +284,9 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
     F8 offset = beside, reach, pixelSquared;
     const F8 far = dot(from, from), distance = sqrt(far);
     if (width.spreadSquared > 0) {
-        // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
-        // by 1 / cos f away from the middle: there the tube is narrower by as much. Beyond 60 degrees it is left as
-        // it is there.
+        // The depth gives the width of a pixel. Away from the picture's middle, at an angle f, things look longer by 1
+        // / cos f in the direction away from the middle, so the tube is made narrower by this factor. Beyond 60 degrees
+        // the factor stays as it is there.
         const F8 depth = dot(from, width.forward);
         const F8 squared = max(max(depth * depth, .25f * far), all(1e-30f));
         offset += lean * lean * (far / squared);

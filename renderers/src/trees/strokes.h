@@ -1,4 +1,4 @@
-// Strokes: all lines and points there are to trace, beside the triangles of top.h, and what queries see of them.
+// Strokes: all lines and points to trace, beside the triangles of top.h, and the view of them that queries use.
 //
 // Invariant: as of TopView: a frozen StrokeView answers as the Strokes did at that moment. Rays that reach it have been
 // checked. A stroke is as wide at each point of its axis as the style's pixels are there, squeezed towards the middle
@@ -28,9 +28,9 @@ inline Vec3f rowLengths(const glm::mat3& m) {
     return {glm::length(rows[0]), glm::length(rows[1]), glm::length(rows[2])};
 }
 
-/// How much nearer a stroke counts than it is, as a share of how far the ray's start and the stroke lie from ray
-/// space's zero and the stroke from the eye, together: what lies in a surface, to within the roundings of both, is
-/// seen. Also in what lies so far away, or is seen from there.
+/// How much nearer a stroke counts than it is, so that a stroke in a surface is seen in spite of roundings. It is a
+/// share of the sum of three distances: of the ray's start and of the stroke from the origin of ray space, and of the
+/// stroke from the eye. So it also holds far from the origin and from the eye.
 constexpr float kTie = 0x1p-19f;
 
 /// The strokes of one instance.

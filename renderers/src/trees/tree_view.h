@@ -94,7 +94,7 @@ class TreeView {
 
   private:
     struct Packet;
-    /// For a few objects, all below the root: what the packet's interval saves is less than it costs.
+    /// For a few objects, all below the root: the packet's interval would cost more than it saves.
     template <class Leaf>
     void traverseRoot(const Packet& packet, const RayPacket16& rays, Leaf& leaf) const;
 

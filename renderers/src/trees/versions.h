@@ -28,10 +28,10 @@ class Versions {
     /// The kinds of rays that a mask lets through, in every epoch.
     static constexpr std::uint32_t inAllEpochs(std::uint32_t kinds) { return (kinds & 15u) * 0x11111111u; }
 
-    /// How many have been made: the stamp of what is written now.
+    /// The number of versions so far: the stamp of data written now.
     std::uint64_t serial() const { return serial_; }
     bool anyHeld() const { return newest_ != 0; }
-    /// Whether one reads what was last written at `stamp`, and is in use since.
+    /// Whether a version that is still in use reads data that were last written at `stamp`.
     bool sees(std::uint64_t stamp) const { return newest_ > stamp; }
     /// Whether one was made with a serial above `from` and up to `to`.
     bool sees(std::uint64_t from, std::uint64_t to) const {
@@ -40,11 +40,12 @@ class Versions {
         return false;
     }
 
-    /// Another version of what is there now; returns its number below kMost, or kMost when so many are held.
+    /// Makes another version of the present data; returns its number below kMost, or kMost if too many are held.
     std::size_t hold();
     /// Its reader has done: nothing of it is read any more.
     void release(std::size_t number) { holders_[number].isRead.store(false, std::memory_order_release); }
-    /// Looks who has let go; until the next call nobody does. Returns whether somebody has.
+    /// Finds the versions that have been released; until the next call the answer stays the same. Returns whether there
+    /// were any.
     bool refresh();
 
     /// Keeps a thing that was in use from `stamp` until the serial was `until` while somebody can see it.
@@ -54,7 +55,7 @@ class Versions {
     /// Retired things that nobody sees any more, after refresh().
     std::vector<std::shared_ptr<const void>> takeUnseen();
 
-    /// The epoch of what is written now, and how far its bits lie to the left.
+    /// The shift of the mask bits of the present epoch.
     unsigned maskShift() const { return epoch_ * kKinds; }
     /// The bits of all held versions.
     std::uint32_t heldBits() const { return heldBits_; }

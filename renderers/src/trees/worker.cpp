@@ -10,7 +10,7 @@ Worker::~Worker() {
     {
         const std::lock_guard lock(mutex_);
         stop_ = true;
-        for (const auto& job : queue_) job->run_ = nullptr;  // it may share what holds the job
+        for (const auto& job : queue_) job->run_ = nullptr;  // it may share the object that holds the job
         queue_.clear();
     }
     wake_.notify_all();
@@ -49,7 +49,7 @@ void Worker::runFirst(std::unique_lock<std::mutex>& lock) {
     } catch (...) {
         job->failed_ = true;
     }
-    job->run_ = nullptr;  // what it shared goes with it
+    job->run_ = nullptr;  // the objects that it shared go with it
     lock.lock();
     job->done_.store(true, std::memory_order_release);
     finished_.notify_all();

@@ -1,7 +1,7 @@
-// Worker: one thread for what may take longer than a frame, such as building a BVH anew.
+// Worker: a thread for work that may take longer than a frame, such as building a BVH anew.
 //
-// Invariant: jobs run one at a time, in the order they came. A job may outlive what it was started for: it must own, or
-// share, all it touches. Nothing a job throws gets out: it counts as done, and failed.
+// Invariant: jobs run one at a time, in the order in which they came. A job may outlive the object that started it, so
+// it must own or share all that it uses. Exceptions of a job are caught: the job counts as done and failed.
 // Threading: start(), wait() and the destructor on one thread; Job's members on any.
 #pragma once
 
@@ -30,7 +30,7 @@ class Worker {
         bool failed_ = false;
     };
 
-    /// Without a thread, as where the system has no more, jobs wait for whoever waits for them.
+    /// Without a thread, or if the system has no more threads, a job runs when somebody waits for it.
     explicit Worker(bool threaded = true) : threaded_(threaded) {}
     /// Waits for the job under way; those behind it never run.
     ~Worker();

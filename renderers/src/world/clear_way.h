@@ -18,7 +18,7 @@ namespace rtsg {
 
 class ClearWay {
   public:
-    /// `passes(asked, slot)`: whether rays may go on behind what they meet of a slot.
+    /// `passes(asked, slot)`: whether rays may continue behind a hit on a slot.
     ClearWay(const RayView& view, bvh::PassedHits::Passes passes, const void* asked)
         : view_(view), passed_(passes, asked) {}
 
@@ -59,7 +59,7 @@ class ClearWay {
         const float away = glm::dot(point.position - start, point.normal);
         return glm::dot(direction, point.normal) < 0 ? away < 0 : away > 0;
     }
-    /// By distance; what is met at the same is in some order that does not depend on how it was found.
+    /// By distance; surfaces at the same distance are in an order that does not depend on how they were found.
     void sort(int lane);
 
     const RayView& view_;

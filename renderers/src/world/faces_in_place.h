@@ -32,7 +32,7 @@ inline Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
 
 }  // namespace in_place
 
-/// How far from a place rounded numbers may put what is there, of a ray that comes from `from`.
+/// How far rounding may move a hit at `at` by a ray from `from`.
 inline float roundingAt(const Vec3f& from, const Vec3f& at) {
     const Vec3f sizes = glm::max(glm::abs(from), glm::abs(at));
     return 0x1p-20f * std::max({sizes.x, sizes.y, sizes.z}) + 1e-30f;

@@ -30,7 +30,7 @@ class HandOver {
     HandOver(const HandOver&) = delete;
     HandOver& operator=(const HandOver&) = delete;
 
-    /// Null: there is none any more. False: no place is free, and get() gives what it gave before.
+    /// Null: there is no object any more. False: no place is free, and get() returns the old object.
     bool put(std::shared_ptr<const T> next) {
         tidy();
         for (std::size_t i = 0; i < kPlaces; ++i) {
@@ -49,7 +49,7 @@ class HandOver {
         }
         return false;
     }
-    /// Lets go of what was there before, as far as nobody is at it any more.
+    /// Releases old objects that nobody reads any more.
     void tidy() {
         for (Place& place : places_) {
             if (!place.isUsed || place.isCurrent) continue;
@@ -61,7 +61,7 @@ class HandOver {
     /// The object that was put last; null before.
     std::shared_ptr<const T> get() const { return Visit(*this).value(); }
 
-    /// A reader at a place: what is there stays until it leaves.
+    /// A reader at a place: the object there stays until the reader leaves.
     class Visit {
       public:
         explicit Visit(const HandOver& all)

@@ -34,7 +34,7 @@ HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
     const bool stroke = hit && !hit.isCap() && instances_[hit.instance].mesh->strokeCount > 0;
     if (hit && !hit.isCap() && !stroke) return point(hit);
     const Vec3f way = hit.t * ray.direction, place = ray.origin + way;
-    // Far enough towards the axis not to meet it again, and not as far as to what it lies in.
+    // Far enough towards the axis not to hit it again, and not as far as the surface that it lies in.
     if (stroke)
         return {place, glm::abs(hit.normal) * (bvh::kTie * (glm::length(ray.origin) + glm::length(place))), hit.normal};
     // The place is as exact as the ray's start and the way from there are; a cap's plane is not known better.

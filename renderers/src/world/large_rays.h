@@ -1,4 +1,4 @@
-// LargeRays: rays that a view's few large triangles are asked about before its trees are.
+// LargeRays: tests rays against a view's few large triangles before the trees are used.
 //
 // Rays that stay open are to be traced by the view. So the results are those of RayView::intersect and occluded, except
 // for the last bits of numbers. Whether all this pays is counted from surfaces alone, so pictures are the same in every

@@ -43,7 +43,7 @@ bool wasThere(const RayView& before, const RayInstance& now);
 
 class Motions {
   public:
-    /// Costs what has changed between them, unless something has moved: then a look at every instance.
+    /// The cost depends on the changes between them; if something has moved, every instance is looked at.
     Motions(const RayView& before, const RayView& now);
     bool empty() const { return objects_.empty(); }
     /// Whether an instance of the later state is elsewhere at other times.

@@ -199,7 +199,7 @@ Hit firstOf(const RayView& view, Ray ray, const SeenSurfaces* seen) {
         if (!met || !seen) return met;
         if (const Hit shown = seen->seen(view, ray, met)) return shown;
         ray.origin = RayView::leave(view.point(met, ray), ray.direction);
-        ray.tMin = 1e-30f;  // what it leaves may be met at exactly 0
+        ray.tMin = 1e-30f;  // the surface that it leaves may be hit at exactly 0
     }
     return {};
 }
@@ -245,7 +245,7 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
 
 namespace {
 
-/// Leaves out of each instance what has been met of it.
+/// Leaves out the parts of each instance that have been hit.
 class BeyondFilter final : public RayFilter {
   public:
     BeyondFilter(const Vec3f& origin, const Vec3f& unit) : origin_(origin), unit_(unit) {}
@@ -398,7 +398,7 @@ Result<Pick> Picker::sweep(const Vec3d& center, double radius, const Vec3d& disp
         return now;
     }
     if (radius == 0 && length > 0) return ray(center, displacement, length);
-    // Piece by piece, so that the ball around a piece is not much larger than what the piece sweeps.
+    // Piece by piece, so that the ball around a piece is not much larger than the swept volume.
     constexpr double mostPieces = 256;
     const double pieces = std::clamp(std::ceil(length / (2 * radius)), 1.0, mostPieces);
     Candidate best;
@@ -422,7 +422,7 @@ Result<Pick> Picker::sweep(const Vec3d& center, double radius, const Vec3d& disp
             }
             return search;
         };
-        // A piece out of reach holds nothing: what is that far away is not traced.
+        // A piece out of reach hits nothing: things that far away are not traced.
         if (checkPoint(*world_, middle, "")) world_->visitNear(world_->fromWorld(middle), search, std::ref(visit));
     }
     return finish(best);

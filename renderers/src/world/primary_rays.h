@@ -1,4 +1,4 @@
-// PrimaryRays: the rays of a pinhole's picture, which find what they meet together, tile by tile.
+// PrimaryRays: the rays of a pinhole picture, whose hits are found together, tile by tile.
 //
 // Moving things, lines, points and filters are then treated ray by ray, as for all other rays. So the results are those
 // of RayView::intersect, except for the last bits of numbers and of edges. Tiles that see too many clusters go ray by

@@ -44,7 +44,7 @@ bool meetsBox(const Ray& ray, const Bounds& box) {
 }
 
 bool comeNear(const RayPacket16& rays, const Vec3f& middle, float radiusSquared) {
-    constexpr float kSmaller = 1 - 0x1p-18f;  // for the roundings of what lies far away
+    constexpr float kSmaller = 1 - 0x1p-18f;  // for the rounding of distant things
     I8 near{};
     for (int at = 0; at < 16; at += 8) {
         const F8 x = middle.x - load(rays.originX + at), y = middle.y - load(rays.originY + at),
@@ -53,7 +53,7 @@ bool comeNear(const RayPacket16& rays, const Vec3f& middle, float radiusSquared)
         const F8 ahead = x * dx + y * dy + z * dz;
         const F8 outside = (x * x + y * y + z * z) * kSmaller - radiusSquared;
         const F8 squared = (dx * dx + dy * dy + dz * dz) * kSmaller;
-        // Negated, so that what is too large to be squared counts as near.
+        // Negated, so that values too large to be squared count as near.
         const I8 passes = ahead * ahead < outside * squared, behind = (ahead < 0.0f) & (outside > 0.0f);
         near |= ~(passes | behind);
     }

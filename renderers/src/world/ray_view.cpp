@@ -410,7 +410,7 @@ void RayView::visitFelt(const Vec3f& center, float radius, const NearVisitor& vi
 }
 
 Bounds RayView::bounds() const {
-    // Not the tree's own: that keeps room for what has moved away or gone until it is rebuilt.
+    // Not the tree's own bounds: these include things that have moved away or gone until it is rebuilt.
     Bounds result;
     for (const RayInstance& instance : instances_) {
         if (!instance.info.id || !instance.mesh || !instance.info.seen) continue;

@@ -1,4 +1,4 @@
-// The tables that a RayView traces: the top of a RayWorld as it is, or as it was.
+// The tables that a RayView traces: the present or an earlier top of a RayWorld.
 //
 // Threading: const, but for the counter.
 #pragma once

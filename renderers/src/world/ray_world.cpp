@@ -256,7 +256,8 @@ void RayWorld::Impl::tellOfUntraced(NodeId node, std::string_view reason) {
 }
 
 void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
-    // All at once: what is there is not copied more often than needed, and a whole scene takes no more than it needs.
+    // All at once, so that existing elements are not copied more often than needed, and a whole scene takes no more
+    // memory than it needs.
     std::size_t size = instances.size();
     for (const Instance& info : added) size = std::max<std::size_t>(size, info.id.slot + 1);
     if (size == instances.size()) return;

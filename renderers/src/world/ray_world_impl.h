@@ -1,9 +1,10 @@
-// The speed-up graph: which instance is traced how: merged with others as triangles, or as itself.
+// The speed-up graph: decides how each instance is traced: merged with others as triangles, or by itself.
 //
-// Invariant: `places` has one entry per slot of `instances`; a traced instance is in one cluster or is one
-// object of the top. Clusters are built once: a member that leaves is hidden (a mask, no building), and what arrives is
-// a cluster or an object of its own until the background makes one of several. (The merged mapping rebuilds its one.)
-// A cluster rests in ray space or is a body: it moves as one, and is dissolved as far as it does not.
+// Invariant: `places` has one entry per slot of `instances`; a traced instance is in one cluster or is one object of
+// the top. Clusters are built once: a member that leaves is hidden (by a mask, without building), and a new instance is
+// a cluster or an object of its own until the background thread joins several. (The merged mapping rebuilds its single
+// cluster.) A cluster rests in ray space, or it is a body: it moves as one, and parts that move otherwise are taken
+// out.
 // Versions: what queries read lies in pages (instances, top), in BVHs that are not changed once built, and in masks
 // with epochs; all of these are written as versions.h says. The rest is read by apply() alone. Source: paper
 // section 5.1.2.
@@ -69,7 +70,7 @@ struct RayWorld::Impl {
         Cluster* cluster = nullptr;
         std::uint32_t userIndex = 0;
         std::uint32_t local = 0;    // number in its cluster, or of its object in the top
-        std::uint32_t changes = 0;  // of transform, mesh or tenant: what the background built of older ones is void
+        std::uint32_t changes = 0;  // of transform, mesh or tenant: older results of the background are void
         std::uint32_t movedAt = 0;  // apply() number
         std::uint8_t splits = 0;    // how often it was merged and then moved; counts to kMostDoublings
         Kind kind = Kind::none;
@@ -86,8 +87,8 @@ struct RayWorld::Impl {
         std::uint32_t due;  // apply() number
         InstanceId id;
     };
-    struct Merge;  // what the background builds
-    /// A version and what it lists; kept for its memory when its reader has done.
+    struct Merge;  // the background's work
+    /// A version and the lists that it has; its memory is reused when its reader has finished.
     struct Snapshot {
         WorldVersion version;
         RayView::Tables tables;
@@ -129,7 +130,7 @@ struct RayWorld::Impl {
     std::shared_ptr<const WorldVersion> freeze(const std::shared_ptr<Impl>& self, const RayView& view);
     /// Looks whose readers have done, and lets go of what only they could see. Before anything is changed.
     void refresh();
-    /// The mask bits to leave alone in a cluster's group; what is written from now on is seen by none of them.
+    /// The mask bits to leave alone in a cluster's group: versions with these bits do not see later changes.
     std::uint32_t heldBits(const Cluster& cluster);
     void noteUnsettled(Cluster& cluster);
     /// Its group may be changed: a copy, if somebody sees it.
@@ -237,7 +238,7 @@ void setTransform(RayInstance& instance, const WorldFromLocal& worldFromLocal, c
 glm::mat3 normalMatrix(const WorldFromLocal& m);
 struct DoubleBox {
     Vec3d center{0}, half{-1};
-    /// Within what is traced.
+    /// Within the traced distance.
     bool inReach() const;
 };
 /// The bounds of the box under the transform: they contain it, and are not much larger.

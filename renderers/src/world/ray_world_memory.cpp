@@ -8,7 +8,7 @@ namespace rtsg {
 
 namespace {
 
-/// Distinct arrays, with how many of their owners are known here: whoever else holds one is the scene.
+/// Distinct arrays, with the number of their owners that are known here; any other owner is the scene.
 class Arrays {
   public:
     template <class T>
@@ -17,7 +17,7 @@ class Arrays {
     }
     void add(const MeshAttribute& attribute) {
         add(attribute.indices());
-        // Whatever the type of its values, the header lies before them (array.h).
+        // The header lies before the values, whatever their type (array.h).
         if (attribute.present()) add(reinterpret_cast<const detail::ArrayHeader*>(attribute.data()) - 1);
     }
     void add(const Mesh& mesh) {

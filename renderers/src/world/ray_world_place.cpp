@@ -9,8 +9,8 @@ namespace rtsg {
 
 namespace {
 
-/// An addition of at least so many instances is taken for the arrival of a part of a scene, and what is not known to
-/// move is merged; a smaller one costs what it touches.
+/// An addition of at least this many instances counts as the arrival of a part of a scene, and instances that are not
+/// known to move are merged; the cost of a smaller one depends on the instances that it touches.
 constexpr std::size_t kBulk = 16;
 /// Shared meshes up to this size are copied rather than instanced: entering an instance costs a ray as much as they do.
 constexpr std::uint32_t kSmallMesh = 64;
@@ -147,7 +147,7 @@ void RayWorld::Impl::placePending() {
     if (nothingYet) chooseOrigin();
     const bool bulk = pending.size() >= kBulk || nothingYet;
     std::vector<std::uint32_t> atRest;
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> movers;  // by what they hang below
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> movers;  // by the transform that moves them
     for (const std::uint32_t slot : pending) {
         Place& place = places[slot];
         place.pending = false;

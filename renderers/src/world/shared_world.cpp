@@ -27,7 +27,7 @@ double threadSeconds() {
     return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-/// Runs `work`, which returns a Result; what it throws is an error as well.
+/// Runs `work`, which returns a Result; exceptions become errors as well.
 template <class Work>
 Result<> guarded(const Work& work) {
     try {
@@ -156,7 +156,7 @@ struct SharedWorld::Impl final : Subscriber {
     }
     void handOver() {
         if (lookAnew()) return;
-        wanted.store(false, std::memory_order_relaxed);  // who asks from now on wants the next one
+        wanted.store(false, std::memory_order_relaxed);  // later requests want the next one
         const Result<> made = guarded([&]() -> Result<> {
             auto state = std::make_shared<WorldState>();
             state->sequence = delta ? delta->sequence : 0;
@@ -184,8 +184,8 @@ struct SharedWorld::Impl final : Subscriber {
         wanted.store(true, std::memory_order_relaxed);
     }
 
-    /// Lays what is in pixels out for those who make pictures of states: if there are several, for one of the size that
-    /// was asked for last. True: it did, and what was wanted has been handed over.
+    /// Lays out content whose size depends on pixels, for renderers of states: if there are several, for the picture
+    /// size that was requested last. True: it did, and the wanted state has been handed over.
     bool lookAnew() {
         if (asIs || !rays || !flattener.usesPixels()) return false;
         if (!delta || scene.sequence() != delta->sequence || scene.hasUnsealedEdits())
@@ -264,7 +264,7 @@ std::uint64_t SharedWorld::add(InstanceSubscriber& subscriber) {
     Impl& s = *impl_;
     if (!s.delivering) (void)update();  // a failure is kept
     s.entries.push_back({&subscriber, false, {}, ++s.added});
-    ++s.moment;  // what was handed over is without it
+    ++s.moment;  // states handed over before lack it
     if (!s.delivering && failure().empty()) (void)s.outside([&] { return s.deliverViewer(); });
     return s.added;
 }
@@ -349,7 +349,7 @@ Result<> SharedWorld::setViewer(std::optional<EyePlace> eye, std::vector<LayerSi
     s.flattener.setViewer(eye, std::move(sights));
     if (const std::unique_lock lock(s.eyeMutex, std::try_to_lock); lock) s.eye.reset();
     if (s.delivering) return {};         // with the next one
-    s.waits = s.flattener.usesPixels();  // others' pictures are not to move what this one shows
+    s.waits = s.flattener.usesPixels();  // pictures of others are not to move the content of this one
     const Result<> done = s.outside([&] { return s.deliverViewer(); });
     s.waits = false;
     return done;

@@ -1,4 +1,4 @@
-// Clips of a scene as glTF has them: what a TimeSensor moves by interpolators of Transforms.
+// Writes clips of a scene as glTF animations: the Transforms that a TimeSensor moves through interpolators.
 //
 // Threading: the scene's thread. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.11; ISO/IEC 19775-1 V4.0 19.3, 19.4.
 #pragma once

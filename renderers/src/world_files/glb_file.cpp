@@ -65,7 +65,7 @@ std::string numbered(std::string texture, const char* name, float value) {
     return texture;
 }
 
-/// Whether a translation, a rotation and a scale say what a Transform does.
+/// Whether a translation, a rotation and a scale can express a Transform.
 bool isPlain(const Node& transform) {
     using T = x3d::Transform;
     const Vec3f s = transform.get(T::scale);
@@ -120,7 +120,7 @@ std::string GlbWriter::nameOf(NodeId node) const {
     return name.empty() ? std::string() : ",\"name\":" + jsonString(name);
 }
 
-/// A Transform turns and scales around its centre: the node stands there, and what is below it is moved back.
+/// A Transform rotates and scales around its centre: the node stands there, and its children are moved back.
 std::size_t GlbWriter::moverNode(std::size_t parent, const Node& transform, const std::vector<NodeId>& path) {
     const auto [found, isNew] = moverNodes_.try_emplace(path, 0);
     if (!isNew) return found->second;

@@ -1,7 +1,8 @@
-// A GLB file of what a scene shows: meshes, materials, viewpoints, lights and clips.
+// Writes the visible content of a scene as a GLB file: meshes, materials, viewpoints, lights and clips.
 //
-// A Transform that a clip moves is a node of its own, once for each path to it; all else stands by a matrix below the
-// nearest of these. Invariant: each node stands where the flattener has it. Threading: the scene's thread.
+// A Transform that a clip moves becomes a node of its own, once for each path to it; everything else is placed by a
+// matrix below the nearest such node. Invariant: each node is where the flattener has it. Threading: the scene's
+// thread.
 // Source: glTF 2.0 (ISO/IEC 12113:2022); KHR_lights_punctual, KHR_materials_unlit, KHR_materials_emissive_strength.
 #pragma once
 
@@ -35,7 +36,7 @@ class GlbWriter {
     struct List {
         std::string text;
         std::size_t count = 0;
-        /// Returns the number of what is added.
+        /// Returns the number of the added item.
         std::size_t add(const std::string& item) {
             text += (count != 0 ? "," : "") + item;
             return count++;

@@ -36,7 +36,7 @@ bool global(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
-/// lexical(name): what the program has declared by `let`, `const` or `class`, if anything.
+/// lexical(name): the value that the program has declared by `let`, `const` or `class`, if any.
 bool lexical(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     std::string name;
@@ -149,8 +149,8 @@ bool isTouched(JSObject* global, unsigned place) {
     return (static_cast<std::uint32_t>(*bits) >> place & 1u) != 0;
 }
 
-/// The getter of a program's own field of one number. The engine calls it from what it has compiled, which it does not
-/// do with getters in JavaScript where a program names a global variable.
+/// The getter of a program's own field of one number. The engine can call it from compiled code, which it cannot do
+/// with getters in JavaScript where a program names a global variable.
 bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     JSObject* reader = &args.callee();
@@ -169,8 +169,8 @@ bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
-/// reader(field, place, touched, read): what reads an own field of one number, by `read` if `touched` has bit `place`:
-/// then its value is not the scene's.
+/// reader(field, place, touched, read): the function that reads an own field of one number. It calls `read` if
+/// `touched` has bit `place`: then the value is not the scene's.
 bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const JSAutoRealm inside(cx, currentCall(cx).global);
@@ -275,7 +275,7 @@ bool write(JSContext* cx, unsigned count, JS::Value* vp) {
     if (const std::string refusal = writeRefusal(call, script, node, index); !refusal.empty())
         return answer(cx, args, refusal);
     const FieldDef& def = node->type().fields[index];
-    // VRML97 leaves open what happens then (6.40), and browsers do what the program says.
+    // VRML97 leaves the effect open (6.40), and browsers do as the program says.
     if (node != script && !script->get(x3d::Script::directOutput))
         call.cascade->warn(*script, "writes to other nodes though its directOutput is FALSE; it is done all the same");
     if (node != script && def.access == Access::initializeOnly)

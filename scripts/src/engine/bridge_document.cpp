@@ -41,7 +41,7 @@ Value strings(std::span<const std::string> texts) {
     return {std::move(list)};
 }
 
-/// Null if it is not what the prelude sends.
+/// Null if it is not a value that the prelude sends.
 template <class T>
 std::optional<Array<T>> listArgument(JSContext* cx, const JS::CallArgs& args, unsigned index) {
     Value value;
@@ -168,7 +168,7 @@ bool folder(JSContext* cx, unsigned count, JS::Value* vp) {
     return answer(cx, JS::CallArgsFromVp(count, vp), text);
 }
 
-/// localNode(script, name), or 0: what a DEF or an IMPORT named in the script's document.
+/// localNode(script, name), or 0: the node that a DEF or an IMPORT names in the script's document.
 bool localNode(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Call& call = currentCall(cx);
@@ -286,7 +286,7 @@ bool fieldsOfType(JSContext* cx, unsigned count, JS::Value* vp) {
     return answerFields(cx, args, currentCall(cx).scene.type(*type));
 }
 
-/// kindsOf(node): its own type, then what that implements, by name.
+/// kindsOf(node): its own type, then the types that it implements, by name.
 bool kindsOf(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
@@ -300,7 +300,7 @@ bool kindsOf(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, list.type(), list.storage(), args.rval());
 }
 
-/// typeNames(): of all built-in types, and the abstract ones among what they implement.
+/// typeNames(): the names of all built-in types, and of the abstract ones that they implement.
 bool typeNames(JSContext* cx, unsigned count, JS::Value* vp) {
     std::set<std::string> names{"X3DPrototypeInstance"};
     for (const auto& type : builtinTypes()) {
@@ -312,7 +312,7 @@ bool typeNames(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, list.type(), list.storage(), JS::CallArgsFromVp(count, vp).rval());
 }
 
-/// components(): [names, levels] of what this build knows.
+/// components(): [names, levels] of the components that this build supports.
 bool components(JSContext* cx, unsigned count, JS::Value* vp) {
     std::map<std::string, std::int32_t> levels;
     for (const auto& type : builtinTypes())

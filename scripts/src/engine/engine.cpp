@@ -98,7 +98,7 @@ struct ScriptEngine::State {
             return std::popcount(handled) + static_cast<std::int32_t>(found - handledToo.begin());
         }
 
-        /// It never runs again; what it holds goes with the next collection.
+        /// It never runs again; its memory goes with the next collection.
         void end() {
             canRun = false;
             handled = 0;
@@ -181,8 +181,8 @@ struct ScriptEngine::State {
         return line > 0 ? fmt::format("line {}: {}", line, text) : text;
     }
 
-    /// The line of the script, where the prelude threw in its name: the first frame that is not the prelude's. Nothing
-    /// of the program's runs, whatever it has made of `stack`.
+    /// The line of the script that made the prelude throw: the first frame that is not the prelude's. No code of the
+    /// program runs here, whatever it has made of `stack`.
     unsigned lineIn(const JS::ExceptionStack& stack, const JSErrorReport* report) const {
         JSContext* cx = context();
         if (report->filename && textOf(report->filename) == "script") return report->lineno;
@@ -207,7 +207,7 @@ struct ScriptEngine::State {
 
     enum class Place { program, library };
     /// Runs `body` (returns false with an exception pending) as one call, and then the jobs that it leaves; reports
-    /// what goes wrong. In the realm of the program, or for short of the library, whose functions go into that.
+    /// errors. Runs in the realm of the program, or briefly in that of the library, whose functions go into it.
     template <class Body>
     bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body, Place place = Place::program) {
         if (runtime->depth >= kMaximumDepth) {

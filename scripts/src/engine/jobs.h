@@ -15,7 +15,7 @@ class Jobs final : public JS::JobQueue {
     /// The context gets its jobs from here; lives as long as the context.
     explicit Jobs(JSContext* cx);
 
-    /// How far jobs and rejections go now: a call keeps it, and takes only what comes after.
+    /// The present end of the lists of jobs and rejections: a call keeps it, and takes only later ones.
     struct Mark {
         std::size_t jobs, rejections;
     };

@@ -21,7 +21,7 @@ namespace rtsg::script {
 inline std::int64_t steadyNow() {
     return std::chrono::steady_clock::now().time_since_epoch().count();
 }
-/// The CPU time of this thread in nanoseconds, which does not depend on what others do with the machine.
+/// The CPU time of this thread in nanoseconds, which does not depend on other load of the machine.
 inline std::int64_t ownTime() {
     timespec now{};
     ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -32,7 +32,7 @@ class Memory {
   public:
     /// Inside a realm of the context whose memory this is.
     explicit Memory(JSContext* cx);
-    /// Whether what is held stays within `limit` bytes.
+    /// Whether the memory that is held stays within `limit` bytes.
     bool within(std::size_t limit);
     /// Does what within() does, but only if the last look was some milliseconds before `now`; for the end of short
     /// calls.
@@ -44,7 +44,7 @@ class Memory {
 
     JSContext* cx_;
     JS::PersistentRootedObject gauge_;
-    JS::PersistentRootedId outside_;  // the name of the gauge of what lies outside of the heap
+    JS::PersistentRootedId outside_;  // the name of the gauge of the memory outside the heap
     std::size_t compiled_ = 0;        // programs' code, as of the last count
     std::size_t counted_ = 0;         // all of it, then
     std::size_t resident_ = 0;        // of the process, then, or the least since

@@ -23,7 +23,7 @@ extern const char* const kBrowser;
 namespace {
 
 std::atomic<bool> processEnds = false;
-std::mutex listing;  // held by who makes or destroys a context
+std::mutex listing;  // held while a context is made or destroyed
 
 /// Ends the library with the process: its own threads have to be gone before its static data are. Scenes may live that
 /// long, since exit() destroys neither those on a stack nor those of other threads. They call no program from then on.
@@ -216,7 +216,7 @@ void Runtime::watch(const std::stop_token& stop) {
 bool Runtime::startLibrary() {
     JSContext* cx = context_;
     JS::RealmOptions options;
-    enableWeakRefs(options.creationOptions());  // programs have none: what is still there is chance to them
+    enableWeakRefs(options.creationOptions());  // programs have none: whether an object still exists is chance to them
     JS::RootedObject global(cx, JS_NewGlobalObject(cx, &kLibraryClass, nullptr, JS::FireOnNewGlobalHook, options));
     if (!global) return false;
     library_ = std::make_unique<JS::PersistentRootedObject>(cx, global);
@@ -228,7 +228,7 @@ bool Runtime::startLibrary() {
     if (!evaluateOwn("browser", kBrowser, bridgeValue, &browser) ||
         !JS_DefineProperty(cx, bridge, "common", browser, 0))
         return false;
-    // The prelude comes last: it freezes what all of them are made of.
+    // The prelude comes last, because it freezes the objects that all others are made of.
     if (!evaluateOwn("fences", kFences, bridgeValue, &fences) || !JS_GetProperty(cx, fences, "byName", &fenced) ||
         !evaluateOwn("prelude", kPrelude, bridgeValue, &prelude) || !JS_GetProperty(cx, prelude, "names", &names) ||
         !names.isObject() || !fenced.isObject())
@@ -344,7 +344,7 @@ bool Runtime::hasRoomFor(std::size_t more) {
 
 void Runtime::collect() {
     JS::ClearKeptObjects(context_);
-    // Compiled code goes too: what it remembers of earlier calls would keep objects, and when it is made is chance.
+    // Compiled code goes too: it would keep objects of earlier calls alive, and the time of its compilation is chance.
     JS::PrepareForFullGC(context_);
     JS::NonIncrementalGC(context_, JS::GCOptions::Shrink, JS::GCReason::API);
 }

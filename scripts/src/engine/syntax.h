@@ -1,4 +1,4 @@
-// Whether the text of a script can be parsed; nothing of it runs.
+// Checks whether the text of a script can be parsed; nothing of it runs.
 //
 // Threading: any thread. Source: ISO/IEC 19775-1 V4.0, 29.2; ECMA-262.
 #pragma once

@@ -23,7 +23,7 @@ JSObject* newNumbers(JSContext* cx, std::size_t count, double*& data) {
     return array;
 }
 
-/// ECMAScript's ToInt32: what a script that computes with bits expects.
+/// ECMAScript's ToInt32, as scripts that compute with bits expect.
 std::int32_t toInt32(double number) {
     return JS::ToInt32(number);
 }

@@ -136,7 +136,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
-    watchConnection();  // its descriptor wakes only those who have read it until empty
+    watchConnection();  // its descriptor wakes only a reader that has read it until empty
     if (auto ok = checkPort(endpoint); !ok) return ok;
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));

@@ -39,14 +39,14 @@ class TypeMapping {
     Result<> renumber(ChangeSet& set) const;
     /// The writer's number of a field whose number here is `field`. kNoField if the writer lacks it.
     FieldIndex fieldAtOrigin(NodeId node, FieldIndex field) const;
-    /// Rewrites a decoded set, and counts what has no counterpart here. Changes that it adds are charged. Without
+    /// Rewrites a decoded set, and counts parts that have no counterpart here. Changes that it adds are charged. Without
     /// `losses`, what has no counterpart is an error, and so is a node of an unknown type. The input of a frame may
     /// come before its changes: both may define the same types.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses* losses);
     /// Rewrites what the input of a frame has beside edits and events, which come before. `state` is that of a run
     /// state, else null. Behaviours of types that have not been described wait until they are. Error: as above.
     Result<> toLocal(FrameInput& input, RunState* state);
-    /// What a scene here did, in the stream's numbers. Fields that the writer lacks are left out.
+    /// The changes that a scene here made, in the stream's numbers. Fields that the writer lacks are left out.
     ChangeSet toOrigin(const ChangeSet& set) const;
     /// ChangeDecoder::lackingHere().
     std::string lackingHere() const;

@@ -54,7 +54,7 @@ Array<String> readFlat<String>(Reader& in) {
     for (std::size_t i = 0; i < result.size() && !in.problem; ++i) target[i] = readString(in);
     return result;
 }
-/// A value of a type from outside says what it is: whatever is no such value would be kept and passed on.
+/// A custom value carries its own description, so an invalid one must be refused; it would be kept and passed on.
 CustomValue readCustom(Reader& in) {
     const std::string_view box = in.text();
     if (in.problem || !in.charge(kArrayCost + box.size())) return {};

@@ -1,4 +1,4 @@
-// HeldPointers: which peer each pointer belongs to, so that pointers of a peer that is gone can be released.
+// HeldPointers: remembers which peer each pointer belongs to, so that pointers of a peer that has left can be released.
 //
 // Invariant: for each pointer of peers that points at or holds something, it knows the peer that sent it last.
 // Threading: the scene's thread.

@@ -138,7 +138,7 @@ class MergedSource {
     Result<ChangeSet> take() {
         ChangeSet taken = std::move(*next_);
         next_.reset();
-        const bool wasEmpty = replayer_.scene().sequence() == 0;  // what a new scene leads to first is a snapshot, too
+        const bool wasEmpty = replayer_.scene().sequence() == 0;  // the first state of a new scene is a snapshot, too
         const Result<bool> more = check_.step();
         if (!more) return std::unexpected(more.error());
         if (!*more) {

@@ -1,7 +1,7 @@
 // LogFiles: the bytes of a log, which may lie in several files: the pieces of a session.
 //
-// Invariant: the files are read as if they stood one after the other. All but the last are as long as they were at
-// first; what cannot be read of them, as when one has become another file, is zeros. At most two files are open.
+// Invariant: the files are read as if they stood one after the other. All but the last keep their length. Parts that
+// cannot be read, for example because a file was replaced, read as zeros. At most two files are open.
 // Threading: one thread.
 #pragma once
 

@@ -178,7 +178,7 @@ class Run {
         return {};
     }
 
-    /// Steps the recorded side and notes what is wrong with it.
+    /// Steps the recorded side and notes its faults.
     bool next() {
         const Result<bool> more = check_.step();
         if (!done()) report_.divergence = check_.firstLoss();

@@ -314,7 +314,7 @@ void MirrorServer::pass(const std::vector<mirror::Submission>& submissions) {
     }
 }
 
-/// Releases what the pointers of a peer held that is gone. Otherwise it would be held for ever.
+/// Releases the objects that the pointers of a departed peer held. Otherwise they would be held for ever.
 void MirrorServer::letGo(std::uint64_t client) {
     std::vector<Change> events = writers_->pointers.leave(scene_, client);
     if (events.empty()) return;

@@ -157,8 +157,8 @@ void MirrorServer::Io::giveUp(const char* why) {
     shared_->callScene();
 }
 
-/// A thousand peers answer one after the other, and waking up for each costs more than its message. So what comes
-/// within a short time is read together. Frames of the scene are sent at once.
+/// A thousand peers answer one after the other, and waking up for each costs more than its message. So messages that
+/// arrive within a short time are read together. Frames of the scene are sent at once.
 void MirrorServer::Io::gather() {
     const auto left = turned_ + kGather - Clock::now();
     if (peers_.size() > kFewPeers && !news_ && left > 0ns) {

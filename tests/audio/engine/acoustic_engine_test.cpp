@@ -126,7 +126,7 @@ TEST(AcousticEngine, TracesAgainOnlyWhatAChangeCanReach) {
     EXPECT_NE(through.second, still.second);
 }
 
-/// What it does to the response is less than other rays do.
+/// Its effect on the response is smaller than that of other random rays.
 TEST(AcousticEngine, WhatMovesFarOffAndIsSmallIsTracedOnceASecond) {
     Stage stage(
         "#X3D V4.0 utf8\nPROFILE Full\n"

@@ -126,7 +126,7 @@ TEST(EngineHeap, ABlockTakesNothingOnceAllThatPlaysHasBeenHeard) {
                 sounding.next();
                 sounding.blocks(60);
             }
-            // Of one state, once its room has been traced; what was on its way goes on.
+            // The state stays the same, and its room has been traced; sound on its way goes on.
             sounding.blocks(120);
             EXPECT_EQ(test::allocationsOf([&] { sounding.blocks(50); }), 0u);
             EXPECT_TRUE(sounding.rendered());

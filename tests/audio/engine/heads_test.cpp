@@ -136,7 +136,7 @@ TEST_F(Heads, EnableHrtfChangesWhileItIsHeardAndConcernsItsSoundAlone) {
                 return std::abs(static_cast<double>(samples[i] - from.samples[i]));
             };
             if (i < 2 * 4200) mostBefore = std::max(mostBefore, apart(before));
-            // What a head rings on is within a block or two.
+            // A head rings for a block or two.
             if (i > 2 * 6500) mostAfter = std::max(mostAfter, apart(after));
             if (i > 2 * 1500) steepest = std::max(steepest, std::abs(static_cast<double>(samples[i] - samples[i - 2])));
         }
@@ -186,7 +186,7 @@ TEST_F(Heads, AChannelThatComesWhenAHeadIsLeftConcernsItsSoundAlone) {
         ASSERT_NEAR(together.samples[i], one.samples[i] + other.samples[i], 1e-5) << i;
 }
 
-/// What is under way when its source is taken from the scene comes as it would have, by whichever head.
+/// Sound on its way when its source is removed from the scene arrives unchanged, by whichever head.
 TEST_F(Heads, WhatIsGoneIsHeardOnByTheSameHead) {
     // 51.45 m away, .15 s; gone at .1 s.
     const std::string far = hornAt("", 70, 51.45), own = hornAt("enableHRTF TRUE", 70, 51.45),
@@ -243,7 +243,7 @@ TEST_F(Heads, APannerOfAGraphHearsByTheHeadThatIsGiven) {
             ASSERT_NEAR(sound.samples[2 * i + e], .5f * std::sqrt(.5f) * ears[e][i], 6e-5f) << e << ' ' << i;
 }
 
-/// As loud and as late as the pressure on it.
+/// Its level and delay are those of the pressure on it.
 TEST_F(Heads, InterauralDistanceIsTheSizeOfASphereThatHears) {
     for (const bool binaural : {false, true})
         for (const double ears : {.12, .3})
@@ -275,7 +275,7 @@ TEST_F(Heads, InterauralDistanceIsTheSizeOfASphereThatHears) {
           "Ear: its interauralDistance is too large: 0.5 m count");
 }
 
-/// What a wall sends back comes to such ears too: of sources that stand, and of those that pass.
+/// Reflections by a wall reach such ears too, for sources at rest and in motion.
 TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
     // A wall at z = 4, behind the listener: the image of a source at x 0 0 is at x 0 8.
     const std::string body =
@@ -314,7 +314,7 @@ TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
                     distance = std::hypot(x, 8);
                     emitted = t - distance / kSpeed;
                 }
-                // As high as it is heard.
+                // The pitch that is heard.
                 const double pitch = 2 * std::numbers::pi * kHertz / (1 + speed * x / distance / kSpeed);
                 const auto ear = test::onRigidSphere(pitch * .2 / kSpeed, std::acos((e == 0 ? -x : x) / distance));
                 const auto turn = std::polar(1.0, -2 * std::numbers::pi * kHertz * emitted - std::arg(ear));

@@ -329,7 +329,7 @@ TEST(MovingSource, AReflectionThatGoesRoundAHeadDoesNotTick) {
     EXPECT_LE(farFromTheTone(sound, 1.05, 300), -70);
 }
 
-/// With what the wall leaves of its band, to a quarter of a decibel.
+/// With the share that the wall leaves in its band, to a quarter of a decibel.
 TEST(MovingSource, AReflectionThatFollowsIsColouredByTheWall) {
     std::string wall = kWall;
     wall.insert(wall.find("specular"),

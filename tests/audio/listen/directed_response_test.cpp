@@ -99,10 +99,10 @@ TEST_F(DirectedResponse, WeighsEveryPathByTheConeAsTheSoundIs) {
                 EXPECT_NEAR(heard, meant, kBeside * meant) << i;
             }
         }
-        // What is figured out stays that of a source which sends alike to all sides.
+        // Figures stay those of an omnidirectional source.
         const auto alike = imagesInBox({1, 1, 1.5}, {4, 3, 1.5}, .3, 0, [](const glm::dvec3&) { return 1; });
         EXPECT_NEAR(source.trace.arrivals.front().energy[kBand1k], alike[0].energy, 1e-6 * alike[0].energy);
-        // As WAV: at pressure 1 at a metre on the axis. Between samples an impulse's sum is what it was.
+        // A WAV has pressure 1 at a metre on the axis. The sum of an impulse between samples stays the same.
         const SoundBuffer response = report->impulseResponses();
         const double direct = expected[0].seconds;
         double sum = 0;

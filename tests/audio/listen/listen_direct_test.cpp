@@ -142,7 +142,7 @@ TEST_F(Listen, SidesAndTheListenersTurn) {
         return energy;
     };
     for (const bool binaural : {false, true}) {
-        // Of a sphere as on its near and far side, of 1 kHz.
+        // As on the near and far side of a sphere, at 1 kHz.
         const double apart =
             binaural ? std::norm(earOnSphere(.0875, 1000, 90, 1) / earOnSphere(.0875, 1000, 90, 0)) : 19;
         const auto right = energies("Viewpoint { position 0 0 0 }", binaural);

@@ -96,7 +96,7 @@ TEST_F(ListenLeak, AForgottenTriangleIsToldWithItsPlaceAndItsLine) {
     o.render.document = file;
     const auto report = listen(scene, o);
     ASSERT_TRUE(report);
-    // By what is heard and by the figures, and once.
+    // Found by the sound and by the figures, but reported once.
     ASSERT_EQ(report->diagnostics.all().size(), 1u);
     const Diagnostic& told = report->diagnostics.all()[0];
     EXPECT_EQ(told.code.text(), "leak");
@@ -119,7 +119,7 @@ TEST_F(ListenLeak, AForgottenTriangleIsToldWithItsPlaceAndItsLine) {
     EXPECT_NEAR(losses["escaped"].get<double>(), json["escaped"].get<double>(), 1e-6);
 }
 
-/// As text and as a page: what goes by none of the openings has a row of its own, where there is any.
+/// In text and page, energy that leaves by none of the openings has a row of its own, if there is any.
 TEST_F(ListenLeak, WhatGoesElsewhereHasARowOfItsOwn) {
     RoomReport report;
     RoomReport::Losses losses;

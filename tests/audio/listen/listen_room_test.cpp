@@ -109,7 +109,8 @@ TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
 }
 
 TEST_F(Listen, NeitherDoesABodyThatFollowsWhatSounds) {
-    // What is heard left some 10 ms and up to a frame ago: where it left, the cab 3 cm behind is now.
+    // Sound that is heard now left between 10 ms and a frame ago, at a place where the cab is now, 3 cm behind the
+    // source.
     const auto level = [&](const std::string& body, double speed) {
         Scene scene;
         load(scene,
@@ -343,7 +344,7 @@ TEST_F(Listen, SourcesInLineWithTheFacesOfAnEdgeAreTraced) {
     EXPECT_NEAR(trace.absorbed[kBand1k] + trace.escaped[kBand1k] + trace.truncated[kBand1k], 1, .01);
 }
 
-/// As many values as a metadata node has say where they begin; beyond them the nearest stands.
+/// The number of values in a metadata node tells the first band; beyond them the nearest value counts.
 TEST_F(Listen, BandsOfMetadataLieWhereTheirNumberSays) {
     const auto absorption = [&](const std::string& values) {
         Scene scene;

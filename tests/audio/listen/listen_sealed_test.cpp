@@ -130,7 +130,7 @@ TEST_F(ListenSealed, IsToldAgainOnlyWhenItIsSealedAgain) {
     ASSERT_EQ(texts.size(), 2u);
     EXPECT_TRUE(texts[0].starts_with("until 0.2")) << texts[0];
     EXPECT_NE(texts[0].find(" s nothing is heard of Voice: "), std::string::npos) << texts[0];
-    // What a frame says holds for the sound since the one before.
+    // A report of a frame is about the sound since the frame before.
     EXPECT_TRUE(texts[1].starts_with("from 0.3") || texts[1].starts_with("from 0.4")) << texts[1];
     EXPECT_NE(texts[1].find(" s on nothing is heard of Voice: "), std::string::npos) << texts[1];
     // Sealed from .1 to .3 s.

@@ -290,8 +290,8 @@ TEST(LiveSound, TheFirstReflectionsComeWithoutAStep) {
     EXPECT_LT(step, .01 * peak) << "after " << blocks << " blocks";
 }
 
-/// Who is heard without reflections is counted, and soon is not: where several wait each has an eighth of its rays at
-/// first, and goes on until it has all.
+/// Sources that are heard without reflections are counted, and soon there are none: if several wait, each has an eighth
+/// of its rays at first, and the rest later.
 TEST(LiveSound, SourcesWithoutReflectionsAreCountedAndHurriedFor) {
     std::string text = kRoom;
     for (const char* x : {"2", "3"})

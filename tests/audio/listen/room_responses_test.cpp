@@ -109,7 +109,7 @@ TEST_F(SofaOfRoom, HoldsEveryPairWhereItIsAndAsItSounds) {
     for (const char* name : {"Title", "DateModified", "APIName", "APIVersion", "AuthorContact", "Organization",
                              "License", "DatabaseName", "RoomDescription", "ReceiverDescription"})
         EXPECT_FALSE(sofa.global.at(name).empty()) << name;
-    // z is up: (x, -z, y). Who stands at which place looks where the Viewpoint does: along -z, and along -x.
+    // z is up: (x, -z, y). The listener at each place looks in the direction of the Viewpoint: along -z, and along -x.
     const glm::dvec3 voice(1, -1.5, 1), horn(5, -2, 4), seat(4, -1.5, 3), aisle(2, -1.2, 3);
     expectPlaces(sofa.sourcePosition.values, {voice, voice, horn, horn});
     expectPlaces(sofa.others.at("SourceView").values, {{1, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}});

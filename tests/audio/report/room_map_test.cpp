@@ -85,7 +85,7 @@ TEST(RoomMap, IsAPictureWhoseColoursGrowLighter) {
     EXPECT_NEAR(color(0, 0).z, (74 + .0455 * 4 * (142 - 74)) / 255, .01);
     EXPECT_NEAR(color(1, 1).x, (86 + .818 * (250 - 86)) / 255, .01);
     EXPECT_EQ(picture.at(40 + 96 + 48, 74 + 48), Vec4f(.8f, .1f, .1f, 1)) << "where the source is";
-    // What has no value at all is grey, and there is no scale.
+    // Points without values are grey, and there is no scale.
     const Picture none = small().picture(*MapFigure::parse("LF"));
     EXPECT_EQ(none.at(88, 122).x, .86f);
 }

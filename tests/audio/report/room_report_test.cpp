@@ -154,7 +154,7 @@ TEST(RoomReport, ThePageColoursByNoticeableDifferences) {
     EXPECT_EQ(count(low, "<td class=\"low\">1.000<i>&#177;0.040</i></td>"), 2u);
     EXPECT_NE(low.find("below 100 Hz (Schroeder)"), std::string::npos);
 
-    // Of several places: by how far each is from the mean.
+    // With several places, the colour shows how far each is from the mean.
     report.pairs = {pair("A", 1, 3), pair("B", 1, 3), pair("C", 1, 0)};
     const std::string places = report.toHtml();
     EXPECT_EQ(count(places, "<td class=\"l2\">0.00</td>"), 3u) << "2 dB below the mean: C50, C80 and G";

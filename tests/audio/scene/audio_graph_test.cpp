@@ -45,7 +45,7 @@ TEST(AudioGraph, AFilterIsHeard) {
         lineOf(hear("BiquadFilter { type \"HIGHPASS\" frequency 1000 qualityFactor 6 children " + kGraphTone + " }")[0],
                1000),
         std::pow(10, .3), 1e-5);
-    // Of peaks and shelves it is the filter's own, in decibels.
+    // For peaks and shelves it is the filter's own gain, in decibels.
     EXPECT_NEAR(
         lineOf(hear("BiquadFilter { type \"PEAKING\" frequency 1000 gain -12 children " + kGraphTone + " }")[0], 1000),
         std::pow(10, -.6), 1e-5);
@@ -133,7 +133,7 @@ TEST(AudioGraph, ABranchThatMakesNoNumbersIsSilentAloneAndNamed) {
     }
 }
 
-/// As loud as no number is, with gains of the sound itself.
+/// Together with its own gain, the sound is louder than any valid number.
 TEST(AudioGraph, ASoundThatIsTooLoudIsSilentAloneAndNamed) {
     for (const std::string& bad :
          {"DEF BAD SpatialSound { location 0 0 -2 gain 1e38 children " + kGraphTone + " }",
@@ -186,7 +186,7 @@ TEST(AudioGraph, ASplittersOutputsGetAChannelEach) {
     // A channel without an output is not heard, nor one whose output is off; one of mono goes to both sides.
     EXPECT_THAT(split("Gain { }"), both(.25, .25));
     EXPECT_THAT(split("Gain { enabled FALSE } Gain { }"), both(0, -.5));
-    // What an output gets besides.
+    // The additional input of an output.
     EXPECT_THAT(split("Gain { gain 2 children " + pair + " } Delay { children " + pair + " }"),
                 both(2 * (.25 + .5 * (.25 - .5)), -.5 + .5 * (.25 - .5)));
     // How a splitter mixes what it gets.
@@ -290,7 +290,7 @@ TEST(AudioGraph, NodesMixTheirInputsAsTheySay) {
     }
 }
 
-/// What has a place is mixed down as before a panner.
+/// Sounds with a position are mixed down as before a panner.
 TEST(AudioGraph, SoundsOfManyChannelsAreMixedAsADestinationMixesThem) {
     for (const int count : {3, 4, 6}) {
         std::string clip =
@@ -467,7 +467,7 @@ TEST(AudioGraph, ABufferLoopsWhereItIsTold) {
     }
 }
 
-/// What would begin at its end or behind it is all of it, whatever rounding its seconds went through.
+/// A loop that would begin at the end or behind it is the whole buffer, whatever rounding its seconds have.
 TEST(AudioGraph, ALoopThatBeginsAtTheEndIsTheWholeBuffer) {
     for (const int count : {375, 480}) {  // .0078125 s exactly, and .01 s
         std::string values;
@@ -574,8 +574,8 @@ TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
     const Array<float> found = valueOf("D"), bytes = valueOf("B"), routed = valueOf("T");
     ASSERT_EQ(found.size(), 256u);
     ASSERT_EQ(bytes.size(), 256u);
-    // Bin 16: half of the Blackman window's mean of .42, and its neighbours' .25 and .04; before the node's gain. What
-    // smoothing lacks after 60 frames is nothing.
+    // Bin 16: half of the Blackman window's mean of .42, and its neighbours' .25 and .04; before the node's gain. After
+    // 60 frames smoothing has converged.
     const double level = 20 * std::log10(.5 * .42 / 2), beside = 20 * std::log10(.5 * .25 / 2);
     EXPECT_NEAR(found[16], level, 1e-4);
     EXPECT_NEAR(found[15], beside, 1e-3);
@@ -591,8 +591,8 @@ TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
     EXPECT_EQ(valueOf("N").size(), 1u);
 }
 
-/// By the Web Audio API, without a knee: what is above the threshold is divided by the ratio; the gain falls by 10 dB
-/// in `attack` and rises by 10 dB in `release`; without a signal the reduction is 0. What makes up for it is no part.
+/// By the Web Audio API, without a knee: levels above the threshold are divided by the ratio; the gain falls by 10 dB
+/// in `attack` and rises by 10 dB in `release`; without a signal the reduction is 0. The make-up gain is not included.
 TEST(AudioGraph, WhatACompressorTakesAwayComesAsEvents) {
     Scene scene;
     Diagnostics diagnostics;

@@ -76,7 +76,7 @@ TEST(AudioPanner, APannersChannelsAndLevelsAreThoseOfItsFields) {
     EXPECT_THAT(at("Sound { location 0 0 -5.5 source " + kSteady + " }"),
                 both(std::pow(10, -.5) * ahead, std::pow(10, -.5) * ahead));
     EXPECT_THAT(at("Sound { location 0 0 -11 source " + kSteady + " }"), both(0, 0));
-    // What comes out is two channels.
+    // The output has two channels.
     EXPECT_THAT(
         at("ChannelSelector { channelSelection 1 children SpatialSound { location 1 0 0 children " + kSteady + " } }"),
         both(.25, .25));
@@ -106,7 +106,7 @@ TEST(AudioPanner, ASpatialSoundBetweenNodesIsHeardByAHeadIfItSaysSo) {
                 const double r = ears > 0 ? ears / 2 : .0875;
                 const auto expected = earOnSphere(r, kHertz, azimuth, static_cast<int>(e));
                 EXPECT_NEAR(std::abs(sum) / 2400, .5 * std::sqrt(.5) * std::abs(expected), 5e-4);
-                // As late as the head may be early; "equalpower" is not late at all.
+                // The delay is the time by which the head may be early; "equalpower" has no delay.
                 const double later = static_cast<double>(Hrtf::sphere(48000, r, 343)->early()) / kRate -
                                      std::arg(expected) / (2 * M_PI * kHertz);
                 EXPECT_NEAR(std::remainder(-(std::arg(sum) + M_PI / 2) / (2 * M_PI * kHertz) - later, 1 / kHertz), 0,

@@ -85,7 +85,7 @@ TEST_F(Clips, OfCodecsThatTheSoundLibraryDoesNotKnowAreKnownByTheirContent) {
         EXPECT_NEAR(std::sqrt(2 * squares / 4800), .5, .03) << name;
         EXPECT_TRUE(isSilent(*library(1000).get(voice({"clip.wav"})))) << name;
     }
-    // What begins like one and is none is named by what the sound library says.
+    // A file that begins like a WAV but is none is reported with the sound library's message.
     std::ofstream(folder_.path() / "clip.wav", std::ios::binary)
         << "no sound at all, but some text that is long enough";
     ClipLibrary clips = library(1 << 20);

@@ -97,7 +97,7 @@ TEST_F(MaterialsOfScene, SurfacesAreMadeOfWhatTheyHaveTheNameOf) {
     EXPECT_EQ(absorbs(50), .03);
     EXPECT_EQ(absorbs(60), AcousticMaterial().absorption[4]);
     EXPECT_NEAR(absorbs(70), .7, 1e-6);
-    // What changes in fields does not count where the table does.
+    // Changes of fields have no effect while the table has the material.
     ASSERT_TRUE(scene.set(scene.findName("brick"), x3d::AcousticProperties::absorption, .5f));
     scene.newFrame(1);
     ASSERT_TRUE(sound.renderFrame());

@@ -170,7 +170,7 @@ TEST(SoundScene, OfASceneThatStartsOverHasTheWallsOfItsOwn) {
     }
 }
 
-/// 16.4.16 has it from 0 to 1.
+/// By 16.4.16, intensity is from 0 to 1.
 TEST(SoundScene, AnIntensityThatThereIsNotIsTheNearest) {
     for (const char* type : {"Sound", "SpatialSound"})
         for (const auto& [given, used] : {std::pair{-1.f, 0.}, {.25f, .25}, {2.f, 1.}}) {

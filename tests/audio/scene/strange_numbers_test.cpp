@@ -78,7 +78,7 @@ class StrangeNumbers : public testing::Test {
         ASSERT_TRUE(scene_.sendEvent(field.node, field.field, value)) << field.name;
     }
     void reset(const NumberField& field) { ASSERT_TRUE(scene_.sendEvent(field.node, field.field, field.before)); }
-    /// The loudest sample of some frames. What is beyond all sounds is a failure.
+    /// The loudest sample of some frames. Samples beyond any sound are a failure.
     double hear(const std::string& what, int frames = 2) {
         double peak = 0;
         for (int i = 0; i < frames; ++i) {

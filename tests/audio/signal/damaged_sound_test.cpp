@@ -157,7 +157,7 @@ TEST(DamagedSound, MpegThatStopsAtOnceIsAnErrorWithoutALibrarysText) {
     EXPECT_THAT(sound.error().text, HasSubstr("cannot read sound: "));
 }
 
-/// Who writes into a pipe cannot go back to put the size; some programs count the header in.
+/// A writer into a pipe cannot go back to write the size; some programs include the header in it.
 TEST(DamagedSound, SizesThatWereNotKnownPromiseNothing) {
     std::string bytes = encoded(kFormats[0]);
     const std::size_t size = bytes.find("data") + 4;

@@ -45,7 +45,7 @@ class Head : public testing::Test {
     void TearDown() override {
         if (easy) mysofa_close(easy);
     }
-    /// As measured, left and right, for a direction in degrees to the left and up.
+    /// The measured responses, left and right, for a direction in degrees to the left and up.
     std::array<std::complex<double>, 2> measured(double azimuth, double elevation, double hz) const {
         const double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
         std::vector<float> left(size), right(size);

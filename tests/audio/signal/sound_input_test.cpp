@@ -80,7 +80,7 @@ TEST(SoundStream, EveryCodingIsReadHoweverItIsCut) {
             EXPECT_EQ(decoder.channels(), 2);
             EXPECT_EQ(decoder.sampleRate(), 44100);
         }
-    // What follows the samples is no sound; what has no end has none.
+    // Bytes after the samples are not played; a stream without an end has no such bytes.
     SoundStreamDecoder ends, goesOn, raw(RawSound{RawSound::Sample::float32, 8000, 1});
     EXPECT_EQ(decodeIn(endings[1] + "LISTxxxxxxxxxxxx", 5, ends)->size(), 4u);
     EXPECT_TRUE(ends.ended());

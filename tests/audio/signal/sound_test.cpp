@@ -229,7 +229,7 @@ TEST(Convolver, AFirstResponseThatComesWhileSomethingSoundsBeginsSoftly) {
                 other.process(block, std::span(second).subspan(64 * k, 64));
             }
             EXPECT_EQ(output, second);
-            // What sounds from the first block on has its own beginning, and is heard whole from there.
+            // A sound from the first block on has its own beginning, and is heard completely from there.
             if (before > 0) {
                 EXPECT_LT(largestStep(output), .003) << before << ", " << fade;
             }

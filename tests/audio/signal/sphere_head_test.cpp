@@ -56,7 +56,7 @@ TEST(SphereHead, EarsHearWhatTheSeriesSays) {
     for (std::size_t i = 0; i < one[0].size(); ++i) EXPECT_NEAR(one[0][i], other[0][i], 1e-6);
 }
 
-/// Of low tones three radii times the sine, of sharp ones Woodworth's way past the sphere and round it.
+/// For low tones three radii times the sine, for clicks Woodworth's path past the sphere and round it.
 TEST(SphereHead, TheEarsDifferInTimeAsClosedFormsSay) {
     constexpr double kRate = 48000, kRadius = .0875;
     const auto head = Hrtf::sphere(48000, kRadius, 343);
@@ -83,7 +83,7 @@ TEST(SphereHead, TheEarsDifferInTimeAsClosedFormsSay) {
     }
 }
 
-/// As the line is late by more, the response is the sooner: together they are the ear's.
+/// The response is advanced by the delay of the line: together they are the ear's response.
 TEST(SphereHead, AResponseAndItsSmoothDelayAreWhatAnEarHears) {
     const auto head = Hrtf::sphere(48000, .0875, 343);
     for (const double azimuth : {0., 33., -100.}) {
@@ -103,7 +103,7 @@ TEST(SphereHead, AResponseAndItsSmoothDelayAreWhatAnEarHears) {
 
 using SphereInScene = test::Listen;
 
-/// What is played and what is written are one, straight and by way of a wall.
+/// The played sound equals the written response, for direct sound and for a reflection.
 TEST_F(SphereInScene, WhatIsPlayedIsTheResponse) {
     for (const double ears : {0., .3}) {
         Scene scene;

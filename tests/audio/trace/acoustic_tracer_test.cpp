@@ -231,7 +231,7 @@ TriangleGeometry bandedBox(const AcousticMaterial& material) {
     return room;
 }
 
-/// What walls treat alike is computed once, whichever bands these are, and in each band it is what it would be alone.
+/// Bands that walls treat alike are computed once, whichever bands these are, and each band has its own result.
 TEST(AcousticTracer, BandsThatWallsTreatAlikeAreComputedOnce) {
     const auto classesOf = [](int classes) {
         AcousticMaterial material;
@@ -259,7 +259,7 @@ TEST(AcousticTracer, BandsThatWallsTreatAlikeAreComputedOnce) {
             EXPECT_NEAR(m.value.g[b], 25.33, 2 * m.ci95.g[b] + .05) << classes << ' ' << b;
         }
     }
-    // Of what is only mirrored all is exact: each band is that of the box of its own absorption.
+    // With specular reflection only, everything is exact: each band is that of a box with its own absorption.
     AcousticMaterial stripes;
     stripes.scattering = allBands(0);
     for (std::size_t b = 0; b < kBandCount; ++b) stripes.absorption[b] = b % 3 == 1 ? .3 : .1;
@@ -384,7 +384,7 @@ TEST(AcousticTracer, ADirectionalSourceReachesTheRoomByWhatItRadiates) {
     o.pattern = {};
     const TraceResult both = AcousticTracer(mirror).trace(kSource, kListener, o);
     EXPECT_EQ(both.arrivals.size(), 25u);
-    // Of the orders up to two: floor, floor and a wall (4), floor and ceiling.
+    // With orders up to two: floor, floor and a wall (4), floor and ceiling.
     EXPECT_EQ(down.arrivals.size(), 6u);
 }
 

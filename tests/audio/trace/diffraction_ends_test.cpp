@@ -114,7 +114,7 @@ TEST(EdgeEnds, RoundAScreenIsHeardWhatItsRimsBendAsFarAsTheyReach) {
             const glm::dvec3 listener(x, .6, -4.5);
             const double distance = glm::distance(source, listener), exact = behindScreen(source, listener, hz);
             EXPECT_NEAR(heardAt(wall.traced(source, listener, 1), hz, distance), exact, .1) << x << ' ' << hz;
-            // What goes along the screen from rim to rim is little here.
+            // Sound along the screen from rim to rim is weak here.
             EXPECT_NEAR(heardAt(wall.traced(source, listener), hz, distance), exact, .32) << x << ' ' << hz;
         }
 }
@@ -186,7 +186,7 @@ TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
 }
 
 TEST(EdgePaths, AlongAFaceOneLooksAtAPlaceBesideTheEdge) {
-    // Of less than a right angle, and of more; each face's plane from the air side.
+    // Angles of less than a right angle, and of more; each face's plane seen from the air.
     for (const double degrees : {35.0, 60.0, 120.0, 150.0}) {
         WallEdge edge;
         edge.axis = {0, 0, 1};

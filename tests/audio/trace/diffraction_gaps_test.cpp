@@ -115,7 +115,7 @@ TEST(EdgeRows, LevelsOfOctavesOverTheTopsAreThoseOfBoundaryElements) {
 
 TEST(EdgeRows, LevelsHaveNoStepWhereOneComesUpOverTheTops) {
     for (const int count : {1, 2, 3}) {
-        // As far as 63 Hz, where they are small beside a wave.
+        // Down to 63 Hz, where the gaps are small compared with a wave.
         const Walled walls = wallsInARow(count, .2, 2, 3);
         const double last = 2 * (count - 1);
         for (const double behind : {1.1, 4.1})

@@ -1,5 +1,5 @@
-// What bends on the way to or from a wall that mirrors: bodies on a floor and above it against boundary elements of
-// them and their images, and what is heard while one walks behind them.
+// Diffraction before or after a specular reflection: bodies on a floor and above it, compared with boundary elements of
+// the bodies and their images; and the sound while one walks behind them.
 #include <algorithm>
 #include <cmath>
 #include <complex>

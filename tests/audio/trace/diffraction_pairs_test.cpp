@@ -136,7 +136,8 @@ TEST(EdgePairs, AtABoundaryHalfOfWhatOneEdgeBendsIsLeft) {
             alone.along = dark.along;
             const WedgeField f = wedgeField(alone, k);
             const Pressure by = f.besideDirect + f.besideMirrored;
-            // What is added in the shadow and taken in the light; and what is smooth, by the other side of the edge.
+            // The wave is added in the shadow and subtracted in the light; and it is continuous on the other side of
+            // the edge.
             EXPECT_NEAR(std::abs((bentTwice(dark, k) - bentTwice(lit, k)) / by - 1.0), 0, 1e-4) << across << ' ' << hz;
             EXPECT_NEAR(std::abs(bentTwice(dark, k) / by - .5), 0, .14) << across << ' ' << hz;
         }
@@ -187,7 +188,7 @@ TEST(EdgePairs, BehindAThickWallSoundArrivesRoundBothEdges) {
         EXPECT_NEAR(10 * std::log10(4 * M_PI * arrivals[0].energy[b] / mean), 0, .1) << b;
     }
     EXPECT_TRUE(wall.arrivals(before(30), behind(40), 1).empty());
-    // What the top takes is not sent on.
+    // Sound that the top absorbs is not sent on.
     const auto dull = thickWall(1).arrivals(before(30), behind(40));
     ASSERT_EQ(dull.size(), 1u);
     EXPECT_NEAR(10 * std::log10(dull[0].energy[kBand1k + 3] / arrivals[0].energy[kBand1k + 3]), -20 * std::log10(2),

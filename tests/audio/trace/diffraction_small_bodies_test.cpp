@@ -173,7 +173,7 @@ TEST(SmallBodies, InAClosedRoomTheyAreAsSmallAsInTheOpen) {
     for (std::size_t b = 0; b < 4; ++b) EXPECT_NEAR(octaveAt(traced, b, 2), 0, 1) << b;
 }
 
-/// What stands at a wall lets nothing through it, whether its back lies in the wall's plane, before it, or behind it.
+/// A body at a wall lets nothing through the wall, whether its back lies in the wall's plane, before it, or behind it.
 TEST(SmallBodies, AWallBehindOneHidesAsEver) {
     const glm::dvec3 source(-2, .01, .003), listener(2, -.02, .01), wall(.01, 30, 30);
     const TraceResult alone = cubes({cubeAt({.01, 0, 0}, wall, 0)}).traced(source, listener);

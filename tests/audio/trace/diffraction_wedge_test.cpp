@@ -298,7 +298,7 @@ TEST(Edges, OfTwoWallsThatMeetOrLieInOnePlaceAreOne) {
         const glm::dvec3 listener = about(2, degrees, 1);
         const double distance = glm::distance(source, listener);
         for (const double hz : {125.0, 1000.0}) {
-            // Of two walls nothing was heard in the shadow, and of a wall that is there twice 6 dB too much.
+            // Earlier, two walls had no sound in the shadow, and a doubled wall had 6 dB too much.
             EXPECT_NEAR(heardAt(corner.traced(source, listener), hz, distance),
                         heardAt(one.traced(source, listener), hz, distance), .01)
                 << degrees;

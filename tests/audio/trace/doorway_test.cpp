@@ -101,12 +101,13 @@ std::array<double, 4> offBehind(double degrees) {
 }
 
 TEST(Doorway, LevelsBehindItAreThoseOfBoundaryElements) {
-    // As energies of its edges they were 1.8, 3.2, 2.0 and 1.9 dB off.
+    // With energies of its edges the errors were 1.8, 3.2, 2.0 and 1.9 dB.
     for (const double off : offBehind(-1)) EXPECT_LT(off, 1.25);
 }
 
 TEST(Doorway, LevelsBehindADoorThatStandsOpenAreThoseOfBoundaryElements) {
-    // As energies 1.9, 4.4, 3.8 and 3.2 dB; with as much through the slit as both of its edges bend 3.4 from 125 Hz on.
+    // With energies 1.9, 4.4, 3.8 and 3.2 dB; with as much through the slit as both of its edges diffract 3.4 from 125
+    // Hz on.
     const std::array<double, 4> square = offBehind(90);
     for (std::size_t i = 0; i < square.size(); ++i) EXPECT_LT(square[i], i < 2 ? 2.8 : 1.7) << i;
     // Images between door and wall do not bend, nor do waves that come back from there.

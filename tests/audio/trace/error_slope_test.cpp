@@ -39,8 +39,8 @@ std::vector<RoomMetrics> figuresOf(const TriangleGeometry& room, std::uint64_t r
     return figures;
 }
 
-/// Over three decades of rays, and to the end: there is no floor. What is right is the mean of the most rays, all seeds
-/// together, whose own error is a fifth of theirs; that it is right is the business of tests against closed forms.
+/// Over three decades of rays, and to the end: there is no floor. The reference is the mean of the runs with most rays,
+/// over all seeds, whose own error is a fifth of theirs; other tests check it against closed forms.
 TEST(ErrorSlope, IsMinusAHalfOverThreeDecadesForEveryFigure) {
     const TriangleGeometry room = Shoebox::uniform({6, 5, 3}, .3, .5).geometry();
     constexpr std::array<std::pair<std::uint64_t, int>, 4> kEfforts{{{64, 240}, {640, 120}, {6400, 48}, {64'000, 28}}};
@@ -55,7 +55,7 @@ TEST(ErrorSlope, IsMinusAHalfOverThreeDecadesForEveryFigure) {
             double squares = 0;
             for (const RoomMetrics& one : figures[e])
                 squares += std::pow((one.*kSloped[f])[0] / (truth.*kSloped[f])[0] - 1, 2);
-            // Of the last, the truth is made of the same runs.
+            // For the last one, the reference is made of the same runs.
             const auto n = static_cast<double>(figures[e].size());
             logs[e] = std::log10(squares / (e + 1 == kEfforts.size() ? n - 1 : n)) / 2;
         }

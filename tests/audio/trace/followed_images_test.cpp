@@ -28,7 +28,7 @@ double amplitudeOfFilter(const std::vector<float>& response, double hz, double r
 TEST(FollowedImages, FiltersHaveTheAmplitudesOfTheirBandsAndNoDelay) {
     std::mt19937 random(7);
     for (int trial = 0; trial < 20; ++trial) {
-        // As walls have it: no more than 2 dB from octave to octave.
+        // As for walls: no more than 2 dB from octave to octave.
         Bands amplitudes;
         double db = -3;
         for (double& amplitude : amplitudes) {
@@ -96,7 +96,7 @@ TEST(FollowedImages, AreTheLoudestAndLeaveTheRest) {
         const double distance = glm::distance(image.at(source), listener);
         EXPECT_NEAR(std::pow(image.pressure / distance, 2), 4 * std::numbers::pi * arrival.energy[kBand1k], 1e-9);
     }
-    // What comes round edges is no image.
+    // Diffracted sound is no image.
     for (Arrival& arrival : all.arrivals) arrival.turn = glm::mat3(0.0f);
     EXPECT_TRUE(followedImages(all, source, listener, 343, 48000, 256, 5).empty());
 }

@@ -231,7 +231,7 @@ void expectLattice(const ImageSources& found, const Shoebox& box, const glm::dve
                    int maxOrder, double same) {
     std::vector<std::pair<double, double>> lattice;
     box.images(source, listener, 400, [&](double distance, double energy, int order) {
-        // What is nearer than a centimetre has the energy of that distance.
+        // A source nearer than a centimetre has the energy of that distance.
         if (distance < .01) energy = std::pow(1 - box.absorption[0], order) / (4 * M_PI * 1e-4);
         if (order <= maxOrder) lattice.emplace_back(distance, energy);
     });
@@ -408,7 +408,7 @@ TEST(ImageSources, WhatIsMirroredTwiceIsTheMeanOverTheBall) {
                 EXPECT_NEAR(arrival.seconds, distance / options.air.speedOfSound, 1e-9);
                 twice += arrival.energy[kBand1k] * 4 * M_PI * distance * distance;
             }
-            // Of 8 places that all see it, or do not, it is taken for all.
+            // If all of 8 places see it, or none does, this is taken for the whole ball.
             if (z % 10 == 0) {
                 EXPECT_NEAR(twice, shareOfBall(width, source, listener, .5), .15) << width << " " << listener.z;
             }

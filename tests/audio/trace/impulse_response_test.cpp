@@ -185,7 +185,7 @@ TEST(ImpulseResponse, WavesThatAreSummedAreTheSumOfEach) {
 TEST(ImpulseResponse, WavesThatAreLeftOutAre40DbBelowAll) {
     const Echogram echogram = bentSound(10, 200);
     EXPECT_LT(offSingleWaves(echogram, {}), -30);
-    // Of what arrives, direct sound among it, they have one part in 10,000.
+    // They have one part in 10,000 of the energy that arrives, direct sound included.
     Echogram faint = echogram;
     faint.edges.waves.erase(faint.edges.waves.begin(), faint.edges.waves.begin() + 10);
     ImpulseResponseOptions options;

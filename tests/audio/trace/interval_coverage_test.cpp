@@ -37,7 +37,7 @@ std::vector<TraceResult> traced(const TriangleGeometry& room, const glm::dvec3& 
     return results;
 }
 
-/// Of the figures of all of them together, whose own error is small beside each interval.
+/// The figures of all of them together, whose own error is small beside each interval.
 RoomMetrics truthOf(const std::vector<TraceResult>& results) {
     Echogram all = results.front().echogram();
     all.late.bins.clear();
@@ -80,7 +80,7 @@ TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAnd
         EXPECT_NEAR(few.times[f] / few.runs, .95, .03) << kNames[f];
         EXPECT_NEAR(many.times[f] / many.runs, .95, .035) << kNames[f];
         EXPECT_NEAR((few.times[f] + many.times[f]) / (few.runs + many.runs), .95, .025) << kNames[f];
-        // Of 400 rays single ones that are heard early are most of D50's error there: .91.
+        // With 400 rays, single early rays make up most of D50's error there: .91.
         EXPECT_NEAR(fewUneven.times[f] / fewUneven.runs, .95, .045) << kNames[f];
         RecordProperty(std::string(kNames[f]) + "_few", std::to_string(few.times[f] / few.runs));
         RecordProperty(std::string(kNames[f]) + "_many", std::to_string(many.times[f] / many.runs));

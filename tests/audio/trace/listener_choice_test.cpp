@@ -56,7 +56,7 @@ void expectChances(Field& field, std::size_t side, const glm::dvec3& point, cons
     }
     for (std::size_t i = 0; i < expected.size(); ++i) {
         EXPECT_NEAR(counts[i], expected[i], 0.01 * expected[i] + 2.0 / kTries) << i;
-        // What is heard is divided by it.
+        // The energy is divided by it.
         if (counts[i] == 0) continue;
         EXPECT_NEAR(told[i], counts[i], 1e-5 * counts[i] + 2.0 / kTries) << i;
     }

@@ -82,7 +82,7 @@ TraceOptions imagesOptions(std::uint64_t rays, std::uint64_t seed, int connected
     return result;
 }
 
-/// A Lambert floor, z = 0, beside a mirror, x = 0, all else open. What comes late: from the source or its image to the
+/// A Lambert floor, z = 0, beside a mirror, x = 0, all else open. Late sound goes from the source or its image to the
 /// floor, and from there to the listener or its image.
 double besideAMirror(double absorption, double mirrored, const glm::dvec3& source, const glm::dvec3& listener) {
     constexpr int kSteps = 2000;
@@ -159,7 +159,7 @@ TEST(ListenerImages, MoveNoExpectationAndLeaveIntervalsHonest) {
     EXPECT_LT(widths[3], .5 * widths[0]);
 }
 
-/// Of few images only some ways are known: the others are counted as before.
+/// With few images only some paths are known: the others are counted as before.
 TEST(ListenerImages, PathsOfNoKnownImageAreNotLost) {
     TriangleGeometry room;
     const std::uint32_t wall = room.addMaterial(.2, .3);

@@ -49,7 +49,7 @@ TEST(NearWalls, ADiffusePlaneSendsWhatTheIntegralSaysFromAnyHeight) {
     }
 }
 
-/// As direct sound, and as mirror images of any order: where both are on the wall it was 118 dB.
+/// For direct sound, and for mirror images of any order. If both are on the wall, the result was 118 dB before.
 TEST(NearWalls, NearerThanACentimetreWhatWallsScatterHasTheLevelOfOne) {
     const TriangleGeometry plane = planeOf(.1, .5);
     for (const double height : {0., 1e-6, 1e-4, 1e-3})
@@ -143,8 +143,8 @@ TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
         }
 }
 
-/// Of a spot that is seen under angles up to acos(d / r): its mean distance is d ln(r / d) / (1 - d / r), and what
-/// comes straight on goes as much farther, and the height besides.
+/// For a spot that is seen under angles up to acos(d / r), the mean distance is d ln(r / d) / (1 - d / r). Sound that
+/// continues straight travels that much farther, plus the height.
 TEST(NearWalls, TheirEchoComesAsMuchLaterAsItsWayIsLonger) {
     const TriangleGeometry plane = planeOf(.2, 1);
     const trace::BandClasses classes = trace::bandClasses(plane.materials());

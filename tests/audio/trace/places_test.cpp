@@ -136,7 +136,7 @@ TEST(Places, BothOnTheFacesOfABodyAreOutsideOfIt) {
         EXPECT_EQ(isHeardStraight(on), a == b);
         EXPECT_EQ(isHeardStraight(before), a == b);
         EXPECT_NEAR(levelOf(on), levelOf(before), .1);
-        // What is played asks for direct sound by itself.
+        // Played sound asks for direct sound by itself.
         const glm::dvec3 from = box.at(a, source, 0), to = box.at(b, listener, 0);
         EXPECT_EQ(directShare(body.geometry, from, to)[kBand1k], a == b ? 1 : 0);
     }

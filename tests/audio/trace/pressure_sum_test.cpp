@@ -13,7 +13,7 @@ namespace {
 
 using Turned = std::complex<double>;
 constexpr double kSumSpeed = 343;
-/// Of a fifth of an octave beside its middle.
+/// Half the width of a fifth of an octave.
 const double kHalf = std::sinh(.1 * std::log(2.0));
 
 struct Came {

@@ -124,7 +124,7 @@ TEST(RayLanes, ArriveWhereTheyMetSomething) {
 
 TEST(RayLanes, WallsThatLeaveNothingOrScatterNothingAreTold) {
     Lanes l({wall(1, 0, 0), wall(.2, 0, 0), wall(.2, 1, 0), wall(0, 0, 1)});
-    // Of the first one high bands leave half.
+    // The first wall leaves half of the high bands.
     for (std::size_t b = 0; b < 4; ++b) l.walls[0].mirror[b] = 0;
     l.lanes.arrive(0xFFFF, l.hits, l.walls);
     EXPECT_EQ(l.lanes.left(0xFFFF), 0xEEEEu);

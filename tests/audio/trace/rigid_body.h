@@ -112,7 +112,8 @@ class RigidBody {
         const double way = glm::distance(place, source_);
         return std::polar(1 / way, -k_ * way);
     }
-    /// Of the slope of exp(-i k r) / (4 pi r) along the normal, by Gauss in four parts where one is near.
+    /// Integral of the slope of exp(-i k r) / (4 pi r) along the normal, by Gauss's rule, in four parts if the point is
+    /// near.
     Complex integral(const glm::dvec3& place, const Element& e, int depth) const {
         const glm::dvec3 normal = glm::cross(e.u, e.v), off = e.middle - place;
         const double size = std::max(glm::length(e.u), glm::length(e.v));

@@ -33,7 +33,7 @@ struct CylinderFunctions {
         first(z, all);
         for (std::size_t n = 1; n + 1 < h.size(); ++n) h[n + 1] = 2.0 * static_cast<double>(n) / z * h[n] - h[n - 1];
     }
-    /// Of order m at z.
+    /// For order m at z.
     RoundValue jSlope(int m, RoundValue z) const { return slope(j, m, z); }
     RoundValue hSlope(int m, RoundValue z) const { return slope(h, m, z); }
 
@@ -173,7 +173,7 @@ inline RoundValue besideTwoCylinders(const BesideTwo& at, double k) {
         const double size = std::abs(across) * std::max(at.radii[0], at.radii[1]);
         const int last = static_cast<int>(size + 6 * std::cbrt(size) + 12);
         const auto order = [last](int m) { return static_cast<std::size_t>(m + last); };
-        // Of negative orders, too.
+        // Also for negative orders.
         const auto hankel = [](const std::vector<RoundValue>& h, int m) {
             return (m < 0 && m % 2 != 0 ? -1.0 : 1.0) * h[static_cast<std::size_t>(std::abs(m))];
         };

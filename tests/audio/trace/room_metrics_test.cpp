@@ -133,7 +133,7 @@ TEST(RoomMetrics, BothTimesOfADoubleSlopeAreFound) {
         const DecaySlopes slopes = fitSlopes(decayCurveDb(echogram, 0, .001), .001);
         EXPECT_NEAR(slopes.early, early, .01 * early);
         EXPECT_NEAR(slopes.late, late, .01 * late);
-        // Of some batches alike: told of each band.
+        // Several equal batches: reported for each band.
         const EnergyHistogram batches[] = {echogram.late, echogram.late};
         const MetricsEstimate estimate = estimateMetrics({}, batches);
         ASSERT_TRUE(hasTwoSlopes(estimate, kBand1k)) << early;
@@ -222,7 +222,7 @@ TEST(RoomMetrics, BeginWithinABinWhereItsEnergyHasComeSoFar) {
     EXPECT_NEAR(onset(binned({{.012, .0099}, {.02, 1}}), 0), .02001, kNone);
     EXPECT_NEAR(onset(binned({{.012, .006}, {.013, .016}, {.02, 1}}), 0), .0134, kNone)
         << "evenly from one to the next";
-    // Of bins of 4 ms a millisecond has a quarter; of 4000 a second it holds four.
+    // A millisecond has a quarter of a bin of 4 ms; it holds four bins of 4000 a second.
     EXPECT_NEAR(onset(binned({{.04, 4}, {.044, 1}}, 250), 0), .04001, kNone);
     EXPECT_NEAR(onset(binned({{.02, .004}, {.02025, .004}, {.02075, .004}, {.04, 1}}, 4000), 0), .020875, kNone);
     // Arrivals and bins count together.
@@ -268,7 +268,7 @@ TEST(RoomMetrics, BeginWhereASearchOfAllTimesFindsIt) {
     }
 }
 
-/// What comes before counts in G alone.
+/// Earlier energy counts in G only.
 TEST(RoomMetrics, AreThoseOfTheResponseFromItsOnsetOn) {
     const double faint = db(-30);
     Echogram with = arrivalsAt({{.013, faint}, {.02, .5}});
@@ -285,7 +285,7 @@ TEST(RoomMetrics, AreThoseOfTheResponseFromItsOnsetOn) {
     EXPECT_NEAR(m.g[kBand1k] - n.g[kBand1k], 10 * std::log10((1.5 + 1.1 * faint) / 1.5), 1e-9);
     EXPECT_EQ(decayCurveDb(with, kBand1k, .01), decayCurveDb(without, kBand1k, .01));
     EXPECT_EQ(decayCurveDb(with, kBand1k, .01).front(), 0);
-    // Of a bin in which it begins, what comes from there on.
+    // Only the part of a bin from the onset on counts.
     const double half = roomMetrics(binned({{.012, .02}, {.02, 1}})).ts[kBand1k];
     EXPECT_NEAR(half, (.01 * .00025 + 1 * .008) / 1.01, 1e-12);
 }

@@ -71,8 +71,8 @@ TEST(RoundRows, TonesBehindTwoColumnsAreThoseOfTheSeries) {
     EXPECT_LT(errors.worst, 4.2);
 }
 
-/// Of places on a line the errors beside boundary elements, of a source that is a line. Where waves cancel, `deepest`
-/// dB below the mean along the line, is left out.
+/// For places on a line, the errors relative to boundary elements with a line source. Where waves cancel, `deepest` dB
+/// below the mean along the line, errors are left out.
 Errors errorsBehind(const std::vector<Drawn>& outlines, const std::vector<glm::dvec2>& inside, const glm::dvec2& source,
                     const glm::dvec2& from, const glm::dvec2& to, const std::vector<std::size_t>& tones = {13, 18, 23},
                     double deepest = 1e3) {

@@ -23,7 +23,7 @@ struct RoundMesh {
     }
 };
 
-/// Of radii and heights; open at both ends.
+/// A surface of revolution by radii and heights; open at both ends.
 inline RoundMesh turned(const std::vector<std::array<double, 2>>& profile, int sides) {
     RoundMesh mesh;
     const auto n = static_cast<std::uint32_t>(sides);
@@ -54,7 +54,7 @@ inline RoundMesh sphereMesh(double radius, int sides) {
     return turned(profile, sides);
 }
 
-/// What is round a polygon, from 0 to a height.
+/// The walls of a polygon, from 0 to a height.
 inline RoundMesh drawn(const std::vector<glm::dvec3>& outline, double height) {
     RoundMesh mesh;
     const auto n = static_cast<std::uint32_t>(outline.size());

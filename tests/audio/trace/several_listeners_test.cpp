@@ -69,7 +69,7 @@ TEST(SeveralListeners, HearWhatEachHearsAlone) {
             for (const auto figure : {&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30, &RoomMetrics::c80,
                                       &RoomMetrics::d50, &RoomMetrics::ts, &RoomMetrics::g}) {
                 const double ci = std::hypot((a.ci95.*figure)[kBand1k], (b.ci95.*figure)[kBand1k]);
-                // Of some hundred comparisons in all beyond twice the interval by chance one in a hundred runs.
+                // Of some hundred comparisons, one exceeds twice the interval by chance in a hundred runs.
                 EXPECT_NEAR((a.value.*figure)[kBand1k], (b.value.*figure)[kBand1k], 2 * ci)
                     << i << " through " << transmission;
                 EXPECT_LT((a.ci95.*figure)[kBand1k], 4 * (b.ci95.*figure)[kBand1k]) << i;

@@ -17,7 +17,7 @@ namespace rtsg::test {
 
 /// Walls of one mesh, in the world at once.
 struct Walled {
-    /// As often as there are transforms. `solid`: faces have one side.
+    /// One copy for each transform. `solid`: faces have one side.
     Walled(const std::vector<glm::dvec3>& corners, const std::vector<std::uint32_t>& triangles, double absorption = 0,
            const std::vector<WorldFromLocal>& transforms = {WorldFromLocal(1.0)}, bool solid = true)
         : walls(world, {allBands(absorption), allBands(0), allBands(0)}) {
@@ -46,7 +46,7 @@ struct Walled {
     std::vector<Arrival> arrivals(const glm::dvec3& source, const glm::dvec3& listener, int diffraction = 2) const {
         return traced(source, listener, diffraction).arrivals;
     }
-    /// As good as without rays; `diffraction`: its order.
+    /// With almost no rays; `diffraction`: its order.
     TraceResult traced(const glm::dvec3& source, const glm::dvec3& listener, int diffraction = 2) const {
         TraceOptions options;
         options.rays = 2;
@@ -67,7 +67,7 @@ struct Walled {
     WorldGeometry geometry;
 };
 
-/// What is heard, pulses and all: a channel's level at a tone re that of the source in the open, dB.
+/// The sound with its impulses: a channel's level at a tone relative to that of the source in the open, dB.
 inline double heardAt(const TraceResult& traced, double hz, double distance, const ImpulseResponseOptions& options = {},
                       std::size_t channel = 0) {
     const ImpulseResponse response = makeImpulseResponse(traced.echogram(), options);

@@ -47,7 +47,7 @@ struct FewRoom {
                              2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5});
     }
     enum class Kind : std::uint8_t { wall, volume, boundingBox };
-    /// What is no wall is not in the reference.
+    /// Shapes that are no walls are not in the reference.
     InstanceId add(std::size_t of, const WorldFromLocal& at, Kind kind = Kind::wall) {
         Instance instance;
         instance.id = {next++, 0};

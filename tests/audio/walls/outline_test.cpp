@@ -31,7 +31,7 @@ TEST(Outline, HoldsWhatIsInItOrNearer) {
         EXPECT_TRUE(outline.holds(at(0, -.6), 1, .11));
         EXPECT_FALSE(outline.holds(at(2.1, .6), 1, .11));  // .14 from the corner
         EXPECT_TRUE(outline.holds(at(2.1, .52), 1, .11));
-        // As one that is so much larger.
+        // Inside the outline enlarged by this factor.
         EXPECT_TRUE(outline.holds(at(2.1, 0), 1.06, 0));
         EXPECT_FALSE(outline.holds(at(2.1, 0), 1.04, 0));
         EXPECT_FALSE(outline.holds(at(2.1, 0), 1, 0));

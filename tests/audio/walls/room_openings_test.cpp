@@ -334,7 +334,7 @@ TEST(RoomOpenings, NoneWhereNothingOrEverythingIsOpen) {
         EXPECT_LT(found.escaped, 1e-5);
     }
     {
-        // Of slabs that meet exactly.
+        // Slabs that meet exactly.
         LeakyRoom slabs;
         slabs.addBox({-.2f, -.2f, -.2f}, {6.2f, 5.2f, 0});
         slabs.addBox({-.2f, -.2f, 3}, {6.2f, 5.2f, 3.2f});
@@ -355,7 +355,7 @@ TEST(RoomOpenings, NoneWhereNothingOrEverythingIsOpen) {
         EXPECT_EQ(found.elsewhere, found.escaped);
     }
     {
-        // What lets sound pass is told as what went elsewhere.
+        // Energy that passes through walls is reported as going elsewhere.
         LeakyRoom thin(matte(.1, .1));
         thin.addBox({0, 0, 0}, {6, 5, 3});
         const RoomOpenings found = thin.find(kInside);

@@ -192,7 +192,7 @@ TEST(EdgeTable, EdgesOfWallsAtOnePlaceAreOne) {
     EXPECT_EQ(kindsIn(table, {0}), (Kinds{4, 0}));
     table.change(3, square(turnedAboutZ(90, {0, .1, 0})));
     EXPECT_EQ(kindsIn(table), (Kinds{8, 0}));
-    // As good as there: rounding of single precision.
+    // Almost there: the rounding of single precision.
     table.change(3, square(turnedAboutZ(90, {3e-7, -2e-7, 1e-7})));
     EXPECT_EQ(kindsIn(table), (Kinds{6, 1}));
     // A surface that goes on, one that is there already, and a third one.

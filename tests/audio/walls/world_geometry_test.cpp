@@ -308,7 +308,7 @@ TEST(WorldGeometry, FollowingIsBuildingFromScratch) {
     }
 }
 
-/// Who asks about ways in every frame and traces seldom pays for planes and edges when tracing alone.
+/// A program that asks for paths in every frame and traces seldom pays for planes and edges when tracing only.
 TEST(WorldGeometry, WhatIsNotedIsMetAtOnceAndSettledOnce) {
     const auto screenAt = [](double x) { return placed({x, 1, 0}, {.1, 2, 2}); };
     Room noted, followed;
@@ -388,7 +388,7 @@ TEST(WorldGeometry, TheSearchForPlanesEndsAtTheLimit) {
         for (int i = 0; i < count; ++i) room.add(NodeId{1}, anywhere());
         room.commit();
         EXPECT_TRUE(room.geometry.planes().empty());
-        // What is left of a box is that its slot was looked at.
+        // The only trace of a box is that its slot was looked at.
         work.push_back(room.geometry.work() - static_cast<std::uint64_t>(count));
     }
     EXPECT_LT(work[1], 1.2 * static_cast<double>(work[0]));
@@ -654,7 +654,7 @@ TEST(WorldGeometry, WhatIsOpenIsOpenToRaysThatAreAskedAboutTogether) {
         rays.maxDistance[0] = 3;
         EXPECT_EQ(opened.blockedOf(rays), 0u);
         EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
-        // As from a wall of which is known how far before it rays are clear of it.
+        // As from a wall whose clearance is known.
         rays.clear[0] = 1e-5;
         EXPECT_EQ(opened.blockedOf(rays), 0u);
         EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
@@ -711,7 +711,7 @@ TEST(WorldGeometry, TrianglesNearAPlaceAreAllOfThemOrNotKnown) {
         EXPECT_LT(one.margin, 1e-9) << "its walls are even";
         for (const glm::dvec3& p : one.corners) EXPECT_NEAR(glm::dot(one.normal, p), one.offset, 1e-9);
     }
-    // What a transform flattens is there for rays, and has no plane.
+    // A shape that a transform flattens exists for rays, and has no plane.
     room.add(NodeId{1}, placed({2, 2, 1}, {1, 1, 0}));
     room.commit();
     EXPECT_EQ(near({2.5, 2.5, 1.05}, .2), -1);

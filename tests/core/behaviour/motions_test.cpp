@@ -98,7 +98,7 @@ TEST(Motions, BetweenTwoFramesAndAfterTheLastOneNothingChanges) {
     EXPECT_FALSE(a.scene.newFrame(.13)->changes.empty());
     EXPECT_FALSE(a.scene.newFrame(.5)->changes.empty());
     EXPECT_TRUE(a.scene.newFrame(.6)->changes.empty());
-    // Who moves the joint then keeps it.
+    // A later setting of the joint stays.
     ASSERT_TRUE(a.scene.set(a.named("R"), J::translation, Vec3f(7, 7, 7)));
     a.scene.newFrame(9);
     EXPECT_EQ(a.scene.node(a.named("R")).get(J::translation), Vec3f(7, 7, 7));

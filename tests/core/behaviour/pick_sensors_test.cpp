@@ -136,7 +136,7 @@ TEST(PickSensors, WhatAPeerClaimsDoesNoHarmAndIsCorrectedWhereSomebodyCanLook) {
         ASSERT_TRUE(s.scene.sendEvent(s.scene.root(), x3d::RtsgScene::picked.index, numbers));
         if (i % 3 == 0) s.scene.newFrame(i);
     }
-    // What has been told comes after what was seen in that frame: the next look puts it right.
+    // Reports come after the picking of that frame: the next look corrects them.
     s.scene.newFrame(30'000);
     s.scene.newFrame(30'001);
     EXPECT_TRUE(p.get(P::isActive));
@@ -197,7 +197,7 @@ TEST(PickSensors, WhereNothingChangesNothingIsAsked) {
     for (int t = 3; t < 100; ++t) s.scene.newFrame(t);
     EXPECT_EQ(counting.asked, before);
     EXPECT_GT(hulls, 0u);
-    // Whoever moves looks again; what its geometry is has not changed.
+    // A sensor that moves looks again; its geometry has not changed.
     ASSERT_TRUE(s.scene.set(s.scene.findName("T"), x3d::Transform::translation, Vec3f(1, 0, 0)));
     for (int t = 100; t < 103; ++t) s.scene.newFrame(t);
     EXPECT_GT(counting.asked, before);

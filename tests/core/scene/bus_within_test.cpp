@@ -282,7 +282,7 @@ TEST(BusReports, APolledSubscriberThatFailsIsReportedAsAnImmediateOneIs) {
     EXPECT_TRUE(scene.diagnostics().all().empty());
 }
 
-/// Who chose nothing looks nowhere.
+/// A subscriber that chose nothing reads no errors.
 TEST(BusReports, StandardErrorHearsUnlessAReporterIsChosenOrNone) {
     struct Shown : Failing {
         std::string subscriberName() const override { return "sh\x1b[31m\xc2\x9bown"; }

@@ -36,8 +36,8 @@ TEST(Cascade, ARouteAddedWhileItsEventTravelsWaitsForTheNext) {
     EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(2));
 }
 
-/// 4.4.4.3, 29.2: the interface of a PROTO or a Script is its author's. What its fields are called says nothing of what
-/// they do, and nothing of their types.
+/// 4.4.4.3, 29.2: the author defines the interface of a PROTO or a Script. The names of its fields say nothing of their
+/// effect or their types.
 TEST(Cascade, AnAuthorsFieldIsNoFieldOfANodeOfThatName) {
     const std::string inputs =
         "inputOnly MFNode addChildren inputOnly SFInt32 removeChildren inputOnly SFBool set_bind ";
@@ -107,7 +107,7 @@ TEST(Cascade, RoutesOfManyFieldsOfANodeAreTheirOwn) {
     Scene scene;
     const auto many = scene.defineType(type);
     ASSERT_TRUE(many);
-    // What it emits is plain, and no event that came in: by its clock, all fields in each frame.
+    // Its events are plain ones of its clock, not of incoming events: all fields in each frame.
     scene.registerBehaviour(*many, Behaviour{.onTime = [](Cascade& cascade, const Node& node) {
         for (FieldIndex i = 0; i < kFields; ++i)
             cascade.emit(node, Field<float>{i}, static_cast<float>(cascade.now() * 100 + i));

@@ -66,7 +66,7 @@ ROUTE P.value_changed TO LIFT.translation
                 route(ChangeKind::removeRoute), editOf(ChangeKind::destroyNode, lift),
                 editOf(ChangeKind::destroyNode, lamp), editOf(ChangeKind::destroyNode, spot)};
     }
-    /// As it was, but for the translation and the SpotLight.
+    /// As before, apart from the translation and the SpotLight.
     std::vector<Change> comes() const {
         return {editOf(ChangeKind::createNode, lift, {}, x3d::Transform::type.value),
                 editOf(ChangeKind::createNode, lamp, {}, x3d::PointLight::type.value),

@@ -63,7 +63,7 @@ TEST(ChunkPool, APageIsFilledBeforeTheNextOneComes) {
     EXPECT_EQ(pool.pages(), 1U);
     chunks.push_back(pool.take(1));
     EXPECT_EQ(pool.pages(), 2U);
-    // What is given back of a full page is given out again.
+    // A chunk given back to a full page is used again.
     pool.giveBack(chunks[5], kSlot);
     std::byte* const again = pool.take(kSlot);
     EXPECT_TRUE(again == chunks[5] || again == chunks.back() + kSlot);

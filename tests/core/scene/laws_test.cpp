@@ -211,7 +211,7 @@ TEST(Bus, ARepairReachesEverySubscriberOfTheReplica) {
         EXPECT_EQ(one->replica.node(box).get(x3d::Transform::translation), Vec3f(1, 2, 3)) << one->error;
 }
 
-/// Who caused the newest edit of a list is who caused the merged one, as with values.
+/// The author of the newest edit of a list is the author of the merged edit, as with values.
 TEST(Compose, AListThatIsEditedKeepsWhoseEditWasTheLast) {
     const NodeId parent{5}, child{6};
     for (const bool external : {true, false}) {

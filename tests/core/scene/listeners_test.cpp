@@ -116,7 +116,7 @@ TEST_F(ListenersTest, SeveralListenersOfOneFieldEndOneByOne) {
     EXPECT_EQ(heard().size(), 1U);
 }
 
-/// Whose first set starts at state 0, as snapshots do.
+/// Its first set starts at state 0, as snapshots do.
 TEST_F(ListenersTest, ASceneThatWasEmptyIsListenedToFromItsFirstFrame) {
     Listeners listeners(scene_);
     int worlds = 0, silent = 0;
@@ -306,8 +306,8 @@ TEST_F(ListenersTest, ListeningIsNoPartOfTheState) {
     EXPECT_EQ(set->heard, nullptr);
 }
 
-/// Of the `state` kind: it gets sets, and runs nothing.
-/// Of two events that come to one field at one timestamp the second comes after the first has gone on.
+/// A scene of the `state` kind gets sets and runs nothing. Of two events to one field at one timestamp, the second
+/// arrives after the first has been passed on.
 TEST_F(ListenersTest, OfTwoEventsToAFieldWithoutRoutesBothAreHeardAndTheLastOneStays) {
     load(
         "DEF FAST IntegerTrigger { integerKey 11 } DEF SLOW IntegerTrigger { integerKey 12 } DEF F BooleanFilter { } "
@@ -381,7 +381,7 @@ TEST_F(ListenersTest, RemovingTakesANodeOutOfEveryField) {
     EXPECT_EQ(scene_.removeFromParents(NodeId{999}).error().code.text(), "no-such-node");
 }
 
-/// Whoever listens to all events may edit: the node that one was for may be gone then, and the one that it came from.
+/// A listener to all events may edit: then the node that an event was for may be gone, and the sender, too.
 TEST(EventListener, MayDestroyWhoHearsAndWhoHasSent) {
     using Children = Array<NodeId>;
     for (const bool sender : {false, true}) {

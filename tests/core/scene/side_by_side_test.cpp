@@ -353,7 +353,7 @@ TEST(Division, AFanOutIsDividedAndAChainIsNot) {
     EXPECT_EQ(partsOf(fan, one, 2, 5), (std::vector<int>{kAll, 0, 0, 1, 1}));
     const std::vector<E> chain{{id(1), id(2)}, {id(2), id(3)}, {id(3), id(4)}, {id(4), id(5)}};
     EXPECT_EQ(partsOf(chain, one, 2, 5), std::vector<int>());
-    // What hangs together behind the fan, two and five by four, goes together.
+    // The nodes that are connected behind the fan, two and five by four, go together.
     std::vector<E> joined = fan;
     joined.insert(joined.end(), {{id(2), id(6)}, {id(5), id(6)}, {id(3), id(7)}, {id(4), id(7)}});
     EXPECT_EQ(partsOf(joined, one, 2, 7), (std::vector<int>{kAll, 0, 1, 1, 0, 0, 1}));

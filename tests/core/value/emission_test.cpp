@@ -73,7 +73,7 @@ TEST(Emission, GrowOldAndMakePlace) {
     EXPECT_NEAR(double(seen.size()), 50 * 20 / 2.0, 60);
 }
 
-// Who closes a span takes nothing from those that live, and lets none be born.
+// Closing a span leaves living particles alone, and prevents new ones.
 TEST(Emission, AClosedSpanDiesOut) {
     const EmissionSpan open = streamOf(100, 4, .5);
     EmissionSpan closed = open;

@@ -93,7 +93,7 @@ void expectTheNumbersOf(unsigned seed) {
 #if defined(__SSE4_1__)
     EXPECT_LT(end - p, kRunLook) << "a run takes all but the last bytes";
 #endif
-    // What it leaves begins with the next number.
+    // The rest begins with the next number.
     p = std::find_if_not(p, end, isSpace);
     for (std::size_t i = count; i < expected.size(); ++i) {
         ASSERT_TRUE(std::string_view(p, end).starts_with(expected[i]));

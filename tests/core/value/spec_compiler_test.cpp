@@ -133,12 +133,12 @@ TEST_F(SpecCompiler, TagsAreKnownAndNoneIsMissing) {
     expectError(kHead + node + "@role(light a)\n", 5, "role 'light' takes no fields");
     expectError(kHead + node + "@role(group children)\n", 5, "'M' has no field 'children' of nodes");
     expectError(kHead + node + "@role(group a)\n", 5, "'M' has no field 'a' of nodes");
-    // Who can act must say when.
+    // A type that can act must say when.
     for (const char* field : {"SFBool [out] x", "SFBool hidden x FALSE", "SFBool [in] x", "SFBool [in] set_b"})
         expectError(kHead + node + "\n    " + field + " @none\n", 5, "needs @acts(WHEN)");
     EXPECT_EQ(compile(kHead + node + "\n    SFInt32 [in] set_a @none\n").output, "");
     EXPECT_EQ(compile(kHead + node + "@acts(never)\n    SFBool [out] x @none\n").output, "");
-    // Who has bounds must say what it is.
+    // A type with bounds must say what it is.
     expectError("component C\n" + bounded + "node M : X3DBoundedObject level 1 container c\n", 3, "needs @role(");
     EXPECT_EQ(compile("component C\n" + bounded + "node M : X3DBoundedObject level 1 container c @role(none)\n").output,
               "");

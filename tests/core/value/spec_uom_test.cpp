@@ -346,7 +346,7 @@ TEST_P(SpecUom, SameInheritance) {
         }
         // A hole of the 4.0 model: MultiTextureTransform would take none of them. 4.1 has it.
         if (GetParam() == 40 && name.starts_with("TextureTransform")) theirs.insert("X3DSingleTextureTransformNode");
-        // Of both models: no material and no MultiTexture would take them, which MultiTexture of 3.3 did (18.4.3).
+        // In both models: no material and no MultiTexture would take them; MultiTexture of 3.3 did (18.4.3).
         if (theirs.contains("X3DTexture3DNode") || theirs.contains("X3DEnvironmentTextureNode"))
             theirs.insert("X3DSingleTextureNode");
         EXPECT_EQ(std::set<std::string>(type->implements.begin(), type->implements.end()), theirs) << name;

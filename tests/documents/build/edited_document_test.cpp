@@ -111,7 +111,7 @@ TEST(EditedDocument, NodesAreFoundByTheirNamesWhereverTheyStandNow) {
                                    "translation 2 0 0 } }"),
               3U);
     EXPECT_EQ(followed.scene.findName("B"), b);
-    // What stood above stands below now.
+    // The upper node is below now.
     followed.followWhole(
         "DEF C Group { children DEF B Transform { children DEF A Transform { children Group { } } } }");
     EXPECT_EQ(followed.scene.findName("B"), b);
@@ -496,8 +496,8 @@ class Editor {
 
 class AnyEdit : public testing::TestWithParam<int> {};
 
-/// The scene is what the edited file would make. Whoever follows it gets no more of one edit than they would if it had
-/// been made to the scene itself; of many that touch the same nameless nodes a little more.
+/// The result is the scene of the edited file. Subscribers get no more changes for one edit than if it had been made to
+/// the scene itself; for many edits of the same nameless nodes a few more.
 TEST_P(AnyEdit, LeadsToTheEditedFileByNoMoreThanTheEdit) {
     const int edits = GetParam();
     std::size_t followed = 0, made = 0;

@@ -347,7 +347,7 @@ TEST_F(Inlines, AreReadAgainWhenTheirTimeHasCome) {
     EXPECT_EQ(frame(4), 2u);
     EXPECT_EQ(get(at({"G", "B"}), "size"), "2 2 2");
     EXPECT_EQ(scene.nodeCount(), nodes);
-    // What is not there for a moment leaves what was; what is not to be loaded is not.
+    // If a file is missing for a moment, the old content stays; content that is not to be loaded is removed.
     std::filesystem::remove(folder / "a.x3dv");
     EXPECT_EQ(frame(6), 0u);
     EXPECT_EQ(get(at({"I", "T"}), "translation"), "2 0 0");

@@ -98,7 +98,7 @@ TEST_F(DocumentLimits, NodesOfInlinesAreCountedWhileTheyAreRead) {
     write("nested.x3dv.gz", gzipped(head + timesOver("Group{children[", 900) + timesOver("Group{}", many)));
     for (const char* file : {"a.x3dv.gz", "a.x3d.gz", "nested.x3dv.gz"})
         EXPECT_LT(takenByLoading("Inline { url \"" + std::string(file) + "\" }", tooMany), 16 * kMegabyte) << file;
-    // Of JSON the places of its brackets are found first.
+    // For JSON, the places of brackets are found first.
     EXPECT_LT(takenByLoading("Inline { url \"a.json.gz\" }", tooMany), 160 * kMegabyte);
     write("a.x3dv", head + timesOver("Group{}", many));
     EXPECT_LT(takenByLoading("Inline { url \"a.x3dv\" }", tooMany), 16 * kMegabyte);

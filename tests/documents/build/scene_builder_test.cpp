@@ -194,7 +194,7 @@ TEST_F(DirectBuilder, RefusesWhatDoesNotFit) {
                                "direct:6:1: warning: unknown node type NoSuchNode",
                                "direct:9:1: warning: field 'geometry' of Shape has a node already"})
         EXPECT_THAT(text, HasSubstr(wanted));
-    // Of Shape's possible places only `children` takes one, so that is where it goes, with a warning.
+    // Only `children` of Shape's possible parents takes one, so it goes there, with a warning.
     EXPECT_EQ(diagnostics.errors(), 3u) << text;
     EXPECT_EQ(scene.node(scene.findName("T"))
                   .value(scene.node(scene.findName("T")).type().find("children"))

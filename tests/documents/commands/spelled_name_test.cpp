@@ -27,7 +27,7 @@ TEST(SpelledName, WhatCannotIsEscaped) {
     EXPECT_EQ(spellName("\xF0\x9F\x98\x80", Spelling::element), "_x01F600_");
     EXPECT_EQ(spellName("", Spelling::classic), "_x_");
     EXPECT_EQ(spellName("_x_", Spelling::classic), "_x005F_x_");
-    // What looks like an escape and is none.
+    // Names that look like an escape and are none.
     EXPECT_EQ(spellName("_x002E_", Spelling::classic), "_x005F_x002E_");
     EXPECT_EQ(spellName("_x002E.", Spelling::classic), "_x005F_x002E_x002E_");
     EXPECT_EQ(readName("a_x0041_", Spelling::classic), "a_x0041_") << "an author's own: A needs no escape";

@@ -96,7 +96,7 @@ TEST(Teaching, NamesOtherFormsOfAWordAndOtherWordsForAThing) {
 }
 
 TEST(Teaching, NamesABraceThatIsMissing) {
-    // Of a node that has no place for the next one, which then stands where it was meant to.
+    // If a node has no field for the next one, the next one goes to the parent as intended.
     for (const char* next : {"Transform { }", "DEF T Transform { }", "USE A"}) {
         Scene scene;
         Diagnostics problems("test");

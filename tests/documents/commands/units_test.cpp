@@ -57,7 +57,7 @@ void expectStandard(const Scene& scene) {
     EXPECT_EQ(field("I", "keyValue").as<Array<float>>()[1], 90.0f) << "what it is routed to decides";
 }
 
-// What a rotation is does not depend on who declares it; what a number is does, and nobody says.
+// The meaning of a rotation does not depend on its declaration; that of a number does, and nobody states it.
 TEST(DocumentUnits, RotationsOfPrototypesAndScriptsAreAngles) {
     constexpr const char* text = R"(#X3D V3.3 utf8
 PROFILE Immersive

@@ -229,7 +229,7 @@ TEST(LanguageServer, NodesFieldsAndNamesAreCompleted) {
                                      "name='Chair'><fieldValue name='|"),
                                  kXml),
                 testing::ElementsAre("height"));
-    // What is there of the word is replaced.
+    // The existing part of the word is replaced.
     const Json item = client.at("textDocument/completion", classic("Group { } Tran|")).at("items").at(0);
     EXPECT_EQ(client.marked(item.at("textEdit").at("range")), "Tran");
 }
@@ -385,7 +385,7 @@ TEST(LanguageServer, AnyTextMayBeAskedAbout) {
             (void)editor::explanationAt(text, offset);
             (void)editor::definitionAt(text, offset);
         }
-    // What is deep is passed over, and takes no longer.
+    // Deep nesting is skipped, and takes no longer.
     const std::string deep(1 << 20, '[');
     (void)editor::proposalsAt("#X3D V4.0 utf8\nGroup { children " + deep, deep.size());
     std::string elements = "<X3D>";

@@ -205,7 +205,7 @@ TEST(Filter, FlattenTransformsPutsStillOnesIntoTheCoordinates) {
         EXPECT_THAT(filtered("flatten-transforms", text), testing::HasSubstr("set translation SFVec3f 1 0 0"));
 }
 
-// Of X3D 3.1 to 3.3: one value a child, so that each has to stay one.
+// In X3D 3.1 to 3.3 there is one value a child, so each child must stay one.
 TEST(Filter, FlattenTransformsKeepsTheChildrenThatACadLayerCounts) {
     const std::string face =
         "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] coord Coordinate { point [ 0 0 0 1 0 0 0 1 0 ] } } } ";

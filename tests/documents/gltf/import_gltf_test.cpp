@@ -567,7 +567,7 @@ TEST(ImportGltf, SplinesAreHermiteSplines) {
     ASSERT_TRUE(curve);
     EXPECT_EQ(curve->size, 400'000u);
     EXPECT_LE(curve->numbers.size(), std::size_t{1} << 23);
-    // Of rotations the quaternions are splines, which are then brought to length 1.
+    // For rotations the quaternions are splines, whose values are then normalised.
     const float half = std::sqrt(.5f);
     Played turn(Animated(clip("Turn", "rotation", "CUBICSPLINE"), {0, 1},
                          {0, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 0, 0, 0, half, 0, 0, half, 0, 0, 0, 0}, "VEC4", 4)

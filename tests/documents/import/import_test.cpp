@@ -126,7 +126,7 @@ TEST(ImportPly, PolygonsPointsAndAbsurdCounts) {
                 HasSubstr("expected 'element NAME COUNT'"));
     EXPECT_THAT(Imported("ply\nformat binary_middle_endian 1.0\nelement vertex 1\n").problems,
                 HasSubstr("test:2:1: error: 'binary_middle_endian' is no format of PLY files"));
-    // Of no bytes each, so that the file's end stops nobody.
+    // Elements of no bytes, so that the end of the file does not stop the reader.
     for (const char* element : {"vertex", "face", "other"}) {
         const Imported empty(std::string("ply\nformat binary_little_endian 1.0\nelement ") + element +
                              " 9000000000000000000\nend_header\n");

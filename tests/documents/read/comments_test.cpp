@@ -232,7 +232,7 @@ TEST(Vrml97Writer, NamesTheNodesAndFieldsThatVrml97DoesNotHave) {
                                   "Transform.metadata is no field of VRML97 (it came with X3D 3.0"));
 }
 
-// As the name of a shape in a file of another program may have it.
+// Such as the name of a shape in a file of another program.
 TEST(Comments, AllKindsOfLineEndsStayInside) {
     for (const Encoding encoding : {Encoding::classicVrml, Encoding::vrml97, Encoding::xml, Encoding::json}) {
         std::string text;

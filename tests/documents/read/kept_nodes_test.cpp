@@ -282,7 +282,7 @@ TEST(Versions, InXmlAndJsonAPrototypeMayHaveTheNameOfAnyNode) {
     EXPECT_THAT(kept, HasSubstr("<ProtoInstance name='Text_'"));
 }
 
-/// As VRML97 files of a library have it: the node of a later version is meant where it has all the fields.
+/// As in VRML97 files of a library: the node of a later version is meant if it has all the fields.
 TEST(Versions, AnExternPrototypeMayHaveTheNameOfALaterNodeThatIsAnotherThing) {
     const test::TempFolder folder;
     const auto write = [&](const char* name, std::string_view text) { std::ofstream(folder / name) << text; };
@@ -398,7 +398,7 @@ TEST(KeptNodes, APrototypeComesBeforeItsInstancesInEveryEncoding) {
     }
 }
 
-// As XML has them by containerField: named once, kept, and the same from each encoding to each.
+// As in XML with containerField: reported once, kept, and the same from each encoding to each.
 TEST(KeptNodes, NodesInAFieldOfValuesAreKeptUnderItsName) {
     for (const char* before : {"", "value [ TRUE ] "}) {
         const std::string text = std::string("#X3D V4.0 utf8\nPROFILE Full\nMetadataBoolean { ") + before +

@@ -195,7 +195,7 @@ TEST(BadInput, OutOfRangeIsAWarningAndKept) {
     EXPECT_THAT(r.handler.lines, Contains("set rotation SFRotation 0 0 0 1"));
 }
 
-// What shines beyond 1 is a lamp; other colours are shares of light, and none is less than nothing.
+// A colour above 1 is a lamp; other colours are shares of light, and none is negative.
 TEST(BadInput, LampsMayShineBeyondTheRange) {
     const Read lamp = readClassicScene(
         "Material { emissiveColor 8 8 8 } UnlitMaterial { emissiveColor 0 0 2 } PhysicalMaterial { emissiveColor 30 1 "

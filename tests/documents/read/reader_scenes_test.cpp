@@ -56,7 +56,7 @@ TEST(ReaderScenes, AllRoundTripThroughXmlAndClassicVrml) {
         Diagnostics reading, writing;
         const auto rewrite = [&](const std::string& text, Encoding encoding) {
             std::string out;
-            // What is said about declarations is a comment in ClassicVRML.
+            // Descriptions of declarations become comments in ClassicVRML.
             const auto writer = makeWriter(encoding, [&](std::string_view t) { out += t; }, writing);
             readDocument(text, **makeFilter("drop-comments", *writer, {writing}), reading);
             return out;

@@ -92,7 +92,7 @@ class Lists {
 
   private:
     std::string shape() {
-        // Of floats, doubles and integers.
+        // Lists of floats, doubles and integers.
         const bool wide = below(4) == 0;
         const std::string node = wide ? "CoordinateDouble" : "Coordinate";
         const std::string points = list(false), indices = list(true);
@@ -252,7 +252,7 @@ TEST(ReaderThreads, AreThereForLongListsAlone) {
     EXPECT_GE(threadsFor(60'000, TextSyntax::classicVrml), classic + 2);
 }
 
-/// What precedes the second number is longer than what makes a list long.
+/// The text before the second number is longer than the limit for a long list.
 TEST(ReaderThreads, AreNotConfusedByALongComment) {
     const std::string text = "[ 1 #" + std::string(50'000, '-') + "\n 2 3 ]";
     CountThreads report({.threads = 3, .from = 20'000, .piece = 1000});

@@ -152,7 +152,7 @@ TEST(ReaderXml, AnIsBeforeOrBehindTheFieldsItConnectsReadsAlike) {
                     "set url MFString [\"ecmascript:\nf();\"]", "end", "begin Group", "end", "endproto", "begin Script",
                     "declare inputOutput SFFloat a = 4", "end"));
     EXPECT_EQ(before.handler.text(), behind.handler.text());
-    // Of a node, by the name of its event.
+    // A value for a node, by the name of its event.
     const Read node = readXmlScene(
         "<ProtoDeclare name='P'><ProtoInterface><field name='a' type='SFFloat' "
         "accessType='inputOutput'/><field name='g' type='SFNode' accessType='inputOutput'/>"
@@ -254,7 +254,7 @@ TEST(ReaderXml, Utf16AndLatin1AreConverted) {
     }
 }
 
-// What is declared has no other field in which a second node could be kept.
+// The declaration has no other field in which a second node could be kept.
 TEST(ReaderXml, ADeclaredFieldOfOneNodeTakesTheFirst) {
     for (const char* type : {"SFNode", "MFNode"}) {
         const std::string field = std::string("<field name='n' accessType='inputOutput' type='") + type +

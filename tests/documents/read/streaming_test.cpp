@@ -168,7 +168,7 @@ TEST(Streaming, JsonAttributesMayStandBehindChildren) {
     EXPECT_EQ(fromMemory(late).commands, fromMemory(early).commands);
     EXPECT_EQ(fromMemory(late).problems, "");
     expectSame(late);
-    // Of the whole document, too.
+    // Also for the whole document.
     expectSame(R"({"X3D":{"Scene":{"-children":[{"Group":{}}]},"@version":"4.0","@profile":"Full"}})");
     EXPECT_EQ(
         fromMemory(R"({"X3D":{"Scene":{"-children":[{"Group":{}}]},"@version":"4.0","@profile":"Full"}})").commands,

@@ -132,7 +132,7 @@ TEST(Writer, AnIsComesBehindTheFieldsThatANodeDeclares) {
     EXPECT_EQ(Read(rewrite(kDocument, Encoding::xml)).handler.text(), Read(kDocument).handler.text());
 }
 
-// Of instances readers take `children` to be meant that do not look into the PROTO.
+// Readers that do not look into the PROTO assume `children` for instances.
 TEST(Writer, PlacesOfInstancesAreSaid) {
     constexpr const char* kDocument =
         "#X3D V4.0 utf8\nPROFILE Immersive\nPROTO G [] { Box { } } PROTO S [] { Shape { } }"
@@ -228,7 +228,7 @@ TEST(Writer, LongArraysAreBrokenIntoLines) {
     }
 }
 
-/// Of nodes that are open, what comes before and behind a long list waits with it.
+/// Text before and behind a long list in open nodes waits with it.
 TEST(Writer, LongListsStandWhereTheyWereGiven) {
     std::string points, indices;
     for (int i = 0; i < 5000; ++i) {

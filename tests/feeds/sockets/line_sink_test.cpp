@@ -104,7 +104,7 @@ namespace {
 
 constexpr std::uint64_t kManyLines = 10'000;  // of a kilobyte: more than waits for one subscriber
 
-/// Who connects to a sink and reads nothing.
+/// A client that connects to a sink and reads nothing.
 struct Deaf {
     std::unique_ptr<LineSink> sink;
     std::optional<Descriptor> socket;

@@ -101,7 +101,7 @@ TEST(FetchRules, Networks) {
     EXPECT_TRUE(may("::ffff:10.1.2.3"));
     EXPECT_FALSE(may("10.2.0.1"));
     EXPECT_TRUE(may("8.8.8.8"));
-    // Who names a number names it alone.
+    // A rule with a number allows this number only.
     EXPECT_TRUE(may("192.168.1.5", "http://192.168.1.5/"));
     EXPECT_FALSE(may("192.168.1.6", "http://192.168.1.5/"));
     EXPECT_TRUE(may("::1", "http://[::1]/"));

@@ -69,7 +69,7 @@ TEST_F(FetchedFilesTest, WithBytesAReplicaNeedsNothing) {
     EXPECT_EQ(replicated(scene, server.address("/b")), "content of /b");
     EXPECT_THAT(replicated(scene, server.address("/c")), testing::HasSubstr("--allow"));
     EXPECT_EQ(server.asked(), asked);
-    // Whoever goes on with the scene makes no second node.
+    // A later run of the scene makes no second node.
     WebFetcher again(FetchSettings{});
     keepFetchedFiles(scene, again);
     EXPECT_TRUE(again.hasKeptBytes());

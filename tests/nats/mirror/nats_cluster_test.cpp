@@ -119,7 +119,7 @@ class BareSubscriber {
     bool subscribed() const { return subscribed_; }
     std::uint64_t state() const { return state_; }
     std::uint64_t records() const { return records_; }
-    /// Of all records, one after the other.
+    /// Over all records, one after the other.
     std::uint64_t checksum() const { return checksum_; }
     bool whole() const { return whole_; }
 

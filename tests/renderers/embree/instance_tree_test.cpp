@@ -151,8 +151,8 @@ TEST(InstanceTree, StandsManyAtOnePlaceAndOneThatTravels) {
     EXPECT_EQ(tree.bounds().upper.x, truth[7].upper.x);
 }
 
-/// What lies apart by less than numbers can be divided by has no bins to be sorted into; sanitizers see if it gets
-/// some.
+/// Centres that are closer than numbers can be divided by cannot be sorted into bins; sanitizers would notice an
+/// attempt.
 TEST(InstanceTree, StandsThoseThatAreHardlyApart) {
     std::mt19937 random(kTreeSeed);
     for (const float step : {1e-45f, 1e-40f, 1e-38f, 1e-37f, 1e-30f}) {

@@ -108,7 +108,7 @@ void expectAsOneByOne(const Asked& before, const Asked& after, const Triangles10
     }
 }
 
-/// What meets something is in its shadow.
+/// A ray that hits something is in its shadow.
 void expectShadowsOf(const Asked& before, const Asked& after, const Asked& shadow) {
     for (int i = 0; i < 16; ++i) {
         if (before.valid[i])
@@ -167,7 +167,7 @@ void countHits(const RTCFilterFunctionNArguments* asked) {
     }
 }
 
-// Who says of hits whether they count is told whose they are, in packets of any width.
+// A filter that decides about hits is told which rays they belong to, in packets of any width.
 template <int kLanes, class Rays>
 void expectNumbered() {
     if (kLanes > packetWidth()) return;

@@ -14,7 +14,7 @@ using namespace test;
 
 constexpr unsigned kTogetherSeed = 4091;
 
-/// What rests and what moves, turned and scaled, in a box.
+/// Shapes at rest and in motion, rotated and scaled, in a box.
 struct TogetherRoom {
     RayWorld world;
     std::mt19937 random{kTogetherSeed};

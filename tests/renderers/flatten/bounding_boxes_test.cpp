@@ -65,7 +65,7 @@ TEST(BoundingBoxes, LieAlongTheWorldsAxesHoweverTheContentIsTurned) {
 TEST(BoundingBoxes, GoAroundTheTrianglesThemselves) {
     ShownBoxes s("Transform { rotation .36 .48 .8 .6 bboxDisplay TRUE children Shape { geometry Sphere { } } }");
     for (int k = 0; k < 3; ++k) EXPECT_NEAR(s.boxes().at(0)[k][k], 2, .02);
-    // Of a cone that lies on its side: as long as it is high, exactly.
+    // The box of a cone that lies on its side is exactly as long as the cone is high.
     ShownBoxes cone(
         "Transform { rotation 0 0 1 -1.57079632679 bboxDisplay TRUE children Shape { geometry Cone { height 3 } } }");
     EXPECT_NEAR(cone.boxes().at(0)[0].x, 3, 1e-6);
@@ -131,7 +131,7 @@ TEST(BoundingBoxes, AreShownAndHiddenAtRunTime) {
     EXPECT_TRUE(s.boxes().empty());
 }
 
-// What gets a box of its own in the frame in which it shrinks: the box around shrinks too.
+// If a thing gets a box of its own in the frame in which it shrinks, the box around shrinks too.
 TEST(BoundingBoxes, ThatAppearAsTheirContentGoesTakeItFromTheOneAround) {
     ShownBoxes s(
         "Transform { bboxDisplay TRUE children [ DEF A Shape { geometry DEF S Sphere { radius 3 } } "

@@ -138,7 +138,7 @@ class Oracle {
         }
         return {};
     }
-    /// What is seen of an LOD is its level for the viewer, what is heard the first one.
+    /// The visible level of an LOD is the one for the viewer; the audible one is the first.
     std::vector<std::pair<NodeId, Senses>> levels(const Node& n, const glm::dmat4& world, Senses above) {
         const auto& all = n.get(x3d::LOD::children);
         if (all.empty()) return {};

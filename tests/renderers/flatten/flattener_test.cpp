@@ -214,7 +214,7 @@ TEST_F(FlattenerCase, PrototypeShowsItsFirstNodeAndStandsForParts) {
         EXPECT_EQ(delta.added[0].shape, first);
         EXPECT_EQ(flat.flattener().path(delta.added[0].id), (std::vector<NodeId>{pair, proto, first}));
     }
-    // As a geometry: the shape refers to what the instance stands for, also when that changes.
+    // Used as a geometry, the shape refers to the instance's first node, also when that changes.
     const NodeId geometry = scene.createNode(type), box = scene.createNode(x3d::Box::type),
                  cone = scene.createNode(x3d::Cone::type);
     EXPECT_TRUE(scene.setField(geometry, body, Array<NodeId>{box}));
@@ -313,7 +313,7 @@ TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
     EXPECT_NEAR(glm::distance(placed()[2], glm::normalize(Vec3d(0, 7, 4))), 0, 1e-6);
     EXPECT_NEAR(placed()[0].y, 0, 1e-6) << "upright";
     EXPECT_GT(placed()[1].y, 0);
-    // As the eye leans, so does it (23.4.1): its x axis is level in the picture, its y axis up there.
+    // It leans with the eye (23.4.1): its x axis is level in the picture, its y axis up.
     const Vec3d lean = glm::normalize(Vec3d(1, .2, .3)), eye = Vec3d(3 + 5, 7, 0);
     ASSERT_TRUE(flat.setViewer(EyePlace(eye, lean)));
     const Vec3d z = placed()[2];

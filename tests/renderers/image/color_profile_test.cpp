@@ -169,7 +169,7 @@ TEST(ColorProfile, DamagedOnesAreLookedAtNoFurther) {
     EXPECT_EQ(namedIn(pngWith(tag)), "without a name");
 }
 
-/// What a picture of a scene with such a texture as its Material's `field` says.
+/// The reports of a picture of a scene with such a texture as its Material's `field`.
 std::vector<std::string> saidOf(const FileText& icc, const std::string& field) {
     const test::TempFolder folder;
     const auto file = folder.path() / "main.x3dv";

@@ -449,7 +449,7 @@ TEST_F(Ktx2Scenes, ScenesShowThem) {
     write("block.ktx2", Ktx2File{.depth = 2, .levels = {{octets({10, 20, 30, 255, 30, 40, 50, 255}), 0}}}.bytes());
     EXPECT_LT(glm::distance(center("ImageTexture3D { url \"block.ktx2\" }").first, Vec3f(20, 30, 40)), .01f);
     EXPECT_THAT(center("ImageTexture { url \"block.ktx2\" }", 1).second, testing::HasSubstr("three dimensions"));
-    // What is not read is told by its name, once.
+    // Unsupported features are reported by name, once.
     Ktx2File other{.format = 0, .scheme = 2, .model = 166, .levels = {{zstdOf(std::string(16, 'x')), 16}}};
     write("uastc.ktx2", other.bytes());
     EXPECT_THAT(center("ImageTexture { url \"uastc.ktx2\" }", 1).second,

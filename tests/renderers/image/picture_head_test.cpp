@@ -284,7 +284,7 @@ TEST(PictureHeads, ThatMayBeTrueAreBelieved) {
     EXPECT_EQ(why(exr(2000, 2000, 0) + std::string(24'000'000, 'x')), "");
 }
 
-// What the process may hold is asked for before memory is taken.
+// The memory limit of the process is checked before memory is taken.
 TEST(PictureHeads, PicturesBeyondTheMemoryOfTheProcessAreRefused) {
     if (!test::kMemoryIsOurs) GTEST_SKIP() << "sanitizers have memory of their own";
     std::string rows;

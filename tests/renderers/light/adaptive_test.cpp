@@ -61,8 +61,8 @@ TEST(Adaptive, QuantilesAreThoseOfTheTables) {
         EXPECT_NEAR(trace::studentQuantile(degrees), quantile, 0.002 * quantile) << degrees;
 }
 
-// What is the same in all samples is what it is, however many there are: in single precision a constant of .3 was 2 %
-// too dark after 2^20.
+// A value that is the same in all samples stays exact, however many there are: in single precision a constant of .3 was
+// 2 % too dark after 2^20.
 TEST(Adaptive, ManySamplesAddUpToTheirMean) {
     LightScene s(test::square(50, test::unlit(".3 .7 .9")), 2, 2);
     for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
@@ -176,7 +176,8 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
     EXPECT_EQ(room.picture().pixels, known.pixels);
 }
 
-// What whole steps bring too much in some blocks, others of the tile are spared, by a tenth of the error at most.
+// Some blocks get more samples than needed because steps are whole; others of the tile get fewer in return, with an
+// error that is larger by a tenth at most.
 TEST(Adaptive, TilesEndNearWhatIsAskedForAndNoBlockFarAbove) {
     constexpr int kSide = 32, kBlock = 4;
     LightScene s(kPanelRoom, kSide, kSide);

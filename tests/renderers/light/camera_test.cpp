@@ -220,8 +220,8 @@ TEST(Camera, WhoCannotTurnViewsAllAsHeLooks) {
     EXPECT_EQ(camera.position, Vec3d(1, 2, 3)) << "an empty box changes nothing";
 }
 
-// 24.2.1: skyAngle from the zenith, groundAngle from the nadir, linear in the angle in between.
-// What ray() shows at a place of the picture lies there again, near or far, for each kind of eye.
+// 24.2.1: skyAngle from the zenith, groundAngle from the nadir, linear in the angle in between. A point on ray() of a
+// place in the picture is projected to this place again, near or far, for each kind of eye.
 TEST(Camera, PlacesAreWhereRaysGo) {
     const Camera straight = Camera::perspective(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, .9, 1.5),
                  parallel = Camera::parallel(identityTransform(), {1, 2, 3}, {.1f, 1, .2f, .7f}, {-2, -1, 3, 4}, 1.5),

@@ -120,7 +120,7 @@ TEST(ViewportGroup, CutsWhatItGroupsAtSharesOfThePicture) {
             ASSERT_TRUE(s.scene.insertChild(other, x3d::Viewport::children, s.node("V")));
             s.scene.newFrame(2);
             EXPECT_EQ(redRectangle(s.picture()), (Edges{40, 60, 30, 40}));
-            // What comes into it and what leaves it.
+            // Things that enter it and leave it.
             ASSERT_TRUE(s.scene.removeChild(s.node("V"), x3d::Viewport::children.index, 0));
             s.scene.newFrame(3);
             EXPECT_EQ(lit(s.picture(), 0), 0);

@@ -60,8 +60,8 @@ std::string plane(const Vec3d& normal, const char* mode, const std::string& text
         texture, mode, n, n, n, n);
 }
 
-/// Of the picture of a plane with these normals, that each pixel shows the side that `lookedUp` tells for the direction
-/// of its ray.
+/// Checks, in the picture of a plane with these normals, that each pixel shows the side that `lookedUp` gives for the
+/// direction of its ray.
 template <class LookedUp>
 void expectSides(LightScene& s, const Vec3d& n, const LookedUp& lookedUp) {
     const Picture p = s.picture();
@@ -336,7 +336,7 @@ TEST_F(CubeFiles, LayersOfADdsFileAreABlock) {
     for (int z = 0; z < 4; ++z)
         EXPECT_NEAR(grey(slice((z + .5) / 4, "ImageTexture3D { url \"block.dds\" }"), options()), 40 * z + 20, .01)
             << z;
-    // As a flat picture it is refused, and not read beyond its end.
+    // Used as a flat picture it is refused, and not read beyond its end.
     LightScene s(square(5, "material UnlitMaterial { } texture ImageTexture { url \"block.dds\" }"), 33, 33, options());
     EXPECT_EQ(s.center(), Vec3f(1));
     ASSERT_EQ(s.light->diagnostics().all().size(), 1u);
@@ -400,7 +400,7 @@ TEST(GeneratedCubeMap, FollowsTheSceneAndShowsNothingUntilAsked) {
     EXPECT_LT(glm::distance(s.center(), kSeen[1]), 1e-5f) << "the wall behind it";
 }
 
-/// What is drawn for a node counts among the scene's pictures, as long as it is shown and no longer.
+/// The picture drawn for a node counts among the scene's pictures as long as it is shown.
 TEST(GeneratedCubeMap, CountsAmongThePixelsThatASceneMayHave) {
     const auto shape = [](int i, const char* more) {
         return plane({0, 0, 1}, "CAMERASPACEREFLECTIONVECTOR",

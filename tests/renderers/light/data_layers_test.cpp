@@ -195,8 +195,7 @@ TEST(DataLayers, AreOfWhatHidesWhatIsBehind) {
     }
 }
 
-// What mirrors and bends is white as far as it does, lamps as bright as white at most, and 300 faint layers hide
-// nothing.
+// Reflecting and refracting surfaces are white in proportion, lamps at most white, and 300 faint layers hide nothing.
 TEST(DataLayers, AlbedosAreSharesOfLight) {
     const struct {
         std::string material;
@@ -401,7 +400,7 @@ TEST(DataLayers, MotionOfAZoom) {
         }
 }
 
-// What deforms moves corner by corner: a square that is drawn out to twice its width moves the more, the farther out.
+// A deforming mesh moves corner by corner: in a square that is stretched to twice its width, outer corners move more.
 TEST(DataLayers, MotionOfWhatDeforms) {
     constexpr int kSide = 40;
     LightScene s("Shape { appearance Appearance { " + unlit("1 1 1") +

@@ -64,8 +64,8 @@ TEST(Emitters, AreThoseThatShineAndCannotBeSeenThrough) {
     EXPECT_EQ(count(mirror(".5")), 0u);
 }
 
-// The probabilities of all emitters are one whole, and are those with which sample() chooses: 10^5 draws at each of
-// twenty places lie within five standard deviations. What is not chosen cannot send light there.
+// The probabilities of all emitters sum to one, and agree with sample(): 10^5 draws at each of twenty places lie within
+// five standard deviations. Emitters that are never chosen cannot send light there.
 TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
     const int seed = 7;
     const Table t(lampsAndThings(seed));
@@ -267,12 +267,12 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
         const EmitterMean bounced = emitterMean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
         EXPECT_NEAR(found.value, bounced.value, 4 * std::hypot(found.error, bounced.error) + 1e-6);
         EXPECT_GT(bounced.value, 1e-3);
-        // Of a quarter of the samples, half of which a plane may cut away.
+        // For a quarter of the samples, half of which a plane may cut away.
         EXPECT_LT(found.error, 4 * bounced.error + 1e-6);
     }
 }
 
-// What a ray meets there is one of them: so is the light that comes from there.
+// A ray there hits one of them, and so the light comes from one.
 TEST(PathEmitters, WhatShinesTwiceInOnePlaceShinesOnce) {
     const std::string eye = kLookDown + floorOf("Material { diffuseColor .8 .8 .8 }");
     const auto moved = [&](const char* how, const std::string& what) {

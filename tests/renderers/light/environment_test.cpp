@@ -83,7 +83,7 @@ TEST(Environment, HarmonicsOfDegreeTwoAreTheStandardOnes) {
     }
 }
 
-// Of a half sphere of light, a surface that leans by an angle sees (1 + cos) / 2.
+// A surface that leans by an angle sees (1 + cos) / 2 of a half sphere of light.
 TEST(Environment, MatteSurfacesGatherHalfASphere) {
     const Environment light({panoramaOf(64, dome), nullptr, std::nullopt});
     for (const Vec3f& n : somewhere(60, 3))

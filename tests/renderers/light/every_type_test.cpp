@@ -34,7 +34,7 @@ std::string readAll(const std::filesystem::path& file) {
     return text.str();
 }
 
-/// With what stands for the names in it.
+/// Replaces the names in it by their texts.
 std::string spelledOut(std::string text, const std::map<std::string, std::string>& names) {
     for (std::size_t at = text.find('$'); at != text.npos; at = text.find('$', at)) {
         std::size_t end = at + 1;
@@ -94,7 +94,7 @@ std::vector<TypeScene> typeScenes() {
     return scenes;
 }
 
-/// As a word.
+/// Whether a text contains a name as a word.
 bool standsIn(const std::string& text, const std::string& name) {
     const auto isPart = [&](std::size_t i) {
         return i < text.size() && (std::isalnum(static_cast<unsigned char>(text[i])) || text[i] == '_');
@@ -126,7 +126,7 @@ class EveryType : public testing::Test {
         const bool eye = body.find("Viewpoint") != body.npos;
         return "#X3D V4.1 utf8\nPROFILE Full\n" + std::string(eye ? "" : "Viewpoint { }\n") + body + "\n";
     }
-    /// As it is drawn a second after it was loaded; what is said of it is in said_.
+    /// Draws it a second after it was loaded; the reports are in said_.
     Picture draw(const std::string& text) {
         Scene scene;
         said_ = Diagnostics();

@@ -65,7 +65,7 @@ TEST(LocalFog, TheNearestOneCounts) {
                 1e-6);
     expectColor(seen("Fog { color 0 1 0 visibilityRange 20 } " + group("LocalFog { visibilityRange 0 }")), {1, 0, 0},
                 1e-6);
-    // What is seen through one thing has its own.
+    // A thing seen through another has its own fog.
     expectColor(seen("Transform { translation 0 0 5 children [ " +
                      square(5, "material UnlitMaterial { emissiveColor 0 1 0 transparency .5 }") + " ] }" + near),
                 {.5 * .75, .5, .5 * .25}, 1e-6);
@@ -78,7 +78,7 @@ TEST(LocalFog, PathsSeeTheSame) {
     expectColor(direct, {.75, 0, .25 * linearFromSrgb(.5f)}, 1e-6);
 }
 
-// Of what covers a part, that part is fogged by its own distance; what is seen through it by its own, once.
+// If a thing covers a part, that part is fogged by its own distance; the thing behind by its own, once.
 TEST(Fog, HidesClearSurfacesByWhatTheyCover) {
     const std::string behind = "Fog { color 0 0 1 visibilityRange 40 } " + square(5, unlit("1 0 0"));
     const auto before = [](const std::string& appearance) {
@@ -102,7 +102,7 @@ TEST(Fog, HidesClearSurfacesByWhatTheyCover) {
     }
 }
 
-/// What a wall of 10 m x 10 m shows at heights from -5 to 5, one a row, seen from 10 m.
+/// The rows of a wall of 10 m x 10 m at heights from -5 to 5, seen from 10 m.
 std::vector<Vec3f> rowsOfWall(const std::string& fog, Integrator integrator) {
     LightScene s("OrthoViewpoint { fieldOfView [ -5 -5 5 5 ] position 0 0 10 } " + fog + square(5, unlit("1 0 0")), 10,
                  10);

@@ -177,7 +177,7 @@ TEST(Geo, IsSeenAndPickedFromAbove) {
     expectCorners(ours, theirs, 0);
 }
 
-// What an edit leads to is what a new world makes of the scene.
+// An edited scene looks the same as a new world of it.
 TEST(Geo, EditsLeadToWhatANewWorldShows) {
     LightScene s(std::string(kAbove) +
                  "DEF L GeoLocation { geoCoords 46 7 400 geoOrigin DEF O GeoOrigin { geoCoords 46 7 300 } children "
@@ -205,7 +205,7 @@ TEST(Geo, EditsLeadToWhatANewWorldShows) {
     check("the origin");
 }
 
-// What stands at the top of a file belongs to nothing that it could move.
+// A GeoOrigin at the top of a file has no parent that it could move.
 TEST(Geo, OriginThatNothingHoldsMovesNothing) {
     LightScene s("Shape { geometry Box { } }", 9, 9);
     const NodeId origin = s.scene.createNode(x3d::GeoOrigin::type);

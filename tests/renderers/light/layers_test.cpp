@@ -43,7 +43,7 @@ TEST(Layers, HaveTheirOwnViewpoints) {
     const Picture p = s.picture();
     EXPECT_EQ(Vec3f(p.at(16, 16)), Vec3f(1, 0, 0));
     EXPECT_EQ(p.at(1, 16), Vec4f(0, 0, 0, 1)) << "the scene's own background";
-    // Of the square's 2 m at 4 m the middle 60 % show: 2 atan(1 / 4) of 45 degrees.
+    // The middle 60 % of the square's 2 m show at 4 m: 2 atan(1 / 4) of 45 degrees.
     int red = 0;
     for (int x = 0; x < 33; ++x) red += p.at(x, 16).r > .5f;
     EXPECT_NEAR(red, 33 * .25 / std::tan(.7854 / 2), 1.01);
@@ -244,7 +244,7 @@ TEST(Layers, PointsAndLinesOfOthersHideNothingBeforeAParallelEye) {
             "Transform { translation 0 0 -8 children " +
             hidden + " } ] }";
         EXPECT_EQ(LightScene(seen + cut).center(), Vec3f(1, 0, 0));
-        // Of those left out none hides one that is there.
+        // Shapes that are left out hide none of the others.
         const std::string kept = "Transform { translation 0 0 -5 children " +
                                  shape("PointSet { coord Coordinate { point [ 0 0 7 ] } }") + " }";
         EXPECT_EQ(LightScene(seen + kept + cut).center(), Vec3f(1));
@@ -295,7 +295,8 @@ TEST(Layers, AreEachAsIfTheOthersWereNotThere) {
             s.options.settings.colorSpace = ColorSpace::display;
             return s.picture();
         };
-        // What a layer adds, and what it leaves of what is behind it, is seen before black and before white.
+        // Shown before black and before white: the colour that a layer adds, and the share that it leaves of things
+        // behind it.
         const std::string eye = "NavigationInfo { headlight FALSE } Viewpoint { } ";
         const Picture black = drawn(eye, other), white = drawn(eye + "Background { skyColor 1 1 1 } ", other),
                       behind = drawn(own + "Viewpoint { } ", ""), both = drawn(own + "Viewpoint { } ", other);
@@ -321,7 +322,7 @@ TEST(Layers, InWhichNothingIsCostNoRays) {
     EXPECT_EQ(seen.pixels, expected.pixels);
     EXPECT_EQ(layered.stats.primaryRays, alone.stats.primaryRays);
     EXPECT_EQ(layered.stats.shadowRays, alone.stats.shadowRays);
-    // What comes into one of them is drawn, and gone again when it goes.
+    // A node added to one of them is drawn until it is removed.
     const NodeId late = layered.node("Late"), background = layered.scene.createNode(x3d::Background::type);
     ASSERT_TRUE(layered.scene.set(background, x3d::Background::skyColor, Array<Color>{{0, 0, 1}}));
     ASSERT_TRUE(layered.scene.set(late, x3d::Layer::children, Array<NodeId>{background}));

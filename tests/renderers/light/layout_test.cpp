@@ -19,12 +19,12 @@ struct PixelBox {
         return out << b.left << ".." << b.right << " by " << b.bottom << ".." << b.top;
     }
 };
-/// Of a rectangle in pixels, as far as the picture goes.
+/// The part of a rectangle in pixels that is in the picture.
 PixelBox pixelsIn(PixelBox b, int width, int height) {
     const auto edge = [](double x, int most) { return std::clamp(std::ceil(x - .5), 0.0, double(most)); };
     return {edge(b.left, width), edge(b.right, width), edge(b.bottom, height), edge(b.top, height)};
 }
-/// Of what is redder than green; it must be whole.
+/// The box of the pixels that are redder than green; it must be full.
 PixelBox redPixels(const Picture& p) {
     PixelBox b{double(p.width), 0, double(p.height), 0};
     int pixels = 0;
@@ -381,7 +381,7 @@ struct Pointed : LightScene {
     }
 };
 
-// What is over another thing in the picture is what a pointer there is over; points are in the sensor's coordinates.
+// A pointer is over the uppermost thing in the picture; points are in the sensor's coordinates.
 TEST(Layout, PointersMeetWhatThePictureShows) {
     for (const auto& [width, height] : kPictureSizes) {
         Pointed s(
@@ -438,7 +438,7 @@ TEST(Layout, BillboardsTurnTheCoordinatesOfTheirSensors) {
     EXPECT_NEAR(point.z, 0, 1e-4);
 }
 
-// Whoever reads states gets ones for its picture from the first on, whatever other pictures are made meanwhile.
+// A reader of states gets states for its picture from the first on, whatever other pictures are made meanwhile.
 TEST(Layout, ReadersGetStatesForTheirPictures) {
     LightScene s(
         hud("align [ \"RIGHT\" \"TOP\" ] size [ 12.2 8.3 ] sizeUnits \"PIXEL\"", kUnit, "viewport DEF V Viewport { }"));

@@ -307,7 +307,7 @@ TEST(LightTracer, ShadowsThatNobodySeesAreLeftOut) {
     EXPECT_EQ(rays, 33u * 33u);
     EXPECT_EQ(seen(.999, 1 / 1024.0f, rays), 0);
     EXPECT_EQ(seen(.5, 1 / 1024.0f, rays), 0);
-    // Of many lights none may leave out so much that it is seen in the sum.
+    // With many lights, none may leave out so much that the sum shows it.
     EXPECT_EQ(seen(.9999, 1 / 1024.0f, rays, 200), 0);
     EXPECT_EQ(rays, 200u * 33u * 33u);
 }
@@ -440,7 +440,7 @@ TEST(LightShadows, NoFacetsAtTheEdgeOfABallsShadow) {
             EXPECT_GT(near, 500) << light;
             EXPECT_EQ(dark, 0) << light << ' ' << static_cast<int>(integrator);
         }
-    // What lies between is still in its way, also there.
+    // Things in between still block it there.
     LightScene s(
         "Viewpoint { position 0 0 3.2 fieldOfView .8 } DirectionalLight { direction -1 -.2 -.3 } Transform { "
         "translation 3 .6 .9 children Shape { geometry Box { size .1 9 9 } } }" +

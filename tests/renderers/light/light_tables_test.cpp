@@ -60,7 +60,7 @@ TEST(LightTables, ALightThatIsSwitchedOrMovedTouchesItsOwnListAlone) {
     EXPECT_EQ(differing(moved->slots, painted->slots), 0u);
     EXPECT_LE(differing(moved->materials, painted->materials), 16u);
     EXPECT_EQ(tracer.counts().lights, static_cast<std::size_t>(kLamps));
-    // What is none of light's business makes no other version of it.
+    // Changes that do not concern light make no new version.
     s.scene.newFrame(4);
     EXPECT_EQ(tracer.latest(), painted);
 }

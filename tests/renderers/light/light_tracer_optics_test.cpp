@@ -79,7 +79,7 @@ TEST(LightTracer, MirrorCorridorIsFollowedUntilNothingIsLeft) {
     EXPECT_NEAR(perfect.stats.missing, 1, 1e-6);
 }
 
-// What is cut off is dark and not clear: of a mirror that shines its own light stays, under the mirror's full alpha.
+// A part that is cut off is dark, not transparent: a mirror's own light stays, with the mirror's full alpha.
 TEST(LightTracer, WhatIsCutOffHidesWhatIsBehindIt) {
     const std::string shiny = "material PhysicalMaterial { emissiveColor .25 .5 1 roughness 0 baseColor 1 1 1 }";
     for (const std::string& appearance : {shiny, mirror(".5"), glass(1.5)}) {
@@ -114,7 +114,7 @@ TEST(LightTracer, GlassAbsorbsByBeersLaw) {
     expectColor(s.center(), {std::exp(-0.75), std::exp(-1.5), std::exp(-3.0)}, 1e-4);
 }
 
-// What absorption takes is dark, and not clear: the picture's alpha is whole.
+// Absorbed light leaves a dark picture, not a transparent one: its alpha is 1.
 TEST(LightTracer, WhatIsAbsorbedIsNotClear) {
     LightScene s("Transform { translation 0 0 2 children Shape { appearance Appearance { " +
                      glass(1.0001, "MetadataFloat { name \"absorption\" value [0.5 1 2] }") +

@@ -24,7 +24,7 @@ struct LitScene : LightScene {
     static Vec3d place(int x, int y) { return {(x - 20) / 20., (20 - y) / 20., 10}; }
 };
 
-/// Of linear light, as Material has them.
+/// In linear light, as in Material.
 struct Numbers {
     Vec3d diffuse{0}, specular{0}, emissive{0};
     double ambient = 0, exponent = 0;
@@ -226,7 +226,7 @@ TEST(LitStrokes, PhysicalMaterialIsGltfs) {
                          {-1, 0, 0}, {1, 0, 0}, normal, normal),
                 integrator);
             const double unit = physical(1, 0, 1, kView, kView, kView), seen = s.center().g;
-            // What an intensity of 1 is worth is said by a surface.
+            // A surface shows the value of an intensity of 1.
             LitScene surface("DirectionalLight { direction 0 0 -1 shadows TRUE } " +
                                  square(.5, "material PhysicalMaterial { metallic 0 roughness 1 }"),
                              integrator);
@@ -307,7 +307,7 @@ TEST(LitStrokes, MirrorsAndLayersShowThemAsTheyAre) {
     EXPECT_NEAR(layered.center().g, .8, 1e-5);
 }
 
-// What is behind a clear one is seen where it is, however wide the line, and the line once.
+// Things behind a transparent line are seen at their place, however wide the line, and the line once.
 TEST(LitStrokes, ClearOnesShowWhatIsBehind) {
     std::string behind;
     for (int i = 0; i < 20; ++i)
@@ -354,7 +354,7 @@ TEST(LitStrokes, TellOfMissingNormals) {
     p.normal = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}};
     EXPECT_EQ(tessellate(p).diagnostics.all().size(), 0u) << "there is one for each";
     p.normal = {{0, 0, 1}, {0, 1, 0}};
-    // Of every end of every line, the first included.
+    // For every end of every line, the first included.
     p.kind = Mesh::Strokes::lines;
     p.indexed = true;
     for (const auto& [from, to] : {std::pair(2, 0), {0, 2}, {2, 1}, {1, 2}}) {

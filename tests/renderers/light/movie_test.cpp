@@ -246,7 +246,7 @@ TEST_F(Films, WhoseTablesCountMoreThanTheFileCanHoldTakeNoMemory) {
             return !movie && movie.error().text.contains("80000000 samples, which are not in a file");
         });
         EXPECT_LT(taken, 16 * test::kMegabyte) << inAPiece;
-        // As many as there are bytes for lead further.
+        // The entries that the bytes suffice for are followed.
         const auto movie = open(filmThatCounts(50, inAPiece));
         ASSERT_FALSE(movie);
         EXPECT_THAT(movie.error().text, testing::Not(HasSubstr("samples")));

@@ -48,7 +48,7 @@ class MadeFilms : public testing::Test {
         EXPECT_FALSE(fs::exists(folder_.path() / name)) << "not before it is whole";
         ASSERT_TRUE(film->finish());
     }
-    /// As bytes; from the lower left.
+    /// As bytes, from the lower left.
     static Vec4f texelAt(const Texture& texture, int x, int y) {
         return 255.0f * texture.sample((static_cast<float>(x) + .5f) / static_cast<float>(texture.width()),
                                        (static_cast<float>(y) + .5f) / static_cast<float>(texture.height()), 0,

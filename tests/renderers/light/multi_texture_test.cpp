@@ -119,8 +119,8 @@ TEST(MultiTexture, LetsThroughWhatItsAlphaLeaves) {
     expectColor(s.center(), {1, .2, .2}, 1e-5);
 }
 
-/// What is seen of white over black is the alpha that the stages made of a material half clear (18.4.3: the first stage
-/// begins with the material's colour and alpha).
+/// The share of white over black that is seen is the alpha that the stages made from a material that is half
+/// transparent (18.4.3: the first stage begins with the material's colour and alpha).
 double alphaMade(const std::string& multi, const char* transparency) {
     return seenTexture(multi, fmt::format("UnlitMaterial {{ transparency {} }}", transparency).c_str()).x;
 }
@@ -166,7 +166,7 @@ TEST(MultiTexture, ShadowsHaveTheAlphaThatItMade) {
 
 // ---- generators ---------------------------------------------------------------------------------------------------
 
-/// What a plane of 2 x 2 texels shows at its middle: 0 0 red, 1 0 green, 0 1 blue, 1 1 white.
+/// The colour at the middle of a plane of 2 x 2 texels: 0 0 red, 1 0 green, 0 1 blue, 1 1 white.
 Vec3f generated(const char* mode, const std::string& normal, const std::string& around = "Transform { children") {
     LightScene s(
         around +

@@ -19,7 +19,7 @@ double mirroredBetween(double a, double b, double sine) {
     return (s * s + p * p) / 2;
 }
 
-/// What a stack of media between air and air lets through, all mirrorings within counted (no interference).
+/// The light that a stack of media between air and air transmits, with all internal reflections (no interference).
 double throughStack(std::vector<double> indices, double angle = 0) {
     indices.insert(indices.begin(), 1.0), indices.push_back(1.0);
     double passes = 1, mirrors = 0;  // of all interfaces so far, the latter from the far side
@@ -98,7 +98,7 @@ TEST(NestedGlass, PriorityDecides) {
     expectThrough(block(1.33, 0, 1.5, 8, first) + block(1.5, 1, 3), throughStack({1.33, 1.5}), "one over the other");
 }
 
-// What absorbs is what is there.
+// The body that counts is the one that absorbs.
 TEST(NestedGlass, AbsorptionIsThatOfTheBodyThatIsThere) {
     const std::string dim = "MetadataFloat { name \"absorption\" value .5 }";
     for (const bool path : {false, true}) {
@@ -118,7 +118,7 @@ TEST(NestedGlass, TheEyeIsInTheWater) {
     in.options.settings.colorSpace = ColorSpace::linear;
     in.options.settings.cutoff = 1e-7f;
     EXPECT_NEAR(in.center().r, slab, 2e-3);
-    // What it sees first absorbs.
+    // The first body that the ray enters absorbs.
     LightScene dim("Viewpoint { position 0 0 5 }" +
                        block(1.0001, 0, 9, 30, "MetadataFloat { name \"absorption\" value .2 }") + white(),
                    9, 9);

@@ -145,7 +145,7 @@ TEST(ParticlesInPictures, TheFullTraversalHasThemToo) {
     }
 }
 
-// What stands still is not made again.
+// Resting particles are not made again.
 TEST(ParticlesInPictures, CostNothingWhileTheyRest) {
     struct Watcher final : InstanceSubscriber {
         std::size_t geometries = 0;

@@ -81,7 +81,7 @@ TEST(PathTracer, TheErrorFallsAsTheRootOfTheSamples) {
     const Picture truth = draw(1 << 16, 1000);
     std::vector<Vec2d> points;  // logarithms
     for (int samples = 4; samples <= 4096; samples *= 4) {
-        // What few samples have of what is bright and rare is a matter of chance: more pictures tell.
+        // With few samples, rare bright light is a matter of chance, so more pictures are needed.
         const std::uint64_t seeds = samples < 256 ? 64 : 4;
         double squares = 0;
         for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
@@ -158,8 +158,8 @@ TEST(PathTracer, FurnaceOfALampInABall) {
     expectMean(mean(s, 64), 0.5 / (1 - 0.5), 0.02);
 }
 
-// There each surface shows half, and sends half of the paths on: a pixel's sixteen end where a sixteenth's parts of the
-// unit interval say, but for the last one. Of paths that each throw a coin of their own the spread would be .18.
+// There each surface shows half, and sends half of the paths on. A pixel's sixteen paths end in the sixteen parts of
+// the unit interval, except for the last one. If each path drew independently, the spread would be .18.
 TEST(PathTracer, LengthsOfAPixelsPathsAreEven) {
     LightScene s(
         fmt::format(
@@ -512,7 +512,7 @@ std::string thingsInFog(unsigned seed) {
     return text;
 }
 
-// What no bounce adds to is the same in both integrators: fog, clear surfaces, shadows, what is cut away.
+// Anything that bounces add nothing to is the same in both integrators: fog, transparent surfaces, shadows, clipping.
 TEST(PathTracer, AgreesWithWhittedWhereLittleIsReflected) {
     for (unsigned seed = 1; seed <= 16; ++seed) {
         LightScene s(thingsInFog(seed), 32, 32);

@@ -143,7 +143,7 @@ TEST(Wavefront, FollowsPathsThroughThousandsOfBounces) {
             2, 0, 13);
         trace::pathParts() = before;
         EXPECT_GT(both.stagesStats.secondaryRays, 13u * 11u * 2u * 700u);
-        // What large triangles tell differs in last bits, which so many bounces make large.
+        // The answers of large triangles differ in last bits, which many bounces amplify.
         EXPECT_LT(both.apart(), largeFirst ? 1 : .2);
         EXPECT_NEAR(both.mean(both.stages), both.mean(both.packets), .01 * both.mean(both.packets));
     }

@@ -80,7 +80,7 @@ std::string things() {
     return body;
 }
 
-/// Of rays about `middle`.
+/// For rays about `middle`.
 std::vector<std::pair<Ray, Hit>> shoot(const RayView& world, const Vec3f& middle, float far, std::size_t count) {
     std::mt19937 random(11);
     std::normal_distribution<float> normal;

@@ -168,7 +168,7 @@ TEST(PrimarySights, ColoursStayOnlyWhereRaysWouldAddNothing) {
     }
 }
 
-// What is looked up about a depth is marched to from the eye, and so is the sky.
+// Layers that need a depth march to it from the eye, and so does the sky.
 TEST(PrimarySights, VolumesAreBeforeWhatWasSeen) {
     Sighted s("Viewpoint { position 0 0 6 }\n" + volume(evenVoxels(120, 2, 2, 2)) +
               at("0.6 0 -3", "Shape { appearance Appearance { " + unlit("1 0 0") + " } geometry Box { } }"));

@@ -20,7 +20,7 @@ std::string wallLitBy(const std::string& lights) {
            "  geometry IndexedFaceSet { coordIndex [0 1 2 3] coord Coordinate { point [-4 -4 0, 4 -4 0, 4 4 0, -4 4 0] "
            "} } }";
 }
-/// Of 2 x 2 pixels: below red and green, above blue and white (5.3.6: from the lower left).
+/// 2 x 2 pixels: below red and green, above blue and white (5.3.6: from the lower left).
 constexpr const char* kFourColors = "PixelTexture { image 2 2 3 0xFF0000 0x00FF00 0x0000FF 0xFFFFFF }";
 
 struct ProjectedScene : test::LightScene {
@@ -34,7 +34,7 @@ struct ProjectedScene : test::LightScene {
 void expectColorAt(const Vec3f& seen, const Vec3d& expected, const char* what, double tolerance = 2e-3) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(seen[c], expected[c], tolerance) << what;
 }
-/// What a wall shows that is lit from (0, 0, height).
+/// The light on a wall that is lit from (0, 0, height).
 double slant(double x, double y, double height) {
     return height / std::sqrt(x * x + y * y + height * height);
 }

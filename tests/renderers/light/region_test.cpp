@@ -41,7 +41,7 @@ std::string layeredScene() {
            "children [ NavigationInfo { headlight TRUE } Viewpoint { position 0 0 5 } Shape { appearance Appearance { "
            "material Material { diffuseColor .1 .9 .4 } } geometry Cone { } } ] } Layer { } ] }";
 }
-/// What must be made before a picture is.
+/// A scene with a cube map that must be made before the picture.
 std::string generatedScene() {
     return mixedScene() +
            " Transform { translation 0 0 3 children Shape { appearance Appearance { material Material { } texture "
@@ -160,7 +160,7 @@ TEST_F(Regions, HaveTheBitsOfTheWhole) {
     }
 }
 
-/// What moved since the picture before is known to each part.
+/// Each part knows the movements since the picture before.
 TEST_F(Regions, KnowThePictureBefore) {
     LightScene s(mixedScene());
     s.options.settings.samplesPerPixel = 4, s.options.settings.shutter = .7f, s.options.settings.layers = kMotion;

@@ -159,7 +159,7 @@ TEST(PathRandom, SamplesOfSquaresOfPixelsAreANetToo) {
             EXPECT_TRUE(isNet(first)) << side << " " << samples;
             EXPECT_TRUE(isNet(third)) << side << " " << samples;
         }
-    // As many samples as there may be: the pixels' numbers still fit.
+    // With the largest number of samples the pixels' numbers still fit.
     EXPECT_NE(PathRandom::ofPicture(1, 63, 63, 0, 1 << 20).state(),
               PathRandom::ofPicture(1, 62, 63, 0, 1 << 20).state());
     EXPECT_NE(PathRandom::ofPicture(1, 0, 0, 0, 1).state(), PathRandom::ofPicture(1, 256, 0, 0, 1).state());
@@ -195,8 +195,8 @@ double clumping(const std::vector<double>& errors, int width, int side) {
     return ofSquares / (own / (side * side));
 }
 
-// An evenly lit wall of two lights' area sources would do as well: here the sky, half of which a wall hides. What is
-// left of noise over squares of pixels is a fraction of what it would be.
+// An evenly lit wall of two lights' area sources would do as well: here the sky, half of which a wall hides. The noise
+// left over squares of pixels is a fraction of that of independent samples.
 TEST(PathRandom, ErrorsOfNeighboursCancel) {
     LightScene s("OrthoViewpoint { fieldOfView [ -.01 -.01 .01 .01 ] } Background { skyColor 1 1 1 } " +
                      square(9, matte("1 1 1")) + "Transform { translation 0 5 0 rotation 1 0 0 1.5707963 children " +

@@ -13,7 +13,7 @@ namespace {
 
 using namespace test;
 
-/// Of what is redder than green: how wide and high in pixels, and how many.
+/// The pixels that are redder than green: width, height, and number.
 struct Extent {
     int width = 0, height = 0, pixels = 0;
 };
@@ -29,7 +29,7 @@ Extent extentOf(const Picture& p) {
     return {right - left + 1, bottom - top + 1, pixels};
 }
 const std::string kGreen = "Background { skyColor 0 1 0 } ";
-/// So many units wide and high.
+/// A shape of this width and height in units.
 std::string units(double width, double height) {
     return fmt::format("Transform {{ scale {} {} 1 children [ {} ] }}", width, height, square(.5, unlit("1 0 0")));
 }

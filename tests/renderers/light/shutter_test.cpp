@@ -54,8 +54,8 @@ double shareOfTime(int x, double half, double from, double to) {
     return sum / kParts;
 }
 
-// Of a square that goes from -2 to 1.5 while the shutter is open in the last part of its way, each pixel shows as much
-// as its share of that time is.
+// A square goes from -2 to 1.5 while the shutter is open in the last part of its way. Each pixel shows it in proportion
+// to the time that it covers the pixel.
 TEST(Shutter, WhatMovesEvenlyIsSeenAsLongAsItIsThere) {
     for (const float share : {1.0f, .5f, .1f}) {
         SCOPED_TRACE(share);
@@ -112,7 +112,7 @@ TEST(Shutter, WhatTurnsKeepsItsLength) {
     EXPECT_GT(outside, 200);
 }
 
-// What hangs below a thing that turns goes round with it, not straight across: at any time it is as far out as ever.
+// Shapes below a turning Transform go round with it, not straight across: their distance from the axis stays the same.
 // Two shapes below one that turns by a route are one body; one alone is not. Both go the same way.
 TEST(Shutter, WhatHangsBelowGoesRound) {
     const std::string hand = "Transform { translation 2.5 0 0 children " + square(.35, unlit("1 1 1")) + "}";
@@ -191,7 +191,7 @@ TEST(Shutter, ACutIsSharp) {
     EXPECT_LE(between, 1);
 }
 
-/// What is blurred here is between the eye and nothing: its shadow, or its picture in a mirror.
+/// The shape that is blurred here is not in front of the eye; only its shadow, or its mirror image, is.
 TEST(Shutter, ShadowsAndReflectionsMoveWithWhatTheyAreOf) {
     // Light at 45 degrees: a thing at z = 5 has its shadow on the wall at z = 0 five metres further along x.
     for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
@@ -254,7 +254,7 @@ TEST(Shutter, LampsThatMoveLightAsLongAsTheyAreThere) {
     }
 }
 
-// What lets light through lets it through where it is; and glass on its way is no shadow where it has been.
+// A transparent shape lets light through where it is; and glass on the way casts no shadow where it has been.
 TEST(Shutter, ShadowsOfWhatIsClearMoveToo) {
     ShutterScene s("DirectionalLight { direction 1 0 -1 intensity 1 shadows TRUE } " + square(20, matte("1 1 1")) +
                        "DEF T Transform { translation -7 0 5 children " +
@@ -322,7 +322,7 @@ TEST(Shutter, GoesWithTheOthers) {
     for (int x = 0; x < kShutterSide; ++x) EXPECT_NEAR(sampled.at(x, 16).r, shareOfTime(x, 1, -2, 1.5), .05) << x;
     EXPECT_LT(known.stats.error, .025);
 
-    // What rests beside it is as smooth as without a shutter: of a pixel that it covers a third of, a third.
+    // A resting shape beside it is as smooth as without a shutter: a pixel that it covers by a third shows a third.
     const double edge = columnAt(24) - kShutterHalf / kShutterSide + 2 * kShutterHalf / kShutterSide / 3;
     ShutterScene still("DEF T Transform { translation -2 3 0 children " + square(.5, unlit("1 1 1")) +
                            "} Transform { translation " + fmt::format("{} 0 0", edge - 1) + " children " +

@@ -177,7 +177,7 @@ double ofOnePixel(int width, int height, int x, int y, const Spread& spread) {
     return sum * 4 / kSteps / kSteps / width / height;
 }
 
-/// What `sky` gives by its own choices, and the deviation of one.
+/// The estimate from `sky`'s own samples, and the deviation of one.
 struct Chosen {
     double mean = 0, deviation = 0;
     template <class F>
@@ -348,8 +348,8 @@ std::string sunnyScene(const std::string& material, const std::string& more = ""
            "topTexture PixelTexture { " +
            image + " } }\n" + more + "Transform { rotation 1 0 0 -1.5707963 children " + square(5, material) + "}";
 }
-/// What a floor shows of the white pixel, whose light is bilinear between its neighbours, in double; `shown` is that
-/// of light from a direction above a floor in z, times pi, its cosine included.
+/// The light on a floor from the white pixel, which is bilinear between its neighbours, in double precision; `shown` is
+/// that of light from a direction above a floor in z, times pi, its cosine included.
 template <class Shown>
 double ofTheSun(const Shown& shown) {
     constexpr int kSteps = 400;

@@ -288,7 +288,7 @@ TEST(StrokesInPictures, WhatLiesInASurfaceIsSeenAsAWhole) {
         };
         for (const std::string& eye : {kParallel, std::string("Viewpoint { position 0 .3 4 } ")})
             for (const std::string& shapes : {line, dot}) expectSame(eye, shapes);
-        // Of a line that is .01 m behind the surface less than half is before it.
+        // Less than half of a line that is .01 m behind the surface is in front of it.
         const std::string behind = aslant("Transform { translation 0 0 -.01 children [ " + line + " ] }");
         EXPECT_LT(covered(Fine(kParallel + aslant(black) + behind, integrator).picture()), 520);
     }
@@ -407,7 +407,7 @@ TEST(StrokesInPictures, ArePicked) {
     ASSERT_TRUE(none && *none);
     EXPECT_NE(none->geometry, s.node("G")) << "without pixels it has no width";
     EXPECT_FALSE(picker.ray({0, 0, 5}, {0, 0, -1}, 100, -1));
-    // Of a parallel projection they are as wide at any distance.
+    // In a parallel projection they are equally wide at any distance.
     for (const double height : {1., 5., 50.})
         for (const auto& [y, meets] : {std::pair{.045, true}, {.055, false}}) {
             const auto wide = picker.ray({.5, y, height}, {0, 0, -1}, 0, 100, PixelLens{Vec3f(0), {0, 0, -1}, 0, .01f});

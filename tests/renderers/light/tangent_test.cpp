@@ -33,7 +33,7 @@ std::string four(const std::string& vector) {
     return vector + ", " + vector + ", " + vector + ", " + vector;
 }
 
-/// What the light makes of the square that faces +z, by glTF's meaning: bitangent = w (normal x tangent).
+/// The brightness of the square that faces +z, by glTF's meaning: bitangent = w (normal x tangent).
 double mappedLight(const Vec3d& tangent, double w) {
     const Vec3d n(0, 0, 1), t = glm::normalize(tangent - glm::dot(tangent, n) * n), b = w * glm::cross(n, t);
     const Vec3d mapped =
@@ -58,7 +58,7 @@ TEST(Tangents, TurnWhatTheNormalTextureSays) {
         }
 }
 
-// Of any length, and taken into the plane across the normal.
+// Of any length, and projected to the plane across the normal.
 TEST(Tangents, NeedNotBeUnitNorAcrossTheNormal) {
     EXPECT_NEAR(litBy(lamp() + square(1, bumpyMaterial(), tangents(four(".3 .4 .7 1")))), mappedLight({.3, .4, .7}, 1),
                 2e-6);
@@ -158,11 +158,11 @@ TEST(Tangents, FollowTheSceneAndStayWithWhatDeforms) {
     EXPECT_NEAR(double{s.center().r}, mappedLight({1, 0, 0}, 1), 2e-6);
 }
 
-// What moves texture coordinates, in double precision: s and t become s(x, y) and t(x, y) of the square's place.
+// A map of texture coordinates, in double precision: s and t become s(x, y) and t(x, y) of the square's place.
 
 using Plane = std::array<Vec3d, 2>;  // s and t as sums of x, y and 1
 
-/// What the light makes of the square in the middle, where (s, t) grow along `s` and `t`.
+/// The brightness of the square in the middle, where (s, t) grow along `s` and `t`.
 double mappedLight(const Plane& st) {
     const Vec3d &s = st[0], &t = st[1], n(0, 0, 1);
     const double determinant = s.x * t.y - s.y * t.x;

@@ -137,7 +137,7 @@ TEST(TextureLanes, LanesFindWhatTheyFindAlone) {
         together.look(material, TextureRole::base, found);
         for (int lane = 0; lane < 16; ++lane) {
             if (!(lanes >> lane & 1u)) continue;
-            // As wide as a pixel where the ray has come: its width on a surface that is turned away grows.
+            // The width of a pixel at the ray's hit; it grows on a surface that is turned away.
             const float cosine = std::max(std::abs(glm::dot(surface.s.view.get(lane), surface.s.outside(lane))), .05f);
             const float run = (tasks ? tasks[lane].travelled : 0) + surface.s.distance[lane];
             TextureLookup alone = together.lookup(lane, nullptr);

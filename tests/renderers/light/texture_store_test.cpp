@@ -82,7 +82,7 @@ TEST_F(TextureUrls, AreReadByTheirContentNotTheirName) {
     EXPECT_THAT(problems, testing::Not(HasSubstr("hunter2")));
 }
 
-// What pictures lack is told with the line of the node that it is about.
+// A missing feature is reported with the line of its node.
 TEST(Pictures, NameTheLineOfWhatTheyLack) {
     Scene scene;
     Diagnostics diagnostics;
@@ -178,7 +178,7 @@ TEST_F(TextureUrls, TogetherHaveLimitedPixels) {
     EXPECT_THAT(problems, HasSubstr("the scene's pictures have more than 400 pixels"));
 }
 
-/// What is combined is as wide as one and as high as the other, which may be far more than both together.
+/// A combined texture is as wide as one and as high as the other, which may be far more than both together.
 TEST_F(TextureUrls, CombinedHaveLimitedPixels) {
     ResourcePolicy policy;
     policy.maximumPixels = 400;

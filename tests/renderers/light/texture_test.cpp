@@ -221,7 +221,7 @@ constexpr const char* kTwoPixels =
     "geometry IndexedFaceSet {{ coordIndex [ 0 1 2 3 ] coord Coordinate {{ point [ -1 -1 0 1 -1 0 1 1 0 -1 1 0 ] }} "
     "{} }} }}";
 
-// What is no word of the field is its default, whoever sets it.
+// A word that the field does not have counts as the default, whoever sets it.
 TEST(Texture, BoundaryModesThatAreNotKnownRepeat) {
     test::LightScene s(fmt::format(kTwoPixels, "texCoord TextureCoordinate { point [ 1 0 2 0 2 1 1 1 ] }"));
     const auto quarters = [&](const char* mode) {

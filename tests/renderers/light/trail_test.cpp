@@ -130,7 +130,7 @@ TEST(Trail, WhatIsKeptIsWhatWouldBeTraced) {
     EXPECT_LT(kept / rounds, .95);
 }
 
-/// What moves, in pixels' terms, when T0 goes from one place to another.
+/// The share of the picture that is kept when T0 goes from one place to another.
 double keptAfterMove(LightScene& s, const Vec3f& from, const Vec3f& to) {
     EXPECT_TRUE(s.scene.set(s.node("T0"), x3d::Transform::translation, from));
     s.scene.newFrame(s.scene.now() + 1);
@@ -372,7 +372,7 @@ TEST(Trail, OneOfManyIsFoundWhereverItIs) {
     }
 }
 
-// What moves together becomes one body to the rays, and what rests is merged with the rest meanwhile.
+// Shapes that move together become one body for rays, and resting shapes are merged meanwhile.
 TEST(Trail, BodiesThatMoveAndRestAreFollowed) {
     std::string parts;
     for (int i = 0; i < 5; ++i)
@@ -502,7 +502,7 @@ TEST(Trail, PicturesByPathsAreRefined) {
     }
     ASSERT_EQ(last.layers.size(), 1u);
     EXPECT_NEAR(error(last) / first, 1. / 8, .04) << "as the root of the samples";
-    // What a picture shows that is not refined is what it was.
+    // A picture that is not refined shows the same as before.
     s.options.refine = false;
     EXPECT_EQ(next(s).pixels, last.pixels);
     EXPECT_EQ(s.stats.primaryRays, 0u);

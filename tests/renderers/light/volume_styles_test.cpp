@@ -20,7 +20,7 @@ Vec3f styled(const std::string& body, Integrator integrator = Integrator::whitte
 std::string slopeVoxels(int axis, int middle, int step) {
     return voxels(8, 8, 8, [&](int x, int, int z) { return middle + step * (axis == 0 ? x - 4 : z - 4) + step / 2; });
 }
-/// What is left of light behind a volume of 8 voxels of one opacity.
+/// The share of light left behind a volume of 8 voxels of one opacity.
 double leftOfEight(double opacity) {
     return std::pow(1 - opacity, 8);
 }
@@ -224,7 +224,7 @@ TEST(VolumeStyles, ProjectionsTakeOneValue) {
     expectColor(styled(turned + volume(corner, "ProjectionVolumeStyle { type \"AVERAGE\" }") + " }"), Vec3d(5 / 12.),
                 1e-4);
     expectColor(styled(turned + volume(corner, "ProjectionVolumeStyle { }") + " }"), Vec3d(1), 1e-4);
-    // Of what is left of it.
+    // Of the remaining part.
     expectColor(styled("Group { children [ ClipPlane { plane 0 0 1 0 } " +
                        volume(texture, "ProjectionVolumeStyle { }") + " ] }"),
                 Vec3d(200 / 255.), 1e-4);

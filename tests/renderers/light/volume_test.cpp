@@ -24,7 +24,7 @@ TEST(Volume, OfOneOpacityLeavesItsPower) {
     for (const int value : {5, 51, 128, 250})
         for (const int n : {1, 3, 16}) {
             const double v = value / 255., left = std::pow(1 - v, n);
-            // What leaves less than that ends before its end.
+            // A march ends early if less than this is left.
             const double tolerance = left < 1 / 4096. ? 1 / 4096. : 1e-5;
             const Vec3d expected(v * (1 - left));
             const std::string body = volume(evenVoxels(value, 2, 3, n));
@@ -164,7 +164,7 @@ TEST(Volume, IsSeenInMirrors) {
 
 TEST(Volume, ThrowsShadows) {
     const double v = 60 / 255., left = std::pow(1 - v, 8);
-    // Of grey and alpha, and black: what bounces from the square find is nothing.
+    // Grey with alpha, and black: bounces from the square find nothing.
     std::string black = "PixelTexture3D { image [ 2 2 2 8";
     for (int i = 0; i < 32; ++i) black += " 60";
     const auto lit = [&](const char* light) {
@@ -234,7 +234,7 @@ TEST(Volume, FollowsEditsAsIfBuiltAnew) {
     EXPECT_EQ(Vec3f(last.at(16, 16)), Vec3f(0));
 }
 
-// What is in the box is no matter of the rays' tree.
+// The content of the box is not in the rays' tree.
 TEST(Volume, EditsOfVoxelsMakeNoGeometry) {
     struct Watcher final : InstanceSubscriber {
         std::size_t geometries = 0, appearances = 0;

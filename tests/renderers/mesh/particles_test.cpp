@@ -54,7 +54,7 @@ void expectAt(const Vec3d& seen, const Vec3d& expected, double tolerance, double
         << "age " << age << ": " << seen.x << " " << seen.y << " " << seen.z << ", not " << expected.x << " "
         << expected.y << " " << expected.z;
 }
-/// As many as fit into each of `bins` equal parts of 0 ... 1, within one in ten thousand.
+/// Each of `bins` equal parts of 0 ... 1 has its share, within one in ten thousand.
 void expectEven(const std::vector<double>& shares, std::size_t bins) {
     std::vector<double> counts(bins);
     for (const double s : shares) {

@@ -108,7 +108,7 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
     EXPECT_NE(said(unfit).find("do not fit 5 control points of order 3"), std::string::npos) << said(unfit);
     EXPECT_LT(glm::distance(unfit.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f);
     EXPECT_EQ(unfit.strokeCount, closed.strokeCount);
-    // What does not end where it begins is not closed, whatever the field says.
+    // A curve whose ends differ is not closed, whatever the field says.
     const Mesh open = nurbsMesh(
         "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0 ] } }");
     EXPECT_EQ(open.vertex(0, 0), Vec3f(0));

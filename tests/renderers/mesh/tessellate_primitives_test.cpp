@@ -140,7 +140,7 @@ TEST(TessellateCone, ClosedForms) {
     EXPECT_EQ(findDefect(mesh), "");
     EXPECT_TRUE(isWatertight(mesh));
     EXPECT_EQ(eulerCharacteristic(mesh), 2);
-    // Of the inscribed pyramid, exactly; it tends to the cone's.
+    // Exactly that of the inscribed pyramid, which tends to the cone's.
     const double base = n * 0.5 * r * r * std::sin(2 * kPiOfMesh / n);
     const double apothem = r * std::cos(kPiOfMesh / n), side = n * r * std::sin(kPiOfMesh / n) * std::hypot(h, apothem);
     EXPECT_NEAR(surfaceArea(mesh), base + side, 1e-5);

@@ -1,4 +1,4 @@
-// What the Tessellator shares, remembers and forgets.
+// The Tessellator shares, remembers and forgets meshes.
 #include <rtsg/renderers/tessellator.h>
 
 #include <rtsg/core/scene.h>

@@ -1,4 +1,4 @@
-// What shadow rays pass, found in one traversal: against a loop over all triangles in double precision.
+// The surfaces that shadow rays pass, found in one traversal, against a loop over all triangles in double precision.
 #include "world/clear_way.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What tests of deforming meshes share.
+// Shared by tests of deforming meshes.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -190,7 +190,7 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
         bvh::LargeHits told;
         RayPacket16 traced;
         const std::uint32_t met = large.intersect(rowsOf(rays, 0xFFFF), traced, told, open);
-        // What is in front of them is met all the same.
+        // Things in front of them are hit all the same.
         for (std::uint32_t rest = met; rest; rest &= rest - 1) EXPECT_LT(traced.tMax[std::countr_zero(rest)], .999f);
         EXPECT_EQ(met | open, 0xFFFFu);
     }
@@ -320,7 +320,7 @@ TEST(LargeRays, KnowWhatLeavesABulge) {
     EXPECT_GT(known, 1000);
 }
 
-/// What moves is a box that rays are traced at.
+/// A moving thing is a box; rays that hit the box are traced.
 TEST(LargeRays, LeaveOpenWhatMayMeetWhatMoves) {
     LargeRoom room(1, true, false);
     room.add(makeSphere(2), translation({.5, 0, .5}), Motion::moving);

@@ -24,7 +24,7 @@ glm::dmat3 rotationAbout(const Vec3d& axis, double angle) {
     return m;
 }
 
-/// Of the world, about `pivot`, whose place goes by `way`.
+/// A rigid motion of the world about `pivot`, which moves by `way`.
 struct RigidCourse {
     Vec3d axis{0, 0, 1}, pivot{0}, way{0};
     double angle = 0;
@@ -99,7 +99,7 @@ TEST_P(MovedWorld, AnswersAsOneBuiltThen) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, MovedWorld, testing::Values(1, 2, 3, 4));
 
-// What rests needs no look, and what has come, or become another, has no way.
+// Resting things need no look, and things that are new, or have become others, have no motion.
 TEST(Motions, AreOfWhatWasThereAndIsElsewhere) {
     RayWorld world;
     InstanceDelta delta;

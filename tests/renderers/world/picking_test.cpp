@@ -124,7 +124,7 @@ TEST_P(PickingMappings, ClosestPointIsThatOfBruteForce) {
             EXPECT_FALSE(*p.picker.closest(point, expected * 0.999999));
             EXPECT_TRUE(*p.picker.closest(point, expected * 1.000001));
         }
-        // What has moved, or is hidden where it was, answers from where it is now.
+        // Things that have moved, or are hidden at their old place, answer from where they are now.
         const auto& roots = p.scene.node(p.scene.root()).get(x3d::RtsgScene::children);
         for (std::size_t i = 1; i < roots.size(); i += 3)
             if (p.scene.node(roots[i]).is(x3d::Transform::type)) {
@@ -146,7 +146,7 @@ TEST_P(PickingMappings, SweptBallStopsWhereConservativeAdvancementDoes) {
         const Vec3d start = randomPoint(random, 8), end = randomPoint(random, i % 5 ? 8 : 1);
         const double radius = 0.02 + unit(random) * (i % 3 ? 0.3 : 1.5), length = glm::distance(start, end);
         const Vec3d direction = (end - start) / length;
-        // As far as the distance allows, again and again: never too far, and slow only where it grazes.
+        // As far as the distance allows, again and again: never too far, and slow only where it grazes a surface.
         double travelled = 0;
         bool touches = false;
         for (int step = 0; step < 20000 && travelled <= length; ++step) {

@@ -18,7 +18,7 @@ using namespace test;
 
 constexpr std::uint32_t kFilterSeed = 20261129;
 
-/// Of slot 0 what lies above a plane is kept, of slot 1 what lies below, and of the others all.
+/// Keeps the part of slot 0 above a plane, the part of slot 1 below it, and all of the others.
 class Halves final : public RayFilter {
   public:
     Halves(const Vec3f& normal, float offset) : normal_(normal), offset_(offset) {}

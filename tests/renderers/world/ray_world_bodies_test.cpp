@@ -1,4 +1,4 @@
-// What moves together is one object, what rests is merged, and what changes its mind costs little.
+// Things that move together become one object, resting things are merged, and changes between the two cost little.
 #include <gtest/gtest.h>
 
 #include "renderers/ray_support.h"
@@ -165,8 +165,8 @@ TEST(RayWorldBodies, AThousandFlapsRebuildAFewTimes) {
             room.rest(period - 1);
             room.world.finishBackgroundWork();
         }
-        // It is merged after 8, 16, 32 ... frames of rest; with 20 frames to rest in, that is at most twice. What
-        // moves in every frame never is.
+        // It is merged after 8, 16, 32 ... frames of rest; with 20 frames to rest in, that is at most twice. A thing
+        // that moves in every frame is never merged.
         EXPECT_LE(room.world.stats().merges - before, period == 1 ? 0u : 2u) << period;
     }
     room.compare();

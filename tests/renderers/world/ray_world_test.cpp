@@ -254,7 +254,8 @@ TEST(RayWorld, BadRaysMissAndAreCounted) {
     EXPECT_EQ(world.badRays(), 2 * bad.size() + 16);
 }
 
-/// What floats cannot tell from a point where it is: narrower than 2^-21 of its distance from the middle.
+/// A thing that floats cannot distinguish from a point at its place: narrower than 2^-21 of its distance from the
+/// middle.
 TEST(RayWorld, WhatIsTooNarrowForItsPlaceIsLeftOutAndNamed) {
     for (const double width : {4.6e-3, 5.0e-3}) {
         RayWorld world;
@@ -326,8 +327,8 @@ TEST(RayWorld, ClosedSurfacesDoNotLeak) {
     }
 }
 
-// What comes first may be far out; what comes near the world's 0 later, or moves there, is as sharp as if it had come
-// first.
+// The first things may be far away. Things that come near the world's 0 later, or move there, are as sharp as if they
+// had come first.
 TEST(RayWorld, AnOriginFarOutIsLeftForWhatIsNear) {
     for (const bool moves : {false, true}) {
         SCOPED_TRACE(moves);

@@ -176,7 +176,7 @@ TEST(SharedWorld, AnEyeThatMovesAmongEditsFindsThemSealed) {
     EXPECT_EQ(counter.shapes, 1);
 }
 
-/// What several load once: made when nobody holds one, gone with the last who does.
+/// Data that several renderers share are made when nobody holds them, and freed with the last holder.
 TEST(SharedWorld, WhatIsSharedIsMadeOnceForAllWhoHoldIt) {
     Scene scene;
     SharedWorld world(scene), other(scene);

@@ -92,7 +92,7 @@ TEST(WorldQueries, CollisionIsFeltWhereTheAvatarStands) {
     EXPECT_FALSE(touches(-1.7f));
 }
 
-/// Of the surfaces on the line x = 0, y = 0 the places on z that avatars meet, and those that everybody else meets.
+/// The hits on the line x = 0, y = 0, by z: those for avatars, and those for everybody else.
 struct Met {
     std::vector<double> felt, seen;
     friend bool operator==(const Met&, const Met&) = default;

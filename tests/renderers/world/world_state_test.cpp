@@ -84,7 +84,7 @@ TEST(WorldState, IsMadeForThoseWhoAskAndForNobodyElse) {
     EXPECT_EQ(stage.world.counts().handedOver, 1u);
     EXPECT_EQ(stage.now(), state) << "while nothing changes";
 
-    // Whoever was served wants the next one too; nobody wants the ones after that.
+    // A reader that was served wants the next one too; nobody wants the ones after that.
     for (int i = 0; i < 50; ++i) stage.moveBox(static_cast<float>(i));
     EXPECT_EQ(stage.world.counts().handedOver, 2u);
     EXPECT_EQ(stage.counter.frozen, 2);
@@ -280,7 +280,7 @@ TEST(WorldState, AReaderWaitsForTheNextFrameAndTheSceneForNobody) {
     EXPECT_EQ(failed, 0);
 }
 
-/// As navigation does: it asks for rays, and so brings the world up to date, just before each frame.
+/// Like navigation: it asks for rays, and so brings the world up to date, just before each frame.
 TEST(WorldState, AReaderGetsAStateThoughEachIsOldAsSoonAsItIsHandedOver) {
     constexpr int kCalls = 20, kFrames = 600;  // some two a call are needed; some seventy if each must be the newest
     Stage stage;

@@ -87,7 +87,7 @@ struct Held {
         Players::compare(*version, truth, random, packets);
         checkBits(random);
     }
-    /// What needs no tolerance.
+    /// The parts that need no tolerance.
     void checkBits(std::mt19937& random) const {
         expectSameInstances(*version, truth);
         expectSameNear(*version, truth, randomRay(random, 10).origin, 3);
@@ -304,7 +304,7 @@ TEST(WorldVersion, DeformingMeshesTakeTurns) {
     EXPECT_EQ(countInUse(shown), 1u) << "when nobody holds any, one is enough";
 }
 
-/// Of rays that are not too close to call, how many were compared with the brute force, and how many differed.
+/// Of the rays that are not too close to call: how many were compared with the brute force, and how many differed.
 struct Tally {
     std::atomic<int> compared{0}, differed{0};
     void add(const RayView& view, const BruteForce& truth, std::mt19937& random) {

@@ -155,7 +155,7 @@ TEST(MeshFile, GlbHasViewpointsLightsAndWhatShines) {
     EXPECT_EQ(g.text("L", "emissiveColor"), "8 4 0");
     EXPECT_EQ(g.text("V", "translation"), "1 2 7") << "the node of a camera stands where its eye is";
     EXPECT_EQ(g.text("P", "translation"), "1 3 3");
-    // What shines along -z there shines along x here.
+    // A light along -z there shines along x here.
     EXPECT_EQ(g.text("D", "rotation"), "0 -1 0 1.5707964");
 }
 

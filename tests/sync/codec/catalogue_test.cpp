@@ -216,7 +216,7 @@ TEST(SceneRecord, IsReadByAProgramOfOtherTypes) {
         }
     }
     EXPECT_TRUE(created && assigned);
-    // What it has is not in the catalogue: it writes a head, a keyframe and descriptions.
+    // Its types are not in the catalogue: it writes a head, a keyframe and descriptions.
     ByteBuffer none;
     EXPECT_FALSE(ChangeEncoder({}, TypeTable(types)).encodeScene(set, none));
 }

@@ -149,7 +149,7 @@ TEST(ChangeCodec, ASetThatIsReadOverKeepsNothingOfWhatItHeld) {
     }
 }
 
-/// What was read up to the damage at most.
+/// At most the part up to the damage was read.
 TEST(ChangeCodec, ADamagedRecordLeavesNothingOfTheOneBefore) {
     ChangeSet set, found;
     set.from = 1;
@@ -502,8 +502,8 @@ std::vector<std::byte> columnOf(std::span<const Change> changes) {
     return block;
 }
 
-/// What comes before the values is longer or shorter than in the frame before, as they are more or fewer, or of nodes
-/// farther apart.
+/// The bytes before the values are longer or shorter than in the frame before, because there are more or fewer, or
+/// their nodes are farther apart.
 TEST(ChangeCodec, AFrameOfOneColumnIsWrittenInPlace) {
     static_assert(static_cast<int>(FieldType::SFVec3f) == 24);
     ChangeEncoder encoder;

@@ -124,7 +124,7 @@ TEST(DeflatedBlocks, ForgedOnesAreRefused) {
     std::vector<std::byte> longer(stream.begin(), stream.end());
     longer.push_back({});
     EXPECT_EQ(Forged(zeros.size(), longer).problem(), "a deflated block is damaged");
-    // What says that it becomes a gigabyte takes no memory.
+    // A stream that claims to unpack to a gigabyte takes no memory.
     EXPECT_EQ(Forged(std::uint64_t{1} << 30, stream).problem(), "takes more memory than a record of this length may");
     EXPECT_EQ(Forged(std::uint64_t{1} << 40, stream).problem(), "more blocks in a deflated one than can be");
 }

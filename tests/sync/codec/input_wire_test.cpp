@@ -192,8 +192,8 @@ std::string troop(int figures, int joints) {
     return text;
 }
 
-/// As a collection of rigid bodies beside a script: who comes last does so again where its calls are played back,
-/// though its number is the lower one.
+/// Like a collection of rigid bodies beside a script: the last one is also last when its calls are played back, though
+/// its number is lower.
 TEST(InputWire, WhoComesLastDoesSoWhereItsCallsArePlayedBack) {
     Scene origin, copy;
     origin.setInputRecording(true);

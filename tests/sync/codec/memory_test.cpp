@@ -1,5 +1,5 @@
-// What records become in memory, counted on the heap: at most 4 times their length and 64 MiB, whatever they say; and
-// writers see to it that what they write is never refused for that.
+// The memory of decoded records, counted on the heap: at most 4 times their length and 64 MiB, whatever they state; and
+// writers make sure that their records are never refused for that.
 #include <algorithm>
 #include <functional>
 

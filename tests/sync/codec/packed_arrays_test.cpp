@@ -143,7 +143,7 @@ TEST(PackedArrays, NumbersWithAnOrderTakeFewBytes) {
     // -1 stays where others count up: 1 bit each.
     EXPECT_LE(expectSameArray(polygons), 4096u * 5 / 8 + 21 * (10 + 5 * 4));
     EXPECT_LE(expectSameArray(decimals), 4096u * 5 / 8 + 12 * 20);
-    // What has no order takes what it is, and 1 % more.
+    // Random numbers take their size, and 1 % more.
     std::mt19937 random(kArraySeed);
     Array<std::int32_t> noise;
     for (int i = 0; i < 4096; ++i) noise.push_back(static_cast<std::int32_t>(random()));

@@ -1,4 +1,4 @@
-// Who changed a field, as logs of both modes tell it.
+// The authors of changes to a field, from logs of both modes.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -190,7 +190,7 @@ ROUTE TURN.value_changed TO FREE.rotation
     EXPECT_THAT(free->back().cause, testing::StartsWith("ROUTE LOOP.fraction"));
 }
 
-/// What a device brought is a cause for nodes that hear of that device, and for no others.
+/// Input of a device is a cause for nodes that listen to that device, and for no others.
 TEST(Blame, NodesThatHearOfADeviceHaveItAsTheirCause) {
     Scene scene;
     using Root = x3d::RtsgScene;

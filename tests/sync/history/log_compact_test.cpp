@@ -164,13 +164,14 @@ TEST_F(Compaction, ABeginningThatIsMissingIsNamed) {
     ASSERT_TRUE(head) << head.error().text;
     EXPECT_EQ(head->damaged, 1u);
     EXPECT_TRUE(head->lacks.contains("damaged")) << head->lacks;
-    // Of a part behind that nothing is missing.
+    // A part behind it lacks nothing.
     CompactOptions part;
     part.from = 5;
     EXPECT_EQ(compactLog(file("late.rlog"), file("d.rlog"), part)->lacks, "");
 }
 
-/// What comes after the part that is kept does not matter; nobody knows what came after a log that was not closed.
+/// The end of the log does not matter if it is behind the kept part; nobody knows what follows a log that was not
+/// closed.
 TEST_F(Compaction, AnEndThatIsOpenIsNamed) {
     record(file(), 60, 11);
     const auto records = recordsOf(file());
@@ -185,7 +186,7 @@ TEST_F(Compaction, AnEndThatIsOpenIsNamed) {
     EXPECT_EQ(part->lacks, "");
 }
 
-/// What a log's scene has, field by field, by the node's number and the field's name.
+/// The values in a log's scene, by the node's number and the field's name.
 std::map<std::pair<std::uint32_t, std::string>, Value> valuesOf(const Scene& scene) {
     std::map<std::pair<std::uint32_t, std::string>, Value> values;
     scene.forEachNode([&](const Node& node) {

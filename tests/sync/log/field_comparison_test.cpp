@@ -271,7 +271,7 @@ TEST_F(FieldComparisons, ScenesAreComparedNodeByNode) {
     EXPECT_EQ(differences(slide(), cut), Texts{".routes: ROUTE SWITCH.toggle TO LAMP.on only in first"});
 }
 
-/// Histories are for charts, and have a limit: 64 fields, 4096 samples each. What differs is counted beyond.
+/// Histories are for charts, and have a limit: 64 fields, 4096 samples each. Differences beyond it are counted.
 TEST(FieldHistories, AreLimited) {
     Scene a, b;
     std::vector<NodeId> nodes;

@@ -1,4 +1,4 @@
-// What a log check says of logs that lack something, and of which frame; and what a comparison of such logs says.
+// The findings of a log check about incomplete logs, with their frames; and the result of comparing such logs.
 #include <rtsg/sync/log_check.h>
 
 #include <fmt/format.h>
@@ -92,7 +92,7 @@ TEST_F(LogChecks, ASessionThatAnotherFollowsIsNotWholeUnlessItWasClosed) {
     }
 }
 
-/// What came first is named: a session's open end, or damage before it.
+/// The first fault is named: a session's open end, or damage before it.
 TEST_F(LogChecks, AnOpenEndDoesNotHideWhatCameBeforeIt) {
     recordRejoining(file(), false);
     const std::size_t third = indexOf(file(), RecordKind::frame, 3);
@@ -106,7 +106,7 @@ TEST_F(LogChecks, AnOpenEndDoesNotHideWhatCameBeforeIt) {
     const Checked torn = check(file("c.rlog"), true);
     ASSERT_TRUE(torn.first);
     EXPECT_TRUE(torn.first->text.contains("the session was not closed")) << torn.first->text;
-    // Of several the first.
+    // If there are several, the first one.
     writeAll(file("d.rlog"), bytesOf(file(), 0, recordsOf(file()).size() - 1) + readAll(file()));
     const Checked several = check(file("d.rlog"), true);
     EXPECT_EQ(several.unclosed, 3U);

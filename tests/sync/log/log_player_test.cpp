@@ -113,7 +113,7 @@ TEST_F(LogPlayers, ItDoesWhatItIsTold) {
               "{\"t\":0.350000,\"length\":2.900000,\"state\":4,\"paused\":false,\"rate\":1,\"loop\":true}");
 }
 
-/// As a mirror's log of a log that is played in a loop: 2.9 s, and another 1.9 s whose times begin at 0 again.
+/// Like a mirror's log of a log that is played in a loop: 2.9 s, and another 1.9 s whose times begin at 0 again.
 TEST_F(LogPlayers, SessionsThatBeginEarlierAreAllPlayed) {
     const Recorded later = record(file("later.rlog"), 20, 9);
     writeAll(file("both.rlog"), readAll(file()) + readAll(file("later.rlog")));

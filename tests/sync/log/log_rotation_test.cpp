@@ -118,7 +118,7 @@ TEST_F(Rotation, OldPiecesAreLetGo) {
     options.keepSeconds = 2;
     const Recorded recorded = record(file(), 100, 5, options);
     const auto all = files();
-    // Of the last two seconds all is there, and at most a piece more.
+    // The last two seconds are complete, and at most one more piece is kept.
     const Piece oldest = check(all.front(), recorded);
     EXPECT_LE(recorded.times.at(oldest.first), 9.9 - 2);
     EXPECT_GE(recorded.times.at(oldest.first), 9.9 - 2 - 1.2);
@@ -188,7 +188,7 @@ TEST_F(Rotation, AnOldPieceThatCannotBeRemovedIsTriedAgain) {
     EXPECT_TRUE((*log)->close());
 }
 
-/// As after a kill: what the session wrote before grows old too, and what is kept has no hole.
+/// As after a kill: earlier pieces of the session grow old too, and the kept ones have no gap.
 TEST_F(Rotation, ASessionThatGoesOnLetsItsOldPiecesGo) {
     record(file("a.0001.rlog"), 30, 4);  // another session, which only has such a name
     constexpr std::size_t strange = 1;
@@ -291,7 +291,7 @@ TEST_F(Rotation, PiecesOfAnEarlierRecordingStayUntilTheNewOneIsThere) {
     for (const auto& path : before) EXPECT_TRUE(std::filesystem::exists(path)) << path;
     (*log)->abandon();
     EXPECT_EQ(files(), before);
-    // Who does not rotate replaces that file alone.
+    // A recorder that does not rotate replaces that file only.
     record(file(), 5, 8);
     EXPECT_EQ(files(), before);
 }
@@ -363,7 +363,7 @@ TEST_F(Rotation, WhereTheNextFileHasNoRoomTheSessionKeepsItsName) {
     EXPECT_TRUE((*replayer)->log().goesOn());
 }
 
-/// What a file says that is made of some of the pieces of one session, and of files of another.
+/// The reports about a file that is joined from pieces of one session, and of others.
 class JoinedPieces : public Rotation {
   protected:
     void SetUp() override {
@@ -375,7 +375,7 @@ class JoinedPieces : public Rotation {
         std::erase(pieces_, file("other.rlog"));
         ASSERT_EQ(pieces_.size(), 5u);
     }
-    /// What a check finds first; empty: nothing.
+    /// The first finding of a check; empty: nothing.
     std::string check(const std::vector<std::filesystem::path>& parts) {
         std::string together;
         for (const auto& part : parts) together += readAll(part);
@@ -461,7 +461,7 @@ TEST_F(JoinedPieces, OfARingSayWhatWasLetGo) {
     EXPECT_TRUE(later_->format().starts_with("what came before is in pieces before it, but for the first "));
 }
 
-/// What a later piece says stays so when its session is taken up again, and in the pieces that follow.
+/// A later piece keeps its statement when its session is continued, and so do the pieces that follow.
 TEST_F(JoinedPieces, SayTheSameOnceTheSessionGoesOn) {
     for (const auto& path : files()) std::filesystem::remove(path);
     Scene scene;

@@ -1,4 +1,4 @@
-// What a log says about itself, whole and damaged.
+// The summary of a log, whole and damaged.
 #include <rtsg/sync/log_summary.h>
 
 #include <algorithm>
@@ -40,7 +40,7 @@ TEST_F(Summary, CountsWhatIsThere) {
     EXPECT_EQ(summariseLog(file())->sessions, 2u);
 }
 
-/// As a look at every record counts them.
+/// The counts equal those from a look at every record.
 TEST_F(Summary, RecordsAreCountedByTheirKinds) {
     for (const bool inputs : {false, true}) {
         SCOPED_TRACE(testing::Message() << "inputs " << inputs);
@@ -104,7 +104,7 @@ TEST_F(Summary, TimesOfSessionsFollowEachOther) {
     EXPECT_DOUBLE_EQ(summary->end, 3);
 }
 
-/// What a later session's states are numbered by says nothing of the one before it.
+/// The numbers of a later session's states say nothing of the session before it.
 TEST_F(Summary, ASessionThatBeginsWithALaterStateLacksNothing) {
     for (const bool cut : {false, true}) {
         SCOPED_TRACE(testing::Message() << "cut " << cut);
@@ -138,7 +138,7 @@ TEST_F(Summary, ASessionThatBeginsWithALaterStateLacksNothing) {
     }
 }
 
-/// What came before its first state is not missing: only frames that a later record speaks of are.
+/// States before its first one are not missing: only frames that a later record refers to are.
 TEST_F(Summary, ALogThatHasLostItsBeginning) {
     record(file(), 60, 8, denseKeyframes());
     const auto records = recordsOf(file());
@@ -198,7 +198,7 @@ TEST_F(Summary, DamagedBytesAreThoseOfTheRecords) {
     EXPECT_GT(tried, 3u);
 }
 
-/// As a replay of it counts them.
+/// The counts equal those of a replay.
 TEST_F(Summary, FramesThatAreMissingAreCounted) {
     const Recorded recorded = record(file(), 60, 8, denseKeyframes());
     const auto records = recordsOf(file());
@@ -216,7 +216,7 @@ TEST_F(Summary, FramesThatAreMissingAreCounted) {
         EXPECT_EQ(summary->gaps, (*replayer)->gaps()) << "record " << which;
         EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;
         EXPECT_EQ(summary->framesBehind, (*replayer)->framesBehind()) << "record " << which;
-        // Of a log that begins as it was recorded: all that a later record speaks of, and was not reached.
+        // In a log that begins as it was recorded: all frames that a later record refers to and that were not reached.
         if (!reached.empty() && *reached.begin() == recorded.dumps.begin()->first && last > 0) {
             EXPECT_EQ(summary->missingFrames, last - *reached.begin() + 1 - reached.size()) << "record " << which;
         }

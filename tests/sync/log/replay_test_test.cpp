@@ -41,7 +41,7 @@ ROUTE SWING.value_changed TO DOOR.rotation
         text.replace(text.find(from), from.size(), to);
         return text;
     }
-    /// What the application does before each frame: makes a mark for each press it sees.
+    /// The application's work before each frame: it makes a mark for each press that it sees.
     static Result<> work(Scene& scene, double) {
         const NodeId button = scene.findName("BUTTON"), leaf = scene.findName("LEAF");
         const double pressed = scene.node(button).get(x3d::TimeTrigger::triggerTime).seconds;

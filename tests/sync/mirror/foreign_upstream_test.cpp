@@ -250,7 +250,7 @@ TEST(ForeignUpstream, AClientOfAnotherVersionAsksInTheOriginsNumbers) {
     ASSERT_EQ(hashes.size(), 2u);
     EXPECT_NE(hashes[0], 0u);
     EXPECT_EQ(hashes[1], 0u);
-    // What the origin has not is told here.
+    // Nodes that the origin does not have are reported here.
     EXPECT_NE(refusal(client->submitEdit(NodeId{999}, 3, 1.f)).find("node 999"), std::string::npos);
     route.other = NodeId{999};
     EXPECT_EQ(refusal(client->submit({create, route})), "node 999 has no such field");

@@ -1,4 +1,4 @@
-// What a mirror server keeps: contiguous frames within a limit of memory, and no keyframe that a repair made wrong.
+// A mirror server's history: contiguous frames within a limit of memory, and no keyframe that a repair made wrong.
 #include "server/history.h"
 
 #include <algorithm>
@@ -69,7 +69,7 @@ TEST(MirrorHistory, KeepsTheFirstKeyframeOfASessionThatGoesOn) {
             EXPECT_EQ(statesOf(history.allSince(s)), (std::vector<std::uint64_t>{9, 10, 11, 12})) << s;
         EXPECT_TRUE(history.continues(9, {9, 0}));
         EXPECT_FALSE(history.continues(9, {9, 1})) << "another state";
-        // As long as frames lead on from it.
+        // As long as frames follow it.
         for (std::uint64_t s = 12; s < 100; ++s) ASSERT_TRUE(history.add(frame(s)));
         ASSERT_FALSE(history.continues(9));
         EXPECT_TRUE(history.allSince(99).empty());
@@ -78,7 +78,7 @@ TEST(MirrorHistory, KeepsTheFirstKeyframeOfASessionThatGoesOn) {
     }
 }
 
-/// By what is held, not by what is in it: a buffer that once held a snapshot is as large as that.
+/// By allocated memory, not by content: a buffer that once held a snapshot stays that large.
 TEST(MirrorHistory, CountsMemoryThatIsReallyHeld) {
     constexpr std::uint64_t kLimit = 1 << 20;
     MirrorHistory history(kLimit);

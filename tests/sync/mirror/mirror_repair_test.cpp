@@ -78,7 +78,7 @@ struct Pair {
             return client->inStep() && client->statistics().sequence == origin.sequence() && client->statistics().equal;
         });
     }
-    /// As a stray pointer would.
+    /// Like a stray pointer.
     template <class T>
     void corrupt(std::size_t node, Field<T> field, const T& value) {
         std::memcpy(const_cast<void*>(replica.node(nodes[node]).storage(field.index)), &value, sizeof(T));
@@ -286,7 +286,7 @@ TEST(MirrorRepair, ARelaysSubscribersAndReplicasAreRepairedWithIt) {
     }
     EXPECT_EQ(leafScene.dump(), pair.origin.dump());
     EXPECT_EQ(pair.replica.dump(), pair.origin.dump());
-    // Who joins now gets what is right.
+    // A replica that joins now gets the right values.
     Scene late;
     auto latecomer = *MirrorClient::connect(late, relay->endpoint());
     ASSERT_TRUE(pollUntil(*latecomer, [&] { return latecomer->inStep() && late.hash() == pair.origin.hash(); }));

@@ -445,7 +445,7 @@ TEST(MirrorBind, ASocketsPathIsTakenFromNobodyWhoLives) {
         ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene)) << "the one that was there is there still";
         expectEqual(origin, replica);
     }
-    // What a killed server leaves behind is in nobody's way.
+    // The remains of a killed server are in nobody's way.
     ::unlink(path.c_str());
     const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
     sockaddr_un address = {};

@@ -29,7 +29,7 @@ struct EditedOrigin {
         options.upstream = upstream;
         server = *MirrorServer::start(scene, endpoint, options);
     }
-    /// As an application does: what has come, then a frame.
+    /// Like an application: takes the requests that have arrived, then runs a frame.
     void turn() {
         server->service();
         scene.newFrame(++frame * .1);
@@ -126,7 +126,7 @@ TEST(MirrorUpstream, AnEventsVerdictNamesTheStateThatItLedTo) {
     const auto until = std::chrono::steady_clock::now() + 30ms;
     while (std::chrono::steady_clock::now() < until) replica.client->poll(2ms);
     origin.server->service();
-    // What the application does before the frame is published first, as a state of its own.
+    // The application's edits before the frame are published first, as a state of their own.
     ASSERT_TRUE(origin.scene.setField(origin.box, x3d::Transform::scale.index, Vec3f(2, 2, 2)));
     origin.scene.seal();
     const std::uint64_t before = origin.scene.sequence();
@@ -160,7 +160,7 @@ TEST(MirrorUpstream, TextsThatAreNotUtf8AreRefused) {
     }
 }
 
-/// What is asked of a player of a log: passed on where there is one and the peer may, and answered in any case.
+/// Commands to a player of a log: passed on if there is one and the peer has permission, and answered in any case.
 TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
     {
         Scene scene;
@@ -198,7 +198,7 @@ TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
         EXPECT_EQ(asked, (std::vector<std::string>{longest, "play"}));
         EXPECT_EQ(replies[3], "done: play");
         EXPECT_EQ(replies.size(), 4U);
-        // What happened in the log stays as it was, and that is said.
+        // The events in the log stay as they were, and the answer says so.
         ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
         ASSERT_TRUE(replica.settle(origin, 1));
         EXPECT_TRUE(replica.verdicts[0].refusal.contains("a log is played")) << replica.verdicts[0].refusal;
@@ -272,7 +272,7 @@ TEST(MirrorUpstream, ARequestIsCheckedWhollyBeforeAnythingIsDone) {
         EXPECT_NE(replica.verdicts[0].refusal.find(reason), std::string::npos) << replica.verdicts[0].refusal;
         EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(0, 0, 0));
     }
-    // What only doing it shows.
+    // Faults that only show when it is carried out.
     ASSERT_TRUE(replica.client->submit(
         {change(ChangeKind::setField, origin.group, x3d::Group::children.index, Array<NodeId>{origin.group})}));
     replica.verdicts.clear();

@@ -51,7 +51,7 @@ struct Avenue {
     std::vector<ChangeSet> take() { return std::exchange(frames, {}); }
 };
 
-/// As another machine's: it takes sets, and has hashes of its own.
+/// Like the scene of another machine: it takes sets, and has hashes of its own.
 struct Distant {
     Scene scene;
     explicit Distant(const Scene& origin) {
@@ -84,7 +84,7 @@ TEST(NearFirst, WhatIsFarWaitsAndViewsAndSoundsDoNot) {
     EXPECT_EQ(distant.scene.node(avenue.view).get(x3d::Viewpoint::position).y, 0.02f);
     EXPECT_EQ(distant.x(avenue.far), 0);
     EXPECT_EQ(distant.x(avenue.behind), 0) << "200 m behind is farther than 500 m ahead";
-    // What waits goes when there is time for it.
+    // Waiting values are sent when there is time for them.
     ASSERT_TRUE(distant.take(eased->next({}, avenue.scene, 70, false, now)));
     EXPECT_FALSE(eased->waits());
     EXPECT_EQ(distant.scene.hash(), avenue.scene.hash());
@@ -247,7 +247,7 @@ TEST(MirrorNearFirst, OnASlowLinkWhatIsNearIsNewerAndInTheEndAllIsEqual) {
     EXPECT_EQ(client->statistics().divergences, 0u);
 }
 
-/// Whoever is told that his wish was carried out has what came of it.
+/// A peer that is told that its request was carried out has the result.
 TEST(MirrorNearFirst, VerdictsComeWithWhatWaits) {
     SlowLink link;
     ASSERT_TRUE(pollUntilAt(*link.client, link.scene));

@@ -62,7 +62,7 @@ TEST(OptimisticScene, ShowsAnEditBeforeTheOriginHasIt) {
         EXPECT_EQ(d.there(d.a), Vec3f(0));
     }
     EXPECT_EQ(d.mine->waiting(), 1u);
-    // What others change is seen meanwhile.
+    // Changes by others are visible meanwhile.
     ASSERT_TRUE(d.origin.setField(d.b, Tr::translation.index, Vec3f(9)));
     d.origin.newFrame(d.time += .1);
     ASSERT_TRUE(d.reach([&] { return d.shown(d.b) == Vec3f(9); }));

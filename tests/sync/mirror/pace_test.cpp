@@ -65,7 +65,7 @@ Seen followLink(const Link& link) {
             if (left <= 0 && waiting.empty()) break;
             if (!pace.open(left > 0 ? std::uint64_t(link.frame) : 0, time)) {
                 pace.held(time);
-                // As a server's ping asks for what has been kept.
+                // Like a server's ping that asks for an acknowledgement.
                 if (awaitedTo != sent)
                     way.push_back({std::max(linkFree, now) + delay, 0, awaitedTo = sent, false, true});
                 break;

@@ -81,7 +81,7 @@ TEST_F(FramesMergedPlainly, OfOtherFieldsAreLeftToOthers) {
     ASSERT_TRUE(scene.setName(nodes[0], "A"));
     frames = {frame(30), frame(30)};
     EXPECT_FALSE(merges.merge(0, frames)) << "a name";
-    // What merging says of the same nodes with a name or without must not be found for it.
+    // A cached result for the same nodes with a name must not be used for those without, and the other way round.
     frames = {frame(30), frame(30)};
     EXPECT_TRUE(merges.merge(0, frames));
 }

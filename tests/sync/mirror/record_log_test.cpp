@@ -205,7 +205,7 @@ TEST_F(RecordLogTest, ASessionThatStartsOverIsAnotherOneInTheFile) {
     EXPECT_EQ(replayer.scene().hash(), scene.hash());
 }
 
-/// As a server adds: it may not wait, and the snapshot comes later, when other frames have.
+/// As a server adds records: it may not wait, and the snapshot arrives later, after other frames.
 TEST_F(RecordLogTest, InPassingOneSnapshotIsAskedForAtATime) {
     const NodeId node = scene.createNode(x3d::Transform::type);
     scene.newFrame(0);

@@ -370,7 +370,7 @@ DEF CART Transform { children DEF LUMP Lump { at 0 1 0 } }
     EXPECT_GT(again, 100u);
 }
 
-/// What moves far away costs a region nothing, and what stands at the border does not come and go.
+/// Distant movements cost a region nothing, and things at its border do not come and go.
 TEST(MirrorRegion, StaysQuietWhereNothingNearChanges) {
     Scene scene;
     const auto at = [&](float x) {

@@ -1,4 +1,5 @@
-// What waits for which event: the later of two requests for one node counts, others are not held up, nobody for long.
+// Which requests wait for which event: the later of two requests for one node counts, others are not held up, none
+// waits long.
 #include "edits/request_order.h"
 
 #include <thread>
@@ -16,7 +17,7 @@ using namespace std::chrono_literals;
 using mirror::Submission;
 using mirror::Verdict;
 
-/// Of a scene with two boxes, whose time goes on by 1 a frame.
+/// A scene with two boxes, whose time goes on by 1 a frame.
 struct RequestOrder : testing::Test {
     Scene scene;
     mirror::Writers writers;

@@ -1,4 +1,4 @@
-// What a mirror server's replica makes of several frames: one record for all peers that lack the same.
+// Frames merged by a mirror server's replica: one record for all peers that lack the same frames.
 #include "server/shadow.h"
 
 #include <gtest/gtest.h>
@@ -74,7 +74,8 @@ TEST_F(MirrorShadows, PeersThatLackTheSameGetTheSameRecord) {
     EXPECT_EQ(merged(0, moving.from(2)), some);
 }
 
-// Who follows a part once got what had been merged for those who follow everything: its states have the same numbers.
+// Earlier, followers of a part once got frames merged for followers of everything, because the states have the same
+// numbers.
 TEST_F(MirrorShadows, AnotherPartsFramesAreNotTakenForTheSame) {
     const MovingBox whole(1), other(2);
     ASSERT_TRUE(shadow_.post(whole.keyframe));

@@ -46,7 +46,7 @@ std::string webMessage(Random& random, std::string_view first) {
     return message += std::string(below(random, 40), 'x');
 }
 
-/// What a browser may say: requests of files, and a following with all kinds of messages in it.
+/// Possible messages of a browser: requests of files, and a session with all kinds of messages.
 std::string conversation(Random& random, const ServedPage& served) {
     const char* const targets[] = {"/", "/src/index.js", "/picture/1/0", "/sound/1/0", "/mirror", "/picture/9/", "*"};
     const char* const methods[] = {"GET", "HEAD", "POST", "OPTIONS"};

@@ -181,7 +181,7 @@ TEST(WebGateway, ManyRefusalsAreToldByTheirNumber) {
     EXPECT_TRUE(told.back().text.ends_with("; 64 such things by now")) << told.back().text;
 }
 
-// Who does not finish a request, and a browser whose picture nobody looks for, give their place to others.
+// Clients that do not finish a request, and browsers whose page is not visible, give their place to others.
 TEST(WebGateway, ARequestThatTakesTooLongEnds) {
     WebGatewayOptions options;
     options.requestTimeout = 100ms;
@@ -326,7 +326,7 @@ DEF SOUND AudioClip { url "sign.png" }
         EXPECT_EQ(served.ask(none).status, 404) << none;
 }
 
-// What a file is its content says, and never its name; what a browser may name is a node.
+// The content of a file tells its type, never its name; a browser can only name a node.
 TEST(WebGateway, SoundsAreThoseThatSourcesOfTheSceneNameWithinTheirFolder) {
     ServedPage served;
     const std::string wave("RIFF\x24\0\0\0WAVEfmt and so on", 24);

@@ -1,4 +1,4 @@
-// What tests speak to the gateway for browsers with, and a gateway with a page, files and a scene.
+// Lets tests speak to the gateway like browsers; and a gateway with a page, files and a scene.
 #pragma once
 
 #include <chrono>

@@ -187,7 +187,7 @@ TEST_F(WebTls, WhoSpeaksSomethingElseGetsNothing) {
     EXPECT_TRUE(test::eventually([&] { return gateway->statistics().refused >= 3; }));
 }
 
-// Who has not agreed on encryption yet is silent, too.
+// A client that has not agreed on encryption yet counts as silent, too.
 TEST_F(WebTls, TheSilentMakeWay) {
     start();
     std::vector<std::unique_ptr<test::Line>> silent;

@@ -220,7 +220,7 @@ struct Session {
     }
 };
 
-/// Who is named for A.translation in the sets that come to a replica.
+/// The author named for A.translation in the sets that come to a replica.
 struct Names : Subscriber {
     std::vector<std::string> names;
     Result<> apply(const Scene&, const ChangeSet& set) override {

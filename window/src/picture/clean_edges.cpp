@@ -13,7 +13,8 @@ namespace {
 
 constexpr int kEdgeReach = 16;                          // pixels along an edge, to either end
 constexpr int kShortestEdge = 4;                        // steps to both ends together: shorter edges are corners
-constexpr int kLeastContrast = 16, kContrastShare = 6;  // of 255, and of the brightest pixel: what is no edge stays
+constexpr int kLeastContrast = 16, kContrastShare = 6;  // of 255, and of the brightest pixel: smaller contrasts are no
+                                                        // edges
 
 class EdgeCleaner {
   public:

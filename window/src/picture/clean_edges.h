@@ -1,8 +1,9 @@
-// Clean edges: coarse pictures whose edges are no stairs, so that they may be enlarged.
+// Clean edges: smooths the stairs at edges of coarse pictures, so that they can be enlarged.
 //
-// A pixel beside an edge that runs nearly along rows or columns gets the share of the other side that a straight line
-// through the edge's ends would give it. Edges along rows and columns (but for corners, which get rounder), thin things
-// and textures stay as they are. Threading: re-entrant. Source: Lottes 2009 (FXAA), for how an edge's ends are found.
+// A pixel beside an edge that is nearly horizontal or vertical gets the share of the other side that a straight line
+// through the edge's ends would give it. Exactly horizontal and vertical edges (except corners, which become rounder),
+// thin things and textures stay as they are. Threading: re-entrant. Source: Lottes 2009 (FXAA), for finding the ends of
+// an edge.
 #pragma once
 
 #include <cstdint>

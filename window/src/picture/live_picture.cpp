@@ -129,7 +129,7 @@ struct LivePicture::Impl {
     struct Wish {
         int width = 0, height = 0, samples = 1;
         bool isMoving = false;  // it is made to its end, even if something changes
-        bool keeps = false;     // it takes over what it can of the one before, and leaves that to the next
+        bool keeps = false;     // takes over parts of the last picture, and leaves its own to the next
         double seconds = 0;     // it is given up after these; 0: never
         std::uint32_t layers = 0;
     };
@@ -161,14 +161,14 @@ struct LivePicture::Impl {
     const LivePictureOptions options;
     std::unique_ptr<LivePictureMaker> maker;
     std::mutex making;                      // one picture at a time
-    std::atomic<std::uint64_t> changes{0};  // of what is seen
+    std::atomic<std::uint64_t> changes{0};  // of the visible content
     std::atomic<int> others{0};             // who wait for `making`
     std::atomic<std::uint64_t> starts{0};   // how often an eye that rested has begun to move
     // The scene's thread's own.
     std::optional<Camera> seenBy;
     bool eyeMoves = false;
 
-    mutable std::mutex mutex;  // guards what follows
+    mutable std::mutex mutex;  // guards the members below
     std::condition_variable news;
     Subject subject;
     std::shared_ptr<const LivePictureShown> shown;

@@ -1,4 +1,4 @@
-// LivePictureMaker: the renderer that a LivePicture has its pictures from.
+// LivePictureMaker: the renderer that makes the pictures of a LivePicture.
 //
 // Threading: open() and the constructor on the scene's thread; next() and camera() on any, one call at a time; the rest
 // on any.
@@ -13,7 +13,7 @@ namespace rtsg {
 class LivePictureMaker {
   public:
     virtual ~LivePictureMaker() = default;
-    /// Error: what it needs is not there.
+    /// Error: a requirement is missing.
     virtual Result<> open() = 0;
     virtual const WorldRenderer& renderer() const = 0;
     /// Whether node renderers draw into its pictures, on the scene's thread.

@@ -25,7 +25,7 @@ class KeyTranslator {
 
   private:
     std::optional<char32_t> pending_;          // pressed, its text is still to come
-    std::map<char32_t, char32_t> characters_;  // of keys that are down: what they wrote
+    std::map<char32_t, char32_t> characters_;  // of keys that are down: the characters that they wrote
     std::string text_;
 };
 

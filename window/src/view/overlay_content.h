@@ -1,6 +1,6 @@
 // The content of the overlay as plain data: the scene's side makes it, and the window's module draws it.
 //
-// Invariant: nothing here knows how it is drawn; two contents that are equal look the same. Nodes go by their numbers.
+// Invariant: nothing here depends on how it is drawn; equal contents look the same. Nodes are given by their numbers.
 // Threading: plain data.
 #pragma once
 

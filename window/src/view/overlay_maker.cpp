@@ -54,7 +54,7 @@ bool hasChildren(const Scene& scene, const Node& node) {
     });
 }
 
-/// The field by which a node and what is below it is seen or not.
+/// The field that shows or hides a node and its descendants.
 FieldIndex visibleField(const Node& node) {
     const FieldIndex field = node.type().findExact("visible");
     if (field == kNoField) return kNoField;

@@ -1,7 +1,7 @@
-// Makes what the overlay shows of a scene: its viewpoints, the opened part of its tree, and the node that is picked.
+// Makes the overlay's content for a scene: its viewpoints, the opened part of its tree, and the node that is picked.
 //
-// Invariant: the work of a call follows what is shown; what needs all of the scene (its viewpoints, its triangles) is
-// done so seldom that it takes a fiftieth of the time. Threading: the scene's thread.
+// Invariant: the work of a call depends on what is shown. Work that needs the whole scene (its viewpoints, its
+// triangles) is done so seldom that it takes a fiftieth of the time. Threading: the scene's thread.
 #pragma once
 
 #include <chrono>
@@ -20,7 +20,7 @@ class OverlayMaker {
   public:
     explicit OverlayMaker(SharedWorld& world) : world_(world) {}
 
-    /// Fills in viewpoints, tree and what is picked.
+    /// Fills in viewpoints, tree and the picked node.
     void fill(OverlayContent& content);
     /// Opens or closes a row of the tree.
     void toggle(NodeId node);

@@ -16,7 +16,7 @@ namespace rtsg {
 namespace {
 
 using Root = x3d::RtsgScene;
-constexpr double kBeforeIt = 1e-3;  // of the way back from what a ray meets
+constexpr double kBeforeIt = 1e-3;  // of the distance from the hit back to the eye
 
 /// The obstacles for avatars in the other scene's world. Pointers meet nothing, since nodes have other numbers there.
 class Walls final : public SpaceQueries {
@@ -69,7 +69,7 @@ struct OwnEye::Impl {
     WorldQueries picture;
     bool pressed = false;        // a button is
     std::optional<NodeId> over;  // the layer, other than the active one, that the pointer is over, or was when pressed
-    std::optional<NodeId> kept;  // the same of what is kept before this eye
+    std::optional<NodeId> kept;  // the same for the thing that is kept before this eye
     std::unique_ptr<Scene> own;  // null until it is moved
     double time = 0;
     double fieldOfView = 0.7854;
@@ -116,7 +116,7 @@ struct OwnEye::Impl {
         return std::nullopt;
     }
 
-    /// A ray that meets what is kept before this eye goes to where that is there.
+    /// A ray that hits the thing that is kept before this eye is led to the place of that thing in the world.
     PointerInput toKept(PointerInput ray, bool isFree) {
         const auto hit = picture.firstHit(ray.origin, ray.direction);
         const auto met = hit ? ownScene->keptOn(hit->path) : std::nullopt;

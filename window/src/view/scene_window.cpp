@@ -315,7 +315,7 @@ struct SceneWindow::Impl {
         heard(options.change ? options.change(id, field, now) : scene.sendEvent(id, field, now));
     }
 
-    /// Makes it anew where it may have changed; what is equal is not drawn again.
+    /// Makes the overlay anew if it may have changed; equal content is not drawn again.
     void refreshOverlay() {
         const Clock::time_point now = Clock::now();
         if (!overlay || (!std::exchange(stale, false) && now < made + kOverlayEvery)) return;

@@ -23,13 +23,13 @@ struct WindowSettings {
 struct WindowEvent {
     enum class Kind : std::uint8_t {
         none,     // nothing has come in time
-        other,    // what is of no interest
+        other,    // events of no interest
         close,    // it is to be closed
         woken,    // wake() was called
         exposed,  // its content is lost: present() is due
         resized,  // width, height: its new size
         key,      // down, key, repeats; modifiers as they are then
-        text,     // what was typed, or composed
+        text,     // typed or composed text
         pointer,  // x, y, buttons as they are now
         left,     // the pointer has left the window
         wheel,    // across, down: steps
@@ -40,7 +40,7 @@ struct WindowEvent {
     };
     /// Buttons of a gamepad. Sticks are 0 in the middle and in a zone around it, 1 at the right and at the bottom.
     enum class PadButton : std::uint8_t { none, leftShoulder, rightShoulder, start, back };
-    /// Keys that are no text. Others are named by what they write without modifiers, in `character`.
+    /// Keys without text. Others are named by the character that they write without modifiers, in `character`.
     enum class Key : std::uint8_t {
         none,
         escape,

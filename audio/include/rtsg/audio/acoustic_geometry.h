@@ -57,7 +57,8 @@ struct AcousticHit {
     glm::dvec3 normal{0, 0, 1};  // unit; may point to either side
     std::uint32_t plane = kNoPlane;
     std::uint32_t material = 0;
-    /// A ray that starts on this surface meets nothing nearer than this many metres, for AcousticRays; 0: not known.
+    /// A ray that leaves the surface does not hit it again if it starts this many metres before it; for AcousticRays.
+    /// 0: not known.
     double clear = 0;
 };
 

@@ -1,11 +1,11 @@
 // From an Echogram to a pressure impulse response.
 //
-// Pressure 1 is that of the source at 1 m in free field: direct sound at distance d has amplitude 1 / d, and a band's
-// energy E (see Echogram) becomes a squared pressure of 4 pi E. Arrivals are band-limited impulses at fractional
-// sample times; the remainder is Gaussian noise, the same in all bands, that has the energy of each bin but for chance;
-// waves round edges that are 40 dB below all in every octave, taken together, are left out. Bands are weighted by
-// zero-phase filters that add up to 1, so what is alike in all bands passes unchanged; those of high order ring for
-// some milliseconds before an impulse where bands differ.
+// Pressure 1 is the pressure of the source at 1 m in a free field: direct sound at distance d has amplitude 1 / d, and
+// a band's energy E (see Echogram) becomes a squared pressure of 4 pi E. Arrivals become band-limited impulses at
+// fractional sample times. The rest becomes Gaussian noise, the same in all bands, with the energy of each bin in the
+// mean. Diffracted waves are left out if together they are 40 dB below the total in every octave. Bands are weighted by
+// zero-phase filters that add up to 1, so a signal that is equal in all bands passes unchanged. Filters of high order
+// ring for some milliseconds before an impulse where bands differ.
 // Threading: pure functions.
 #pragma once
 
@@ -32,23 +32,23 @@ struct ImpulseResponse {
 struct ImpulseResponseOptions {
     enum class Channels : std::uint8_t {
         mono,       // pressure at the listener
-        stereo,     // arrivals panned by their direction; what comes from ahead has the full pressure in both
-        binaural,   // through a head: that of an HRTF, or a sphere
-        ambisonic,  // see ambisonics.h; the remainder comes evenly from all directions
+        stereo,     // arrivals panned by their direction; sound from ahead has the full pressure in both
+        binaural,   // through a head: an HRTF, or a sphere
+        ambisonic,  // see ambisonics.h; the rest comes evenly from all directions
     };
     Channels channels = Channels::mono;
     int sampleRate = 48000;
     int ambisonicOrder = 1;
-    /// The listener's axes in the world frame, orthonormal; stereo takes notice of the first only.
+    /// The listener's axes in the world frame, orthonormal; stereo uses only the first.
     glm::dvec3 listenerRight{1, 0, 0}, listenerUp{0, 1, 0}, listenerBack{0, 0, 1};
     /// Arrivals below this order are left out: 1 leaves out direct sound, which is then rendered by other means.
     std::uint32_t firstOrder = 0;
-    /// Cut where less than this share of the energy is left in every band.
+    /// The response ends where less than this share of the energy is left in every band.
     double cutShare = 1e-8;
     double speedOfSound = 343;
     double headRadius = kHeadRadius;  // of binaural sound without an HRTF, metres
-    /// Binaural: what arrives within `hrtfSeconds` of the first arrival is heard through this head, what comes later as
-    /// in stereo, by each ear at its time (Woodworth's sphere). Null: a rigid sphere.
+    /// Binaural: sound within `hrtfSeconds` of the first arrival goes through this head. Later sound is panned as in
+    /// stereo, with the delay of each ear (Woodworth's sphere). Null: a rigid sphere.
     std::shared_ptr<const Hrtf> hrtf;
     double hrtfSeconds = 0.08;
     std::uint64_t seed = 1;
@@ -59,8 +59,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 /// Amplitude weight of band `band` at `hz`; the weights of all bands add up to 1 at every frequency.
 double bandWeight(int band, double hz);
 
-/// Energy over time in octave bands of a response (its first channel), as a histogram: the way back, for measured
-/// responses.
+/// Energy over time in octave bands of a response (its first channel), as a histogram; for measured responses.
 EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond = 1000);
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// mediaSeconds: how long a sound or a film is, for whatever loads a document (BuildOptions::mediaLength).
+// mediaSeconds: how long a sound or a film plays; for programs that load documents (BuildOptions::mediaLength).
 //
 // Threading: any thread.
 #pragma once
@@ -10,8 +10,8 @@
 
 namespace rtsg {
 
-/// In seconds, by the file's head where that tells; a sound that is packed like a film without pictures is decoded for
-/// it, up to `maximumSamples`. Nothing: it is neither, or cannot be read.
+/// The length in seconds, from the file's header if possible. A sound in a film container without pictures is decoded
+/// for it, up to `maximumSamples`. Nothing: the file is neither a sound nor a film, or cannot be read.
 std::optional<double> mediaSeconds(const Resource& file, std::uint64_t maximumSamples);
 
 }  // namespace rtsg

@@ -1,8 +1,8 @@
-// Panning: which share of a sound two channels get by the direction that it comes from.
+// Panning: how a sound is divided between two channels according to its direction.
 //
-// Both channels together carry the same energy for every direction, 1 each for ahead, above and behind. The far channel
-// keeps a twentieth of the energy, so that nothing is hard left or right. Within an audio graph
-// panning is that of the Web Audio API. Threading: pure functions. Source: W3C Web Audio API 1.1, PannerNode.
+// The energy of both channels together is the same for every direction; sound from ahead, above or behind has 1 in
+// each. The far channel keeps a twentieth of the energy, so that nothing is hard left or right. Inside an audio graph
+// the panning of the Web Audio API is used. Threading: pure functions. Source: W3C Web Audio API 1.1, PannerNode.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace rtsg {
 
-/// The radius of the sphere that stands for a head of which nothing else is known, metres.
+/// The radius of the sphere that represents an unspecified head, metres.
 inline constexpr double kHeadRadius = 0.0875;
 
 /// Amplitudes of left and right for a unit direction in the listener's frame (x right, y up, z back).
@@ -23,11 +23,11 @@ inline std::array<double, 2> stereoGains(const glm::dvec3& direction) {
     return {std::sqrt(1 - right), std::sqrt(1 + right)};
 }
 
-/// Amplitudes that left and right (rows) get of each channel of a sound (columns; one channel: the first) by the
-/// "equalpower" panning of the Web Audio API, for a direction in the listener's frame of any length.
+/// Amplitudes of left and right (rows) for each channel of a sound (columns; mono uses the first) by the "equalpower"
+/// panning of the Web Audio API. The direction is in the listener's frame and may have any length.
 inline std::array<std::array<double, 2>, 2> equalPowerGains(const glm::dvec3& direction, bool stereo) {
     constexpr double kQuarter = std::numbers::pi / 2;
-    // To the right of ahead in the plane of the ears; what is behind sounds as if it were ahead.
+    // The angle to the right in the plane of the ears; sound from behind is treated like sound from ahead.
     double azimuth = std::atan2(direction.x, -direction.z);
     if (azimuth > kQuarter) azimuth = 2 * kQuarter - azimuth;
     if (azimuth < -kQuarter) azimuth = -2 * kQuarter - azimuth;

@@ -1,7 +1,7 @@
-// PlaneIndex and PlaneMerger: which surfaces lie in one plane, found by hashing in constant time each.
+// PlaneIndex and PlaneMerger: find the surfaces that lie in one plane, by hashing, in constant time each.
 //
-// Two planes are one when their normals (of either sign) and the surfaces on them agree within tolerances. Numbers of
-// erased planes are used again, so that they stay dense.
+// Two planes are the same if their normals (of either sign) and the surfaces on them agree within tolerances. Numbers
+// of erased planes are reused, so that the numbers stay dense.
 // Threading: one thread writes; const members from any number.
 #pragma once
 
@@ -23,11 +23,11 @@ class PlaneIndex {
   public:
     explicit PlaneIndex(const PlaneTolerance& tolerance = {}) : tolerance_(tolerance) {}
 
-    /// A plane with this unit normal on which all `points` lie; kNoPlane if there is none yet.
+    /// The plane with this unit normal that contains all `points`; kNoPlane if there is none yet.
     std::uint32_t find(const glm::dvec3& normal, std::span<const glm::dvec3> points) const;
     std::uint32_t insert(const ReflectingPlane& plane);
     void erase(std::uint32_t plane);
-    /// Its equation may be made more precise within the tolerance; bounds and the rest are the owner's.
+    /// The equation may be made more precise within the tolerance; bounds and other members belong to the caller.
     ReflectingPlane& operator[](std::uint32_t plane) { return entries_[plane].plane; }
     const ReflectingPlane& operator[](std::uint32_t plane) const { return entries_[plane].plane; }
     /// Numbers in use are below this.
@@ -53,7 +53,7 @@ class PlaneMerger {
   public:
     explicit PlaneMerger(const PlaneTolerance& tolerance = {}) : index_(tolerance) {}
 
-    /// Number of the triangle's plane; kNoPlane for one without area or with coordinates that are no numbers.
+    /// The number of the triangle's plane; kNoPlane for a triangle with no area or with non-finite coordinates.
     std::uint32_t add(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
     std::size_t count() const { return parts_.size(); }
     /// The planes, with their bounding spheres. Leaves the merger empty.

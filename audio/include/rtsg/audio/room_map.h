@@ -1,4 +1,4 @@
-// RoomMap: figures of a room at the points of a grid, as a table and as a picture.
+// RoomMap: room-acoustic figures at the points of a grid, as a table and as a picture.
 //
 // Threading: a plain value.
 #pragma once
@@ -15,12 +15,12 @@
 
 namespace rtsg {
 
-/// Which figure a map shows.
+/// The figure that a map shows.
 struct MapFigure {
     std::string name;                 // "C80", or "STI"
-    std::optional<std::size_t> band;  // nothing: the mean of 500 and 1000 Hz; of STI none
+    std::optional<std::size_t> band;  // none: the mean of 500 and 1000 Hz; none for the STI
 
-    /// "C80", "C80@2000", "STI". Errors: no such figure or octave; it says which there are.
+    /// Parses "C80", "C80@2000" or "STI". Errors: an unknown figure or octave; the message lists the known ones.
     static Result<MapFigure> parse(std::string_view text);
     /// With octave and unit.
     std::string title() const;
@@ -28,14 +28,15 @@ struct MapFigure {
 
 struct RoomMap {
     FloorGrid grid;
-    RoomReport report;  // its pairs: source by source, the points of the grid in their order; no echograms
+    RoomReport report;  // its pairs are source by source, with the points of the grid in order; without echograms
 
-    /// By point of the grid, row by row: the mean over sources; NaN outside of the room and where there is none.
+    /// By point of the grid, row by row: the mean over sources; NaN outside the room and where the figure does not
+    /// exist.
     std::vector<double> values(const MapFigure& figure) const;
-    /// Source, x, y, z, and then each figure in each octave with the half width of its 95 % interval, a line a source
-    /// and point; what is no number is empty.
+    /// A line for each source and point: source, x, y, z, then each figure in each octave with the half width of its 95
+    /// % interval. NaN becomes an empty cell.
     std::string toCsv() const;
-    /// The plan from above (x to the right, z down) with sources, the figure in colours, and its scale.
+    /// A plan from above (x to the right, z down) with the sources, the figure as colours, and a colour scale.
     Picture picture(const MapFigure& figure) const;
 };
 

@@ -1,6 +1,6 @@
-// RoomPlan: a room cut at some height and seen from above, and the places of a grid in it.
+// RoomPlan: a horizontal cut through a room, and the points of a grid in it.
 //
-// Threading: pure functions over what may be read from any thread.
+// Threading: pure functions over data that may be read on any thread.
 #pragma once
 
 #include <array>
@@ -20,14 +20,14 @@ namespace rtsg {
 struct RoomPlan {
     using Line = std::array<glm::dvec2, 2>;  // x and z, m
     double height = 0;                       // y of the cut, m
-    std::vector<Line> lines;                 // where walls are cut
-    std::size_t leftOut = 0;                 // lines beyond the first 20,000
+    std::vector<Line> lines;                 // the cut walls
+    std::size_t leftOut = 0;                 // number of lines beyond the first 20,000
 };
 
-/// Cuts all triangles that sound meets; of what lies outside of the box, with a margin, nothing is kept.
+/// Cuts all triangles that sound can hit. Lines outside the box, which has a margin, are dropped.
 RoomPlan planOf(const WallsVersion& walls, double height, const AcousticBox& box);
 
-/// Points at one height, a step apart along x and z, of which some are in the room.
+/// Points at one height, `step` apart along x and z; some of them are in the room.
 struct FloorGrid {
     double height = 0, step = 1, x = 0, z = 0;  // m; x, z: of the first point
     std::size_t columns = 0, rows = 0;          // along x and z
@@ -39,8 +39,8 @@ struct FloorGrid {
     }
 };
 
-/// The points that sound comes to through the air of the room. Errors: the room is open, or not known; more than
-/// 10,000 points; none at that height.
+/// The points that sound can reach through the air of the room. Errors: the room is open or not known; more than 10,000
+/// points; none at that height.
 Result<FloorGrid> gridIn(const AcousticGeometry& geometry, const RoomSize& room, double height, double step);
 
 }  // namespace rtsg

@@ -1,9 +1,9 @@
-// SoundDevice: what is heard now: two channels, block by block, to OpenAL's output.
+// SoundDevice: plays two channels, block by block, on an OpenAL device.
 //
-// Whoever writes is paced by the device: free() blocks may be written at any time; a device that ran out of them has
-// had an underrun, which is counted, and goes on with the next. OpenAL Soft's back ends apply (ALSOFT_DRIVERS=null
-// plays in time and silently, wave into a file). Threading: one thread an object; the context is bound to it only while
-// a call lasts.
+// The device sets the pace: free() blocks may be written at any time. If it runs out of blocks, an underrun is counted,
+// and it goes on with the next block. The back ends of OpenAL Soft can be chosen (ALSOFT_DRIVERS=null plays silently in
+// real time, wave writes a file). Threading: one thread an object; the context is bound to the thread only during a
+// call.
 #pragma once
 
 #include <cstddef>
@@ -22,21 +22,21 @@ class SoundDevice {
         std::string name = {};  // empty: the default device
         int sampleRate = 48000;
         std::size_t blockSize = 256;
-        std::size_t blocks = 6;  // that wait at most: 32 ms
+        std::size_t blocks = 6;  // the most that wait: 32 ms
     };
 
-    /// Errors: no such device, or a build without OpenAL.
+    /// Errors: there is no such device, or the build has no OpenAL.
     static Result<SoundDevice> open(const Options& options);
     ~SoundDevice();
     SoundDevice(SoundDevice&&) noexcept;
     SoundDevice& operator=(SoundDevice&&) noexcept;
 
-    /// Blocks that could be written now.
+    /// Number of blocks that can be written now.
     std::size_t free();
     /// One block, interleaved. Precondition: free() > 0.
     Result<> write(std::span<const float> stereo);
     std::uint64_t underruns() const;
-    /// From writing to hearing: what waits here and what the device says of itself, seconds.
+    /// The time from writing to hearing, seconds: the waiting blocks and the latency that the device reports.
     double latencySeconds() const;
     const std::string& name() const;
 

@@ -1,8 +1,8 @@
 // Sound in memory and in files.
 //
-// Reading takes what libsndfile does (WAV, AIFF, FLAC, Ogg Vorbis, MP3, ...). Writing is WAV; the same samples always
-// give the same bytes (no time stamps). Full scale is 1; PCM formats refuse samples beyond it rather than clip them:
-// see normalise(). Threading: pure functions.
+// Reads the formats of libsndfile (WAV, AIFF, FLAC, Ogg Vorbis, MP3, ...). Writes WAV; the same samples always give the
+// same bytes (no time stamps). Full scale is 1. PCM formats refuse samples beyond full scale, see normalise().
+// Threading: pure functions.
 #pragma once
 
 #include <cstdint>
@@ -25,21 +25,21 @@ struct SoundBuffer {
     float peak() const;
 };
 
-/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence. Of
-/// what is damaged or cut short it gives what can be read, and says in `damage`, else left empty, what is missing.
-/// Samples that are damaged in a file whose format is whole are not noticed.
+/// Refuses files with more than `maxSamples`, all channels counted: a small packed file may hold hours of silence. From
+/// a damaged or truncated file it returns the readable part and writes into `damage` (otherwise left empty) what is
+/// missing. Damaged samples in a file of valid format are not detected.
 Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                               std::string* damage = nullptr);
 /// The same as above for the content of a file.
 Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                                    std::string* damage = nullptr);
-/// Whether a file is of a format that these functions read, by its beginning; else why not.
+/// Whether the beginning of a file shows a format that these functions read; otherwise the error says why not.
 Result<> checkSound(const Resource& file);
-/// How long a file plays by its header, which may lie; in seconds. The sound itself is not read, but of an Ogg stream
-/// that was cut short.
+/// The length in seconds according to the header, which may be wrong. Only for truncated Ogg streams is the sound
+/// itself read.
 Result<double> soundSeconds(const Resource& file);
 
-/// Whether a sound can be written under this name: fails, naming the kinds there are, unless it ends in .wav.
+/// Whether a sound can be written under this name. Fails, and lists the possible formats, unless the name ends in .wav.
 Result<> checkSoundName(const std::string& path);
 
 enum class WavFormat : std::uint8_t { pcm16, pcm24, float32 };
@@ -47,15 +47,16 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
 
 /// The mean of all channels.
 SoundBuffer mixToMono(const SoundBuffer& sound);
-/// In more channels, or as many: one goes to all of them, others stay where they are (ISO/IEC 19775-1 V4.0, 16.2).
+/// Converts to the same or a larger number of channels: mono goes to all of them, other channels keep their numbers
+/// (ISO/IEC 19775-1 V4.0, 16.2).
 SoundBuffer spread(const SoundBuffer& sound, int channels);
-/// Band-limited conversion. Error: the rates are more than 256 times apart.
+/// Band-limited conversion. Error: the rates differ by a factor of more than 256.
 Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
-/// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: nothing done).
+/// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: unchanged).
 float normalise(SoundBuffer& sound, float limit = 0.891251f /* -1 dB */);
 
-/// Level of the difference relative to `reference`, dB: -inf when equal; above -20 dB one hears it. Errors: other
-/// channels, rate or, by more than a thousandth, length (what is left over counts as difference).
+/// Level of the difference relative to `reference`, dB: -inf if equal; above -20 dB it is audible. Errors: different
+/// channels or rates, or lengths that differ by more than a thousandth (a longer end counts as difference).
 Result<double> differenceDb(const SoundBuffer& reference, const SoundBuffer& other);
 
 }  // namespace rtsg

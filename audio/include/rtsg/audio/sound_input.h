@@ -1,11 +1,10 @@
-// SoundInput: sound that comes while it is heard, through a pipe or from a capture device; opened only for who names
-// it.
+// SoundInput: sound that arrives while it is heard, through a pipe or from a capture device.
 //
-// A thread of its own reads, decodes and converts to one rate; who plays takes blocks without a lock and without
-// waiting. What comes late leaves a gap of silence, counted. A pipe loses nothing: it waits until it is first heard,
-// and its writer while nobody takes more. A device does not wait: what is older than a tenth of a second is dropped,
-// counted. Threading: block() on one thread at a time; the rest on any. Source: RIFF WAVE (IBM and Microsoft 1991,
-// WAVE_FORMAT_EXTENSIBLE included); the ALC_EXT_CAPTURE extension of OpenAL.
+// A thread of its own reads, decodes and converts to one rate. The player takes blocks without a lock and without
+// waiting. Sound that is late leaves a gap of silence, which is counted. A pipe loses nothing: it waits until it is
+// first heard, and its writer has to wait while nobody takes more. A device does not wait: sound older than a tenth of
+// a second is dropped and counted. Threading: block() on one thread at a time; the rest on any. Source: RIFF WAVE (IBM
+// and Microsoft 1991, WAVE_FORMAT_EXTENSIBLE included); the ALC_EXT_CAPTURE extension of OpenAL.
 #pragma once
 
 #include <atomic>
@@ -24,24 +23,24 @@
 
 namespace rtsg {
 
-/// How samples are that come without a header: little-endian, interleaved.
+/// The format of samples without a header: little-endian, interleaved.
 struct RawSound {
     enum class Sample : std::uint8_t { int16, float32 };
     Sample sample = Sample::int16;
     int sampleRate = 48000, channels = 1;
 };
 
-/// Samples from a stream of bytes that comes in pieces: WAV, whose length need not be known, or raw.
+/// Decodes a stream of bytes that arrives in pieces: WAV of known or unknown length, or raw samples.
 class SoundStreamDecoder {
   public:
     explicit SoundStreamDecoder(std::optional<RawSound> raw = {});
-    /// Appends the whole frames that the bytes so far hold, interleaved. Error: it is no WAV, or of a kind that is not
-    /// read.
+    /// Appends the whole frames that the bytes so far contain, interleaved. Error: this is no WAV, or an unsupported
+    /// kind.
     Result<> decode(std::span<const std::byte> bytes, std::vector<float>& samples);
-    /// 0 until the header has come.
+    /// 0 until the header has arrived.
     int channels() const { return channels_; }
     int sampleRate() const { return sampleRate_; }
-    /// All that the header announced has come.
+    /// Whether all samples that the header announced have arrived.
     bool ended() const { return channels_ > 0 && left_ == 0; }
 
   private:
@@ -53,21 +52,21 @@ class SoundStreamDecoder {
     Coding coding_ = Coding::int16;
     std::size_t sampleBytes_ = 2;
     bool riff_ = false, formatKnown_ = false;
-    int headerChannels_ = 0;                                          // those of the samples, once they begin
+    int headerChannels_ = 0;                                          // of the samples, used once they begin
     std::uint64_t left_ = std::numeric_limits<std::uint64_t>::max();  // bytes of samples
-    std::vector<std::byte> waiting_;                                  // of a header or a frame that is not whole
+    std::vector<std::byte> waiting_;                                  // part of a header or of a frame
 };
 
 class SoundInput;
 
-/// The end of a SoundInput that is written to, on its own thread.
+/// The writing end of a SoundInput, used on its own thread.
 class SoundFeed {
   public:
-    /// False: nobody hears any more, return.
+    /// False: nobody listens any more; the source should return.
     bool wanted() const;
-    /// Once, before anything is written.
+    /// Call once, before the first write.
     Result<> begin(int channels, int sampleRate);
-    /// Whole frames, interleaved. Waits for room if the input may wait, else drops what finds none.
+    /// Writes whole frames, interleaved. If there is no room, it waits or drops samples, as the input is set up.
     void write(std::span<const float> samples);
     void fail(std::string why);
 
@@ -75,7 +74,7 @@ class SoundFeed {
     friend class SoundInput;
     explicit SoundFeed(SoundInput& input) : input_(input) {}
     ~SoundFeed();
-    /// Adds the samples that conversion still holds back.
+    /// Adds the samples that the rate converter still holds back.
     void finish();
     void put(std::span<const float> samples);
 
@@ -96,25 +95,25 @@ class SoundInput {
     SoundInput(const SoundInput&) = delete;
     SoundInput& operator=(const SoundInput&) = delete;
 
-    /// A pipe with a name, or "-": standard input. Nobody need write to it yet. Error: there is no such file.
+    /// A named pipe, or "-" for standard input. Nobody need write to it yet. Error: there is no such file.
     static Result<std::shared_ptr<SoundInput>> openPipe(const std::string& path, int sampleRate,
                                                         std::optional<RawSound> raw = {});
-    /// Empty: the default one. Error: there is none, or none of this name; it says which there are.
+    /// Empty: the default device. Error: there is no device, or none of this name; the message lists the devices.
     static Result<std::shared_ptr<SoundInput>> openDevice(const std::string& name, int sampleRate);
 
-    /// 1 until it is known.
+    /// 1 until the number is known.
     std::size_t channels() const;
     int sampleRate() const { return sampleRate_; }
-    /// Interleaved samples of the block of `frames` that begins at sample `first`: what comes next, from frame `from`
-    /// on. Asked again for the same `first` it gives the same, so that all who hear it hear it at once.
+    /// The next interleaved samples, from frame `from` on, for the block of `frames` that begins at sample `first`.
+    /// Calls with the same `first` give the same samples, so that all players of the input are in time.
     std::span<const float> block(std::int64_t first, std::size_t frames, std::size_t from);
 
-    /// Times that it ran out of samples, and frames that were dropped.
+    /// How often it ran out of samples, and the number of dropped frames.
     std::uint64_t gaps() const { return gaps_; }
     std::uint64_t dropped() const { return dropped_; }
-    /// Nothing comes any more but what waits.
+    /// Whether the source has ended; samples may still wait.
     bool ended() const { return ended_; }
-    /// Why; empty if it just ended.
+    /// The reason for the end; empty for a normal end.
     std::string problem() const;
 
   private:
@@ -124,23 +123,24 @@ class SoundInput {
     const int sampleRate_;
     const Waits waits_;
     std::vector<float> ring_;                             // of the first begin() on
-    std::atomic<std::size_t> channels_ = 0;               // 0: not known, and no ring
+    std::atomic<std::size_t> channels_ = 0;               // 0: not known yet, and there is no ring
     std::atomic<std::uint64_t> written_ = 0, taken_ = 0;  // frames
     std::atomic<std::uint64_t> gaps_ = 0, dropped_ = 0;
     std::atomic<bool> stop_ = false, ended_ = false;
     mutable std::mutex mutex_;
     std::string problem_;
 
-    // The player's.
+    // Used by the player.
     std::vector<float> block_;
     std::int64_t blockFirst_ = std::numeric_limits<std::int64_t>::min();
-    bool playing_ = false;  // else it waits until enough has come to go on with
+    bool playing_ = false;  // otherwise it waits until enough samples have arrived
 
     std::thread thread_;  // last: it uses all of the above
 };
 
-/// Reads a pipe until it ends or `seconds` of sound have come, at the sound's own rate. `goOn` is asked now and then
-/// while nothing comes. Errors: no such file, no sound, more than `maxSamples`, or goOn said no.
+/// Reads a pipe until it ends or `seconds` of sound have arrived, at the sound's own rate. Calls `goOn` now and then
+/// while nothing arrives. Errors: there is no such file; it is no sound; it has more than `maxSamples`; goOn returned
+/// false.
 Result<SoundBuffer> readPipe(const std::string& path, std::optional<RawSound> raw, double seconds,
                              const std::function<bool()>& goOn = {}, std::uint64_t maxSamples = std::uint64_t{1} << 29);
 

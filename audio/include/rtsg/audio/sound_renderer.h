@@ -1,10 +1,10 @@
-// SoundRenderer: what the listener of a scene hears, as one of the renderers of a SharedWorld.
+// SoundRenderer: renders the sound that the listener of a scene hears, as one of the renderers of a SharedWorld.
 //
-// Invariant: sound has been made up to the scene time of the last renderFrame(), from the time it was attached on,
-// however many frames went by between two calls. Walls are where the world's rays meet them; what sound needs alone
-// (sources, materials, responses) is here. Figures of rooms are those of the moment measure() is called.
-// Threading: as WorldRenderer, but for measure(), room() and finish(): the scene's thread, and not while another
-// renders; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
+// Invariant: sound has been made from the time of attachment to the scene time of the last renderFrame(), however many
+// frames passed between two calls. Walls are in the world's ray geometry; data for sound only (sources, materials,
+// responses) is here. Figures of rooms are those at the time of the call of measure().
+// Threading: as WorldRenderer, except that measure(), room() and finish() are called on the scene's thread while
+// nothing else renders; tracing uses all cores. Source: paper section 8 (sound as one more renderer).
 
 // Example:
 //     #include <rtsg/audio/sound_renderer.h>
@@ -35,51 +35,52 @@ namespace rtsg {
 
 class SoundRenderer final : public WorldRenderer {
   public:
-    /// Asked of node renderers once a frame's sound is made: to add theirs to block().
+    /// Called on node renderers once the sound of a frame is made, to add theirs to block().
     static constexpr Operation kVoice{1};
 
-    /// Attached on return; if that failed, for want of a sound library say, attached() is false and renderFrame() says
-    /// why. Of the options, `seconds` and `framesPerSecond` are not used.
+    /// Attaches itself to the world. If that fails, for example because the build has no sound library, attached() is
+    /// false and renderFrame() returns the reason. `seconds` and `framesPerSecond` of the options are not used.
     explicit SoundRenderer(SharedWorld& world, const ListenOptions& options = {});
     ~SoundRenderer() override;
 
-    /// Makes the sound from the end of the last frame to the scene's time; nothing where the options ask for no sound.
-    /// Changes of this frame are heard from its time on, to the block, and things move there smoothly; but walls count
-    /// from the end of the last frame on. See AcousticEngine::render().
+    /// Makes the sound from the end of the last frame to the scene's time; does nothing if the options ask for no
+    /// sound. Changes of this frame are heard from its time on, rounded to blocks, and positions move smoothly; but the
+    /// new walls count from the end of the last frame on. See AcousticEngine::render().
     Result<> renderFrame() override;
-    /// The same up to the state's time, with what the state has. Errors: node renderers are registered here, which
-    /// voice on the scene's thread only.
+    /// The same up to the time of the given state. Error: node renderers are registered, which work on the scene's
+    /// thread only.
     Result<> renderFrame(const WorldState& state) override;
-    /// The samples that the last renderFrame() made, interleaved, and the scene time of the first.
+    /// The samples of the last renderFrame(), interleaved, and the scene time of the first one.
     std::span<float> block();
     double blockStart() const;
     int channels() const;
     int sampleRate() const;
 
-    /// Sends what each Analyser finds in the sound of the last renderFrame(), as events of the scene's next frame:
-    /// frequencyBinCount, where it is not half of fftSize, and the `value` of MetadataFloat nodes in its `metadata` (or
-    /// in a MetadataSet there) that are named frequencyData: decibels of each bin, byteFrequencyData: 0 to 255 from
-    /// minDecibels to maxDecibels. X3D's Analyser has no fields for these; they are those of its model, the Web Audio
-    /// API. And `reduction` of each DynamicsCompressor: decibels, at most 0, without what makes up for them.
+    /// Sends the results of each Analyser for the sound of the last renderFrame() as events of the scene's next frame:
+    /// frequencyBinCount, if it is not half of fftSize, and the `value` of MetadataFloat nodes in its `metadata` (or in
+    /// a MetadataSet there). These are named frequencyData (decibels of each bin) or byteFrequencyData (0 to 255 from
+    /// minDecibels to maxDecibels). X3D's Analyser has no such fields; the names are those of the Web Audio API. Also
+    /// sends `reduction` of each DynamicsCompressor: decibels, at most 0, without make-up gain.
     void sendEvents();
 
-    /// Traces every source at the present state and adds it to the report.
+    /// Traces every source in the present state and adds the results to the report.
     Result<> measure();
-    /// Traces every source to every place, or if none is given to those of the scene (SoundScene::places()), at the
-    /// present state; places share the rays of a source. Errors: cancelled, no sources.
+    /// Traces every source to every place in the present state; without places, to those of the scene
+    /// (SoundScene::places()). Places share the rays of a source. Errors: cancelled, no sources.
     Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
-    /// The same at the points of a grid (gridIn()) of the room around the first source, which are in its order: figures
-    /// alone, without echograms.
+    /// The same at the points of a grid (gridIn()) in the room around the first source: only figures, without
+    /// echograms.
     Result<RoomMap> map(double height, double step);
-    /// Impulse responses of the pairs of a survey() at the present state, with the channels that the options ask for:
-    /// those of impulseResponses() where listener and source are the same.
+    /// Impulse responses for the pairs of a survey() in the present state, with the channels that the options ask for.
+    /// They equal those of impulseResponses() for the same listener and source.
     RoomResponses responses(const RoomReport& report, int sampleRate = 48000);
-    /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
+    /// The report so far, with its sound scaled so that it does not clip. Ends the sound. Diagnostics are about sound
+    /// only.
     ListenReport finish();
 
-    /// The geometry that sound from `source` meets at present.
+    /// The geometry for sound from `source` in the present state.
     OpenedGeometry room(const glm::dvec3& source);
-    /// Precondition: it could be attached.
+    /// Precondition: attached().
     const AcousticRenderer& renderer() const;
     std::string failure() const override;
     bool attached() const override { return failure().empty() && WorldRenderer::attached(); }
@@ -90,12 +91,12 @@ class SoundRenderer final : public WorldRenderer {
     std::shared_ptr<const void> freezeTables() override;
 
   private:
-    /// One a listener; none for an emitter that walls do not reflect.
+    /// One for each listener; none for an emitter that walls do not reflect.
     Result<std::vector<ListenReport::Source>> measureAt(const SoundEmitter& emitter,
                                                         std::span<const glm::dvec3> listeners);
     enum class Keeps : bool { figures, echograms };
     Result<RoomReport> surveyAt(const std::vector<ListeningPlace>& places, Keeps keeps);
-    /// The room around the first source that walls reflect, and what it is made of.
+    /// Describes the room around the first source that walls reflect, and its materials.
     void describeRoom(RoomReport& report);
 
     struct Impl;

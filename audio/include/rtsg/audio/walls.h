@@ -1,12 +1,12 @@
-// Walls: what sound may meet: the meshes of a scene, where they are and what they are made of.
+// Walls: the surfaces that sound may hit: the meshes of a scene, with their positions and materials.
 //
 //     Walls walls(world, {});
 //     walls.apply(delta);                            // after world.apply(delta)
 //     const WallsVersion version = walls.freeze();   // for a reader on another thread
 //
-// Invariant: after apply() of the deltas the world was applied, it holds what one that reads the world anew would. Work
-// follows the delta, and a version costs next to nothing. Materials are handed in by the NodeId of who
-// says them (see sound_scene.h). Threading: on the scene's thread; versions may be read from any.
+// Invariant: after apply() of the world's deltas it equals Walls that read the world anew. The work depends on the
+// delta, and a version costs next to nothing. Materials are identified by the NodeId of the node that defines them (see
+// sound_scene.h). Threading: on the scene's thread; versions may be read on any thread.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +23,11 @@ namespace rtsg {
 
 /// One instance.
 struct Wall {
-    std::shared_ptr<const Mesh> mesh;  // null: nothing that rays of sound can hit
+    std::shared_ptr<const Mesh> mesh;  // null: nothing that sound can hit
     WorldFromLocal worldFromLocal{1.0};
     std::uint32_t material = 0;  // WallsVersion::materials
-    std::uint64_t stamp = 0;     // another after each change; 0: never used
-    /// The sum of the largest x, y and z of the mesh's points, turned and scaled but not moved: metres.
+    std::uint64_t stamp = 0;     // changes with each change; 0: never used
+    /// The sum of the largest x, y and z of the mesh's points, rotated and scaled but not translated, metres.
     double reach = 0;
 };
 
@@ -38,15 +38,15 @@ struct WallsVersion {
 
 class Walls {
   public:
-    /// `world` must outlive this. `defaults`: of surfaces without AcousticProperties.
+    /// `world` must outlive this object. `defaults`: for surfaces without AcousticProperties.
     explicit Walls(const RayWorld& world, const AcousticMaterial& defaults = {});
 
     void setMaterial(NodeId node, const AcousticMaterial& material);
-    /// Which node says what an instance is made of; else its AcousticProperties do.
+    /// The node that defines the material of an instance; otherwise its AcousticProperties do.
     using MaterialNode = std::function<NodeId(const Instance&)>;
-    /// To be called after RayWorld::apply with the same delta.
+    /// Call after RayWorld::apply with the same delta.
     void apply(const InstanceDelta& delta, const MaterialNode& materialNode = {});
-    /// The node that a material was handed in by; none of the default one.
+    /// The node that defines a material; none for the default material.
     NodeId nodeOf(std::uint32_t material) const;
     WallsVersion freeze();
     /// Grows with every change.
@@ -56,7 +56,7 @@ class Walls {
     struct Slot {
         InstanceId id;
         NodeId geometry;
-        std::uint32_t place = 0;  // in slotsOf_ of the geometry
+        std::uint32_t place = 0;  // index in slotsOf_ of the geometry
     };
     void write(std::uint32_t slot);
     void attach(const Instance& instance, NodeId material);

@@ -1,13 +1,13 @@
-// WorldGeometry: AcousticGeometry over walls and rays: the same BVH that light is traced in, asked in single precision
-// and answered in double.
+// WorldGeometry: AcousticGeometry over walls and rays. It uses the BVH in which light is traced: queries in single
+// precision, results in double.
 //
 //     WorldGeometry geometry;
 //     geometry.follow(walls.freeze(), world);              // both of the same state of the scene
 //
-// Invariant: after follow() answers are those of one built from scratch (numbers of planes apart). The work follows
-// what changed since the version followed before: planes are found once per mesh, in its own frame, and moved with its
+// Invariant: after follow() its answers equal those of one built anew (except for the numbers of planes). The work
+// depends on what changed since the last version: planes are found once per mesh, in its own frame, and moved with its
 // instances. Hits are moved onto their plane in double precision, so that long mirror paths do not drift.
-// Threading: follow() alone, on the thread of whoever traces; queries from any number of threads.
+// Threading: follow() alone, on the tracing thread; queries from any number of threads.
 #pragma once
 
 #include <cstdint>
@@ -28,35 +28,36 @@ class EdgeTable;
 class FewWalls;
 class WallPlanes;
 
-/// The reason why nothing is heard: shapes that keep a source and a listener apart.
+/// The reason why nothing is heard: shapes that separate a source from a listener.
 struct Seal {
     struct Shape {
         NodeId shape, geometry;
         AcousticBox box;  // in the world
     };
-    bool sourceInside = true;  // else the listener is, and the source is not
-    /// Each of `shapes` is closed and has one of the two inside; else no way was found from there by some thousand
-    /// rays that scatter.
+    bool sourceInside = true;  // otherwise the listener is inside, and the source is not
+    /// Whether each of `shapes` is closed and has exactly one of the two inside. Otherwise some thousand scattered rays
+    /// found no path.
     bool proven = false;
-    std::vector<Shape> shapes;  // around the inner one: the smallest first, or the three that were met most
-    std::size_t more = 0;       // others that were met
+    std::vector<Shape> shapes;  // around the inner one: the smallest first, or the three that were hit most
+    std::size_t more = 0;       // number of other shapes that were hit
 };
 
 class WorldGeometry final : public AcousticGeometry {
   public:
     struct Options {
-        /// With more planes than this no sources are mirrored, rays do it all, and the search for planes ends there.
+        /// With more planes than this there are no image sources, only rays, and the search for planes ends.
         std::size_t maxPlanes = 20'000;
-        /// Edges are found. In meshes with thousands of triangles that takes a while, and who traces nothing needs
-        /// none.
+        /// Whether to find edges. In meshes with thousands of triangles this takes a while, and is needed for tracing
+        /// only.
         bool edges = true;
     };
     /// The changes that follow() found.
     struct Changes {
-        /// Around each instance that came, went, moved or is made of something else; where it was and where it is.
+        /// Boxes around each instance that was added, removed or moved, or whose material changed: at its old and its
+        /// new position.
         std::vector<AcousticBox> boxes;
         std::vector<std::uint32_t> slots;  // of each box
-        /// A material changed, or there was no version before: all of it.
+        /// A material changed, or there was no earlier version: everything changed.
         bool everything = false;
     };
 
@@ -64,17 +65,17 @@ class WorldGeometry final : public AcousticGeometry {
     explicit WorldGeometry(const Options& options);
     ~WorldGeometry() override;
 
-    /// `rays` must outlive the queries that come after.
+    /// `rays` must outlive the later queries.
     const Changes& follow(const WallsVersion& walls, const RayView& rays) {
         static_cast<void>(note(walls, rays));
         settle();
         return changes_;
     }
-    /// The first part of follow(), for who asks about ways often and traces seldom: until settle() what has changed
-    /// lies on no plane, and planes() and edges are those of before. What was noted several times is settled once.
+    /// The first part of follow(), for programs that ask for paths often and trace seldom. Until settle(), changed
+    /// walls lie on no plane, and planes() and edges are the old ones. Several notes are settled at once.
     const Changes& note(const WallsVersion& walls, const RayView& rays);
     void settle();
-    /// Steps that follow() took so far: walls compared, planes measured, boxes read. Counted, not timed.
+    /// Steps that follow() has taken so far: walls compared, planes measured, boxes read. Counted, not timed.
     std::uint64_t work() const;
 
     std::span<const ReflectingPlane> planes() const override;
@@ -83,7 +84,7 @@ class WorldGeometry final : public AcousticGeometry {
                  AcousticHit& hit) const override {
         return closestBut({}, origin, direction, maxDistance, except, hit);
     }
-    /// The same as closest(), but rays pass through the instances in `open` (slots).
+    /// Like closest(), but rays pass through the instances in `open` (slots).
     bool closestBut(std::span<const std::uint32_t> open, const glm::dvec3& origin, const glm::dvec3& direction,
                     double maxDistance, std::uint32_t except, AcousticHit& hit) const;
     bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction, double distance,
@@ -94,19 +95,20 @@ class WorldGeometry final : public AcousticGeometry {
     std::uint32_t closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays, AcousticHits& hits) const;
     std::uint32_t blockedOf(const AcousticRays& rays) const override { return blockedOfBut({}, rays); }
     std::uint32_t blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const;
-    /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
-    /// as they are in the way of 32 rays from there.
+    /// Slots of instances whose box contains the point and has a diagonal of at most `maxSize` metres, as far as 32
+    /// rays from the point hit them.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
-    /// Adds those of them that a ray from `point` in `direction` (a unit vector) leaves, and that are not in `bodies`.
+    /// Adds those instances that a ray from `point` in `direction` (a unit vector) leaves and that are not yet in
+    /// `bodies`.
     void addBodies(const glm::dvec3& point, const glm::dvec3& direction, double maxSize,
                    std::vector<std::uint32_t>& bodies) const;
-    /// Why nothing of what is sent at one place comes to the other; none if a way between them was found, or both are
-    /// in the open. Shapes that let sound pass, and those in `open` (slots), are not there. Takes some thousand rays.
+    /// The shapes that keep sound at one point from reaching the other; none if a path was found, or both points are in
+    /// the open. Shapes that transmit sound, and those in `open` (slots), do not count. Takes some thousand rays.
     std::optional<Seal> sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
                                     const glm::dvec3& listener) const;
     /// The openings through which escaped rays went (findRoomOpenings()).
     RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const;
-    /// Whether the box of an instance, in its own frame, holds a point.
+    /// Whether the box of an instance, in its own frame, contains a point.
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override;
@@ -118,13 +120,13 @@ class WorldGeometry final : public AcousticGeometry {
     Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return passageBut({}, a, b); }
     Passage passageBut(std::span<const std::uint32_t> open, const glm::dvec3& a, const glm::dvec3& b) const;
     void visitEdges(const EdgeVisitor& visit) const override { visitEdgesBut({}, visit); }
-    /// Those of all instances but the ones in `open` (slots).
+    /// The edges of all instances but those in `open` (slots).
     void visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const;
     void visitRoundBodies(const RoundVisitor& visit) const override { visitRoundBodiesBut({}, visit); }
     void visitRoundBodiesBut(std::span<const std::uint32_t> open, const RoundVisitor& visit) const;
 
   private:
-    /// The judgement of a hit that was found in single precision, by arithmetic in double precision.
+    /// The result of checking, in double precision, a hit that was found in single precision.
     enum class Judged : std::uint8_t { hit, beyond, doubtful };
     Judged judge(const Hit& found, double rough, std::span<const std::uint32_t> open, const glm::dvec3& origin,
                  const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
@@ -135,12 +137,12 @@ class WorldGeometry final : public AcousticGeometry {
     bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
                Hit& hit) const;
     Seal::Shape shapeOf(std::uint32_t slot) const;
-    /// The distance by which rounding to single precision may shift a place, with some to spare.
+    /// An upper bound for the shift of a point by rounding to single precision.
     double roundingAt(const glm::dvec3& point) const {
         const glm::dvec3 away = glm::abs(point - rays_->origin());
         return 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
     }
-    /// Whether a distance in double precision is that which was found in single precision.
+    /// Whether a distance in double precision agrees with the one found in single precision.
     static bool isNearRough(double distance, double rough) {
         return std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough));
     }
@@ -158,7 +160,7 @@ class WorldGeometry final : public AcousticGeometry {
     std::vector<AcousticMaterial> materials_;
     std::unique_ptr<WallPlanes> planes_;
     std::unique_ptr<EdgeTable> edges_;
-    std::unique_ptr<FewWalls> few_;  // all of them, where they are so few
+    std::unique_ptr<FewWalls> few_;  // all of them, if they are few
     Changes changes_;
     std::vector<std::uint32_t> unsettled_;  // slots whose walls have changed since settle()
     std::vector<char> isUnsettled_;         // by slot
@@ -166,14 +168,15 @@ class WorldGeometry final : public AcousticGeometry {
     std::uint64_t compared_ = 0;
 };
 
-/// A world in which some instances are not there: the body of the thing that sounds does not enclose its own sound.
+/// A world without some instances, so that the body of a sound source does not block its own sound.
 class OpenedGeometry final : public AcousticGeometry {
   public:
-    /// `whole` must outlive this.
+    /// `whole` must outlive this object.
     OpenedGeometry(const WorldGeometry& whole, std::vector<std::uint32_t> open)
         : whole_(&whole), open_(std::move(open)) {}
 
-    /// The slots back, for what opens the world in every block; this is good for nothing any more.
+    /// Returns the list of slots, for programs that open the world in every block. The object cannot be used
+    /// afterwards.
     std::vector<std::uint32_t> takeOpen() { return std::move(open_); }
 
     std::span<const ReflectingPlane> planes() const override { return whole_->planes(); }
@@ -205,7 +208,7 @@ class OpenedGeometry final : public AcousticGeometry {
     std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
         return whole_->sealBetween(open_, source, listener);
     }
-    /// The same as WorldGeometry::openings(), with all shapes there.
+    /// The same as WorldGeometry::openings(), with all shapes present.
     RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const {
         return whole_->openings(source, exits, escaped);
     }
