@@ -264,12 +264,22 @@ TEST_F(InputTypes, DefaultsOfTheWriterCount) {
     std::vector<NodeId> shapes{origin.findName("SHAPE")};
     const auto terms = [&] {
         Hash128 sum;
-        for (const NodeId shape : shapes) sum = sum + termOf(origin, shape, x3d::Shape::castShadow.index);
+        for (const NodeId shape : shapes) {
+            const FieldIndex field = x3d::Shape::castShadow.index;
+            const FieldDef& def = origin.node(shape).type().fields[field];
+            const bool yes = true;
+            if (origin.node(shape).get(x3d::Shape::castShadow))  // no default to the writer
+                sum = minus(sum, hashOfValue(def.type, &yes, hashSeed(shape, fieldKey(def), HashTerm::field)));
+            sum = sum + termOf(origin, shape, field);
+        }
         return sum;
     };
     origin.newFrame(10);
     other.add(origin.snapshot(), terms());
     for (int frame = 1; frame <= 6; ++frame) {
+        if (frame == 2) {
+            ASSERT_TRUE(origin.set(shapes[0], x3d::Shape::castShadow, true));
+        }
         if (frame == 3) {  // the other scene has this one's default by itself, and that one is written
             shapes.push_back(origin.createNode(x3d::Shape::type));
             ASSERT_TRUE(origin.set(shapes.back(), x3d::Shape::castShadow, false));
