@@ -302,7 +302,9 @@ ChangeSet TypeMapping::toOrigin(const ChangeSet& set) const {
             change.index = numberAtOrigin(change.index);
         if (change.kind == ChangeKind::addRoute || change.kind == ChangeKind::removeRoute)
             change.index = fieldAtOrigin(change.other, change.field2());
-        if (change.field != kNoField && (change.field = fieldAtOrigin(change.node, change.field)) == kNoField) continue;
+        const bool hasField = change.field != kNoField;
+        if (hasField) change.field = fieldAtOrigin(change.node, change.field);
+        if (hasField && change.field == kNoField) continue;
         result.changes.push_back(std::move(change));
     }
     return result;

@@ -149,6 +149,32 @@ TEST_P(Versions, AReaderOneApartFollowsWhatItKnows) {
     }
 }
 
+/// A frame whose input was read before it needs the types of the nodes that both destroy.
+TEST(VersionsApart, TheTypesOfDestroyedNodesAreKeptForOneMoreSet) {
+    const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
+    ByteBuffer head, record;
+    encodeHead(7, "another version", other, {}, head);
+    ChangeEncoder encoder({}, other);
+    ChangeDecoder decoder(builtinTypes());
+    ASSERT_TRUE(decoder.setHead(*decodeHead(head.bytes())));
+    const Stream stream{TypeTable(other)};
+    ChangeSet found, set = stream.sets[0];
+    const FieldIndex size = x3d::Box::size.index;
+    for (int frame = 0; frame < 4; ++frame) {
+        if (frame > 0) set.from = set.to++;
+        if (frame > 0) set.changes.clear();
+        if (frame == 1) {
+            Change& destroyed = set.changes.emplace_back();
+            destroyed.kind = ChangeKind::destroyNode;
+            destroyed.node = NodeId{4};
+        }
+        encoder.encode(set, record);
+        ASSERT_TRUE(decoder.decode(record.bytes(), found));
+        EXPECT_EQ(decoder.fieldAtWriter(NodeId{4}, size) != kNoField, frame < 3) << frame;
+        EXPECT_NE(decoder.fieldAtWriter(NodeId{2}, x3d::Transform::rotation.index), kNoField);
+    }
+}
+
 /// A log of another version, with records and columns that nobody knows yet among the rest.
 TEST_P(Versions, ALogOfAnotherVersionIsReplayedButForWhatIsUnknown) {
     const std::vector<std::unique_ptr<NodeType>> other = otherVersion();
