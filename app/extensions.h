@@ -4,7 +4,7 @@
 // Nothing that a scene, a log or a peer says loads one. Threading: the main thread.
 #pragma once
 
-#include <rtsg/plugins/plugin.h>
+#include <rtsg/plugins/extensions.h>
 
 #include "command.h"
 
