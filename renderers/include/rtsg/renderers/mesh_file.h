@@ -11,6 +11,7 @@
 
 #include <rtsg/core/output_file.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/flattener.h>
 
 namespace rtsg {
 
@@ -24,8 +25,9 @@ struct MeshFileContent {
 };
 
 /// Errors: a scene that shows no triangles, a file that cannot be written. `diagnostics` hears of geometry that has
-/// none, and of what moves and is none of glTF's here.
+/// none, and of what moves and is none of glTF's here. `flattener` makes the triangles: one that has mesh sources, say.
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
-                                      Diagnostics& diagnostics, Existing existing = Existing::replace);
+                                      Diagnostics& diagnostics, Existing existing = Existing::replace,
+                                      Flattener flattener = Flattener());
 
 }  // namespace rtsg
