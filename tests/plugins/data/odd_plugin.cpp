@@ -96,7 +96,9 @@ RTSG_PLUGIN(extensions) {
 }
 #elif defined ODD_INCOMPLETE
 RTSG_PLUGIN(extensions) {
-    extensions.add(rtsg::FormatReader{.name = "empty"});
+    rtsg::FormatReader reader;
+    reader.name = "empty";
+    extensions.add(std::move(reader));
     return {};
 }
 #elif defined ODD_UNFINISHED
