@@ -54,6 +54,34 @@ TEST_F(WithPlugins, MeshSourcesAreInMeshFilesToo) {
     EXPECT_EQ(readFile(folder / "own.stl").size(), 84u + 2 * 50) << "two triangles";
 }
 
+/// A green Pane in the middle of a picture that mirrors draw in tiles.
+TEST_F(WithPlugins, MeshSourcesAreInTilesToo) {
+    writeFile(folder / "green.x3dv",
+              "#X3D V4.0 utf8\nShape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } "
+              "geometry Pane { } }\n");
+    const auto endpointOf = [](Program& program) {
+        const std::string line = program.firstLine();
+        const std::size_t from = line.find("tcp://");
+        return from == line.npos ? line : line.substr(from, line.find('"', from) - from);
+    };
+    Program server({"serve", folder / "green.x3dv", "--bind", "tcp://127.0.0.1:*", "--plugin", workshop, "--json"},
+                   streams());
+    const std::string served = endpointOf(server);
+    Program assembler({"assemble", "--live", "tcp://127.0.0.1:0", "--tiles", "2,1", "--json", "--for", "1s", "-o",
+                       folder / "live%d.png"},
+                      streams());
+    Program mirror(
+        {"mirror", served, "--tiles", endpointOf(assembler), "--size", "64x32", "--fps", "5", "--plugin", workshop},
+        streams());
+    const Outcome joined = assembler.wait();
+    EXPECT_EQ(joined.status, 0) << joined.err;
+    (void)mirror.wait();
+    const auto picture = readPicture(folder / "live0.png");
+    ASSERT_TRUE(picture) << picture.error().format();
+    EXPECT_GT(picture->at(32, 16).g, .9f);
+    EXPECT_LT(picture->at(32, 16).r, .1f);
+}
+
 TEST_F(WithPlugins, MeshSourcesThatThrowAreNamedAndTheRestIsDrawn) {
     writeFile(folder / "cone.x3dv",
               "#X3D V4.0 utf8\nShape { geometry DEF C Cone { } }\nShape { geometry Cone { } }\n"
