@@ -3,7 +3,7 @@
 // A scene, a log or a peer cannot load one. Threading: the main thread.
 #pragma once
 
-#include <rtsg/plugins/plugin.h>
+#include <rtsg/plugins/extensions.h>
 
 #include "command.h"
 

@@ -81,6 +81,7 @@ struct TileOutputs::Drawer {
         SharedWorld::Options options = worldOptions(resources);
         options.delivery = Delivery::polled;  // states that nobody draws come merged
         world = std::make_unique<SharedWorld>(scene, options);
+        extensions().registerWith(*world);
         light = std::make_unique<LightRenderer>(*world, LightRenderer::Options(resources, image));
         extensions().registerWith(*light);
         return light->attached() ? Result<>() : fail(light->failure());

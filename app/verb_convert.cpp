@@ -113,7 +113,10 @@ int convertBinary(const ConvertArguments& options, const Resources& resources) {
     Result<> written;
     if (MeshFormat format{}; meshFormatFromName(options.out, format)) {
         Diagnostics meshes(options.in);
-        const auto content = writeMeshFile(scene, options.out, format, meshes, existing(options.force), resources);
+        Flattener flattener;
+        extensions().registerWith(flattener, scene);
+        const auto content = writeMeshFile(scene, options.out, format, meshes, existing(options.force), resources,
+                                           std::move(flattener));
         diagnostics.append(meshes);
         if (!content) written = std::unexpected(content.error());
     } else if (isBinaryName(options.out)) {

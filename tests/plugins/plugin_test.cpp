@@ -4,6 +4,8 @@
 
 #include <fstream>
 
+#include <sys/stat.h>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/field_path.h>
@@ -286,18 +288,36 @@ TEST(Plugins, ThatCannotBeLoadedAreNamedWithTheReason) {
     const TempFolder folder;
     EXPECT_EQ(whyNot(folder / "none.so"),
               folder / "none.so" + std::string(": error: it cannot be loaded: No such file or directory [plug-in]"));
+    const std::string ours = RTSG_PLUGIN_HEADERS;
     write(folder / "text.so", "this is no library");
-    EXPECT_NE(whyNot(folder / "text.so").find("text.so: error: it cannot be loaded: "), std::string::npos);
+    EXPECT_EQ(whyNot(folder / "text.so"),
+              folder / "text.so" +
+                  std::string(": error: it is no plug-in, or an old one: it does "
+                              "not say that it was compiled with the headers of this program (") +
+                  ours + ") [plug-in]");
     write(folder / "cut.so", std::string("\x7f"
-                                         "ELF\x02\x01\x01"));
+                                         "ELF\x02\x01\x01") +
+                                 RTSG_PLUGIN_INTERFACE);
     EXPECT_NE(whyNot(folder / "cut.so").find("cut.so: error: it cannot be loaded: "), std::string::npos);
+    write(folder / "wild.so", "RTSG plug-in interface 9.9\x1b[2J");
+    EXPECT_NE(whyNot(folder / "wild.so").find("with other headers (9.9) than"), std::string::npos);
+    ASSERT_EQ(::mkfifo((folder / "pipe.so").c_str(), 0600), 0);
+    EXPECT_NE(whyNot(folder / "pipe.so").find("it is no regular file"), std::string::npos);
     EXPECT_NE(whyNot(folder / "").find("it cannot be loaded: "), std::string::npos);
     EXPECT_NE(whyNot(plugin("odd_function")).find("it is no plug-in: it has no function rtsg_plugin"),
               std::string::npos);
-    EXPECT_NE(whyNot(plugin("odd_version")).find("it was built with version 0.0, and this is "), std::string::npos);
-    EXPECT_NE(whyNot(plugin("odd_size")).find("it is of another version"), std::string::npos);
+    EXPECT_NE(whyNot(plugin("odd_headers"))
+                  .find("odd_headers.so: error: it was compiled with other headers (0.2-0123456789ab) than this "
+                        "program (" +
+                        ours + "): compile it again [plug-in]"),
+              std::string::npos);
+    EXPECT_NE(whyNot(plugin("odd_library")).find("(" + ours + ", _GLIBCXX_DEBUG) than this program (" + ours + ")"),
+              std::string::npos);
+    EXPECT_NE(whyNot(plugin("odd_says")).find("it is no plug-in, or an old one"), std::string::npos);
     EXPECT_NE(whyNot(plugin("odd_nothing")).find("its rtsg_plugin returns nothing"), std::string::npos);
     EXPECT_NE(whyNot(plugin("odd_symbol")).find("whatNobodyHas"), std::string::npos);
+    EXPECT_NE(whyNot(plugin("odd_incomplete")).find("the reader of 'empty' files lacks a function"), std::string::npos);
+    EXPECT_NE(whyNot(plugin("odd_unfinished")).find("the node type Half is not finished"), std::string::npos);
     EXPECT_NE(whyNot(plugin("odd_throws")).find("odd_throws.so: error: it failed: no licence"), std::string::npos);
     EXPECT_NE(whyNot(plugin("odd_error")).find("there is a node type Box already, a built-in one"), std::string::npos);
 }

@@ -48,6 +48,80 @@ TEST_F(WithPlugins, NodesActAndHaveGeometry) {
     EXPECT_NE(without.err.find("unknown node type Spinner"), std::string::npos);
 }
 
+TEST_F(WithPlugins, MeshSourcesAreInMeshFilesToo) {
+    const Outcome stl = rtsg({"convert", folder / "own.x3dv", folder / "own.stl", "--plugin", workshop});
+    EXPECT_EQ(stl.status, 0) << stl.err;
+    EXPECT_EQ(readFile(folder / "own.stl").size(), 84u + 2 * 50) << "two triangles";
+}
+
+/// A green Pane in the middle of a picture that mirrors draw in tiles.
+TEST_F(WithPlugins, MeshSourcesAreInTilesToo) {
+    writeFile(folder / "green.x3dv",
+              "#X3D V4.0 utf8\nShape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } "
+              "geometry Pane { } }\n");
+    const auto endpointOf = [](Program& program) {
+        const std::string line = program.firstLine();
+        const std::size_t from = line.find("tcp://");
+        return from == line.npos ? line : line.substr(from, line.find('"', from) - from);
+    };
+    Program server({"serve", folder / "green.x3dv", "--bind", "tcp://127.0.0.1:*", "--plugin", workshop, "--json"},
+                   streams());
+    const std::string served = endpointOf(server);
+    Program assembler({"assemble", "--live", "tcp://127.0.0.1:0", "--tiles", "2,1", "--json", "--for", "1s", "-o",
+                       folder / "live%d.png"},
+                      streams());
+    Program mirror(
+        {"mirror", served, "--tiles", endpointOf(assembler), "--size", "64x32", "--fps", "5", "--plugin", workshop},
+        streams());
+    const Outcome joined = assembler.wait();
+    EXPECT_EQ(joined.status, 0) << joined.err;
+    (void)mirror.wait();
+    const auto picture = readPicture(folder / "live0.png");
+    ASSERT_TRUE(picture) << picture.error().format();
+    EXPECT_GT(picture->at(32, 16).g, .9f);
+    EXPECT_LT(picture->at(32, 16).r, .1f);
+}
+
+TEST_F(WithPlugins, MeshSourcesThatThrowAreNamedAndTheRestIsDrawn) {
+    writeFile(folder / "cone.x3dv",
+              "#X3D V4.0 utf8\nShape { geometry DEF C Cone { } }\nShape { geometry Cone { } }\n"
+              "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } geometry Box { } }\n");
+    const std::string cone = folder / "cone.x3dv", odd = plugin("odd_reader");
+    for (const std::vector<std::string>& how :
+         {std::vector<std::string>{"render", cone, "-o", folder / "cone.png"},
+          {"run", cone, "--for", "0.1s", "--render", folder / "cone.png", "--force"},
+          {"run", cone, "--for", "0.1s", "--live", "--render", folder / "cone.png", "--force"}}) {
+        std::vector<std::string> all = how;
+        all.insert(all.end(), {"--size", "9x9", "--plugin", odd});
+        const Outcome made = rtsg(all);
+        EXPECT_EQ(made.status, 1) << how[0] << made.err;
+        const std::string told = "Cone: its mesh source failed, and is asked no more: out of triangles";
+        const std::size_t at = made.err.find(told);
+        EXPECT_NE(at, std::string::npos) << made.err;
+        EXPECT_EQ(made.err.find(told, at + 1), std::string::npos) << "once: " << made.err;
+        const auto picture = readPicture(folder / "cone.png");
+        ASSERT_TRUE(picture) << picture.error().format();
+        EXPECT_GT(picture->at(4, 4).g, .9f) << how[0];
+    }
+    const Outcome stl = rtsg({"convert", cone, folder / "cone.stl", "--plugin", odd});
+    EXPECT_EQ(stl.status, 1);
+    EXPECT_NE(stl.err.find("Cone: its mesh source failed"), std::string::npos) << stl.err;
+}
+
+TEST_F(WithPlugins, ANodeRendererThatChangesThePicturesSizeIsAnError) {
+    writeFile(folder / "cylinder.x3dv", "#X3D V4.0 utf8\nShape { geometry Cylinder { } }\n");
+    const std::string cylinder = folder / "cylinder.x3dv", odd = plugin("odd_reader");
+    for (const std::vector<std::string>& how :
+         {std::vector<std::string>{"render", cylinder, "-o", folder / "c.png"},
+          {"run", cylinder, "--for", "0.1s", "--live", "--render", folder / "d.png"}}) {
+        std::vector<std::string> all = how;
+        all.insert(all.end(), {"--size", "9x9", "--plugin", odd});
+        const Outcome made = rtsg(all);
+        EXPECT_EQ(made.status, 1) << how[0] << made.err;
+        EXPECT_NE(made.err.find("a node renderer has changed the size of the picture"), std::string::npos) << made.err;
+    }
+}
+
 // A node renderer draws on the scene's thread, so pictures beside the scene are made there, too.
 TEST_F(WithPlugins, NodeRenderersDrawIntoLivePicturesAndTheWindow) {
     writeFile(folder / "ball.x3dv", "#X3D V4.0 utf8\nShape { geometry Sphere { } }\n");

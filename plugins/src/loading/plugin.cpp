@@ -1,7 +1,12 @@
-// Loads plug-ins, and hands what they have added to scenes, worlds and renderers.
+// Loads plug-ins: looks at their files first, and takes nothing from one that fails.
 #include <rtsg/plugins/plugin.h>
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <exception>
+#include <fstream>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -10,90 +15,6 @@
 #include <fmt/format.h>
 
 namespace rtsg {
-
-namespace {
-
-/// The dialect that is there, as a new one that more can be added to: whoever has taken the old one keeps that.
-template <class Added>
-auto withMore(std::shared_ptr<const Dialect>& dialect, Added added) {
-    auto more = dialect ? std::make_shared<Dialect>(*dialect) : std::make_shared<Dialect>();
-    if constexpr (std::is_void_v<decltype(more->add(std::move(added)))>) {
-        more->add(std::move(added));
-        dialect = std::move(more);
-    } else {
-        auto ok = more->add(std::move(added));
-        if (ok) dialect = std::move(more);
-        return ok;
-    }
-}
-
-}  // namespace
-
-void Extensions::add(FormatReader reader) {
-    withMore(dialect_, std::move(reader));
-}
-
-void Extensions::add(FormatWriter writer) {
-    withMore(dialect_, std::move(writer));
-}
-
-Result<> Extensions::add(std::shared_ptr<const NodeType> type) {
-    return withMore(dialect_, std::move(type));
-}
-
-Result<> Extensions::add(std::vector<std::unique_ptr<NodeType>> types) {
-    for (auto& type : types)
-        if (auto ok = add(std::shared_ptr<const NodeType>(std::move(type))); !ok) return ok;
-    return {};
-}
-
-Result<std::shared_ptr<const CustomType>> Extensions::addFieldType(std::string_view name, CustomLayout layout,
-                                                                   CustomFunctions functions) {
-    return registerFieldType(name, layout, std::move(functions));
-}
-
-void Extensions::addBehaviour(std::string type, const Behaviour& behaviour) {
-    behaviours_.emplace_back(std::move(type), behaviour);
-}
-
-void Extensions::addMeshSource(std::string type, MeshSource source) {
-    meshSources_.emplace_back(std::move(type), std::move(source));
-}
-
-void Extensions::registerWith(Scene& scene) const {
-    if (dialect_) registerDocuments(scene, dialect_);
-    for (const auto& [type, behaviour] : behaviours_) scene.registerBehaviour(type, behaviour);
-}
-
-void Extensions::registerWith(SharedWorld& world) const {
-    for (const auto& [type, source] : meshSources_) world.setMeshSource(type, source);
-}
-
-bool Extensions::registerWith(Renderer& renderer) const {
-    bool any = false;
-    for (const auto& add : nodeRenderers_) any = add(renderer) || any;
-    return any;
-}
-
-Result<> Extensions::attachSubscribers(Scene& scene, Attached& attached) const {
-    Result<> first;
-    const auto note = [&](std::string_view why) {
-        if (first) first = fail(fmt::format("a subscriber of a plug-in cannot be made: {}", why));
-    };
-    for (const SubscriberMaker& make : subscribers_) {
-        try {
-            std::unique_ptr<Subscriber> subscriber = make(scene);
-            if (!subscriber) continue;
-            Attachment attachment = scene.bus().attach(*subscriber);
-            attached.all_.emplace_back(std::move(subscriber), std::move(attachment));
-        } catch (const std::exception& e) {
-            note(e.what());
-        } catch (...) {
-            note("it says not why");
-        }
-    }
-    return first;
-}
 
 namespace {
 
@@ -110,7 +31,8 @@ Result<> addFrom(const PluginEntry& entry, Extensions& extensions) {
     const auto fieldTypes = fieldTypeRegistry();
     const auto added = [&]() -> Result<> {
         try {
-            return entry.add(more);
+            auto ok = entry.add(more);
+            return ok ? more.added() : ok;
         } catch (const std::exception& e) {
             return fail(fmt::format("it failed: {}", e.what()));
         } catch (...) {
@@ -124,8 +46,39 @@ Result<> addFrom(const PluginEntry& entry, Extensions& extensions) {
     return added;
 }
 
+/// What a file says of the headers that it was compiled with; empty if it says nothing.
+std::string interfaceOf(const std::string& path) {
+    constexpr std::string_view kOurs = RTSG_PLUGIN_INTERFACE;
+    constexpr std::string_view kOpening = kOurs.substr(0, kOurs.find(RTSG_PLUGIN_HEADERS));
+    constexpr std::uintmax_t kMostBytes = 1 << 30;
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    std::string bytes(error ? 0 : std::min(size, kMostBytes), '\0');
+    std::ifstream(path, std::ios::binary).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    const std::size_t opening = bytes.find(kOpening);
+    if (opening == bytes.npos) return {};
+    const auto begin = bytes.begin() + static_cast<std::ptrdiff_t>(opening + kOpening.size());
+    return {begin, std::find_if(begin, bytes.end(), [](char c) { return c < ' ' || c > '~'; })};
+}
+
+/// Asks the file, as nothing of a library that does not fit may run, and the system would only name what it misses.
+Result<> checkInterface(const std::string& path) {
+    constexpr std::string_view kOurs = RTSG_PLUGIN_HEADERS RTSG_PLUGIN_LIBRARY;
+    const std::string theirs = interfaceOf(path);
+    if (theirs.empty())
+        return fail(
+            fmt::format("it is no plug-in, or an old one: it does not say that it was compiled with the headers of "
+                        "this program ({})",
+                        kOurs));
+    if (theirs != kOurs)
+        return fail(fmt::format("it was compiled with other headers ({}) than this program ({}): compile it again",
+                                theirs, kOurs));
+    return {};
+}
+
 /// Precondition: `path` has a slash, or the system would look for it elsewhere.
 Result<> loadFrom(const std::string& path, Extensions& extensions) {
+    if (auto ok = checkInterface(path); !ok) return ok;
     void* const library = ::dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     if (!library) return fail(fmt::format("it cannot be loaded: {}", loadFailure(path)));
     void* const found = ::dlsym(library, kPluginFunction);
@@ -136,10 +89,7 @@ Result<> loadFrom(const std::string& path, Extensions& extensions) {
     } catch (...) {
         return fail(fmt::format("it is no plug-in: its {} throws", kPluginFunction));
     }
-    if (!entry || !entry->version) return fail(fmt::format("its {} returns nothing", kPluginFunction));
-    if (std::string_view(entry->version) != kPluginVersion)
-        return fail(fmt::format("it was built with version {}, and this is {}", entry->version, kPluginVersion));
-    if (entry->size != sizeof(PluginEntry) || !entry->add) return fail("it is of another version");
+    if (!entry || !entry->add) return fail(fmt::format("its {} returns nothing", kPluginFunction));
     return addFrom(*entry, extensions);
 }
 
@@ -152,6 +102,8 @@ Result<> loadPlugin(const std::filesystem::path& file, Extensions& extensions) {
         if (!result) return fail(DiagnosticCode("plug-in"), result.error().text, {}, file.string());
         return result;
     };
+    if (!error && !std::filesystem::is_regular_file(path, error) && !error)
+        return named(fail("it cannot be loaded: it is no regular file"));
     if (error) return named(fail(fmt::format("it cannot be loaded: {}", error.message())));
     return named(loadFrom(path.string(), extensions));
 }

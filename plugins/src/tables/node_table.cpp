@@ -11,7 +11,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/spec_table.h>
-#include <rtsg/plugins/plugin.h>
+#include <rtsg/plugins/extensions.h>
 
 #include "spec_model.h"
 

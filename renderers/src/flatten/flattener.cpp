@@ -3,7 +3,11 @@
 
 #include <algorithm>
 #include <atomic>
+#include <exception>
+#include <string>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/tessellate.h>
@@ -404,11 +408,26 @@ void Flattener::Impl::walkUp(NodeId changed, bool structural, bool marksSkins) {
     }
 }
 
+std::shared_ptr<const Mesh> Flattener::Impl::ownMesh(const std::string& type, MeshSource& source, NodeId geometry) {
+    if (!source) return nullptr;
+    std::string why;
+    try {
+        return source(*scene, geometry);
+    } catch (const std::exception& e) {
+        why = e.what();
+    } catch (...) {
+        why = "it says not why";
+    }
+    diagnostics.error({}, fmt::format("{}: its mesh source failed, and is asked no more: {}", type, why));
+    source = {};
+    return nullptr;
+}
+
 std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
     if (!ownMeshes.empty())
         if (const Node* node = scene->find(geometry))
             if (const auto own = ownMeshes.find(node->type().name); own != ownMeshes.end())
-                return own->second(*scene, geometry);
+                return ownMesh(own->first, own->second, geometry);
     if (options.meshes) return options.meshes(*scene, geometry);
     std::shared_ptr<const Mesh> mesh = particleMesh(geometry);
     if (!mesh) {

@@ -199,6 +199,8 @@ struct Flattener::Impl {
     void followSkins();
     void report(NodeId node, std::vector<NodeId>& list);
     std::shared_ptr<const Mesh> makeMesh(NodeId geometry);
+    /// Of a source that others have set; null after it threw.
+    std::shared_ptr<const Mesh> ownMesh(const std::string& type, MeshSource& source, NodeId geometry);
     flatten::Skins skins;
     Tessellator tessellator;  // unless the options have something else
     void finish();

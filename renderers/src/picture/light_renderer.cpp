@@ -8,6 +8,7 @@
 #include <limits>
 #include <mutex>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -218,6 +219,17 @@ std::vector<LayerSight> sightsOf(const LightTracer& tracer, const RayView& rays,
                                settings.height);
 }
 
+/// Node renderers are code of others, and who takes the picture goes by its size.
+template <class Draw>
+Result<> keepingSize(Picture& frame, const Draw& draw) {
+    const auto size = [&] { return std::tuple(frame.width, frame.height, frame.pixels.size()); };
+    const auto before = size();
+    auto ok = draw();
+    if (size() == before) return ok;
+    frame = Picture();
+    return fail("light renderer: a node renderer has changed the size of the picture");
+}
+
 }  // namespace
 
 std::optional<PictureSight> LightRenderer::looksFrom() {
@@ -277,7 +289,7 @@ Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
     };
     if (auto ok = take(eachEye(s.camera, options, settings, draw), settings); !ok) return ok;
     if (auto ok = keepBefore(settings); !ok) return ok;
-    return renderOwnNodes(kDraw);
+    return keepingSize(s.frame, [&] { return renderOwnNodes(kDraw); });
 }
 
 Result<> LightRenderer::keepBefore(const RenderSettings& settings) {
@@ -353,7 +365,7 @@ Result<> LightRenderer::makeOf(const WorldState& state, const ImageOptions& opti
     s.before =
         asksForMotion(settings) ? std::make_shared<const PictureBefore>(PictureBefore{state.rays, s.camera}) : nullptr;
     if (auto ok = take(std::move(picture), options.settings); !ok) return ok;
-    return renderOwnNodes(kDraw);
+    return keepingSize(s.frame, [&] { return renderOwnNodes(kDraw); });
 }
 
 Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& settings) {

@@ -2,6 +2,7 @@
 #include <rtsg/renderers/mesh_file.h>
 
 #include <cmath>
+#include <utility>
 
 #include "glb_file.h"
 #include "left_out.h"
@@ -131,8 +132,9 @@ bool meshFormatFromName(const std::filesystem::path& file, MeshFormat& format) {
 }
 
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
-                                      Diagnostics& diagnostics, Existing existing, const Resources& pictures) {
-    const Shapes shapes(scene);
+                                      Diagnostics& diagnostics, Existing existing, const Resources& pictures,
+                                      Flattener flattener) {
+    const Shapes shapes(scene, std::move(flattener));
     diagnostics.append(shapes.flattener.diagnostics());
     if (shapes.content.triangles == 0) return fail("the scene shows no triangles", {}, file.string());
     if (shapes.content.triangles > 0x7FFFFFFF / 3) return fail("the scene has too many triangles", {}, file.string());

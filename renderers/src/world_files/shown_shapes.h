@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -24,7 +25,7 @@ struct Shapes {
     std::vector<const Instance*> instances;
     MeshFileContent content;
 
-    explicit Shapes(const Scene& scene) {
+    Shapes(const Scene& scene, Flattener own) : flattener(std::move(own)) {
         const InstanceDelta& delta = flattener.apply(scene, scene.snapshot());
         for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
         for (const Instance& instance : flattener.instances()) {

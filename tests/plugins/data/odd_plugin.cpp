@@ -1,7 +1,14 @@
 // Plug-ins that are not as they should be: which one is said when it is compiled.
+#ifdef ODD_LIBRARY
+#define _GLIBCXX_DEBUG
+#endif
+#include <cstdlib>
 #include <stdexcept>
 
 #include <rtsg/plugins/plugin.h>
+#ifdef ODD_READER
+#include <rtsg/renderers/light_renderer.h>
+#endif
 
 namespace {
 
@@ -40,23 +47,36 @@ class Tired final : public rtsg::NullHandler {
 
 }  // namespace
 
-#if defined ODD_VERSION
-extern "C" const rtsg::PluginEntry* rtsg_plugin() {
-    static constexpr rtsg::PluginEntry entry{sizeof(rtsg::PluginEntry), "0.0", addNothing};
-    return &entry;
+#if defined ODD_HEADERS
+// As earlier headers have it: it would need what is no longer there, and what runs first would end the program.
+#undef RTSG_PLUGIN_HEADERS
+#define RTSG_PLUGIN_HEADERS "0.2-0123456789ab"
+namespace rtsg {
+void whatNobodyHas();
 }
-#elif defined ODD_SIZE
-extern "C" const rtsg::PluginEntry* rtsg_plugin() {
-    static constexpr rtsg::PluginEntry entry{4, RTSG_PLUGIN_VERSION, addNothing};
-    return &entry;
+[[maybe_unused]] const int kFirst = (std::_Exit(70), 0);
+RTSG_PLUGIN(extensions) {
+    (void)extensions;
+    rtsg::whatNobodyHas();
+    return {};
 }
 #elif defined ODD_NOTHING
+[[gnu::used]] const char kSays[] = RTSG_PLUGIN_INTERFACE;
 extern "C" const rtsg::PluginEntry* rtsg_plugin() {
     return nullptr;
 }
 #elif defined ODD_FUNCTION
+[[gnu::used]] const char kSays[] = RTSG_PLUGIN_INTERFACE;
 extern "C" int rtsg_other() {
     return 1;
+}
+#elif defined ODD_SAYS
+extern "C" const rtsg::PluginEntry* rtsg_plugin() {
+    std::_Exit(70);
+}
+#elif defined ODD_LIBRARY
+RTSG_PLUGIN(extensions) {
+    return addNothing(extensions);
 }
 #elif defined ODD_SYMBOL
 namespace rtsg {
@@ -73,6 +93,20 @@ RTSG_PLUGIN(extensions) {
     extensions.add(rtsg::FormatReader{
         .name = "half", .recognises = [](const rtsg::FormatClue&) { return true; }, .read = readNonsense});
     throw std::runtime_error("no licence");
+}
+#elif defined ODD_INCOMPLETE
+RTSG_PLUGIN(extensions) {
+    rtsg::FormatReader reader;
+    reader.name = "empty";
+    extensions.add(std::move(reader));
+    return {};
+}
+#elif defined ODD_UNFINISHED
+RTSG_PLUGIN(extensions) {
+    auto type = std::make_unique<rtsg::NodeType>();
+    type->name = "Half";
+    type->fields.emplace_back();
+    return extensions.add(std::shared_ptr<const rtsg::NodeType>(std::move(type)));
 }
 #elif defined ODD_ERROR
 RTSG_PLUGIN(extensions) {
@@ -94,6 +128,15 @@ RTSG_PLUGIN(extensions) {
                            }});
     extensions.addSubscriber(
         [](rtsg::Scene&) -> std::unique_ptr<rtsg::Subscriber> { throw std::runtime_error("busy"); });
+    extensions.addMeshSource("Cone", [](const rtsg::Scene&, rtsg::NodeId) -> std::shared_ptr<const rtsg::Mesh> {
+        throw std::runtime_error("out of triangles");
+    });
+    extensions.addNodeRenderer<rtsg::LightRenderer>(
+        "Cylinder",
+        rtsg::nodeRendererFor<rtsg::LightRenderer>([](rtsg::LightRenderer& light, const rtsg::Node&, rtsg::Operation) {
+            light.frame().pixels.clear();
+            return rtsg::Result<>();
+        }));
     return {};
 }
 #endif

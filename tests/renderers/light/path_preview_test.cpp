@@ -2,11 +2,14 @@
 #include <rtsg/renderers/path_preview.h>
 
 #include <cmath>
+#include <map>
 #include <random>
+#include <tuple>
 
 #include <rtsg/renderers/denoise.h>
 
 #include "light_scene.h"
+#include "picture/denoise_filter.h"
 
 namespace rtsg {
 namespace {
@@ -125,6 +128,124 @@ TEST(PathPreviews, WithEverMoreSamplesTheyAreTheMean) {
     ASSERT_TRUE(plain.add(three, 3));
     EXPECT_EQ(plain.mean().at(1, 0), Vec4f(4));
     EXPECT_EQ(plain.best().at(1, 0), Vec4f(4)) << "it has no layers";
+}
+
+struct Stripes {
+    int width, height;
+    int fromX, toX, fromY, toY;  // where the stripes are
+};
+/// A flat surface of even light, which the filter finds, with stripes, which it blurs.
+Picture stripedHalf(const Stripes& of, unsigned seed) {
+    const int width = of.width, height = of.height;
+    std::mt19937 random(seed);
+    std::normal_distribution<float> noise(0, .15f);
+    Picture picture(width, height);
+    PictureLayer layer;
+    layer.channels = {"Z", "N.X", "N.Y", "N.Z", "albedo.R", "albedo.G", "albedo.B"};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            for (const float v : {3.f, 0.f, 0.f, 1.f, 1.f, 1.f, 1.f}) layer.values.push_back(v);
+            const bool striped = x >= of.fromX && x < of.toX && y >= of.fromY && y < of.toY;
+            const float light = (striped ? (x % 2 ? .9f : .3f) : .6f) + noise(random) * (striped ? .25f : 1);
+            picture.at(x, y) = Vec4f(light, light + .1f * noise(random), light, 1);
+        }
+    picture.layers.push_back(std::move(layer));
+    return picture;
+}
+
+/// Which share of each pixel a preview of two halves shows denoised, by tiles in double precision.
+class ShownTiles {
+  public:
+    /// `since`: which share of all samples there was when the filter ran.
+    ShownTiles(const Picture& a, const Picture& b, const Picture& cleanA, const Picture& cleanB, double since)
+        : across_((a.width + 15) / 16), down_((a.height + 15) / 16) {
+        const auto apart = [](const Vec4f& one, const Vec4f& two) {
+            double sum = 0;
+            for (int c = 0; c < 3; ++c)
+                sum += std::pow(std::clamp(double{one[c]}, 0., 1.) - std::clamp(double{two[c]}, 0., 1.), 2);
+            return sum;
+        };
+        std::map<std::pair<int, int>, Vec2d> own;  // squared errors of a tile: plain, denoised
+        for (int y = 0; y < a.height; ++y)
+            for (int x = 0; x < a.width; ++x) {
+                const double noise = apart(a.at(x, y), b.at(x, y));
+                const double off = apart(cleanA.at(x, y), b.at(x, y)) + apart(cleanB.at(x, y), a.at(x, y));
+                own[{x / 16, y / 16}] += Vec2d(noise / 4, (off - noise) / 2);
+            }
+        for (int y = 0; y <= down_; ++y)
+            for (int x = 0; x <= across_; ++x) {
+                Vec2d sum(0);
+                for (const auto& [tile, errors] : own) {
+                    const int near =
+                        std::max(0, 2 - std::abs(tile.first - x)) * std::max(0, 2 - std::abs(tile.second - y));
+                    sum += static_cast<double>(near) * errors;
+                }
+                choice_[{x, y}] = std::max(sum.y, sum.x / 16) < since * sum.x;
+            }
+    }
+    double ofTile(int x, int y) const {
+        return choice_.at({std::clamp(x, 0, across_ - 1), std::clamp(y, 0, down_ - 1)});
+    }
+    /// Whether one more row of tiles, or column, would be judged otherwise than the last one.
+    std::pair<bool, bool> edgesCount() const {
+        std::pair<bool, bool> count;
+        for (int x = 0; x < across_; ++x) count.first |= choice_.at({x, down_}) != ofTile(x, down_);
+        for (int y = 0; y < down_; ++y) count.second |= choice_.at({across_, y}) != ofTile(across_, y);
+        return count;
+    }
+    bool anyPlain() const {
+        return std::ranges::any_of(choice_, [](const auto& tile) { return tile.second == 0; });
+    }
+    /// Between the middles of tiles.
+    double ofPixel(int x, int y) const {
+        const double u = (x + .5) / 16 - .5, v = (y + .5) / 16 - .5;
+        const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
+        return std::lerp(std::lerp(ofTile(i, j), ofTile(i + 1, j), u - i),
+                         std::lerp(ofTile(i, j + 1), ofTile(i + 1, j + 1), u - i), v - j);
+    }
+
+  private:
+    const int across_, down_;
+    std::map<std::pair<int, int>, double> choice_;
+};
+
+TEST(PathPreviews, TilesAreJudgedAsTheFormulasSay) {
+    // Tiles that are cut, of one row and column of pixels, and whole.
+    std::pair<bool, bool> edgesCount;
+    for (const Stripes& of : {Stripes{71, 37, 20, 71, 0, 29}, Stripes{65, 33, 0, 45, 0, 29},
+                              Stripes{64, 32, 44, 64, 0, 32}, Stripes{32, 64, 0, 32, 44, 64}}) {
+        const Picture a = stripedHalf(of, 1), b = stripedHalf(of, 2);
+        PathPreview preview;
+        ASSERT_TRUE(preview.add(a, 4));
+        ASSERT_TRUE(preview.add(b, 4));
+        Picture cleanA = a, cleanB = b;
+        ASSERT_TRUE(denoiseHalves(a, cleanA, cleanB, {}).value_or(false));
+        for (const double samples : {8, 11}) {
+            const Picture best = preview.best(), mean = preview.mean();
+            const ShownTiles tiles(a, b, cleanA, cleanB, 8 / samples);
+            double most = 0, sum = 0;
+            for (int y = 0; y < of.height; ++y)
+                for (int x = 0; x < of.width; ++x) {
+                    const double share = tiles.ofPixel(x, y);
+                    sum += share;
+                    for (int c = 0; c < 3; ++c) {
+                        const double clean = (double{cleanA.at(x, y)[c]} + double{cleanB.at(x, y)[c]}) / 2;
+                        const double expected = std::lerp(double{mean.at(x, y)[c]}, clean, share);
+                        most = std::max(most, std::abs(expected - double{best.at(x, y)[c]}));
+                    }
+                }
+            EXPECT_LT(most, 1e-5) << of.width << " " << samples;
+            EXPECT_NEAR(preview.denoised(), sum / of.width / of.height, 1e-6);
+            EXPECT_TRUE(tiles.anyPlain()) << "else this picture shows nothing";
+            if (of.width % 16 == 0)
+                edgesCount.first |= tiles.edgesCount().first, edgesCount.second |= tiles.edgesCount().second;
+            // With more samples, but too few for the filter to run again, what it found counts less.
+            ASSERT_TRUE(preview.add(stripedHalf(of, 3), 2));
+            ASSERT_TRUE(preview.add(stripedHalf(of, 4), 1));
+        }
+    }
+    EXPECT_TRUE(edgesCount.first && edgesCount.second)
+        << "else one row of tiles too many, or column, would show nothing";
 }
 
 TEST(PathPreviews, HalvesGrowSideBySide) {

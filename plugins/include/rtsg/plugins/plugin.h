@@ -1,133 +1,45 @@
-// Extensions: additions to a program without building it again: node types and their behaviour, file formats, and node
-// renderers. Plug-ins and node tables add them; scenes, worlds and renderers use them.
+// The interface of plug-ins: a plug-in is a shared library with one exported function, which RTSG_PLUGIN defines.
 //
-// A plug-in is a shared library with one exported function, which RTSG_PLUGIN defines. It states the version that it
-// was compiled with; plug-ins of another version are refused, since their C++ interfaces would not fit. A plug-in is
-// loaded only if the user names it, never because a file, a log or a peer does. Its code runs with all rights of the
-// program. Threading: fill it on one thread, before scenes use it; after that it is constant, and its functions are
-// called as the registry that they are added to says. Source: RTSG paper 3.1, 4.1.1 (loaded and registered at run
-// time).
-
-// Example:
-//     #include <rtsg/plugins/plugin.h>
-//     rtsg::Extensions extensions;
-//     if (auto ok = rtsg::loadPlugin("my_plugin.so", extensions); !ok) std::cerr << ok.error().format() << '\n';
-//     rtsg::Scene scene;
-//     extensions.registerWith(scene);
-//     rtsg::Diagnostics diagnostics;
-//     rtsg::loadFile(scene, "own.x3dv", diagnostics);
+// A plug-in's file contains a number of the headers that it was compiled with. loadPlugin() compares it before it loads
+// the file, since C++ interfaces of other headers would not fit. Threading and additions: extensions.h.
 #pragma once
 
-#include <filesystem>
-#include <functional>
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include <rtsg/core/behaviour.h>
-#include <rtsg/documents/dialect.h>
-#include <rtsg/documents/loader.h>
-#include <rtsg/renderers/renderer.h>
-#include <rtsg/renderers/shared_world.h>
+#include <rtsg/plugins/extensions.h>
+#include <rtsg/plugins/interface.h>
 
 namespace rtsg {
 
-/// Makes a subscriber for a scene that runs; null: no subscriber for this scene.
-using SubscriberMaker = std::function<std::unique_ptr<Subscriber>(Scene& scene)>;
-
-class Extensions {
-  public:
-    // ---- additions of a plug-in: later ones are asked first, and all of them before built-in ones ----
-    void add(FormatReader reader);
-    void add(FormatWriter writer);
-    /// Errors: there is another type of that name.
-    Result<> add(std::shared_ptr<const NodeType> type);
-    /// Adds all types of a table that rtsg_node_table has compiled: `extensions.add(workshop::nodeTypes())`.
-    Result<> add(std::vector<std::unique_ptr<NodeType>> types);
-    /// Adds a field type for tables, files and nodes, which stays known to the process. Errors: those of
-    /// registerFieldType.
-    Result<std::shared_ptr<const CustomType>> addFieldType(std::string_view name, CustomLayout layout,
-                                                           CustomFunctions functions = {});
-    /// Sets the behaviour of nodes of the type. It must not throw.
-    void addBehaviour(std::string type, const Behaviour& behaviour);
-    /// Sets the source of triangles of a geometry type, which may be a built-in type.
-    void addMeshSource(std::string type, MeshSource source);
-    /// Sets how renderers of class R render nodes of the type, instead of their own way:
-    /// `extensions.addNodeRenderer<LightRenderer>("Pane", nodeRendererFor<LightRenderer>(...))`.
-    template <class R>
-    void addNodeRenderer(std::string type, NodeRenderer renderer) {
-        nodeRenderers_.push_back([type = std::move(type), renderer = std::move(renderer)](Renderer& one) {
-            const bool suits = dynamic_cast<R*>(&one);
-            if (suits) one.registerNodeRenderer(type, renderer);
-            return suits;
-        });
-    }
-    /// Adds a subscriber to each scene that a program runs.
-    void addSubscriber(SubscriberMaker maker) { subscribers_.push_back(std::move(maker)); }
-
-    // ---- use by a program ----
-    /// Formats and node types; null if there are none. A later add() does not change the object.
-    std::shared_ptr<const Dialect> dialect() const { return dialect_; }
-    /// Registers with a scene: it can read and write the formats, its files may use the node types, and its nodes act.
-    void registerWith(Scene& scene) const;
-    void registerWith(SharedWorld& world) const;
-    /// Returns whether the renderer has got node renderers.
-    bool registerWith(Renderer& renderer) const;
-
-    /// The subscribers of one scene; they follow it until this object is destroyed. The scene must outlive it.
-    class Attached {
-      public:
-        std::size_t count() const { return all_.size(); }
-
-      private:
-        friend class Extensions;
-        std::vector<std::pair<std::unique_ptr<Subscriber>, Attachment>> all_;
-    };
-    /// Errors: a maker throws. The other subscribers are attached in any case, and the first error is returned.
-    Result<> attachSubscribers(Scene& scene, Attached& attached) const;
-
-  private:
-    std::shared_ptr<const Dialect> dialect_;
-    std::vector<std::pair<std::string, Behaviour>> behaviours_;
-    std::vector<std::pair<std::string, MeshSource>> meshSources_;
-    std::vector<std::function<bool(Renderer&)>> nodeRenderers_;
-    std::vector<SubscriberMaker> subscribers_;
-};
-
-/// The result of a plug-in's function. The first two members are the same in every version.
+/// The result of a plug-in's function.
 struct PluginEntry {
-    std::uint32_t size;   // of this structure
-    const char* version;  // of the library that it was compiled with
+    const char* interface;  // the plug-in was compiled with this one
     /// Adds the extensions of the plug-in. If it throws or returns an error, nothing is added.
     Result<> (*add)(Extensions& extensions);
 };
 
-/// The function's name, and the version that it must return.
+// With these the standard library's types have another layout or other names.
+#if defined _LIBCPP_VERSION
+#define RTSG_PLUGIN_LIBRARY ", libc++"
+#elif defined _GLIBCXX_DEBUG
+#define RTSG_PLUGIN_LIBRARY ", _GLIBCXX_DEBUG"
+#else
+#define RTSG_PLUGIN_LIBRARY ""
+#endif
+/// The version, and a number that follows from the headers. The loader looks for it in a plug-in's file, from the first
+/// word to the 0 at the end.
+#define RTSG_PLUGIN_INTERFACE "RTSG plug-in interface " RTSG_PLUGIN_HEADERS RTSG_PLUGIN_LIBRARY
+
+/// The function's name.
 constexpr const char* kPluginFunction = "rtsg_plugin";
-constexpr const char* kPluginVersion = RTSG_PLUGIN_VERSION;
-
-/// Loads a plug-in, and adds its extensions. It stays loaded until the process ends. Errors, each with the file's name:
-/// no such file; no shared library, or one with missing symbols; no plug-in; another version; an exception or error of
-/// the plug-in.
-Result<> loadPlugin(const std::filesystem::path& file, Extensions& extensions);
-
-/// Adds the node types of a table (.x3dspec), which may inherit from the standard's types. Errors of the table go to
-/// `diagnostics`, with positions; then it returns false and adds nothing.
-bool loadNodeTable(const std::filesystem::path& file, Extensions& extensions, Diagnostics& diagnostics);
-/// The same for a text; `diagnostics` has its name.
-bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& diagnostics);
 
 }  // namespace rtsg
 
 /// Defines the one function of a plug-in:
 /// `RTSG_PLUGIN(extensions) { return extensions.add(workshop::nodeTypes()); }`
-#define RTSG_PLUGIN(extensions)                                                                      \
-    static ::rtsg::Result<> rtsgAddExtensions(::rtsg::Extensions&);                                  \
-    extern "C" __attribute__((visibility("default"))) const ::rtsg::PluginEntry* rtsg_plugin();      \
-    extern "C" __attribute__((visibility("default"))) const ::rtsg::PluginEntry* rtsg_plugin() {     \
-        static constexpr ::rtsg::PluginEntry entry{sizeof(::rtsg::PluginEntry), RTSG_PLUGIN_VERSION, \
-                                                   rtsgAddExtensions};                               \
-        return &entry;                                                                               \
-    }                                                                                                \
+#define RTSG_PLUGIN(extensions)                                                                  \
+    static ::rtsg::Result<> rtsgAddExtensions(::rtsg::Extensions&);                              \
+    extern "C" __attribute__((visibility("default"))) const ::rtsg::PluginEntry* rtsg_plugin();  \
+    extern "C" __attribute__((visibility("default"))) const ::rtsg::PluginEntry* rtsg_plugin() { \
+        static constexpr ::rtsg::PluginEntry entry{RTSG_PLUGIN_INTERFACE, rtsgAddExtensions};    \
+        return &entry;                                                                           \
+    }                                                                                            \
     static ::rtsg::Result<> rtsgAddExtensions(::rtsg::Extensions& extensions)

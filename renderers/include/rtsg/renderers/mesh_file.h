@@ -12,6 +12,7 @@
 #include <rtsg/core/output_file.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/flattener.h>
 
 namespace rtsg {
 
@@ -26,8 +27,9 @@ struct MeshFileContent {
 
 /// Errors: the scene shows no triangles; the file cannot be written. `diagnostics` names geometry without triangles,
 /// and what is left out of the file. `pictures`: what urls of textures may open, for a GLB, which has their bytes.
+/// `flattener` makes the triangles: it may have mesh sources of its own.
 Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem::path& file, MeshFormat format,
                                       Diagnostics& diagnostics, Existing existing = Existing::replace,
-                                      const Resources& pictures = {});
+                                      const Resources& pictures = {}, Flattener flattener = Flattener());
 
 }  // namespace rtsg
