@@ -215,6 +215,15 @@ TEST(DamagedGltf, NodesBelowThemselvesAreTold) {
     EXPECT_THAT(Imported(file.dump()).commands, testing::Not(HasSubstr("in joints")));
 }
 
+TEST(DamagedGltf, AJointThatIsNotThereLeavesTheSkeletonOut) {
+    json file = whole();
+    file["skins"][0] = json::parse(R"({"joints":[3,9]})");
+    const Imported read(file.dump());
+    EXPECT_THAT(read.problems, HasSubstr("/skins/0/joints/1: it names number 9 of its nodes"));
+    EXPECT_THAT(read.commands, testing::Not(HasSubstr("in joints")));
+    EXPECT_THAT(read.commands, testing::Not(HasSubstr("HAnimJoint")));
+}
+
 TEST(DamagedGltf, AnAccessorWithoutBytesIsZeros) {
     json file = whole();
     file["accessors"][3].erase("bufferView");
