@@ -47,20 +47,24 @@ class RecordingHandler final : public DocumentHandler {
         say(w, "begin ", type, def.empty() ? "" : " DEF ", def, field.empty() ? "" : " in ", field);
         const bool inside = !stack_.empty() && stack_.back() != 'b';
         if (inside == field.empty()) breach("node " + std::string(type) + " with the wrong kind of place");
+        holdNode();
         stack_ += 'n';
         ++nodes;
         deepest = std::max(deepest, stack_.size());
     }
     void endNode(SourceLocation w) override {
-        if (stack_.empty() || stack_.back() != 'n') breach("endNode outside a node");
+        if (!isInNode()) breach("endNode outside a node");
         if (!stack_.empty()) stack_.pop_back();
         say(w, "end");
     }
     void useNode(std::string_view def, std::string_view field, SourceLocation w) override {
         say(w, "use ", def, field.empty() ? "" : " in ", field);
+        holdNode();
     }
     void setField(std::string_view name, Value value, SourceLocation w) override {
-        if (stack_.empty() || stack_.back() != 'n') breach("setField outside a node");
+        if (!isInNode()) breach("setField outside a node");
+        if (header.valuesFirst && isInNode() && stack_.back() == 'N')
+            breach("a value of " + std::string(name) + " behind a node");
         say(w, "set ", name, " ", info(value.type()).name, " ", quiet ? "" : printFieldText(value));
     }
     void declareField(const FieldDeclaration& f, std::optional<Value> value, SourceLocation w) override {
@@ -69,7 +73,7 @@ class RecordingHandler final : public DocumentHandler {
             value ? printFieldText(*value) : "");
     }
     void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation w) override {
-        if (stack_.empty() || stack_.back() != 'n') breach("IS outside a node");
+        if (!isInNode()) breach("IS outside a node");
         say(w, "is ", nodeField, " ", protoField);
     }
     void beginProto(std::string_view name, SourceLocation w) override {
@@ -113,6 +117,11 @@ class RecordingHandler final : public DocumentHandler {
     }
 
   private:
+    /// A node is 'n' in the stack, and 'N' once it has nodes.
+    bool isInNode() const { return !stack_.empty() && (stack_.back() == 'n' || stack_.back() == 'N'); }
+    void holdNode() {
+        if (isInNode()) stack_.back() = 'N';
+    }
     static std::string str(std::string_view text) { return std::string(text); }
     static std::string str(int number) { return std::to_string(number); }
     template <class... Parts>

@@ -68,11 +68,16 @@ void GltfAnimations::writeClip(const json& animation, Clip& clip) {
     const json& channels = GltfFile::list(animation, "channels");
     const json& samplers = GltfFile::list(animation, "samplers");
     constexpr double tolerance = 1e-4;
+    std::set<std::pair<std::size_t, std::string>> given;
     for (std::size_t i = 0; i < channels.size(); ++i) {
         const auto sampler = GltfFile::index(channels[i], "sampler");
         const auto node = GltfFile::index(GltfFile::object(channels[i], "target"), "node");
         const std::string path = GltfFile::text(GltfFile::object(channels[i], "target"), "path");
         if (!sampler || !node || !clip.times.contains(*sampler) || !isGiven_(*node)) continue;
+        if (!given.emplace(*node, path).second) {
+            file_.fault(fmt::format("{} of the glTF file moves node {} twice; the first counts", clip.clock, *node));
+            continue;
+        }
         const std::string def = clip.clock + "_" + std::to_string(i);
         const std::vector<float>& times = clip.times[*sampler];
         if (path == "weights") {

@@ -258,8 +258,8 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
     textureGiven_.insert(*index);
     GltfNode out(out_, "ImageTexture", field, def);
     const json* sampler = file_.item("samplers", GltfFile::index(*texture, "sampler").value_or(kNoIndex));
-    if (sampler) writeSampler(out_, *sampler, out);
     out.set("url", Array<String>{String(url)});
+    if (sampler) writeSampler(out_, *sampler, out);  // values come before nodes
 }
 
 }  // namespace rtsg::detail

@@ -179,7 +179,7 @@ std::vector<GltfSkin::Influence> GltfSkin::influences(GltfFile& file, const json
     for (int set = 0; set < 4; ++set) {
         const auto j = GltfFile::index(attributes, ("JOINTS_" + std::to_string(set)).c_str());
         const auto w = GltfFile::index(attributes, ("WEIGHTS_" + std::to_string(set)).c_str());
-        if (!j && !w) break;
+        if (!j && !w && set > 0) break;
         if (!j || !w) {
             file.fault("a primitive of the glTF file has joints without weights, or weights without joints");
             break;

@@ -143,6 +143,9 @@ class GltfImporter {
     void writeTransform(const json& node, std::size_t number) {
         const auto set = [&](const char* field, Value value) { out_.setField(field, std::move(value), {}); };
         if (const auto m = GltfFile::numbers(node, "matrix", 16)) {
+            if (node.contains("translation") || node.contains("rotation") || node.contains("scale"))
+                file_.fault(
+                    fmt::format("node {} of the glTF file has a matrix, and more that says where it is", number));
             if (!isPlain(*m))
                 file_.fault(fmt::format(
                     "node {} of the glTF file has a matrix that is no translation, rotation and scale; what "
@@ -251,6 +254,8 @@ class GltfImporter {
         const bool flat = GltfFile::text(*camera, "type") == "orthographic";
         const json& lens = GltfFile::object(*camera, flat ? "orthographic" : "perspective");
         const double near = GltfFile::number(lens, "znear", -1), far = GltfFile::number(lens, "zfar", -1);
+        if (flat && (GltfFile::number(lens, "xmag", 1) == 0 || GltfFile::number(lens, "ymag", 1) == 0))
+            return file_.fault(fmt::format("camera {} of the glTF file sees nothing, by its xmag and ymag", index));
         if (lens.empty() || (far > 0 && far <= near))
             return file_.fault(fmt::format("camera {} of the glTF file has {}", index,
                                            lens.empty() ? "no lens of its type" : "its zfar before its znear"));

@@ -139,6 +139,13 @@ constexpr Spoilt kSpoilt[] = {
     {"/animations/0/channels/0/target/node", "9", "target/node: it names number 9 of its nodes"},
     {"/animations/0/channels/0/target", R"({"node":1,"path":"weights"})",
      "weights of node 1 of the glTF file are animated, and it has no mesh"},
+    {"/cameras/0", R"({"type":"orthographic","orthographic":{"xmag":0,"ymag":1}})",
+     "camera 0 of the glTF file sees nothing"},
+    {"/nodes/0", R"({"mesh":0,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1],"scale":[2,2,2]})",
+     "node 0 of the glTF file has a matrix, and more that says where it is"},
+    {"/meshes/0/primitives/0/attributes", R"({"POSITION":0})", "has joints without weights"},
+    {"/animations/0/channels/1", R"({"sampler":0,"target":{"node":0,"path":"translation"}})",
+     "animation0 of the glTF file moves node 0 twice; the first counts"},
     {"/cameras/0", R"({"type":"perspective"})", "camera 0 of the glTF file has no lens of its type"},
     {"/cameras/0/perspective/zfar", "0.05", "camera 0 of the glTF file has its zfar before its znear"},
     {"/extensions/KHR_lights_punctual/lights/0", R"({"type":"spot","spot":{"innerConeAngle":2,"outerConeAngle":1}})",
@@ -172,6 +179,27 @@ TEST(DamagedGltf, EachFaultIsAnErrorWithItsPlace) {
     }
 }
 
+// What streams into text has a node's values before its nodes.
+TEST(DamagedGltf, TexturesThatMirrorAndShowSquaresHaveProperties) {
+    json file = whole();
+    const auto commands = [&](const char* sampler) {
+        file["samplers"][0] = json::parse(sampler);
+        const Imported read(file.dump());
+        EXPECT_EQ(read.problems, "");
+        return read.commands.substr(read.commands.find("begin ImageTexture"));
+    };
+    EXPECT_THAT(commands(R"({"wrapS":33648,"wrapT":33071,"magFilter":9728,"minFilter":9984})"),
+                testing::ContainsRegex("set url [^\n]*\nset repeatT SFBool FALSE\nbegin TextureProperties in "
+                                       "textureProperties\nset boundaryModeS SFString \"MIRRORED_REPEAT\"\nset "
+                                       "boundaryModeT SFString \"CLAMP_TO_EDGE\"\nset magnificationFilter SFString "
+                                       "\"NEAREST_PIXEL\"\nset minificationFilter SFString "
+                                       "\"NEAREST_PIXEL_NEAREST_MIPMAP\"\nset generateMipMaps SFBool TRUE\nend"));
+    EXPECT_THAT(commands(R"({"minFilter":9728})"), HasSubstr("set minificationFilter SFString \"NEAREST_PIXEL\"\nset "
+                                                             "generateMipMaps SFBool FALSE\nend"));
+    EXPECT_THAT(commands(R"({"minFilter":9987,"magFilter":9729,"wrapS":10497})"),
+                testing::Not(HasSubstr("TextureProperties")));
+}
+
 TEST(DamagedGltf, NodesBelowThemselvesAreTold) {
     json file = whole();
     file.erase("scene");
@@ -185,6 +213,15 @@ TEST(DamagedGltf, NodesBelowThemselvesAreTold) {
     EXPECT_THAT(Imported(file.dump()).commands, testing::Not(HasSubstr("in joints")));
     file["skins"][0] = json::parse(R"({"joints":[3]})");
     EXPECT_THAT(Imported(file.dump()).commands, testing::Not(HasSubstr("in joints")));
+}
+
+TEST(DamagedGltf, AJointThatIsNotThereLeavesTheSkeletonOut) {
+    json file = whole();
+    file["skins"][0] = json::parse(R"({"joints":[3,9]})");
+    const Imported read(file.dump());
+    EXPECT_THAT(read.problems, HasSubstr("/skins/0/joints/1: it names number 9 of its nodes"));
+    EXPECT_THAT(read.commands, testing::Not(HasSubstr("in joints")));
+    EXPECT_THAT(read.commands, testing::Not(HasSubstr("HAnimJoint")));
 }
 
 TEST(DamagedGltf, AnAccessorWithoutBytesIsZeros) {
@@ -339,7 +376,10 @@ TEST(DamagedGltf, ManyJointsBelowALongChainAreReadAtOnce) {
     file["skins"] = {{{"joints", joints}}};
     GltfParts parts;
     parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
-    const json with = json::parse(parts.text("\"meshes\":[{\"primitives\":[{\"attributes\":{\"POSITION\":0}}]}]"));
+    parts.accessor(5121, "VEC4", 4, std::vector<std::uint8_t>(12, 0));
+    parts.floats("VEC4", 4, {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
+    const json with = json::parse(
+        parts.text(R"("meshes":[{"primitives":[{"attributes":{"POSITION":0,"JOINTS_0":1,"WEIGHTS_0":2}}]}])"));
     file.update(with);
     nodes[0]["mesh"] = 0, nodes[0]["skin"] = 0;
     const Imported read(file.dump());
