@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <ranges>
+#include <utility>
 #include <vector>
 
 #include <fmt/format.h>
@@ -115,8 +116,8 @@ int convertBinary(const ConvertArguments& options, const Resources& resources) {
         Diagnostics meshes(options.in);
         Flattener flattener;
         extensions().registerWith(flattener, scene);
-        const auto content = writeMeshFile(scene, options.out, format, meshes, existing(options.force), resources,
-                                           std::move(flattener));
+        const auto content =
+            writeMeshFile(scene, options.out, format, meshes, existing(options.force), resources, std::move(flattener));
         diagnostics.append(meshes);
         if (!content) written = std::unexpected(content.error());
     } else if (isBinaryName(options.out)) {

@@ -202,7 +202,7 @@ TEST_F(Usage, WhatExcludesEachOtherIsRefused) {
 
 TEST_F(Usage, WhatCannotBeDoneSaysSo) {
     EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "raster"}).err,
-                HasSubstr("raster is of rtsg render and view"));
+                HasSubstr("raster is for rtsg render and view"));
     EXPECT_THAT(rtsg({"run", file, "--for", "1s", "--render", folder / "a.png", "--integrator", "hybrid"}).err,
                 HasSubstr("hybrid is for rtsg render;"));
     EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--ambisonic", "9"}).err, HasSubstr("--ambisonic"));

@@ -158,7 +158,7 @@ TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
     for (const std::string option : {"--fps", "--error", "--keyframe-seconds", "--rotate"}) {
         const Outcome useless = played({option, "30"});
         EXPECT_EQ(useless.status, 2) << option;
-        EXPECT_THAT(useless.err, HasSubstr(option + ": is of a scene"));
+        EXPECT_THAT(useless.err, HasSubstr(option + ": is for a scene"));
     }
     const std::string bytes = readFile(log);
     std::string hurt = bytes;

@@ -39,9 +39,9 @@ class TypeMapping {
     Result<> renumber(ChangeSet& set) const;
     /// The writer's number of a field whose number here is `field`. kNoField if the writer lacks it.
     FieldIndex fieldAtOrigin(NodeId node, FieldIndex field) const;
-    /// Rewrites a decoded set, and counts parts that have no counterpart here. Changes that it adds are charged. Without
-    /// `losses`, what has no counterpart is an error, and so is a node of an unknown type. The input of a frame may
-    /// come before its changes: both may define the same types.
+    /// Rewrites a decoded set, and counts parts that have no counterpart here. Changes that it adds are charged.
+    /// Without `losses`, what has no counterpart is an error, and so is a node of an unknown type. The input of a frame
+    /// may come before its changes: both may define the same types.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses* losses);
     /// Rewrites what the input of a frame has beside edits and events, which come before. `state` is that of a run
     /// state, else null. Behaviours of types that have not been described wait until they are. Error: as above.

@@ -103,8 +103,8 @@ class Extensions {
 };
 
 /// Loads a plug-in, and adds its extensions. It stays loaded until the process ends. Errors, each with the file's name:
-/// no such file; no plug-in; other headers, and then nothing of it runs; no shared library, or one with missing symbols;
-/// an exception or error of the plug-in.
+/// no such file; no plug-in; other headers, and then nothing of it runs; no shared library, or one with missing
+/// symbols; an exception or error of the plug-in.
 Result<> loadPlugin(const std::filesystem::path& file, Extensions& extensions);
 
 /// Adds the node types of a table (.x3dspec), which may inherit from the standard's types. Errors of the table go to
