@@ -48,7 +48,7 @@ class RecordingHandler final : public DocumentHandler {
         const bool inside = !stack_.empty() && stack_.back() != 'b';
         if (inside == field.empty()) breach("node " + std::string(type) + " with the wrong kind of place");
         holdNode();
-        stack_ += 'n';
+        stack_ += mayHaveValuesLast(type) ? 'S' : 'n';
         ++nodes;
         deepest = std::max(deepest, stack_.size());
     }
@@ -117,10 +117,12 @@ class RecordingHandler final : public DocumentHandler {
     }
 
   private:
-    /// A node is 'n' in the stack, and 'N' once it has nodes.
-    bool isInNode() const { return !stack_.empty() && (stack_.back() == 'n' || stack_.back() == 'N'); }
+    /// DocumentHeader::valuesFirst does not count for these: their programs may stand behind their nodes.
+    static bool mayHaveValuesLast(std::string_view type) { return type == "Script" || type.contains("Shader"); }
+    /// A node is 'n' in the stack, and 'N' once it has nodes; a Script or shader is 'S'.
+    bool isInNode() const { return !stack_.empty() && std::string_view("nNS").contains(stack_.back()); }
     void holdNode() {
-        if (isInNode()) stack_.back() = 'N';
+        if (isInNode() && stack_.back() == 'n') stack_.back() = 'N';
     }
     static std::string str(std::string_view text) { return std::string(text); }
     static std::string str(int number) { return std::to_string(number); }

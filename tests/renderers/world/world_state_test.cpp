@@ -32,8 +32,12 @@ struct CallCounter final : InstanceSubscriber {
         ++frozen;
         return std::make_shared<const int>(shapes);
     }
+    std::string subscriberName() const override {
+        if (hasNoName) throw std::runtime_error("no name");
+        return "counter";
+    }
     int shapes = 0, frozen = 0;
-    bool fails = false;
+    bool fails = false, hasNoName = false;
 };
 
 struct Stage {
@@ -224,8 +228,9 @@ TEST(WorldState, OfAWorldThatFailsThereIsNone) {
     (void)stage.now();
     stage.addBox();
     ASSERT_TRUE(stage.now());
-    stage.world.setMeshSource(
-        "Box", [](const Scene&, NodeId) -> std::shared_ptr<const Mesh> { throw std::runtime_error("no"); });
+    // A failure of a subscriber is its own; one beside all subscribers is the world's.
+    stage.counter.fails = stage.counter.hasNoName = true;
+    stage.addBox();
     EXPECT_NE(stage.world.failure(), "");
     const auto none = stage.world.latest(60s);
     ASSERT_FALSE(none) << "and nobody waits for it";
