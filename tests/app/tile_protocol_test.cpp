@@ -11,6 +11,7 @@
 
 namespace rtsg::test {
 
+using testing::AnyOf;
 using testing::StartsWith;
 
 /// A mirror of pictures of 48 x 16 pixels, ten a second, of which the test says what it does.
@@ -112,11 +113,12 @@ TEST_F(TileProtocol, ATileThatIsLateIsDrawnByAnother) {
         EXPECT_FALSE(again.contains(fmt::format("draw 3 {} 0 3 1", left)));
         for (const int column : {0, 1, 2})
             if (column != left) busy.draw(3, column);
-        // What comes too late changes nothing.
+        while (!busy.told(std::chrono::milliseconds(300)).empty());
+        // A tile that comes too late changes nothing. On a loaded machine this mirror may have been asked for tiles
+        // that were late, too, or the picture may still lack one, and this tile, of another state, is refused.
         lazy.draw(3, 1 - left, "bb");
-        // On a loaded machine it may have been asked for tiles of this picture that were late, too.
         for (std::string line; !(line = lazy.told(std::chrono::milliseconds(300))).empty();)
-            EXPECT_THAT(line, StartsWith("draw 3"));
+            EXPECT_THAT(line, AnyOf(StartsWith("draw 3"), StartsWith("refused a tile")));
     }
     const nlohmann::json counts = report();
     EXPECT_EQ(counts.at("pictures"), 1) << counts;

@@ -48,7 +48,7 @@ class RecordingHandler final : public DocumentHandler {
         const bool inside = !stack_.empty() && stack_.back() != 'b';
         if (inside == field.empty()) breach("node " + std::string(type) + " with the wrong kind of place");
         holdNode();
-        stack_ += mayHaveValuesLast(type) ? 'S' : 'n';
+        stack_ += 'n';
         ++nodes;
         deepest = std::max(deepest, stack_.size());
     }
@@ -63,7 +63,9 @@ class RecordingHandler final : public DocumentHandler {
     }
     void setField(std::string_view name, Value value, SourceLocation w) override {
         if (!isInNode()) breach("setField outside a node");
-        if (header.valuesFirst && isInNode() && stack_.back() == 'N')
+        // In XML and JSON, programs and fields of PROTO instances may come behind nodes; importers have neither.
+        const bool isImported = header.encoding == Encoding::classicVrml;
+        if (header.valuesFirst && isImported && isInNode() && stack_.back() == 'N')
             breach("a value of " + std::string(name) + " behind a node");
         say(w, "set ", name, " ", info(value.type()).name, " ", quiet ? "" : printFieldText(value));
     }
@@ -117,12 +119,10 @@ class RecordingHandler final : public DocumentHandler {
     }
 
   private:
-    /// DocumentHeader::valuesFirst does not count for these: their programs may stand behind their nodes.
-    static bool mayHaveValuesLast(std::string_view type) { return type == "Script" || type.contains("Shader"); }
-    /// A node is 'n' in the stack, and 'N' once it has nodes; a Script or shader is 'S'.
-    bool isInNode() const { return !stack_.empty() && std::string_view("nNS").contains(stack_.back()); }
+    /// A node is 'n' in the stack, and 'N' once it has nodes.
+    bool isInNode() const { return !stack_.empty() && (stack_.back() == 'n' || stack_.back() == 'N'); }
     void holdNode() {
-        if (isInNode() && stack_.back() == 'n') stack_.back() = 'N';
+        if (isInNode()) stack_.back() = 'N';
     }
     static std::string str(std::string_view text) { return std::string(text); }
     static std::string str(int number) { return std::to_string(number); }
