@@ -52,7 +52,8 @@ Result<> DelayedLibrary::fill() {
 }  // namespace rtsg
 
 /// Stubs call this before their library is loaded; it returns the address of the function with this number. It has no
-/// namespace and begins with rtsg_, so that shared libraries export it. NOLINTNEXTLINE(readability-identifier-naming)
+/// namespace and begins with rtsg_, so that shared libraries export it.
+// NOLINTNEXTLINE(readability-identifier-naming)
 extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) noexcept {
     if (const auto loaded = library->load(); !loaded) {
         std::fprintf(stderr, "%s\n", loaded.error().format().c_str());
