@@ -2,9 +2,12 @@
 // nothing.
 #include <algorithm>
 #include <cmath>
+#include <cstdarg>
 #include <cstring>
 #include <fstream>
 #include <memory>
+
+#include <dlfcn.h>
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
@@ -264,11 +267,22 @@ class Files final : public ImageFiles {
     }
 };
 
+/// OpenImageIO 2.5 lets libtiff print faults of files that it only tries; callers say what is wrong with a file.
+void keepTiffQuiet() {
+    void* const tiff = ::dlopen("libtiff.so.6", RTLD_NOW | RTLD_NOLOAD);
+    if (!tiff) return;
+    using Handler = void (*)(const char*, const char*, std::va_list);
+    using Set = Handler (*)(Handler);
+    for (const char* name : {"TIFFSetErrorHandler", "TIFFSetWarningHandler"})
+        if (void* const set = ::dlsym(tiff, name)) (void)reinterpret_cast<Set>(set)(nullptr);
+}
+
 }  // namespace
 
 }  // namespace rtsg
 
 extern "C" __attribute__((visibility("default"))) const rtsg::ImageFiles* RTSG_IMAGE_FILES_SYMBOL() {
     static const rtsg::Files files;
+    rtsg::keepTiffQuiet();
     return &files;
 }

@@ -45,12 +45,28 @@ bool isOgg(const SF_INFO& info) {
     return (info.format & SF_FORMAT_TYPEMASK) == SF_FORMAT_OGG;
 }
 
+/// Whether the file's last page ends a stream and is whole (RFC 3533, 6). Some versions of libsndfile take the last
+/// page that there is for the end.
+bool endsAsOggDoes(const SoundBytes& bytes) {
+    constexpr std::int64_t kLongestPage = 27 + 255 + 255 * 255;
+    const std::string tail = bytes.part(std::max<std::int64_t>(bytes.size - kLongestPage, 0), kLongestPage);
+    constexpr std::size_t kFlags = 5, kSegments = 26, kHead = 27;
+    constexpr int kEnds = 4;
+    const std::size_t page = tail.rfind("OggS");
+    if (page == tail.npos || page + kHead > tail.size()) return false;
+    const std::size_t lengths = page + kHead, data = lengths + static_cast<std::uint8_t>(tail[page + kSegments]);
+    if (data > tail.size()) return false;
+    std::size_t end = data;
+    for (std::size_t i = lengths; i < data; ++i) end += static_cast<std::uint8_t>(tail[i]);
+    return (tail[page + kFlags] & kEnds) != 0 && end <= tail.size();
+}
+
 /// The damage at which libsndfile gave up, or which it left out, in a sound that it has read.
 std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
-    if (info.frames < 0 || info.frames == SF_COUNT_MAX)
-        return isOgg(info)
-                   ? fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds())
-                   : "";
+    const bool isUnknown = info.frames < 0 || info.frames == SF_COUNT_MAX;
+    if (isOgg(info) && (isUnknown || !endsAsOggDoes(bytes)))
+        return fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds());
+    if (isUnknown) return {};
     const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
     std::string missing = missingSound(promised, sound);
     if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);

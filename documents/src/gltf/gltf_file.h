@@ -60,6 +60,9 @@ class GltfFile {
     bool mayMake(std::uint64_t bytes);
     /// Light as an UnlitMaterial has it, whose colours are those of a screen (sRGB).
     Vec3f shown(const Vec3f& light) const;
+    /// Whether libassimp has written it from a file of another kind. Its extensions, which hang on libassimp's version,
+    /// are then not the user's.
+    bool isMadeHere() const { return input_.displayColors; }
     /// What messages call an accessor.
     std::string nameOf(const nlohmann::json& accessor) const;
 

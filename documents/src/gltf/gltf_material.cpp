@@ -193,7 +193,7 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     if (!unlit) {
         writePhysical(it, out);
         writeOptics(out_, optics);
-        tellLooks(file_, it);
+        if (!file_.isMadeHere()) tellLooks(file_, it);
     }
     for (const TextureReference& texture : texturesOf(it))
         writeTexture(texture.reference, texture.field, mappings, out);
