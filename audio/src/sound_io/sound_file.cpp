@@ -63,10 +63,9 @@ bool endsAsOggDoes(const SoundBytes& bytes) {
 
 /// The damage at which libsndfile gave up, or which it left out, in a sound that it has read.
 std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
-    const bool isUnknown = info.frames < 0 || info.frames == SF_COUNT_MAX;
-    if (isOgg(info) && (isUnknown || !endsAsOggDoes(bytes)))
+    if (isOgg(info) && !endsAsOggDoes(bytes))
         return fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds());
-    if (isUnknown) return {};
+    if (info.frames < 0 || info.frames == SF_COUNT_MAX) return {};
     const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
     std::string missing = missingSound(promised, sound);
     if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);

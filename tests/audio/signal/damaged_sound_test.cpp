@@ -66,6 +66,23 @@ TEST(DamagedSound, OfWholeFilesNothingIsMissing) {
     }
 }
 
+TEST(DamagedSound, AnOggFileWithoutItsLastByteHasNoEnd) {
+    int files = 0;
+    for (const Format& format : kFormats) {
+        if ((format.code & SF_FORMAT_TYPEMASK) != SF_FORMAT_OGG) continue;
+        std::string bytes = encoded(format);
+        if (bytes.empty()) continue;
+        ++files;
+        std::string damage;
+        ASSERT_TRUE(readSoundBytes(bytes + "a tag behind the end", 1 << 24, &damage)) << format.name;
+        EXPECT_EQ(damage, "") << format.name;
+        bytes.pop_back();
+        ASSERT_TRUE(readSoundBytes(bytes, 1 << 24, &damage)) << format.name;
+        EXPECT_THAT(damage, testing::HasSubstr("before the page that ends an Ogg stream")) << format.name;
+    }
+    if (files == 0) GTEST_SKIP() << "this libsndfile writes no Ogg";
+}
+
 TEST(DamagedSound, ThatWasCutSaysHowMuchOfItThereIs) {
     for (const Format& format : kFormats) {
         const std::string bytes = encoded(format);
