@@ -154,6 +154,53 @@ TEST_F(FedScene, ConnectionsSendLinesInPieces) {
     EXPECT_NE(said[0].find("2 cells, and the header has 3"), std::string::npos) << said[0];
 }
 
+// A browser sends them for any page, of any site, to any port.
+TEST_F(FedScene, RequestsOfHttpAreNoLines) {
+    start("tcp://127.0.0.1:0");
+    const std::string body = "\r\nA,translation,9 9 9\n{\"node\":\"A\",\"field\":\"translation\",\"value\":[9,9,9]}\n";
+    const Visitor whole(feed->source());
+    whole.say("POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + body);
+    const Visitor pieces(feed->source());
+    pieces.say("P");
+    const Visitor other(feed->source());
+    other.say("G");  // as GATE begins, and GET
+    pieces.say("UT / HTTP/1.1\r\n" + body);
+    other.say("ATE,set_boolean,TRUE\nA,translation,1 2 3\n");
+    framesUntil(2);
+    std::vector<std::string> said;
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (said.size() < 2 && std::chrono::steady_clock::now() < end) {
+        frame();
+        for (std::string& one : news()) said.push_back(std::move(one));
+    }
+    ASSERT_EQ(said.size(), 2u);
+    for (const std::string& one : said) EXPECT_NE(one.find("request of HTTP"), std::string::npos) << one;
+    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(feed->counts().events, 2u);
+    EXPECT_EQ(feed->counts().faulty, 0u);
+}
+
+TEST_F(FedScene, SilenceKeepsNobodyOut) {
+    start("tcp://127.0.0.1:0");
+    const Visitor first(feed->source());
+    first.say("A,translation,1 2 3\n");
+    framesUntil(1);
+    std::vector<std::unique_ptr<Visitor>> silent;
+    for (int i = 0; i < 150; ++i) silent.push_back(std::make_unique<Visitor>(feed->source()));
+    const Visitor last(feed->source());
+    last.say("B,translation,4 5 6\n");
+    framesUntil(2);
+    EXPECT_EQ(place("B"), Vec3f(4, 5, 6));
+    // The one that has sent a line stays.
+    first.say("A,translation,7 8 9\n");
+    framesUntil(3);
+    EXPECT_EQ(place("A"), Vec3f(7, 8, 9));
+    const auto said = news();
+    ASSERT_FALSE(said.empty());
+    EXPECT_NE(said[0].find("closed a connection that was silent"), std::string::npos) << said[0];
+    EXPECT_LT(said.size(), 20u);
+}
+
 TEST_F(FedScene, FaultsAreNamedByLineAndCounted) {
     std::ofstream(folder / "feed") << "A,translation,1 2 3\n"
                                    << "AA,translation,1 2 3\n"
