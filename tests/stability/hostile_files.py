@@ -182,7 +182,7 @@ def commands(file):
         yield ["convert", file, folder / "out.glb"]
         yield ["convert", file, folder / "out.rtsgb"]
         yield ["info", folder / "out.rtsgb"]
-        for name in ("flatten", "flatten-transforms", "share", "statistics", "drop-defaults", "short-names", "index"):
+        for name in ("flatten-protos", "flatten-transforms", "share", "statistics", "drop-defaults", "short-names", "index", "portable"):
             yield ["convert", file, folder / f"{name}.x3dv", "--filter", name]
 
 

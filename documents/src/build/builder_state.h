@@ -24,6 +24,8 @@ constexpr NodeId kSelf{0xFFFFFFFF};
 constexpr NodeId kOfUnknownType{0xFFFFFFFE};
 /// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
+/// How many fields a prototype, Script or shader may declare.
+constexpr std::size_t kMostFields = 4000;
 
 /// Files read during one load: each is parsed once however often it is inlined or used as a library.
 class LoadSession {

@@ -325,6 +325,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
             s.error(where, fmt::format("PROTO {} declares field '{}' twice", s.recording->name, field.name));
             return;
         }
+        if (s.recording->fields.size() == kMostFields)
+            return s.error(where, fmt::format("PROTO {} declares more than {} fields", s.recording->name, kMostFields));
         if (value && !isOfType(*value, field.type, field.custom.get())) {
             s.error(where, fmt::format("field '{}' is {}, its default {}", field.name,
                                        fieldTypeName(field.type, field.custom.get()), typeNameOf(*value)));
@@ -343,6 +345,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
         s.error(where, fmt::format("{} has a field '{}' already", node->describe(), field.name));
         return;
     }
+    if (node->own.size() == kMostFields)
+        return s.error(where, fmt::format("{} declares more than {} fields", node->describe(), kMostFields));
     FieldDef& def = node->own.emplace_back();
     def.name = field.name;
     def.type = field.type;

@@ -88,7 +88,7 @@ class UdpSource final : public LineSource {
     void read(LineTaker& taker, int stop) override {
         std::string bytes(kPiece, '\0');
         while (waitFor(socket_.get(), stop)) {
-            const ssize_t size = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
+            const ssize_t size = receive(bytes, taker);
             if (size < 0) continue;  // nothing is there after all
             if (!taker.came(0, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), false)) return;
             taker.paused(0, false);
@@ -96,7 +96,26 @@ class UdpSource final : public LineSource {
     }
 
   private:
+    ssize_t receive(std::string& bytes, LineTaker& taker) {
+        alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t))] = {};
+        iovec room = {bytes.data(), bytes.size()};
+        msghdr message{};
+        message.msg_iov = &room;
+        message.msg_iovlen = 1;
+        message.msg_control = control;
+        message.msg_controllen = sizeof(control);
+        const ssize_t size = ::recvmsg(socket_.get(), &message, 0);
+        const cmsghdr* const head = size < 0 ? nullptr : CMSG_FIRSTHDR(&message);
+        if (!head || head->cmsg_level != SOL_SOCKET || head->cmsg_type != SO_RXQ_OVFL) return size;
+        std::uint32_t leftOut = 0;  // by the system, since the socket was opened
+        std::memcpy(&leftOut, CMSG_DATA(head), sizeof(leftOut));
+        if (leftOut != leftOut_) taker.lost(leftOut - leftOut_);
+        leftOut_ = leftOut;
+        return size;
+    }
+
     Descriptor socket_;
+    std::uint32_t leftOut_ = 0;
 };
 
 class TcpSource final : public LineSource {

@@ -311,6 +311,25 @@ TEST(Proto, ReadingEndsWhenItsTimeIsOver) {
     EXPECT_EQ(std::ranges::count(problems, '\n'), 1) << problems;
 }
 
+TEST(Proto, FieldsAreDeclaredUpToABound) {
+    for (const int count : {4000, 4001}) {
+        std::string fields;
+        for (int i = 0; i < count; ++i) fields += "inputOutput SFInt32 f" + std::to_string(i) + " 1\n";
+        Loaded l("PROTO P [\n" + fields + "] { Group { } }\nDEF I P { f3999 7 }\nDEF S Script { " + fields + "}");
+        const bool tooMany = count > 4000;
+        EXPECT_EQ(l.diagnostics.errors(), tooMany ? 2u : 0u) << l.problems();
+        EXPECT_EQ(l.problems().find("PROTO P declares more than 4000 fields") != std::string::npos, tooMany);
+        EXPECT_EQ(l.problems().find("Script S declares more than 4000 fields") != std::string::npos, tooMany);
+        for (const char* name : {"I", "S"}) {
+            const Node& node = l.scene.node(l.named(name));
+            const FieldIndex last = node.type().find("f3999");
+            ASSERT_NE(last, kNoField);
+            EXPECT_EQ(node.value(last).as<std::int32_t>(), name[0] == 'I' ? 7 : 1);
+            EXPECT_EQ(node.type().find("f4000"), kNoField);
+        }
+    }
+}
+
 TEST(Proto, AnInstanceStandsWhereItsFirstNodeMay) {
     Loaded l(
         "PROTO Look [ ] { Appearance { } }\nPROTO Nested [ ] { Look { } }\n"

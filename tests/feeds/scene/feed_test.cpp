@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <thread>
 
@@ -334,6 +335,50 @@ TEST_F(FedScene, OtherMachinesAreRefusedUnlessAllowed) {
     publish.target = "tcp://0.0.0.0:0";
     publish.fields = {"A.translation"};
     EXPECT_FALSE(Publisher::start(scene, publish));
+}
+
+TEST_F(FedScene, AccountsAreRefusedAndNotRepeated) {
+    for (const char* source : {"mqtt://ann:secret@127.0.0.1/a", "mqtts://ann:secret@127.0.0.1/a", "mqtt://secret@h",
+                               "udp://secret@127.0.0.1:1", "mqtt://ann:sec/ret@127.0.0.1/a", "http://secret@h"}) {
+        FeedOptions options;
+        options.source = source;
+        const auto refused = Feed::start(scene, options);
+        ASSERT_FALSE(refused);
+        EXPECT_EQ(refused.error().text.find("sec"), std::string::npos) << refused.error().text;
+        EXPECT_NE(refused.error().text.find("***@"), std::string::npos) << refused.error().text;
+    }
+}
+
+TEST_F(FedScene, DatagramsThatTheSystemLeavesOutAreTold) {
+    auto place = feeds::Place::parse("udp://127.0.0.1:0");
+    auto socket = feeds::listenAt(*place, false);
+    ASSERT_TRUE(socket);
+    int small = 4096;
+    ASSERT_EQ(::setsockopt(socket->get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof small), 0);
+    const Visitor visitor(place->text);
+    for (int i = 0; i < 200; ++i) visitor.say(std::string(500, 'x'));
+    char bytes[1000], control[100] = {};
+    std::uint32_t leftOut = 0, came = 0;
+    const auto receive = [&] {
+        iovec room = {bytes, sizeof bytes};
+        msghdr message{};
+        message.msg_iov = &room;
+        message.msg_iovlen = 1;
+        message.msg_control = control;
+        message.msg_controllen = sizeof control;
+        if (::recvmsg(socket->get(), &message, MSG_DONTWAIT) < 0) return false;
+        ++came;
+        const cmsghdr* head = CMSG_FIRSTHDR(&message);
+        if (head && head->cmsg_type == SO_RXQ_OVFL) std::memcpy(&leftOut, CMSG_DATA(head), sizeof leftOut);
+        return true;
+    };
+    while (receive()) {
+    }
+    visitor.say("one more");
+    while (!receive()) {
+    }
+    EXPECT_GT(leftOut, 0u);
+    EXPECT_EQ(leftOut + came, 201u);
 }
 
 TEST_F(FedScene, PlacesThatMakeNoSenseAreErrors) {
