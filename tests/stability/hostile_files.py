@@ -3,12 +3,15 @@
 
 usage: hostile_files.py --program RTSG [--deep N] [--stack KB] [--kinds REGEX] [--growth [N]]
 
+Without --deep and --stack it is 5,000 deep with 256 KB; in the long form (RTSG_LONG) a million with the 8 MB that are usual.
+
 Each kind of nesting is written N deep, and read by `info`, `validate`, `convert`, `render` and more, each with a stack of KB kilobytes. Status 1
 needs an error on the last lines. With --growth each kind of repetition is written N and 2 N times, and the CPU time of `validate` is compared:
 more than 2.3 times as much is a fault. Exit status 1 and a line for each fault.
 """
 import argparse
 import json
+import os
 import pathlib
 import re
 import resource
@@ -225,8 +228,9 @@ def growth(program, count, kinds, folder):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--program", required=True, type=lambda path: str(pathlib.Path(path).resolve()))
-    parser.add_argument("--deep", type=int, default=1_000_000)
-    parser.add_argument("--stack", type=int, default=8192, help="kilobytes")
+    is_long = bool(os.environ.get("RTSG_LONG"))
+    parser.add_argument("--deep", type=int, default=1_000_000 if is_long else 5000)
+    parser.add_argument("--stack", type=int, default=8192 if is_long else 256, help="kilobytes")
     parser.add_argument("--kinds", type=re.compile, default=re.compile(""))
     parser.add_argument("--growth", type=int, nargs="?", const=20_000)
     options = parser.parse_args()
