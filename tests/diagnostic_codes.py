@@ -9,7 +9,7 @@ import pathlib
 import re
 import sys
 
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "feeds", "fetch", "physics", "dis", "window", "haptics", "ogre", "nats", "plugins", "app"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "feeds", "fetch", "physics", "dis", "window", "haptics", "ogre", "nats", "plugins", "session", "app"]
 CODE = re.compile(r'DiagnosticCode\(\s*"([^"]*)"')
 CONSTANTS = re.compile(r'DiagnosticCode\s+k[^;]*;')
 REPORTS = re.compile(r'\b(?:fail|error|warning|warn|report)\s*\(|Diagnostic\{|\{Severity::|->fatal\(')

@@ -14,7 +14,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "haptics", "plugins", "app", "bench", "python", "examples", "tests"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "haptics", "plugins", "session", "app", "bench", "python", "examples", "tests"]
 MOST, MOST_OPENING, MOST_ITEM = 80, 15, 120
 
 # Comments, strings and characters; raw strings first.

@@ -1,111 +1,18 @@
-// Runs `rtsg replay` as a test: runs the scene again, and compares states, pictures and sound with those expected.
+// Options of `rtsg replay` as a test, and what it prints.
 #include "replay_test.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <optional>
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/picture.h>
-#include <rtsg/sync/log_check.h>
-#include <rtsg/sync/replay.h>
-#include <rtsg/sync/replay_test.h>
 
-#include "replay_page.h"
 #include "say.h"
-#include "scene_picture.h"
 
 namespace rtsg::app {
-
-namespace {
-
-/// The file that a test makes for comparison. It is in the current folder, away from the user's own files.
-std::string actualName(const std::string& reference) {
-    const std::filesystem::path path(reference);
-    return path.stem().string() + ".actual" + path.extension().string();
-}
-
-/// The picture or sound that is compared with a reference; nothing if that is empty.
-///
-/// Tests may run at the same time in one folder with references of the same name. So each test makes its file under a
-/// name of its own, and renames it at the end.
-class MadeFile {
-  public:
-    explicit MadeFile(const std::string& reference) {
-        if (reference.empty()) return;
-        shown_ = actualName(reference);
-        const std::filesystem::path path(shown_);
-        file_ = fmt::format("{}.{}{}", path.stem().string(), ::getpid(), path.extension().string());
-    }
-    ~MadeFile() {
-        std::error_code ignored;  // there may be none, and the reason has been reported
-        if (!file_.empty()) std::filesystem::rename(file_, shown_, ignored);
-    }
-    MadeFile(const MadeFile&) = delete;
-    MadeFile& operator=(const MadeFile&) = delete;
-
-    const std::string& file() const { return file_; }
-    const std::string& shown() const { return shown_; }
-
-  private:
-    std::string file_, shown_;
-};
-
-Result<> comparePictures(const std::string& reference, const MadeFile& actual, double tolerance) {
-    const std::string& made = actual.shown();
-    const auto a = readPicture(reference), b = readPicture(actual.file());
-    for (const auto* picture : {&a, &b})
-        if (!*picture) return std::unexpected(picture->error());
-    const auto difference = compare(*a, *b);
-    if (!difference) return fail(fmt::format("{} and {}: {}", made, reference, difference.error().text));
-    if (difference->rmse <= tolerance) return {};
-    return fail(fmt::format("{} differs from {}: rmse {:.4g} exceeds {:.4g}, most at pixel {}, {} ({:.4g})", made,
-                            reference, difference->rmse, tolerance, difference->worstX, difference->worstY,
-                            difference->maximum));
-}
-
-Result<> compareSounds(const std::string& reference, const MadeFile& actual, double toleranceDb) {
-    const std::string& made = actual.shown();
-    const auto a = readSound(reference), b = readSound(actual.file());
-    for (const auto* sound : {&a, &b})
-        if (!*sound) return std::unexpected(sound->error());
-    const auto level = differenceDb(*a, *b);
-    if (!level) return fail(fmt::format("{} and {}: {}", made, reference, level.error().text));
-    if (*level <= toleranceDb) return {};
-    return fail(fmt::format("{} differs from {}: the difference is at {:.1f} dB of it, which exceeds {:.1f} dB", made,
-                            reference, *level, toleranceDb));
-}
-
-}  // namespace
-
-double logStart(const std::string& log) {
-    auto reader = LogReader::open(log);
-    return reader && !reader->keyframes().empty() ? reader->keyframes().front().time : 0;
-}
-
-std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double start) {
-    if (divergence) divergence->time = std::round((divergence->time - start) * 1e6) / 1e6;
-    return divergence;
-}
-
-namespace {
-
-void countFromStart(ReplayReport& report, double start) {
-    const auto since = [start](double t) { return std::round((t - start) * 1e6) / 1e6; };
-    report.divergence = fromStart(report.divergence, start);
-    report.start = since(report.start);
-    report.end = since(report.end);
-    for (FieldDifference& d : report.differences) d.time = since(d.time);
-    for (FieldHistory& h : report.histories)
-        for (FieldHistory::Sample& s : h.samples) s.time = since(s.time);
-}
-
-}  // namespace
 
 std::string toJson(const std::optional<Divergence>& d) {
     const auto orNull = [](const std::string& text) { return text.empty() ? "null" : jsonString(text); };
@@ -189,28 +96,6 @@ std::string howToRecord(const std::string& log, const std::string& scene) {
         scene.empty() ? "SCENE" : scene, log);
 }
 
-std::string nameOfTest(const ReplayTestArguments& arguments, const std::string& log) {
-    return arguments.name.empty() ? std::filesystem::path(log).stem().string() : arguments.name;
-}
-
-/// Writes the reports of passing tests, too, because otherwise the page of an earlier failure would stay.
-Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome& outcome) {
-    const auto write = [](const std::string& file, const std::string& text) {
-        return file.empty() ? Result<>{} : writeWholeFile(file, std::as_bytes(std::span(text)));
-    };
-    if (auto ok = write(arguments.junit, arguments.junit.empty() ? "" : junitXml(outcome)); !ok) return ok;
-    if (arguments.page.empty()) return {};
-    if (!outcome.passed()) {
-        if (auto ok = write(arguments.page, replayPage(outcome)); !ok) return ok;
-        tellError("{} shows {}\n", arguments.page, outcome.report.frames > 0 ? "what differed" : "why");
-        return {};
-    }
-    std::error_code error;
-    if (std::filesystem::is_directory(arguments.page, error)) return fail("Is a directory", {}, arguments.page);
-    std::filesystem::remove(arguments.page, error);
-    return error ? fail(error.message(), {}, arguments.page) : Result<>{};
-}
-
 std::string jsonDifferences(const ReplayReport& report) {
     std::string text;
     for (const FieldDifference& d : report.differences)
@@ -275,93 +160,16 @@ void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments&
     }
 }
 
-/// Says how the log ends. Empty if it was closed in order.
-std::string howItEnds(const std::string& log) {
-    auto opened = Replayer::open(log);
-    if (!opened) return opened.error().format();
-    LogCheck check(**opened);
-    while (check.step().value_or(true)) continue;
-    check.expectClosed();
-    return check.first() ? log + ": " + fromStart(check.first(), logStart(log))->format() : "";
-}
-
-/// Builds the scene. Error: nothing of it is usable, or with `whole` anything is wrong with it.
-Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
-                    bool whole) {
-    if (load(scene, file, diagnostics, resources) && !(whole && diagnostics.errors() > 0)) return {};
-    const auto error = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
-    if (error != diagnostics.all().end()) return std::unexpected(*error);
-    return fail("nothing usable in it", {}, file);
-}
-
-/// Gives the scene that is run again the files that the session fetched, so that it needs no network for those in the
-/// log. Returns whether the log has their bytes.
-bool keepFetched(const std::string& log, const Resources& resources) {
-    auto recorded = Replayer::open(log);
-    WebFetcher* fetcher = webFetcher(resources);
-    if (!recorded || !fetcher || !(*recorded)->step().value_or(false)) return false;
-    keepFetchedFiles((*recorded)->scene(), *fetcher);
-    return fetcher->hasKeptBytes();
-}
-
-/// Fails the test if the scene or the log is incomplete.
-void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const Diagnostics& diagnostics) {
-    if (const std::size_t errors = diagnostics.errors(); errors > 0)
-        outcome.checks.push_back({"scene",
-                                  fmt::format("{} has {} error{}: what was run is the rest of it", arguments.rerun,
-                                              errors, errors == 1 ? "" : "s"),
-                                  {}});
-    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(outcome.log), {}});
-}
-
-DifferingPictures picturesOf(const Scene& recorded, const Scene& now, OutputArguments outputs,
-                             const Resources& resources) {
-    // Smaller, as they stand side by side on a page and the test waits for them.
-    if (outputs.picture.size == PictureArguments().size) outputs.picture.size = "640x360";
-    return {recorded.sequence(), pictureOf(recorded, outputs, resources), pictureOf(now, outputs, resources),
-            outputs.picture.toneMap()};
-}
-
-/// Compares the picture and the sound that were made.
-void compareWithExpected(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const MadeFile& picture,
-                         const MadeFile& sound) {
-    if (arguments.update) return;
-    // A run that ended at a difference has not reached the state of the references.
-    const bool cut = outcome.report.divergence && outcome.report.differences.empty();
-    const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
-        if (reference.empty() || cut) return;
-        const Result<> ok = comparison();
-        outcome.checks.push_back({name, ok ? "" : ok.error().format(), {}});
-    };
-    expect("picture", arguments.expectPicture,
-           [&] { return comparePictures(arguments.expectPicture, picture, arguments.pictureTolerance); });
-    expect("sound", arguments.expectSound,
-           [&] { return compareSounds(arguments.expectSound, sound, arguments.soundTolerance); });
-    if (arguments.expectPicture.empty()) return;
-    outcome.expectedPicture = arguments.expectPicture;
-    outcome.madePicture = picture.file();
-}
-
-ReplayOutcome outcomeOf(const ReplayTestArguments& arguments, const std::string& log) {
-    ReplayOutcome outcome;
-    outcome.name = nameOfTest(arguments, log);
-    outcome.log = log;
-    outcome.scene = arguments.rerun;
-    return outcome;
-}
-
 /// A test that could not run has failed, in the reports, too.
-int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why,
-                  const std::string& advice = {}) {
-    ReplayOutcome outcome = outcomeOf(arguments, log);
-    outcome.checks.push_back({"states", why, advice});
-    if (auto ok = writeReports(arguments, outcome); !ok) printError(ok.error());
+int reportFailed(const ReplayTestArguments& arguments, const ReplayOutcome& outcome) {
+    if (auto ok = writeReports(arguments, outcome, programContext()); !ok) printError(ok.error());
     return kBad;
 }
 
 }  // namespace
 
-int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
+int runReplayTestVerb(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs,
+                      bool json) {
     askForWhatIsExpected(arguments, outputs);
     const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::testResult},
                                              {"--page", arguments.page, OutputKind::page}};
@@ -372,73 +180,19 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         const std::string why = log + ": there is no log yet", advice = howToRecord(log, arguments.rerun);
         printError(why);
         tellError("{}", advice);
-        return reportFailure(arguments, log, why, advice);
+        return reportFailed(arguments, failedOutcome(log, arguments, why, advice));
     }
-    const MadeFile picture(arguments.update ? "" : arguments.expectPicture);
-    const MadeFile sound(arguments.update ? "" : arguments.expectSound);
-    if (!picture.file().empty()) outputs.render = picture.file();
-    if (!sound.file().empty()) outputs.listen = sound.file();
-    const auto begun = std::chrono::steady_clock::now();
     const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? firstFileOf(log) : arguments.rerun);
-
-    const double start = logStart(log);
-    ReplayOutcome outcome = outcomeOf(arguments, log);
-    ReplayTest test;
-    test.log = log;
-    test.update = arguments.update;
-    test.compared = arguments.compared;
-    Diagnostics diagnostics(arguments.rerun);
-    if (!arguments.rerun.empty())
-        test.build = [&](Scene& scene) -> Result<> {
-            // --update refuses a scene with errors, because the rest of it is no reference.
-            const bool withBytes = keepFetched(log, resources);
-            auto built = buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
-            if (WebFetcher* fetcher = webFetcher(resources); built && fetcher)
-                (void)FetchedFiles(*fetcher, withBytes).publish(scene);
-            return built;
-        };
-    test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
-    std::optional<WorldOnDemand> world;
-    std::unique_ptr<Outputs> following;
-    test.attach = [&](Scene& scene) -> Result<> {
-        tellOfFailuresInTheEnd(scene);
-        keepResources(scene, resources, reports);
-        auto attached = Outputs::attach(world.emplace(scene, resources), outputs, resources);
-        if (!attached) return std::unexpected(attached.error());
-        following = std::move(*attached);
-        return {};
-    };
-    // If no picture is expected, the page shows pictures of the first difference.
-    if (!arguments.page.empty() && arguments.expectPicture.empty() && !arguments.update)
-        test.differ = [&](const Scene& recorded, const Scene& now) {
-            outcome.differing = picturesOf(recorded, now, outputs, resources);
-        };
-    if (!outputs.render.empty() || !outputs.listen.empty())
-        test.frame = [&](const Scene&) { return following->frame(); };
-    // Within the test's run, because the scene ends with it.
-    test.finish = [&]() -> Result<> {
-        if (!following) return {};
-        Result<> result = following->finish();
-        print(following->scene().diagnostics());
-        return result;
-    };
-    Result<ReplayReport> report = runReplayTest(test);
-    if (!report) {
-        if (diagnostics.errors() == 0) printError(report.error());  // otherwise it has been reported
-        return reportFailure(arguments, log, report.error().format());
+    const ReplayTestRun run = runReplayTest(log, arguments, outputs.options(), resources);
+    if (run.failure) {
+        if (run.failure->code == kUsageCode) throw UsageError(run.failure->text);
+        if (!run.isReported) printError(*run.failure);
+        return reportFailed(arguments, run.outcome);
     }
-
-    outcome.report = std::move(*report);
-    countFromStart(outcome.report, start);
-    outcome.checks.push_back(
-        {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : "", {}});
-    checkInputs(outcome, arguments, diagnostics);
-    compareWithExpected(outcome, arguments, picture, sound);
-    outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-    warnOf(outcome.report.ignoredInVain);
-    printOutcome(outcome, json);
-    if (auto ok = writeReports(arguments, outcome); !ok) return printError(ok.error()), kBad;
-    return outcome.passed() ? kDone : kBad;
+    warnOf(run.outcome.report.ignoredInVain);
+    printOutcome(run.outcome, json);
+    if (auto ok = writeReports(arguments, run.outcome, programContext()); !ok) return printError(ok.error()), kBad;
+    return run.outcome.passed() ? kDone : kBad;
 }
 
 }  // namespace rtsg::app

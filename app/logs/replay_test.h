@@ -7,19 +7,13 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/sync/field_comparison.h>
+#include <rtsg/session/replay_tests.h>
 
-#include "outputs.h"
+#include "output_arguments.h"
 
 namespace rtsg::app {
 
-struct ReplayTestArguments {
-    std::string rerun, expectPicture, expectSound, junit, page, name;
-    FieldSelection compared;
-    double pictureTolerance = 0.01, soundTolerance = -40;
-    bool update = false;
-    bool closed = false;  // --verify: the log must be closed, too
-
+struct ReplayTestArguments : ReplayTestOptions {
     void addTo(Command& command);
     bool any() const {
         return update || compared.any() || !rerun.empty() || !expectPicture.empty() || !expectSound.empty() ||
@@ -35,12 +29,7 @@ void warnOf(const std::vector<std::string>& ignoredInVain);
 void check(const FieldSelection& selection);
 
 /// Returns the exit status. Throws UsageError for options that exclude each other.
-int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
-
-/// The scene time at which a log begins. 0 if nothing in it is intact.
-double logStart(const std::string& log);
-/// The divergence with its time counted from `start`.
-std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double start);
+int runReplayTestVerb(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json);
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);

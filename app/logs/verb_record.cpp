@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/session/running_scene.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 
@@ -10,7 +11,7 @@
 #include "keyframes.h"
 #include "nats.h"
 #include "rotate.h"
-#include "running_scene.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 
@@ -95,13 +96,13 @@ int recordFile(const RecordArguments& options) {
     if (auto ok = options.rotate.checkPieces(options.out, options.force); !ok) return printError(ok.error()), kBad;
     ResourceArguments resources = options.resources;
     resources.inBackground = pace.realtime;
-    RunningScene running(options.scene, resources, options.start);
-    running.allowNetwork(options.network);
+    RunningScene running(options.scene, resources.ofFile(options.scene), options.start.options(), programContext());
+    running.allowNetwork(options.network.dis);
     if (options.embed) running.embedFetched();
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
-    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error()), kUsage;
+    if (auto ok = refusingUsage(running.inject(options.set, pace.seconds)); !ok) return printError(ok.error()), kUsage;
     const LogOptions wanted = logOptions(options);
     std::unique_ptr<LossyScene> lossy;
     if (wanted.mode.mode == Mode::lossy) {
@@ -117,7 +118,7 @@ int recordFile(const RecordArguments& options) {
     const std::uint64_t done = running.run(pace, "recording " + options.out, follow);
     scene.seal();
     const Result<> stopped = (*log)->stop();
-    running.printDiagnostics(stopped ? "" : stopped.error().format());
+    running.reportDiagnostics(stopped ? "" : stopped.error().format());
     if (!stopped) {
         printError(stopped.error());
         printError((*log)->bytes() > 0

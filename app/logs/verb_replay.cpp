@@ -15,15 +15,15 @@
 
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/mcap_export.h>
+#include <rtsg/session/output_maker.h>
 #include <rtsg/sync/log_check.h>
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/log_summary.h>
 
 #include "blame.h"
 #include "cli.h"
-#include "export/mcap_export.h"
 #include "extensions.h"
-#include "live_outputs.h"
 #include "nats.h"
 #include "replay_test.h"
 #include "start_time.h"
@@ -141,7 +141,7 @@ class Replaying {
           resources_(options.outputs.resources.ofFile(firstFileOf(options.log))) {}
 
     int run() {
-        tellOfFailuresInTheEnd(replayer_.scene());
+        reportFailuresAtTheEnd(replayer_.scene());
         registerDocuments(replayer_.scene());
         runScripts(replayer_.scene());
         extensions().registerWith(replayer_.scene());
@@ -173,7 +173,7 @@ class Replaying {
         OutputArguments wanted = options.outputs;
         if (!options.duration.empty()) wanted.seconds = parseSeconds(options.duration);
         if (options.frames.empty()) return wanted;
-        wanted.only = PictureRange::parse(options.frames);
+        wanted.only = parsePictureRange(options.frames);
         wanted.start = start;
         wanted.runUp = parseSeconds(options.runUp);
         if (!wanted.listen.empty()) {
@@ -188,7 +188,7 @@ class Replaying {
 
     /// Goes to the state before the first picture, which a whole run makes of the first state at its time or later.
     Result<> seekPicture() {
-        const std::uint64_t first = wanted_.only->first - (leadsIn(wanted_) ? 1 : 0);
+        const std::uint64_t first = wanted_.only->first - (leadsIn(wanted_.options()) ? 1 : 0);
         if (auto ok = replayer_.seek(start_ + timeOfPicture(first) - 3 * kRounding); !ok) return ok;
         noteTime();
         more_ = true;
@@ -219,8 +219,8 @@ class Replaying {
 
     Result<> play() {
         begun_ = time();
-        WorldOnDemand world(replayer_.scene(), resources_);
-        auto attached = makeOutputs(world, wanted_, resources_);
+        WorldOnDemand world(replayer_.scene(), resources_, programContext());
+        auto attached = refusingUsage(makeOutputs(world, wanted_.options(), resources_));
         if (!attached) return std::unexpected(attached.error());
         OutputMaker& outputs = **attached;
         auto exported = startExport(world);
@@ -481,7 +481,7 @@ void checkFrames(const OptionNames& given, const ReplayArguments& options) {
     if (holds(given, "--run-up") && (options.frames.empty() || options.outputs.listen.empty()))
         throw UsageError("--run-up", "goes with --frames and --listen");
     if (options.frames.empty()) return;
-    (void)PictureRange::parse(options.frames);
+    (void)parsePictureRange(options.frames);
     const std::string &pictures = options.outputs.render, &sound = options.outputs.listen;
     if ((pictures.empty() && sound.empty()) ||
         (!pictures.empty() && (PictureFiles(pictures, 1).together() || !options.outputs.animated())))
@@ -527,7 +527,7 @@ int replay(const Command& command, ReplayArguments options) {
     if (options.test.any()) {
         ReplayTestArguments test = options.test;
         test.closed = options.verify;
-        return runReplayTest(options.log, test, options.outputs, options.json);
+        return runReplayTestVerb(options.log, test, options.outputs, options.json);
     }
     (void)seekOf(options, 0);  // checked before anything is opened
     auto opened = Replayer::open(options.log);

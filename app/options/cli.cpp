@@ -19,8 +19,7 @@
 #include <rtsg/core/memory.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/web_address.h>
-#include <rtsg/scripts/run_scripts.h>
-#include <rtsg/sync/scene_file.h>
+#include <rtsg/session/moments.h>
 
 #include "extensions.h"
 #include "say.h"
@@ -187,17 +186,6 @@ void NetworkArguments::addTo(Command& command) {
         ->repeatable();
 }
 
-WebFetcher* webFetcher(const Resources& resources) {
-    return dynamic_cast<WebFetcher*>(resources.policy().fetcher.get());
-}
-
-FollowedFetches::FollowedFetches(Scene& scene, const Resources& resources) {
-    WebFetcher* fetcher = webFetcher(resources);
-    if (!fetcher) return;
-    follower_ = std::make_unique<FetchedFilesFollower>(*fetcher);
-    attachment_ = scene.bus().attach(*follower_);
-}
-
 namespace {
 
 /// An address that is to be allowed, with all that is below it.
@@ -305,47 +293,16 @@ struct Damage {
     bool leftOut = false;
 } damage;
 
-/// A scene file has a whole state, which only an empty scene takes. If the scene's clock was set, it is set again.
-Result<> readState(Scene& scene, const std::string& file) {
-    const double clock = scene.now();
-    if (scene.sequence() > 0)
-        if (auto ok = scene.reset(); !ok) return ok;
-    if (auto ok = readSceneFile(scene, file); !ok) return ok;
-    if (clock > scene.now()) scene.newFrame(clock);
-    return {};
-}
-
 }  // namespace
-
-void tellOfFailuresInTheEnd(Scene& scene) {
-    scene.bus().setReporter({});
-}
 
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
           const std::string& clip) {
-    runScripts(scene);
-    extensions().registerWith(scene);
-    if (file != "-" && !isWebAddress(file) && isSceneFile(file)) {
-        if (!clip.empty()) diagnostics.error({}, "it has no clip " + clip + ": only glTF files have clips");
-        if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
-        print(diagnostics);
-        return diagnostics.errors() == 0;
-    }
-    LoadOptions options;
-    options.resources = resources;
-    options.progress = progressBar("reading " + file);
-    options.clip = clip;
-    const bool ok = loadFile(scene, file, diagnostics, options);
-    if (options.progress) options.progress(1, 1);
-    print(diagnostics);
-    if (!ok && diagnostics.errors() == 0) printError("nothing usable in " + file);
-    if (damage.errors == 0) noteDamage(file, diagnostics.errors());
-    return ok;
+    return loadScene(scene, file, diagnostics, resources, programContext(), clip);
 }
 
 void noteDamage(const std::string& file, std::size_t errors) {
     if (damage.errors == 0) damage.file = file;
-    if (damage.file == file) damage.errors += errors;
+    if (damage.file == file) damage.errors = std::max(damage.errors, errors);
 }
 
 void noteLeftOut() {
@@ -360,45 +317,8 @@ int statusOf(int status) {
     return kBad;
 }
 
-void setClock(Scene& scene, double secondsSince1970) {
-    if (secondsSince1970 > 0) scene.newFrame(secondsSince1970);
-}
-
-namespace {
-
-/// Parses minutes:seconds or hours:minutes:seconds; returns nothing for other texts.
-std::optional<double> clockSeconds(const std::string& text) {
-    if (text.find(':') == text.npos || text.find_first_not_of("0123456789:.") != text.npos) return std::nullopt;
-    const char *at = text.data(), *const last = at + text.size();
-    double seconds = 0;
-    for (int parts = 1; parts <= 3; ++parts) {
-        double part = 0;
-        const auto [end, error] = std::from_chars(at, last, part, std::chars_format::fixed);
-        const bool whole = std::find(at, end, '.') == end;
-        if (error != std::errc() || (parts > 1 && part >= 60)) return std::nullopt;
-        seconds = 60 * seconds + part;
-        if (end == last) return parts > 1 && seconds <= 1e9 ? std::optional(seconds) : std::nullopt;
-        if (*end != ':' || !whole) return std::nullopt;
-        at = end + 1;
-    }
-    return std::nullopt;
-}
-
-}  // namespace
-
 double parseSeconds(const std::string& text) {
-    if (const auto clock = clockSeconds(text)) return *clock;
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
-    const double scale = unit == "ms"                  ? 1e-3
-                         : unit.empty() || unit == "s" ? 1
-                         : unit == "min"               ? 60
-                         : unit == "h"                 ? 3600
-                                                       : 0;
-    if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
-        throw UsageError(text, "expected a duration such as 2s, 500ms, 1.5, 10min, 1h or 1:30");
-    return value * scale;
+    return orUsageError(secondsIn(text));
 }
 
 }  // namespace rtsg::app

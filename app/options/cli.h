@@ -12,10 +12,11 @@
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/documents/loader.h>
-#include <rtsg/fetch/fetched_files.h>
+#include <rtsg/session/labels.h>
+#include <rtsg/session/load_scene.h>
+#include <rtsg/session/notices.h>
 
 #include "command.h"
-#include "export/labels.h"
 
 namespace rtsg::app {
 
@@ -50,6 +51,25 @@ Verb addTop(Command& program);
 Verb addAssemble(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
+
+/// Prints what sessions of the program have to say, ends them by signals, and has the plug-ins that the user named.
+const SessionContext& programContext();
+
+/// The value, or a UsageError with the error's text.
+template <class T>
+T orUsageError(Result<T> result) {
+    if (!result) throw UsageError(result.error().text);
+    return std::move(*result);
+}
+inline void orUsageError(const Result<>& result) {
+    if (!result) throw UsageError(result.error().text);
+}
+/// Throws UsageError if the error is the caller's, who is then the user.
+template <class T>
+Result<T> refusingUsage(Result<T> result) {
+    if (!result && result.error().code == kUsageCode) throw UsageError(result.error().text);
+    return result;
+}
 
 /// Prints `file:line:col: error: text` on stderr, one a line, each once, and then how many were left out. `said` is the
 /// failure of a subscriber that the caller reports itself, so it is not repeated.
@@ -95,21 +115,6 @@ struct ResourceArguments {
     std::shared_ptr<UrlFetcher> fetcher(const std::string& document) const;
 };
 
-/// The fetcher of the program's resources; null if they have none.
-WebFetcher* webFetcher(const Resources& resources);
-
-/// Lets a scene that others made know what they fetched, so that its urls need no network (fetched_files.h). Make it
-/// before anybody opens files of the scene, which must outlive it.
-class FollowedFetches {
-  public:
-    FollowedFetches() = default;
-    FollowedFetches(Scene& scene, const Resources& resources);
-
-  private:
-    std::unique_ptr<FetchedFilesFollower> follower_;
-    Attachment attachment_;
-};
-
 /// --dis: the addresses that DIS nodes of a scene may use; by default none.
 struct NetworkArguments {
     std::vector<std::string> dis;
@@ -117,15 +122,12 @@ struct NetworkArguments {
     void addTo(Command& command);
 };
 
-/// Reports failures of the scene's subscribers only with its diagnostics, which the verb prints at the end.
-void tellOfFailuresInTheEnd(Scene& scene);
-
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. Returns false if nothing in it was usable. A scene
 /// with errors is used as far as it can be read: see statusOf(). `clip`: as in ReadOptions.
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
           const std::string& clip = {});
 
-/// Counts errors of files that a running scene loaded later, like those of load(). `file` is the scene's.
+/// Notes how many errors a scene's file had so far, with those of its Inlines.
 void noteDamage(const std::string& file, std::size_t errors);
 
 /// Notes that something that was asked for is not there, and that this was reported: an event that was refused, an edit
@@ -136,10 +138,7 @@ void noteLeftOut();
 /// the scene had errors when it was loaded or while it ran; the latter is also said on standard error.
 int statusOf(int status);
 
-/// Sets the time of an empty scene, for nodes that are loaded later.
-void setClock(Scene& scene, double secondsSince1970);
-
-/// "2s", "500ms", "1.5" (seconds), "10min", "1h", "1:30" (minutes and seconds), "1:02:03.5". Throws UsageError.
+/// As secondsIn(). Throws UsageError.
 double parseSeconds(const std::string& text);
 
 }  // namespace rtsg::app

@@ -62,13 +62,4 @@ const Extensions& extensions() {
     return given.extensions;
 }
 
-Extensions::Attached attachSubscribers(Scene& scene) {
-    Extensions::Attached attached;
-    if (const Result<> done = given.extensions.attachSubscribers(scene, attached); !done) {
-        printError(done.error());
-        noteLeftOut();
-    }
-    return attached;
-}
-
 }  // namespace rtsg::app

@@ -20,7 +20,4 @@ void loadExtensions(const Command& verb);
 /// The plug-ins and tables that have been loaded.
 const Extensions& extensions();
 
-/// Attaches the plug-ins' subscribers to a scene, for as long as the result is kept.
-Extensions::Attached attachSubscribers(Scene& scene);
-
 }  // namespace rtsg::app

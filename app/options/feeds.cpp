@@ -91,7 +91,8 @@ Result<Feeds> Feeds::start(const FeedArguments& arguments, WorldOnDemand& world,
         if (!publisher) return fail(publisher.error().code, "--publish " + publisher.error().text);
         all.publishers_.push_back(std::move(*publisher));
     }
-    auto foxglove = Foxglove::start(arguments.foxglove, arguments.fields, world, {settings.insecure, settings.call});
+    auto foxglove = Foxglove::start(arguments.foxglove.listen, arguments.fields, world,
+                                    {settings.insecure, settings.call}, programContext());
     if (!foxglove) return std::unexpected(foxglove.error());
     all.foxglove_ = std::move(*foxglove);
     return all;
@@ -168,8 +169,8 @@ void Feeds::end() {
     }
 }
 
-std::vector<Feeds::NamedCounts> Feeds::counts() const {
-    std::vector<NamedCounts> all;
+std::vector<EndpointCounts> Feeds::counts() const {
+    std::vector<EndpointCounts> all;
     for (const auto& feed : feeds_) {
         const FeedCounts c = feed->counts();
         all.push_back({feed->source(),
@@ -193,11 +194,12 @@ std::vector<Feeds::NamedCounts> Feeds::counts() const {
 std::string Feeds::json() const {
     std::string text;
     std::size_t index = 0;
-    for (const NamedCounts& one : counts()) {
+    for (const EndpointCounts& one : counts()) {
         const bool isFeed = index < feeds_.size();
         const bool isFirst = index == 0 || index == feeds_.size();
         if (isFirst) text += isFeed ? ",\"feeds\":[" : ",\"published\":[";
-        text += fmt::format("{}{{\"{}\":{}", isFirst ? "" : ",", isFeed ? "source" : "target", jsonString(one.place));
+        text +=
+            fmt::format("{}{{\"{}\":{}", isFirst ? "" : ",", isFeed ? "source" : "target", jsonString(one.endpoint));
         for (const auto& [name, value] : one.counts) text += fmt::format(",\"{}\":{}", name, value);
         text += '}';
         ++index;

@@ -11,9 +11,11 @@
 
 #include <rtsg/feeds/feed.h>
 #include <rtsg/feeds/publisher.h>
+#include <rtsg/session/foxglove.h>
+#include <rtsg/session/health.h>
 
 #include "command.h"
-#include "foxglove.h"
+#include "viewer_arguments.h"
 
 namespace rtsg::app {
 
@@ -46,11 +48,7 @@ class Feeds {
     /// When the next event or value that waits is due; infinity if there is none.
     double nextAt() const;
     /// The counts of each feed, by its position.
-    struct NamedCounts {
-        std::string place;
-        std::vector<std::pair<std::string, std::uint64_t>> counts;
-    };
-    std::vector<NamedCounts> counts() const;
+    std::vector<EndpointCounts> counts() const;
     bool any() const { return !feeds_.empty() || !publishers_.empty() || !foxglove_.address().empty(); }
     /// Says on standard error what is open, and where. Returns
     /// `,"feeds":["…"],"published":["…"],"foxglove":"…"`.

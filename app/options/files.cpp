@@ -2,7 +2,6 @@
 #include "files.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
@@ -12,7 +11,6 @@
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/terminal.h>
-#include <rtsg/documents/resource_check.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh_file.h>
@@ -20,6 +18,7 @@
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/log_summary.h>
 
+#include "cli.h"
 #include "extensions.h"
 #include "say.h"
 
@@ -28,30 +27,6 @@ namespace rtsg::app {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// False for empty names, "-", and irregular files, which cannot be overwritten.
-bool isFile(const std::string& name) {
-    if (name.empty() || name == "-") return false;
-    std::error_code error;
-    const fs::file_status status = fs::status(name, error);
-    return !fs::exists(status) || fs::is_regular_file(status);
-}
-
-/// True if the file's name is `pattern`, which has a place for a number such as %04d, with some number.
-bool isOneOf(const fs::path& file, const fs::path& pattern) {
-    const std::string name = file.filename().string();
-    std::error_code error;
-    if (!numberedName(pattern.filename().string(), 0) ||
-        !fs::equivalent(file.parent_path(), pattern.has_parent_path() ? pattern.parent_path() : ".", error))
-        return false;
-    for (std::size_t i = 0; i < name.size(); ++i) {
-        int number = 0;
-        if (std::from_chars(name.data() + i, name.data() + name.size(), number).ec == std::errc() &&
-            numberedName(pattern.filename().string(), number) == name)
-            return true;
-    }
-    return false;
-}
 
 /// True for pipes, devices and the like.
 bool isOfNoKind(const std::string& name) {
@@ -186,19 +161,19 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
         const OutputName& output = outputs[i];
         if (output.file.empty()) continue;
         checkName(output);
-        if (!isFile(output.file)) continue;
+        if (!isOutputFile(output.file)) continue;
         for (const std::string& input : filesOf(inputs))
-            if (isFile(input) && sameFile(input, output.file))
+            if (isOutputFile(input) && sameFile(input, output.file))
                 throw UsageError(output.option,
                                  fmt::format("{} is {}", output.file,
                                              output.file == input ? "the input itself" : "the input " + input));
         for (std::size_t k = 0; k < i; ++k)
-            if (isFile(outputs[k].file) && sameFile(outputs[k].file, output.file))
+            if (isOutputFile(outputs[k].file) && sameFile(outputs[k].file, output.file))
                 throw UsageError(output.option, fmt::format("{} is what {} writes", output.file, outputs[k].option));
     }
     for (const OutputName& output : outputs) {
         std::error_code error;
-        if (!isFile(output.file) || !fs::exists(output.file, error)) continue;
+        if (!isOutputFile(output.file) || !fs::exists(output.file, error)) continue;
         if (force) continue;
         const bool isLog = output.kind == OutputKind::log || output.kind == OutputKind::capture;
         if (output.kind == OutputKind::scene || isLog)
@@ -212,15 +187,11 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
 }
 
 void keepFiles(const std::vector<fs::path>& used, const std::vector<OutputName>& outputs) {
-    for (const fs::path& file : used)
-        for (const OutputName& output : outputs)
-            if (isFile(output.file) && (sameFile(file, output.file) || isOneOf(file, output.file)))
-                throw UsageError(output.option, fmt::format("the scene uses {}", file.string()));
+    orUsageError(checkUnused(used, outputs));
 }
 
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs) {
-    if (std::ranges::any_of(outputs, [](const OutputName& output) { return isFile(output.file); }))
-        keepFiles(resourceFiles(scene, resources), outputs);
+    orUsageError(checkUnused(scene, resources, outputs));
 }
 
 bool isLogOrNamedSo(const std::string& file) {
@@ -257,7 +228,7 @@ static std::string asOne(const std::string& log, const std::vector<fs::path>& pi
 void tellOfPieces(const std::string& log) {
     for (const std::string& gap : gapsBetweenFiles(log))
         tellError("{}: warning: {}\n", terminalText(log), terminalText(gap));
-    if (!isFile(log)) return;
+    if (!isOutputFile(log)) return;
     const std::vector<std::filesystem::path> pieces = earlierPieces(log);
     if (pieces.empty() || beginsItsSession(log)) return;
     tellError("{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),

@@ -14,32 +14,11 @@
 #include <rtsg/core/output_file.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/session/output_options.h>
 
 #include "command.h"
 
 namespace rtsg::app {
-
-/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a touch, `table`
-/// one of fields by time, `map` a picture or a table of a RoomMap.
-enum class OutputKind : std::uint8_t {
-    picture,
-    sound,
-    response,
-    scene,
-    log,
-    capture,
-    report,
-    map,
-    page,
-    testResult,
-    ticks,
-    table
-};
-
-struct OutputName {
-    std::string option, file;  // "--save", say; an empty file was not asked for
-    OutputKind kind = OutputKind::picture;
-};
 
 void addForce(Command& command, bool& force);
 inline Existing existing(bool force) {
@@ -62,9 +41,9 @@ std::string firstFileOf(const std::string& log);
 /// the earlier states are.
 void tellOfPieces(const std::string& log);
 
-/// Throws UsageError if an output is one of the used files.
+/// Throw UsageError if an output is one of the used files, or of those that urls of the scene open. Call the latter
+/// when the scene is loaded.
 void keepFiles(const std::vector<std::filesystem::path>& used, const std::vector<OutputName>& outputs);
-/// The same for files that urls of the scene open. Call it when the scene is loaded.
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 
 }  // namespace rtsg::app

@@ -1,31 +1,18 @@
-// Parses the options for microphones and streams, and opens their sources.
+// Parses the options for microphones and streams, and writes what streams carry.
 #include "given_sounds.h"
 
 #include <sys/stat.h>
 
 #include <algorithm>
 #include <charconv>
-#include <set>
 #include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include <rtsg/core/x3d.h>
-
 namespace rtsg::app {
 
 namespace {
-
-/// The limit that holds for clips, too.
-constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
-
-struct GivenSource {
-    enum class Kind : std::uint8_t { file, pipe, device };
-    Kind kind = Kind::file;
-    std::string option, id, name;  // name: of the file or the device
-    std::optional<RawSound> raw;
-};
 
 /// Parses s16@48000x1:REST. Empty if the text begins otherwise.
 std::optional<RawSound> rawFormat(std::string_view& text, const std::string& option) {
@@ -45,16 +32,17 @@ std::optional<RawSound> rawFormat(std::string_view& text, const std::string& opt
     return raw;
 }
 
-GivenSource parseSource(const std::string& option, const std::string& given) {
-    GivenSource source;
+GivenSound parseSource(const std::string& option, const std::string& given) {
+    GivenSound source;
     source.option = option;
+    source.isStream = option == "--stream";
     std::string_view text = given;
     if (const std::size_t split = text.find('='); split != std::string_view::npos) {
         source.id = text.substr(0, split);
         text.remove_prefix(split + 1);
     }
     if (text == "device" || text.starts_with("device:")) {
-        source.kind = GivenSource::Kind::device;
+        source.kind = GivenSound::Kind::device;
         source.name = text.substr(std::min<std::size_t>(text.size(), 7));
         return source;
     }
@@ -63,63 +51,25 @@ GivenSource parseSource(const std::string& option, const std::string& given) {
     if (text.empty()) throw UsageError(option, given + ": a file, a pipe, - or device is missing");
     struct stat status{};
     const bool pipe = ::stat(source.name.c_str(), &status) == 0 && !S_ISREG(status.st_mode);
-    if (source.raw || source.name == "-" || pipe) source.kind = GivenSource::Kind::pipe;
+    if (source.raw || source.name == "-" || pipe) source.kind = GivenSound::Kind::pipe;
     return source;
 }
 
-std::vector<GivenSource> parseAll(const GivenSoundArguments& arguments) {
-    std::vector<GivenSource> all;
-    for (const std::string& given : arguments.microphones) all.push_back(parseSource("--microphone", given));
-    for (const std::string& given : arguments.streams) all.push_back(parseSource("--stream", given));
+}  // namespace
+
+std::vector<GivenSound> GivenSoundArguments::sources() const {
+    std::vector<GivenSound> all;
+    for (const std::string& given : microphones) all.push_back(parseSource("--microphone", given));
+    for (const std::string& given : streams) all.push_back(parseSource("--stream", given));
     return all;
 }
 
-ClipLibrary::Given openSource(const GivenSource& source, bool live, double seconds, int sampleRate) {
-    const auto opened = [&](auto result, const std::string& name) {
-        if (!result) throw InputError(source.option, name + ": " + result.error().text);
-        return std::move(*result);
-    };
-    if (source.kind == GivenSource::Kind::device) {
-        if (!live)
-            throw UsageError(source.option, "a device is only for live sound: rtsg listen --live, or --listen device");
-        return opened(SoundInput::openDevice(source.name, sampleRate), "device");
-    }
-    const std::string name = source.name == "-" ? "standard input" : source.name;
-    if (source.kind == GivenSource::Kind::pipe && live)
-        return opened(SoundInput::openPipe(source.name, sampleRate, source.raw), name);
-    if (source.kind == GivenSource::Kind::pipe)
-        return std::make_shared<const SoundBuffer>(
-            opened(readPipe(source.name, source.raw, seconds, [] { return !interrupted(); }), name));
-    std::string damage;
-    SoundBuffer sound = opened(readSound(source.name, kMostSamples, &damage), name);
-    if (!damage.empty()) {
-        Diagnostics told;
-        told.warning({}, fmt::format("{}: {} is damaged or cut short: {}", source.option, name, damage));
-        print(told);
-    }
-    return std::make_shared<const SoundBuffer>(std::move(sound));
+ClipLibrary::UsersSounds GivenSoundArguments::open(const Scene& scene, bool live, double seconds,
+                                                   int sampleRate) const {
+    auto sounds = refusingUsage(openGivenSounds(sources(), scene, live, seconds, sampleRate, programContext()));
+    if (!sounds) throw InputError(sounds.error().text);
+    return std::move(*sounds);
 }
-
-/// Checks that the scene has nodes with the ID to which the sound is given.
-void checkId(const GivenSource& source, const Scene& scene) {
-    const bool stream = source.option == "--stream";
-    std::set<std::string> known;
-    scene.forEachNode([&](const Node& node) {
-        if (!stream && node.is(x3d::MicrophoneSource::type))
-            known.insert(node.get(x3d::MicrophoneSource::mediaDeviceID).str());
-        if (stream && node.is(x3d::StreamAudioSource::type))
-            for (const String& id : node.get(x3d::StreamAudioSource::streamIdentifier)) known.insert(id.str());
-    });
-    if (source.id.empty() || known.contains(source.id)) return;
-    const std::string type = stream ? "StreamAudioSource" : "MicrophoneSource";
-    if (known.empty()) throw InputError(source.option, "the scene has no " + type);
-    std::string names;
-    for (const std::string& name : known) names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", name);
-    throw InputError(source.option, fmt::format("no {} has the {} \"{}\"; there are: {}", type,
-                                                stream ? "streamIdentifier" : "mediaDeviceID", source.id, names));
-}
-
-}  // namespace
 
 void GivenSoundArguments::addTo(Command& command) {
     const Command::Section section(command, "Sound");
@@ -131,27 +81,16 @@ void GivenSoundArguments::addTo(Command& command) {
 
 void GivenSoundArguments::check(const std::vector<std::string>& inputs) const {
     std::ptrdiff_t standard = std::ranges::count(inputs, "-");
-    for (const GivenSource& source : parseAll(*this))
-        if (source.kind == GivenSource::Kind::pipe && source.name == "-" && ++standard > 1)
+    for (const GivenSound& source : sources())
+        if (source.kind == GivenSound::Kind::pipe && source.name == "-" && ++standard > 1)
             throw UsageError(source.option, "standard input is already used for another input");
 }
 
 std::vector<std::string> GivenSoundArguments::files() const {
     std::vector<std::string> names;
-    for (const GivenSource& source : parseAll(*this))
-        if (source.kind != GivenSource::Kind::device && source.name != "-") names.push_back(source.name);
+    for (const GivenSound& source : sources())
+        if (source.kind != GivenSound::Kind::device && source.name != "-") names.push_back(source.name);
     return names;
-}
-
-ClipLibrary::UsersSounds GivenSoundArguments::open(const Scene& scene, bool live, double seconds,
-                                                   int sampleRate) const {
-    ClipLibrary::UsersSounds sounds;
-    for (const GivenSource& source : parseAll(*this)) {
-        if (scene.nodeCount() > 0) checkId(source, scene);
-        auto& to = source.option == "--stream" ? sounds.streams : sounds.microphones;
-        to[source.id] = openSource(source, live, seconds, sampleRate);
-    }
-    return sounds;
 }
 
 namespace {

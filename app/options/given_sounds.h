@@ -14,6 +14,7 @@
 
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/clip_library.h>
+#include <rtsg/session/given_sounds.h>
 
 #include "cli.h"
 
@@ -28,9 +29,10 @@ struct GivenSoundArguments {
     void check(const std::vector<std::string>& inputs) const;
     /// Names of files and pipes, which must not be overwritten. Throws UsageError.
     std::vector<std::string> files() const;
-    /// Opens the sources. If not `live`, `seconds` of each pipe are read. IDs are checked in the scene, unless it is
-    /// still empty. Throws UsageError for a device that is not live, InputError for sources that cannot be opened and
-    /// for unknown IDs.
+    /// What was typed, for openGivenSounds(). Throws UsageError.
+    std::vector<GivenSound> sources() const;
+    /// As openGivenSounds(). Throws UsageError for a device that is not live, InputError for sources that cannot be
+    /// opened and for unknown IDs.
     ClipLibrary::UsersSounds open(const Scene& scene, bool live, double seconds, int sampleRate) const;
 };
 

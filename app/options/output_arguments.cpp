@@ -24,7 +24,7 @@ PictureSize PictureSize::parse(std::string_view text) {
     return size;
 }
 
-PictureRange PictureRange::parse(const std::string& text) {
+PictureRange parsePictureRange(const std::string& text) {
     constexpr std::uint64_t kMost = INT32_MAX - 1;  // numbers in names
     const std::size_t dash = std::min(text.find('-'), text.size());
     const auto number = [](std::string_view digits, std::uint64_t& value) {
@@ -276,6 +276,7 @@ ListenOptions SoundArguments::parse() const {
 
 void OutputArguments::addTo(Command& command, Options which) {
     takesEvents = which == Options::ofRun;
+    context = programContext();
     const Command::Section section(command, "What is made");
     command.addOption("--render", render,
                       "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");
@@ -309,12 +310,17 @@ std::vector<std::string> SoundArguments::files() const {
     return names;
 }
 
-bool OutputArguments::soundInFilm() const {
-    return MovieWriter::isName(listen) && !render.empty() && sameFile(listen, render);
-}
-
-bool OutputArguments::animated() const {
-    return PictureFiles(render, picturesPerSecond).takesSeveral();
+OutputOptions OutputArguments::options() const {
+    OutputOptions options = *this;
+    options.existing = rtsg::app::existing(force);
+    options.image = picture.parse();
+    options.toneMap = picture.toneMap();
+    options.tessellation = picture.tessellationError();
+    if (!listen.empty()) {
+        options.hearing = sound.parse();
+        options.given = sound.given.sources();
+    }
+    return options;
 }
 
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
@@ -347,43 +353,6 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     std::vector<std::string> all = inputs;
     std::ranges::move(sound.files(), std::back_inserter(all));
     return checkFiles(all, more, force);
-}
-
-OutputArguments::SoundStretch OutputArguments::stretch(const ListenOptions& options) const {
-    const double rate = options.render.sampleRate;
-    const double first = static_cast<double>(only->first) / picturesPerSecond;
-    // Rooms in which something moves all the time are then traced at the same moments as in a run of all.
-    const auto block = static_cast<double>(options.render.blockSize);
-    const double step = block * std::ceil(options.render.retraceSeconds * rate / block);
-    const double before = std::max(0.0, std::floor((first - runUp) * rate / step)) * step;
-    return {std::llround(before), std::llround(first * rate),
-            std::llround(static_cast<double>(only->last + 1) / picturesPerSecond * rate)};
-}
-
-std::vector<OutputName> OutputArguments::names() const {
-    return {{"--render", render, OutputKind::picture},
-            {"--listen", onDevice() || soundInFilm() ? std::string() : listen, OutputKind::sound},
-            {"--record", record, OutputKind::log},
-            {"--save", save, OutputKind::scene}};
-}
-
-std::string OutputArguments::written() const {
-    std::string files;
-    for (const OutputName& output : names())
-        if (!output.file.empty()) files += (files.empty() ? "" : ", ") + output.file;
-    return files;
-}
-
-Result<> OutputArguments::leftUnwritten() const {
-    const PictureFiles pictures(render, picturesPerSecond);
-    std::string files;
-    for (const OutputName& output : names()) {
-        const bool numbered = output.kind == OutputKind::picture && pictures.takesSeveral() && !pictures.together();
-        if (output.file.empty() || output.kind == OutputKind::log || numbered) continue;
-        files += (files.empty() ? "" : ", ") + output.file;
-    }
-    if (files.empty()) return {};
-    return fail("interrupted before its end: not written", {}, files);
 }
 
 }  // namespace rtsg::app

@@ -78,58 +78,21 @@ struct SoundArguments {
     std::vector<std::string> files() const;
 };
 
-/// "100-199": pictures by their numbers, both of them included.
-struct PictureRange {
-    std::uint64_t first = 0, last = 0;
-    /// Throws UsageError.
-    static PictureRange parse(const std::string& text);
-    std::uint64_t count() const { return last - first + 1; }
-};
+/// "100-199". Throws UsageError.
+PictureRange parsePictureRange(const std::string& text);
 
-struct OutputArguments {
-    std::string render, listen, record, save, device;
-    std::string tiles;  // tcp://HOST:PORT of the program that joins tiles which are drawn here
-    /// --frames of replay: only these of the pictures that a whole run would make, counted from `start`. Set by the
-    /// verb.
-    std::optional<PictureRange> only;
-    double start = 0;  // on the scene's clock
-    double runUp = 0;  // seconds before the first picture's time from which on its sound has reflections
+/// The outputs of a verb, as they are typed: --render, --listen, --save and what goes with them.
+struct OutputArguments : OutputOptions {
     ResourceArguments resources;
-    double picturesPerSecond = 5;
-    /// Scene time to make pictures and sound of; set by the verb.
-    double seconds = std::numeric_limits<double>::infinity();
-    bool force = false, live = false, denoise = false;
-    bool takesEvents = false;  // the scene runs here, so its nodes may be told what is heard; set by addTo()
-    /// No end was stated, so an interruption is the normal end. Set by the verb.
-    bool endsByInterruption = false;
+    bool force = false;
     PictureArguments picture;
     SoundArguments sound;
 
     /// `run` has its own --fps, which is that of its pictures. Only `mirror` has --record.
     enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
     void addTo(Command& command, Options which);
-    bool animated() const;
-    /// True if --listen names the film of --render.
-    bool soundInFilm() const;
-    /// True if sound is played and not written.
-    bool onDevice() const { return listen == "device"; }
-    bool isLive() const { return live || onDevice(); }
-    /// The sound of `only`, in samples since `start`: with reflections from `reflected` on, written from `begin` on, up
-    /// to `end`.
-    struct SoundStretch {
-        std::int64_t reflected = 0, begin = 0, end = 0;
-    };
-    SoundStretch stretch(const ListenOptions& options) const;
-    bool any() const {
-        return !render.empty() || !listen.empty() || !record.empty() || !save.empty() || !tiles.empty();
-    }
-    std::vector<OutputName> names() const;
-    /// The requested files, separated by commas.
-    std::string written() const;
-    /// True if interrupted before the stated end. Then files of the whole time, or of its end, are incomplete.
-    bool isCutShort() const { return !endsByInterruption && interrupted(); }
-    /// An error that names the files that are not written, if there are any.
-    Result<> leftUnwritten() const;
+    /// With what is typed as texts. Throws UsageError.
+    OutputOptions options() const;
     /// Checks before any work that everything can be made and nothing would overwrite one of `inputs` (checkFiles(),
     /// which also checks `more`). Throws UsageError.
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;

@@ -6,6 +6,9 @@
 
 #include <string>
 
+#include <rtsg/session/moments.h>
+#include <rtsg/session/running_scene.h>
+
 #include "command.h"
 
 namespace rtsg::app {
@@ -19,20 +22,16 @@ struct StartTime {
     std::string at, clip;
 
     void addTo(Command& command);
-    /// Seconds since 1970. Throws UsageError.
-    double seconds() const;
+    /// Throws UsageError.
+    SceneStart options() const;
+    double seconds() const { return options().time; }
 };
 
 /// For verbs that read a scene without running it.
 void addClip(Command& command, std::string& clip);
 
-/// Formats seconds since 1970 as "2026-11-20T12:00:00Z", with the decimals that it has, to a microsecond. Times before
-/// 1970 or after 9999 stay numbers: "1e+20 s".
-std::string dateText(double secondsSince1970);
-/// Parses "1234.5", "2026-11-20", "2026-11-20T12:00:00Z" or "now" to seconds since 1970. Throws UsageError.
+/// As dateIn() and momentIn(). Throw UsageError.
 double parseDate(const std::string& text);
-/// A moment of something that begins at `start`, in seconds since 1970: as parseSeconds() has it, or a date. Returns
-/// seconds from the start. Throws UsageError, also for a date before it.
 double parseMoment(const std::string& text, double start);
 
 }  // namespace rtsg::app

@@ -31,6 +31,7 @@ struct UsageError : std::runtime_error {
 
 /// Something that an option names cannot be used, such as a scene that cannot be read; exit status 1.
 struct InputError : std::runtime_error {
+    explicit InputError(const std::string& text) : std::runtime_error(text) {}
     InputError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
 };
 

@@ -13,11 +13,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <rtsg/session/tile_assembler.h>
+
 #include "cli.h"
 #include "files.h"
 #include "output_arguments.h"
 #include "say.h"
-#include "tile_assembler.h"
 
 namespace rtsg::app {
 

@@ -10,13 +10,13 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/picture_tiles.h>
+#include <rtsg/session/joined_sound.h>
+#include <rtsg/session/output_maker.h>
 
 #include "assemble_live.h"
 #include "cli.h"
 #include "files.h"
-#include "joined_sound.h"
 #include "output_arguments.h"
-#include "outputs.h"
 
 namespace rtsg::app {
 
@@ -132,7 +132,7 @@ Result<SoundBuffer> wholeSound(const AssembleArguments& options, const std::stri
     ListenReport report;
     report.sound = std::move(joined->sound);
     report.gain = normalise(report.sound);
-    tellGain(report);
+    tellGain(report, programContext());
     return std::move(report.sound);
 }
 
@@ -208,7 +208,7 @@ PictureRange checkOptions(const AssembleArguments& options) {
             throw UsageError("-o", options.out + ": stretches of sound are joined into a .wav");
     } else if (!options.out.empty() && (!numbered || !PictureFiles(options.out, 1).together()))
         throw UsageError("-o", options.out + ": numbered pictures are joined into a .mp4 or .gif");
-    return numbered ? PictureRange::parse(options.frames) : PictureRange();
+    return numbered ? parsePictureRange(options.frames) : PictureRange();
 }
 
 /// Says what was joined and what is missing, and returns the status.

@@ -18,10 +18,10 @@
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/mesh_file.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/triangulate.h>
 #include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
-#include "export/triangulate.h"
 #include "extensions.h"
 #include "files.h"
 #include "start_time.h"

@@ -11,13 +11,13 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/session/output_maker.h>
 #include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
 #include "extensions.h"
 #include "files.h"
 #include "nats.h"
-#include "outputs.h"
 #include "start_time.h"
 
 namespace rtsg::app {

@@ -12,11 +12,11 @@
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 #include <rtsg/renderers/picture.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/running_scene.h>
 
 #include "extensions.h"
 #include "files.h"
-#include "outputs.h"
-#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -53,7 +53,7 @@ int listenLive(const ListenArguments& options) {
     options.sound.given.check({options.scene});
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
-    RunningScene running(options.scene, options.resources, start);
+    RunningScene running(options.scene, options.resources.ofFile(options.scene), start.options(), programContext());
     if (!running.load()) return kBad;
     LiveOptions live;
     live.render = options.sound.parse().render;
@@ -77,7 +77,7 @@ int listenLive(const ListenArguments& options) {
     });
     if (!sound) return printError(sound.error()), kBad;
     const LiveReport report = (*sound)->stop();
-    running.printDiagnostics();
+    running.reportDiagnostics();
     print(report.diagnostics);
     print(world.diagnostics());
     fmt::print("{{\"device\":{},{}}}\n", jsonString(report.device), liveFigures(report));
@@ -220,7 +220,8 @@ int listenTo(const ListenArguments& options) {
     ListenOptions listening = options.sound.parse();
     listening.speech = options.speech();
     listening.seconds = parseSeconds(options.duration);
-    RunningScene running(options.scene, options.resources, options.start);
+    RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
+                         programContext());
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     listening.render.document = options.scene;
@@ -246,9 +247,9 @@ int listenTo(const ListenArguments& options) {
     if (!report) return printError(report.error()), kBad;
     // A script may have loaded other clips since.
     keepResources(running.scene(), running.resources(), outputs);
-    running.printDiagnostics();
+    running.reportDiagnostics();
     print(report->diagnostics);
-    tellGain(*report);
+    tellGain(*report, programContext());
     print(world.diagnostics());
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;

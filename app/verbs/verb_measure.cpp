@@ -1,6 +1,5 @@
 // rtsg measure: computes how much light falls on places of a scene, with intervals.
 #include "verb_measure.h"
-#include "extensions.h"
 
 #include <algorithm>
 #include <array>
@@ -13,8 +12,9 @@
 #include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/shared_world.h>
 #include <rtsg/renderers/tessellator.h>
+#include <rtsg/session/running_scene.h>
 
-#include "running_scene.h"
+#include "extensions.h"
 #include "say.h"
 
 namespace rtsg::app {
@@ -118,7 +118,8 @@ int measure(const MeasureArguments& options) {
     std::vector<std::array<double, 6>> places;
     for (const std::string& text : options.places) places.push_back(parseProbe(text));
     const double time = parseMoment(options.time, options.start.seconds());
-    RunningScene running(options.scene, options.resources, options.start);
+    RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
+                         programContext());
     if (!running.load()) return kBad;
     SharedWorld::Options flattened;
     flattened.flattening.maxOccurrences = running.resources().policy().maximumInstances;
@@ -129,7 +130,7 @@ int measure(const MeasureArguments& options) {
     LightTracer tracer(world, running.resources());
     world.add(tracer);
     running.runTo(time);
-    running.printDiagnostics();
+    running.reportDiagnostics();
     Diagnostics found = world.diagnostics();
     found.append(tracer.diagnostics());
     found.setFile(options.scene);

@@ -15,20 +15,18 @@
 
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/foxglove.h>
+#include <rtsg/session/health.h>
+#include <rtsg/session/output_maker.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/record_log.h>
 
-#include "behind.h"
 #include "cli.h"
 #include "extensions.h"
-#include "foxglove.h"
-#include "health.h"
-#include "live_outputs.h"
 #include "nats.h"
-#include "requests.h"
+#include "request_arguments.h"
 #include "say.h"
 #include "service_manager.h"
-#include "tile_outputs.h"
 
 namespace rtsg::app {
 
@@ -124,7 +122,7 @@ class Made {
   public:
     Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
         : replica_(replica),
-          world_(replica, resources),
+          world_(replica, resources, programContext()),
           makesMore_(!arguments.render.empty() || !arguments.tiles.empty() || !arguments.listen.empty() ||
                      !arguments.save.empty()) {
         if (!arguments.record.empty()) {
@@ -138,21 +136,10 @@ class Made {
             }
             log_ = std::move(*log);
         }
-        if (!arguments.tiles.empty()) {
-            auto tiles = TileOutputs::attach(replica, arguments, resources);
-            if (tiles)
-                tiles_ = tiles->get(), outputs_ = std::move(*tiles);
-            else
-                problem_ = std::unexpected(tiles.error());
-            return;
-        }
-        if (!arguments.isLive() && (!arguments.render.empty() || !arguments.listen.empty())) {
-            auto behind = std::make_unique<OutputsBehind>(replica, arguments, resources);
-            behind_ = behind.get();
-            outputs_ = std::move(behind);
-            return;
-        }
-        auto attached = makeOutputs(world_, arguments, resources);
+        const bool everyStep = !arguments.isLive() && (!arguments.render.empty() || !arguments.listen.empty());
+        const OutputOptions outputs = arguments.options();
+        auto attached = everyStep || !arguments.tiles.empty() ? followOutputs(replica, outputs, resources)
+                                                              : refusingUsage(makeOutputs(world_, outputs, resources));
         if (attached)
             outputs_ = std::move(*attached);
         else
@@ -160,11 +147,10 @@ class Made {
     }
     WorldOnDemand& world() { return world_; }
     bool rests() const { return !outputs_ || outputs_->rests(); }
-    bool wantsSteps() const { return log_ || behind_ || tiles_; }
+    bool wantsSteps() const { return log_ || (outputs_ && outputs_->wantsSteps()); }
     void step(const RecordStep& step) {
         if (log_) log_->add(replica_, step);
-        if (behind_) behind_->step(step);
-        if (tiles_) tiles_->step(replica_, step);
+        if (outputs_) outputs_->step(replica_, step);
     }
     /// Called in every turn of the mirror's loop. One failure does not affect other outputs. Returns false if nothing
     /// that was asked for can still be made.
@@ -179,8 +165,8 @@ class Made {
         return (made && (!logFailed_ || makesMore_)) || (log_ && !logFailed_);
     }
     Result<> finish() {
-        const Result<> result = allOf({[&] { return problem_; }, [&] { return finishLog(); },
-                                       [&] { return outputs_ ? outputs_->finish() : Result<>(); }});
+        const Result<> result = allOf(programContext(), {[&] { return problem_; }, [&] { return finishLog(); },
+                                                         [&] { return outputs_ ? outputs_->finish() : Result<>(); }});
         app::print(replica_.diagnostics(), result ? "" : result.error().format());
         return result;
     }
@@ -191,7 +177,7 @@ class Made {
         return report;
     }
     /// Number of frames encoded here, because no usable record came.
-    std::uint64_t encoded() const { return (log_ ? log_->encoded() : 0) + (behind_ ? behind_->encoded() : 0); }
+    std::uint64_t encoded() const { return (log_ ? log_->encoded() : 0) + (outputs_ ? outputs_->encoded() : 0); }
 
   private:
     /// A log that failed earlier has been reported.
@@ -209,8 +195,6 @@ class Made {
     Result<> problem_;
     std::unique_ptr<RecordLog> log_;
     std::unique_ptr<OutputMaker> outputs_;
-    OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that type
-    TileOutputs* tiles_ = nullptr;     // the same
 };
 
 /// Ends a wait for what the server sends when others want something.
@@ -239,7 +223,7 @@ class Mirroring {
           patience_(parseSeconds(options.patience)),
           latency_(parseSeconds(options.latency)),
           resources_(options.outputs.resources.ofReplica()),
-          requests_(options.requests) {}
+          requests_(options.requests, programContext()) {}
 
     int run();
 
@@ -348,10 +332,10 @@ bool Mirroring::join() {
     OutputArguments arguments = options_.outputs;
     if (!options_.duration.empty()) arguments.seconds = duration_;
     arguments.endsByInterruption = options_.duration.empty();
-    subscribers_ = attachSubscribers(replica_);
+    subscribers_ = attachSubscribers(replica_, programContext());
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
-    auto foxglove =
-        Foxglove::start(options_.foxglove, options_.fields, made_->world(), {options_.insecure, viewers_.descriptor()});
+    auto foxglove = Foxglove::start(options_.foxglove.listen, options_.fields, made_->world(),
+                                    {options_.insecure, viewers_.descriptor()}, programContext());
     if (!foxglove) {
         printError(foxglove.error());
         status_ = kBad;
@@ -361,7 +345,7 @@ bool Mirroring::join() {
     if (options_.foxglove.wanted()) client_->wakeBy(viewers_.descriptor());
     if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
     tellServiceManager("READY=1");
-    if (auto ok = requests_.parse(replica_); !ok) {
+    if (auto ok = refusingUsage(requests_.parse(replica_)); !ok) {
         printError(ok.error());
         status_ = kUsage;
         return false;
@@ -591,7 +575,7 @@ int Mirroring::run() {
     if (!options_.foxglove.wanted() && options_.insecure)
         throw UsageError("--insecure", "only together with --foxglove");
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
-    tellOfFailuresInTheEnd(replica_);
+    reportFailuresAtTheEnd(replica_);
     registerDocuments(replica_);
     runScripts(replica_);
     extensions().registerWith(replica_);
@@ -603,7 +587,7 @@ int Mirroring::run() {
     auto connected = MirrorClient::connect(replica_, from_.endpoint(), std::move(*wanted));
     if (!connected) return printError(connected.error()), kUsage;
     client_ = std::move(*connected);
-    if (auto ok = health_.start(options_.metrics, false); !ok) return printError(ok.error()), kBad;
+    if (auto ok = health_.start(options_.metrics.listen, false); !ok) return printError(ok.error()), kBad;
     if (health_.serves()) say("figures at http://" + health_.address() + "/metrics");
     heard_ = joinedAt_ = Clock::now();
     follow();

@@ -8,9 +8,8 @@
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/shared_world.h>
-
-#include "outputs.h"
-#include "running_scene.h"
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/running_scene.h>
 
 namespace rtsg::app {
 
@@ -58,10 +57,11 @@ int runPick(const PickArguments& options) {
         throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size sets its size", at[0],
                                                 at[1], width, height));
     const double time = parseMoment(options.time, options.start.seconds());
-    RunningScene running(options.scene, options.resources, options.start);
+    RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
+                         programContext());
     if (!running.load()) return kBad;
     running.runTo(time);
-    running.printDiagnostics();
+    running.reportDiagnostics();
     SharedWorld& world = running.world().get();
     const Picker picker(world.rays(), world.flattener());
     app::print(world.diagnostics());

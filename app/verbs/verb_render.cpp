@@ -6,11 +6,11 @@
 #include <fmt/format.h>
 
 #include <rtsg/ogre/ogre_renderer.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/running_scene.h>
 
 #include "extensions.h"
 #include "files.h"
-#include "outputs.h"
-#include "running_scene.h"
 
 namespace rtsg::app {
 
@@ -175,9 +175,10 @@ int render(RenderArguments options) {
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::picture}};
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
 
-    RunningScene running(options.scene, options.resources, options.start);
+    RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
+                         programContext());
     if (!running.load()) return kBad;
-    if (auto ok = running.inject(options.set, time + (options.frames - 1) / options.fps); !ok)
+    if (auto ok = refusingUsage(running.inject(options.set, time + (options.frames - 1) / options.fps)); !ok)
         return printError(ok.error()), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
@@ -215,7 +216,7 @@ int render(RenderArguments options) {
     };
     const auto written = maker.write(options.out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
-    running.printDiagnostics();
+    running.reportDiagnostics();
     Diagnostics found = world.diagnostics();
     found.append(maker.diagnostics());
     found.setFile(options.scene);

@@ -9,10 +9,10 @@
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/world.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/running_scene.h>
 
 #include "feeds.h"
-#include "live_outputs.h"
-#include "running_scene.h"
 #include "say.h"
 
 namespace rtsg::app {
@@ -92,7 +92,7 @@ class RunMade {
         if (!arguments_.any()) return !interrupted();
         if (frame == 0) {
             arguments_.sound.document = running_.file();
-            auto attached = makeOutputs(running_.world(), arguments_, running_.resources());
+            auto attached = refusingUsage(makeOutputs(running_.world(), arguments_.options(), running_.resources()));
             if (!attached) {
                 printError(attached.error());
                 return false;
@@ -157,15 +157,15 @@ int runScene(const RunArguments& options) {
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     ResourceArguments resources = options.outputs.resources;
     resources.inBackground = pace.realtime;
-    RunningScene running(options.scene, resources, options.start);
+    RunningScene running(options.scene, resources.ofFile(options.scene), options.start.options(), programContext());
     running.scene().setThreads(options.outputs.picture.threads);
-    running.allowNetwork(options.network);
-    if (options.reload) running.followEdits();
+    running.allowNetwork(options.network.dis);
+    if (options.reload) orUsageError(running.followEdits());
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
     if (!checkViewpoint(scene, options.outputs)) return kBad;
-    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error()), kUsage;
+    if (auto ok = refusingUsage(running.inject(options.set, pace.seconds)); !ok) return printError(ok.error()), kUsage;
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error()), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
@@ -180,7 +180,7 @@ int runScene(const RunArguments& options) {
         return made.follow(k);
     });
     running.beforeFrames({});
-    running.printDiagnostics();
+    running.reportDiagnostics();
     feeds->end();
     const bool good = made.finish(frames == pace.frames());
     // Readers of the events do not want other text; a summary in JSON is one more line for them.

@@ -12,6 +12,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/session/health.h>
+#include <rtsg/session/running_scene.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
@@ -19,12 +21,10 @@
 
 #include "feeds.h"
 #include "files.h"
-#include "health.h"
 #include "hints.h"
 #include "keyframes.h"
 #include "nats.h"
 #include "rotate.h"
-#include "running_scene.h"
 #include "say.h"
 #include "serve_log.h"
 #include "service_manager.h"
@@ -189,6 +189,11 @@ struct SessionLog {
     Result<> stop() { return sent ? sent->stop() : own ? own->stop() : Result<>(); }
 };
 
+/// The scene's file, or the log with which it goes on.
+const std::string& fileOf(const ServeArguments& options) {
+    return options.scene.empty() ? options.resume : options.scene;
+}
+
 /// One session: a scene, its followers, and its log.
 class Session {
   public:
@@ -196,7 +201,8 @@ class Session {
         : options_(options),
           duration_(duration),
           linger_(millisecondsFrom(options.linger)),
-          running_(options.scene.empty() ? options.resume : options.scene, options.resources, options.start) {}
+          running_(fileOf(options), options.resources.ofFile(fileOf(options)), options.start.options(),
+                   programContext()) {}
 
     /// Each returns kDone, or the status with which the program ends.
     int open();
@@ -243,9 +249,9 @@ int Session::open() {
         return printError(ok.error()), kBad;
     if (auto ok = options_.rotate.checkPieces(options_.record, options_.force); !ok)
         return printError(ok.error()), kBad;
-    running_.allowNetwork(options_.network);
+    running_.allowNetwork(options_.network.dis);
     if (options_.embed) running_.embedFetched();
-    if (options_.reload) running_.followEdits();
+    if (options_.reload) orUsageError(running_.followEdits());
     auto resumed = begin(running_, options_);
     if (!resumed) return printError(resumed.error()), kBad;
     resumed_ = std::move(*resumed);
@@ -317,7 +323,7 @@ int Session::startFeeds() {
     auto feeds = Feeds::start(options_.feeds, running_.world(), how);
     if (!feeds) return printError(namingOptions(feeds.error(), "--insecure", "")), kBad;
     feeds_ = std::move(*feeds);
-    if (auto ok = health_.start(options_.metrics, options_.insecure); !ok)
+    if (auto ok = health_.start(options_.metrics.listen, options_.insecure); !ok)
         return printError(namingOptions(ok.error(), "--insecure", "")), kBad;
     return kDone;
 }
@@ -374,7 +380,7 @@ void Session::frame(std::uint64_t slot) {
     if (!health_.serves()) return;
     health_.noteFrame(Clock::now() - begun, running_.scene().sequence(), t);
     health_.noteServer(*server_);
-    health_.noteFeeds(*feeds_);
+    if (feeds_->any()) health_.noteFeeds(feeds_->counts());
     health_.noteLog(log_.bytes());
 }
 std::uint64_t Session::slotNow() const {
@@ -396,7 +402,7 @@ std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
     const auto next = static_cast<std::uint64_t>(end);
     for (bool isAwake = false; !isAwake && !interrupted() && Clock::now() < dueAt(next);) {
         const auto wake =
-            running_.followsEdits() ? std::min(dueAt(next), Clock::now() + FollowedFile::kLookEvery) : dueAt(next);
+            running_.followsEdits() ? std::min(dueAt(next), Clock::now() + RunningScene::kLookEvery) : dueAt(next);
         server_->wait(wake);
         isAwake = Clock::now() < wake || running_.isEdited();
     }
@@ -425,7 +431,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 
 int Session::close() {
     tellServiceManager("STOPPING=1");
-    running_.printDiagnostics(log_.failure());
+    running_.reportDiagnostics(log_.failure());
     // Mirrors that are behind, say because of a picture, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);
     const MirrorServerStatistics statistics = server_->statistics();

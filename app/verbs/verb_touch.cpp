@@ -10,12 +10,12 @@
 
 #include <rtsg/core/output_file.h>
 #include <rtsg/haptics/haptic_renderer.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/running_scene.h>
 #include <rtsg/sync/log_recorder.h>
 
 #include "files.h"
 #include "hand.h"
-#include "outputs.h"
-#include "running_scene.h"
 #include "say.h"
 #include "touch_plot.h"
 
@@ -175,12 +175,13 @@ int touch(const TouchArguments& arguments) {
     const bool isLive = arguments.realtime || !hand->isSimulated;
     StartTime start = arguments.start;
     if (isLive) start.kind = StartTime::Kind::live;
-    RunningScene running(arguments.scene, arguments.resources, start);
+    RunningScene running(arguments.scene, arguments.resources.ofFile(arguments.scene), start.options(),
+                         programContext());
     if (!running.load()) return kBad;
     const double seconds = !arguments.duration.empty() ? parseSeconds(arguments.duration)
                            : hand->isSimulated         ? hand->seconds
                                                        : 1e9;
-    if (auto ok = running.inject(arguments.set, seconds); !ok) return printError(ok.error()), kUsage;
+    if (auto ok = refusingUsage(running.inject(arguments.set, seconds)); !ok) return printError(ok.error()), kUsage;
     (void)interrupted();
     std::unique_ptr<LogRecorder> recorder;
     if (!arguments.record.empty()) {
@@ -201,10 +202,10 @@ int touch(const TouchArguments& arguments) {
     const HapticReport report = touching.renderer().report();
     if (result && !report.failure.empty()) result = fail(report.failure);
     running.scene().seal();
-    if (recorder) result = allOf({[&] { return result; }, [&] { return recorder->stop(); }});
-    result = allOf({[&] { return result; }, [&] { return ticks->finish(); }});
+    if (recorder) result = allOf(programContext(), {[&] { return result; }, [&] { return recorder->stop(); }});
+    result = allOf(programContext(), {[&] { return result; }, [&] { return ticks->finish(); }});
     print(report.diagnostics);
-    running.printDiagnostics();
+    running.reportDiagnostics();
     if (!result) return printError(result.error()), kBad;
     printTouched(arguments, report, running);
     if (report.scheduling != "SCHED_FIFO" && !report.scheduling.empty())

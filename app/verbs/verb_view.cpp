@@ -13,14 +13,14 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/haptics/haptic_renderer.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/view_recorder.h>
+#include <rtsg/session/view_source.h>
 #include <rtsg/window/scene_window.h>
 
 #include "extensions.h"
 #include "hand.h"
-#include "outputs.h"
 #include "say.h"
-#include "view_recorder.h"
-#include "view_source.h"
 
 namespace rtsg::app {
 
@@ -33,6 +33,39 @@ constexpr double kFramesPerSecond = 60;
 constexpr double kAnyAspect = 16. / 9;     // pictures take their own
 constexpr milliseconds kLongestTurn{500};  // Ctrl-C is noticed then, and a file that was edited sooner
 constexpr double kStatusEvery = 0.1;       // seconds
+
+using Kind = ViewSourceOptions::Kind;
+
+/// By what the name says.
+Kind kindOf(const std::string& name) {
+    const bool isEndpoint = name.contains("://") && !name.starts_with("file:") && !isWebAddress(name);
+    return isEndpoint ? Kind::served : isLogOrNamedSo(name) ? Kind::log : Kind::scene;
+}
+
+struct ViewSourceArguments {
+    std::string name, key, author, patience = "5s";
+    std::vector<std::string> set;
+    bool reload = false;
+    ResourceArguments resources;
+    StartTime start;
+    NetworkArguments network;
+
+    /// Throws UsageError.
+    ViewSourceOptions options() const {
+        ViewSourceOptions options;
+        options.kind = kindOf(name);
+        options.name = name, options.key = key, options.author = author;
+        if (options.kind == Kind::served) options.patience = parseSeconds(patience);
+        options.set = set, options.reload = reload;
+        ResourceArguments opened = resources;
+        opened.inBackground = options.kind == Kind::scene;  // a window does not stand still while something comes
+        options.resources = options.kind == Kind::scene ? opened.ofFile(name) : opened.ofReplica();
+        if (options.kind == Kind::scene) options.start = start.options();
+        options.addresses = network.dis;
+        options.context = programContext();
+        return options;
+    }
+};
 
 struct ViewArguments {
     ViewSourceArguments source;
@@ -73,7 +106,7 @@ class Viewing {
         if (!options_.screenshot.empty() && !options_.force && std::filesystem::exists(options_.screenshot))
             return printError(fmt::format("{}: there is a file already; --force replaces it", options_.screenshot)),
                    kBad;
-        auto source = openViewSource(shown_);
+        auto source = refusingUsage(openViewSource(shown_.options()));
         if (!source) return printError(source.error()), kBad;
         source_ = std::move(*source);
         for (;;) {
@@ -137,11 +170,12 @@ class Viewing {
     /// Lets the hand that --touch names feel the shown scene.
     Result<> touch() {
         if (options_.touch.empty()) return {};
-        if (!isSceneFile(shown_.name)) return fail("--touch is for a scene's file", {}, shown_.name);
+        if (kindOf(shown_.name) != Kind::scene) return fail("--touch is for a scene's file", {}, shown_.name);
         auto hand = openHand("--touch", options_.touch);
         if (!hand) return std::unexpected(hand.error());
         touch_ = std::make_unique<HapticRenderer>(source_->world());
-        return allOf({[&] { return touch_->attachToScene(source_->scene()); }, [&] { return touch_->renderFrame(); },
+        return allOf(programContext(),
+                     {[&] { return touch_->attachToScene(source_->scene()); }, [&] { return touch_->renderFrame(); },
                       [&] { return touch_->start(std::move(hand->device)); }});
     }
     /// Sends what the hand touches, and shows it.
@@ -182,7 +216,7 @@ class Viewing {
             const double rests = touch_ ? due : std::max(source_->restsUntil(), due);
             const double wait = std::min(rests - t, duration_ - clock());
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
-            if (!window_->turn(std::min(most, shown_.reload ? FollowedFile::kLookEvery : kLongestTurn))) return;
+            if (!window_->turn(std::min(most, shown_.reload ? RunningScene::kLookEvery : kLongestTurn))) return;
             recorder_.show(*window_, clock());
         }
     }
@@ -255,8 +289,8 @@ class Viewing {
         ViewSourceArguments next = shown_;
         next.name = dropped.back();
         next.set.clear();
-        next.reload = options_.source.reload && isSceneFile(next.name);
-        auto source = openViewSource(next);
+        next.reload = options_.source.reload && kindOf(next.name) == Kind::scene;
+        auto source = refusingUsage(openViewSource(next.options()));
         if (!source) return printError(source.error()), false;
         next_ = std::move(*source);
         shown_ = next;
@@ -282,7 +316,8 @@ class Viewing {
         sound_.reset();
         source_->wakeBy({});
         window_.reset();
-        result = allOf({[&] { return result; }, [&] { return written; }, [&] { return source_->finish(); }});
+        result = allOf(programContext(),
+                       {[&] { return result; }, [&] { return written; }, [&] { return source_->finish(); }});
         if (!result) printError(result.error());
         const double p50 = percentile(statistics.intervals, .5), p95 = percentile(statistics.intervals, .95);
         if (options_.json)
@@ -307,7 +342,7 @@ class Viewing {
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
     std::unique_ptr<HapticRenderer> touch_;
-    ViewRecorder recorder_;
+    ViewRecorder recorder_{programContext()};
     bool overlay_ = options_.overlay, knowsOverlay_ = false;
     std::string status_;
     double time_ = 0, told_ = 0;

@@ -1,5 +1,5 @@
 // Plays the queued frames in a copy of the scene, to which the outputs are attached.
-#include "behind.h"
+#include "outputs/behind.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,9 +7,11 @@
 
 #include <fmt/format.h>
 
-namespace rtsg::app {
+#include <rtsg/session/load_scene.h>
 
-OutputsBehind::OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources)
+namespace rtsg {
+
+OutputsBehind::OutputsBehind(const Scene& scene, OutputOptions arguments, Resources resources)
     : arguments_(std::move(arguments)), resources_(std::move(resources)) {
     (void)queue_.add(scene.snapshot());
     thread_ = std::thread([this] { run(); });
@@ -34,14 +36,14 @@ void OutputsBehind::run() {
 Result<> OutputsBehind::follow() {
     copy_ = std::make_unique<Scene>();  // a scene belongs to the thread that makes it
     Scene& copy = *copy_;
-    tellOfFailuresInTheEnd(copy);  // finish() tells the reason
+    reportFailuresAtTheEnd(copy);  // finish() tells the reason
     copy.setBehavioursEnabled(false);
     for (;;) {
         if (abandoned_) return {};
         auto set = std::make_shared<ChangeSet>();
         const auto taken = queue_.take(*set, std::chrono::seconds(1));
         if (!taken) return std::unexpected(taken.error());
-        if (*taken == RecordQueue::Taken::ended || (interrupted() && outputs_)) break;
+        if (*taken == RecordQueue::Taken::ended || (arguments_.context.interrupted() && outputs_)) break;
         if (*taken == RecordQueue::Taken::nothingYet) continue;
         // The previous time is complete when a set of a later time comes. Inlines that it loaded came as sets of their
         // own.
@@ -52,7 +54,7 @@ Result<> OutputsBehind::follow() {
         if (auto ok = copy.apply(set); !ok) return ok;
         if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));
         if (!outputs_) {
-            world_ = std::make_unique<WorldOnDemand>(copy, resources_);
+            world_ = std::make_unique<WorldOnDemand>(copy, resources_, arguments_.context);
             auto attached = Outputs::attach(*world_, arguments_, resources_);
             if (!attached) return std::unexpected(attached.error());
             outputs_ = std::move(*attached);
@@ -61,14 +63,14 @@ Result<> OutputsBehind::follow() {
     }
     if (outputs_) (void)outputs_->frame();  // of the last time; finish() tells the reason if it fails
     const Result<> result = outputs_ ? outputs_->finish() : Result<>();
-    print(copy.diagnostics());
+    arguments_.context.report(copy.diagnostics());
     return result;
 }
 
 Result<> OutputsBehind::finish() {
     queue_.close();
     const std::uint64_t waiting = queue_.waiting();
-    const Progress progress = waiting > 0 ? progressBar("making what is still to be made") : Progress{};
+    const auto progress = waiting > 0 ? arguments_.context.progress("making what is still to be made") : nullptr;
     while (!ended_) {
         if (progress) progress(waiting - std::min(waiting, queue_.waiting()), waiting + 1);
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -84,4 +86,4 @@ OutputReport OutputsBehind::report() const {
     return report;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -13,20 +13,21 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/record_queue.h>
 
-#include "outputs.h"
+#include "outputs/outputs.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 class OutputsBehind final : public OutputMaker {
   public:
     /// Begins with the scene's present state.
-    OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources);
+    OutputsBehind(const Scene& scene, OutputOptions arguments, Resources resources);
     /// Pictures and sound that still wait are not made.
     ~OutputsBehind() override;
 
     /// Queues the scene's next step. If it cannot be kept, the thread reports it.
-    void step(const RecordStep& step) { (void)queue_.add(step); }
-    std::uint64_t encoded() const { return queue_.encoded(); }
+    void step(const Scene&, const RecordStep& step) override { (void)queue_.add(step); }
+    bool wantsSteps() const override { return true; }
+    std::uint64_t encoded() const override { return queue_.encoded(); }
     /// There is nothing to do, because step() has queued the frame.
     Result<> frame() override { return {}; }
     bool failed() const override { return failed_; }
@@ -39,7 +40,7 @@ class OutputsBehind final : public OutputMaker {
     void run();
     Result<> follow();
 
-    OutputArguments arguments_;
+    OutputOptions arguments_;
     Resources resources_;
     RecordQueue queue_;
     // Used by the thread only until it has ended.
@@ -52,4 +53,4 @@ class OutputsBehind final : public OutputMaker {
     std::thread thread_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,12 +1,12 @@
 // Finds stretches of sound by their numbers and joins them.
-#include "joined_sound.h"
+#include <rtsg/session/joined_sound.h>
 
 #include <cmath>
 #include <filesystem>
 
 #include <fmt/format.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -94,4 +94,4 @@ Result<JoinedSound> joinSound(const std::string& pattern, const PictureRange& ra
     return Joining(pattern, range, picturesPerSecond).run();
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

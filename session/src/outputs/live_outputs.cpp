@@ -1,5 +1,5 @@
 // Runs two threads that each take the newest state of a world when they are ready.
-#include "live_outputs.h"
+#include "outputs/live_outputs.h"
 
 #include <algorithm>
 #include <chrono>
@@ -10,9 +10,9 @@
 
 #include <rtsg/renderers/denoise.h>
 
-#include "extensions.h"
+#include "outputs/outputs.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -22,11 +22,11 @@ constexpr milliseconds kNoNews{1000};  // between looks at a world whose scene r
 
 }  // namespace
 
-LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
+LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments)
     : scene_(world.scene()),
       arguments_(arguments),
       world_(world.get()),
-      preview_(1 / arguments_.picture.toneMap().exposure),
+      preview_(1 / arguments_.toneMap.exposure),
       files_(pictureFiles(arguments_)),
       soundAt_(scene_.now()),
       time_(scene_.now()),
@@ -34,10 +34,10 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
       stateNow_(scene_.sequence()),
       firstState_(stateNow_) {}
 
-Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
+Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputOptions& arguments,
                                                          const Resources& resources) {
-    keepResources(world.scene(), resources, arguments.names());
-    if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
+    if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return std::unexpected(ok.error());
+    if (auto ok = world.cut(arguments.tessellation); !ok) return std::unexpected(ok.error());
     std::unique_ptr<LiveOutputs> outputs(new LiveOutputs(world, arguments));
     if (auto ok = outputs->start(resources); !ok) return std::unexpected(ok.error());
     return outputs;
@@ -45,28 +45,33 @@ Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, c
 
 Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.render.empty()) {
-        ImageOptions image = arguments_.picture.parse();
+        ImageOptions image = arguments_.image;
         if (arguments_.denoise) {
             image.settings.layers = kLayersOfDenoising;
             image.settings.samplesPerPixel = (image.settings.samplesPerPixel + 1) / 2;  // of each half
         }
         image.refine = true;
-        image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
+        image.settings.progress = [this](double) {
+            return !abandoned_ && (afterInterruption_ || !arguments_.context.interrupted());
+        };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
-        picturesHere_ = extensions().registerWith(*light_);
+        picturesHere_ = arguments_.context.extensions().registerWith(*light_);
         if (!light_->attached()) return rtsg::fail(light_->failure());
     }
     if (!arguments_.listen.empty()) {
-        ListenOptions options = arguments_.sound.parse();
+        ListenOptions options = arguments_.hearing;
         options.render.resources = resources;
-        options.render.given = arguments_.sound.given.open(scene_, true, arguments_.seconds, options.render.sampleRate);
+        auto given = openGivenSounds(arguments_.given, scene_, true, arguments_.seconds, options.render.sampleRate,
+                                     arguments_.context);
+        if (!given) return std::unexpected(given.error());
+        options.render.given = std::move(*given);
         if (arguments_.onDevice()) {
             auto device = LiveSound::start(world_, {.render = options.render, .device = arguments_.device});
             if (!device) return std::unexpected(device.error());
             device_ = std::move(*device);
         } else {
             sound_ = std::make_unique<SoundRenderer>(world_, options);
-            soundHere_ = extensions().registerWith(*sound_);
+            soundHere_ = arguments_.context.extensions().registerWith(*sound_);
             if (!sound_->attached()) return rtsg::fail(sound_->failure());
         }
     }
@@ -277,9 +282,10 @@ Result<> LiveOutputs::finish() {
         if (!last) fail(std::unexpected(last.error()));
         lastMoment_ = last ? (*last)->moment : 0;
     }
-    afterInterruption_ = interrupted();  // the signal that ended the run does not end the last outputs
+    afterInterruption_ =
+        arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
     tell(ending_);
-    const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
+    const auto progress = running_ > 0 ? arguments_.context.progress("completing pictures and sound") : nullptr;
     while (running_ > 0) {
         (void)frame();  // whoever asks gets the last state
         if (progress) progress(0, 1);
@@ -289,7 +295,7 @@ Result<> LiveOutputs::finish() {
     threads_.clear();
     if (device_) {
         live_.device = device_->stop();
-        print(live_.device->diagnostics);
+        arguments_.context.report(live_.device->diagnostics);
         if (const std::string& why = live_.device->failure; !why.empty()) fail(rtsg::fail(why));
     }
     noteTime();
@@ -300,11 +306,12 @@ Result<> LiveOutputs::finish() {
 Result<> LiveOutputs::write() {
     if (arguments_.isCutShort()) {
         report_.forget(files_.together());
-        if (light_) print(light_->diagnostics());
-        print(world_.diagnostics());
-        return allOf({[&] { return problem_; }, [&] { return arguments_.leftUnwritten(); }});
+        if (light_) arguments_.context.report(light_->diagnostics());
+        arguments_.context.report(world_.diagnostics());
+        return allOf(arguments_.context, {[&] { return problem_; }, [&] { return arguments_.leftUnwritten(); }});
     }
-    return allOf({[&] { return problem_; },
+    return allOf(arguments_.context,
+                 {[&] { return problem_; },
                   [&]() -> Result<> {
                       if (!sound_) return {};
                       const Result<double> seconds = writeSound(*sound_, arguments_, files_);
@@ -316,13 +323,13 @@ Result<> LiveOutputs::write() {
                       const double skipped = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
                       live_.picturesSkipped += static_cast<std::uint64_t>(std::max(0.0, skipped));
                       const Result<> written = files_.finish(static_cast<std::uint64_t>(std::max(0.0, skipped)));
-                      print(light_->diagnostics());
+                      arguments_.context.report(light_->diagnostics());
                       return written;
                   },
                   [&]() -> Result<> {
-                      print(world_.diagnostics());
+                      arguments_.context.report(world_.diagnostics());
                       if (arguments_.save.empty()) return {};
-                      return saveScene(scene_, arguments_.save, existing(arguments_.force));
+                      return saveScene(scene_, arguments_.save, arguments_.existing, arguments_.context);
                   }});
 }
 
@@ -339,15 +346,9 @@ OutputReport LiveOutputs::report() const {
     for (const double t : report.pictureTimes) report.soundStates.push_back(heardAt(t - kRounding));
     if (sound_ && std::isfinite(arguments_.seconds)) report.addMissingSound(report.soundSeconds, arguments_.seconds);
     report.world = world_.counts();
-    if (arguments_.picture.tessellationError().any()) report.cuts = world_.flattener().cuts();
+    if (arguments_.tessellation.any()) report.cuts = world_.flattener().cuts();
     report.live = live_;
     return report;
 }
 
-Result<std::unique_ptr<OutputMaker>> makeOutputs(WorldOnDemand& world, const OutputArguments& arguments,
-                                                 const Resources& resources) {
-    if (arguments.isLive()) return LiveOutputs::attach(world, arguments, resources);
-    return Outputs::attach(world, arguments, resources);
-}
-
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -18,15 +18,14 @@
 #include <vector>
 
 #include <rtsg/renderers/path_preview.h>
+#include <rtsg/session/output_maker.h>
 
-#include "outputs.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 class LiveOutputs final : public OutputMaker {
   public:
-    /// The world must outlive this, and its scene must be in its first state. Throws like keepResources().
-    static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputArguments& arguments,
+    /// The world must outlive this, and its scene must be in its first state.
+    static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputOptions& arguments,
                                                        const Resources& resources);
     ~LiveOutputs() override;
 
@@ -38,7 +37,7 @@ class LiveOutputs final : public OutputMaker {
     OutputReport report() const override;
 
   private:
-    LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments);
+    LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments);
     Result<> start(const Resources& resources);
     void follow(const std::function<Result<>(const WorldState&, bool)>& present);
     void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
@@ -58,7 +57,7 @@ class LiveOutputs final : public OutputMaker {
     std::uint64_t heardAt(double elapsed) const;
 
     Scene& scene_;
-    const OutputArguments arguments_;
+    const OutputOptions arguments_;
     SharedWorld& world_;
     std::unique_ptr<LightRenderer> light_;
     PathPreview preview_;  // with --denoise: of the samples of light_'s last picture, which is refined_
@@ -97,8 +96,4 @@ class LiveOutputs final : public OutputMaker {
     std::vector<std::jthread> threads_;
 };
 
-/// Makes outputs in step with the scene, or live, as the arguments say.
-Result<std::unique_ptr<OutputMaker>> makeOutputs(WorldOnDemand& world, const OutputArguments& arguments,
-                                                 const Resources& resources);
-
-}  // namespace rtsg::app
+}  // namespace rtsg

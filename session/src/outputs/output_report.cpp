@@ -1,14 +1,14 @@
 // Reports of outputs, as JSON and as a line of text.
-#include "output_report.h"
+#include <rtsg/session/output_report.h>
 
 #include <algorithm>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "cli.h"
+#include <rtsg/core/field_text.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -95,4 +95,4 @@ std::string missingError(double error, double unreached) {
                        100 * unreached);
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,5 +1,5 @@
 // Makes pictures, sound, a log or a document of a scene that something else runs.
-#include "outputs.h"
+#include "outputs/outputs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,13 +8,11 @@
 
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
+#include <rtsg/renderers/image.h>
 
-#include "extensions.h"
-#include "say.h"
+namespace rtsg {
 
-namespace rtsg::app {
-
-Result<> saveScene(const Scene& scene, const std::string& file, Existing existing) {
+Result<> saveScene(const Scene& scene, const std::string& file, Existing existing, const SessionContext& context) {
     Diagnostics diagnostics(file);
     Encoding encoding = Encoding::classicVrml;
     auto writer = DocumentFileWriter::create(file, diagnostics, existing, encoding, dialectOf(scene));
@@ -22,27 +20,27 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
     bool gzip = false;
     encodingFromName(file, encoding, gzip);
     SceneExporter(scene, diagnostics).write((*writer)->handler(), encoding);
-    print(diagnostics);
+    context.report(diagnostics);
     if (auto ok = (*writer)->close(); !ok) return ok;
     if (diagnostics.errors() > 0) return fail("not all of the scene could be written", {}, file);
     return {};
 }
 
-void tellGain(const ListenReport& report) {
+void tellGain(const ListenReport& report, const SessionContext& context) {
     if (report.gain < 1)
-        tellError("note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer\n",
-                  -20 * std::log10(static_cast<double>(report.gain)));
+        context.note(fmt::format("note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer",
+                                 -20 * std::log10(static_cast<double>(report.gain))));
 }
 
 namespace {
 
 /// Writes the stretch as it is heard, since only all stretches together tell how loud the sound is.
-Result<double> writeStretch(ListenReport report, const OutputArguments& arguments) {
-    const auto stretch = arguments.stretch(arguments.sound.parse());
+Result<double> writeStretch(ListenReport report, const OutputOptions& arguments) {
+    const auto stretch = arguments.stretch();
     SoundBuffer& sound = report.sound;
     const auto frames = std::min(static_cast<std::int64_t>(sound.frames()), stretch.end - stretch.begin);
     sound.samples.resize(static_cast<std::size_t>(frames * sound.channels));
-    print(report.diagnostics);
+    arguments.context.report(report.diagnostics);
     if (frames == 0) return 0;
     if (auto ok = writeWav(arguments.listen, sound, WavFormat::float32); !ok) return std::unexpected(ok.error());
     return static_cast<double>(stretch.begin + frames) / sound.sampleRate;
@@ -50,14 +48,14 @@ Result<double> writeStretch(ListenReport report, const OutputArguments& argument
 
 }  // namespace
 
-Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments, PictureFiles& pictures) {
+Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures) {
     ListenReport report = sound.finish();
     if (arguments.only) return writeStretch(std::move(report), arguments);
     const double most = std::round(arguments.seconds * report.sound.sampleRate);
     if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
         report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
-    print(report.diagnostics);
-    tellGain(report);
+    arguments.context.report(report.diagnostics);
+    tellGain(report, arguments.context);
     const SoundBuffer& heard = report.sound;
     const Result<> written = arguments.soundInFilm()
                                  ? pictures.addSound(heard.samples, heard.sampleRate, heard.channels)
@@ -66,12 +64,12 @@ Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments
     return heard.seconds();
 }
 
-PictureFiles pictureFiles(const OutputArguments& arguments) {
-    return {arguments.render, arguments.picturesPerSecond, arguments.picture.toneMap(),
+PictureFiles pictureFiles(const OutputOptions& arguments) {
+    return {arguments.render, arguments.picturesPerSecond, arguments.toneMap,
             arguments.soundInFilm() ? MovieWriter::Sound::awaited : MovieWriter::Sound::none};
 }
 
-Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
+Result<> allOf(const SessionContext& context, std::initializer_list<std::function<Result<>()>> steps) {
     Result<> first;
     for (const auto& step : steps) {
         const Result<> done = step();
@@ -79,19 +77,19 @@ Result<> allOf(std::initializer_list<std::function<Result<>()>> steps) {
         if (first)
             first = done;
         else
-            printError(done.error());
+            context.report(done.error());
     }
     return first;
 }
 
-bool leadsIn(const OutputArguments& arguments) {
-    return arguments.only && arguments.only->first > 0 && arguments.picture.shutter > 0;
+bool leadsIn(const OutputOptions& arguments) {
+    return arguments.only && arguments.only->first > 0 && arguments.image.settings.shutter > 0;
 }
 
-Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
+Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const OutputOptions& arguments,
                                                  const Resources& resources) {
-    keepResources(world.scene(), resources, arguments.names());
-    if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
+    if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return std::unexpected(ok.error());
+    if (auto ok = world.cut(arguments.tessellation); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     outputs->elapsed_ = ElapsedTime(arguments.only ? arguments.start : world.scene().now());
     if (arguments.only) outputs->number_ = arguments.only->first - (leadsIn(arguments) ? 1 : 0);
@@ -102,30 +100,34 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
         world.get().onRestart([o = outputs.get()] { o->keepWhatIs(); });
     }
     if (!arguments.listen.empty()) {
-        ListenOptions options = arguments.sound.parse();
+        ListenOptions options = arguments.hearing;
         options.render.resources = resources;
         if (arguments.only) {
-            const auto stretch = arguments.stretch(options);
+            const auto stretch = arguments.stretch();
             const auto at = [&](std::int64_t sample) {
                 return arguments.start + static_cast<double>(sample) / options.render.sampleRate;
             };
             options.from = at(stretch.begin), options.render.reflectedFrom = at(stretch.reflected);
             options.limited = false;
         }
-        options.render.given =
-            arguments.sound.given.open(world.scene(), false, arguments.seconds, options.render.sampleRate);
+        auto given = openGivenSounds(arguments.given, world.scene(), false, arguments.seconds,
+                                     options.render.sampleRate, arguments.context);
+        if (!given) return std::unexpected(given.error());
+        options.render.given = std::move(*given);
         outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
-        extensions().registerWith(*outputs->sound_);
+        arguments.context.extensions().registerWith(*outputs->sound_);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     return outputs;
 }
 
 Result<> Outputs::attachLight() {
-    ImageOptions image = arguments_.picture.parse();
-    image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
+    ImageOptions image = arguments_.image;
+    image.settings.progress = [this](double) {
+        return !abandoned_ && (afterInterruption_ || !arguments_.context.interrupted());
+    };
     light_ = std::make_unique<LightRenderer>(world_.get(), LightRenderer::Options(resources_, image));
-    extensions().registerWith(*light_);
+    arguments_.context.extensions().registerWith(*light_);
     if (!light_->attached()) return fail(light_->failure());
     return {};
 }
@@ -143,7 +145,7 @@ Outputs::~Outputs() {
 
 bool Outputs::pictureIsDue(double t) const {
     return light_ && arguments_.animated() && nextPicture() <= t + kRounding &&
-           nextPicture() < arguments_.seconds - kRounding && !interrupted();
+           nextPicture() < arguments_.seconds - kRounding && !arguments_.context.interrupted();
 }
 
 Result<> Outputs::make(const Job& job) {
@@ -172,7 +174,7 @@ Result<> Outputs::write(Picture picture) {
     if (!arguments_.only) return files_.add(std::move(picture));
     const std::filesystem::path pattern = arguments_.render;
     const auto name = numberedName(pattern.filename().string(), static_cast<int>(number_));
-    return writePicture(picture, pattern.parent_path() / *name, arguments_.picture.toneMap());
+    return writePicture(picture, pattern.parent_path() / *name, arguments_.toneMap);
 }
 
 void Outputs::work() {
@@ -249,32 +251,35 @@ Result<> Outputs::frame() {
 
 Result<> Outputs::finish() {
     Result<> made = ready();  // does not wait for an interrupted picture
-    if (arguments_.isCutShort()) return allOf({[&] { return made; }, [&] { return leaveUnwritten(); }});
-    afterInterruption_ = interrupted();  // the signal that ended the run does not end the last outputs
-    return allOf({[&] { return made; }, [&] { return lastPicture(); },
-                  [&]() -> Result<> {
-                      if (!sound_) return {};
-                      const Result<double> seconds = writeSound(*sound_, arguments_, files_);
-                      report_.soundSeconds = seconds.value_or(0);
-                      return seconds ? Result<>() : std::unexpected(seconds.error());
-                  },
-                  [&]() -> Result<> {
-                      if (!light_) return {};
-                      const Result<> written = files_.finish();
-                      print(light_->diagnostics());
-                      return written;
-                  },
-                  [&]() -> Result<> {
-                      if (world_.built()) print(world_.built()->diagnostics());
-                      if (arguments_.save.empty()) return {};
-                      return saveScene(scene_, arguments_.save, existing(arguments_.force));
-                  }});
+    if (arguments_.isCutShort())
+        return allOf(arguments_.context, {[&] { return made; }, [&] { return leaveUnwritten(); }});
+    afterInterruption_ =
+        arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
+    return allOf(arguments_.context, {[&] { return made; }, [&] { return lastPicture(); },
+                                      [&]() -> Result<> {
+                                          if (!sound_) return {};
+                                          const Result<double> seconds = writeSound(*sound_, arguments_, files_);
+                                          report_.soundSeconds = seconds.value_or(0);
+                                          return seconds ? Result<>() : std::unexpected(seconds.error());
+                                      },
+                                      [&]() -> Result<> {
+                                          if (!light_) return {};
+                                          const Result<> written = files_.finish();
+                                          arguments_.context.report(light_->diagnostics());
+                                          return written;
+                                      },
+                                      [&]() -> Result<> {
+                                          if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
+                                          if (arguments_.save.empty()) return {};
+                                          return saveScene(scene_, arguments_.save, arguments_.existing,
+                                                           arguments_.context);
+                                      }});
 }
 
 Result<> Outputs::leaveUnwritten() {
     report_.forget(files_.together());
-    if (light_) print(light_->diagnostics());
-    if (world_.built()) print(world_.built()->diagnostics());
+    if (light_) arguments_.context.report(light_->diagnostics());
+    if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
     return arguments_.leftUnwritten();
 }
 
@@ -297,7 +302,7 @@ OutputReport Outputs::report() const {
     OutputReport report = report_;
     if (world_.built()) report.world = world_.built()->counts();
     report.cuts = world_.cuts();
-    report.missing = missingError(arguments_.picture.error, report.unreached);
+    report.missing = missingError(static_cast<double>(arguments_.image.settings.error), report.unreached);
     if (!std::isfinite(arguments_.seconds)) return report;
     const double before = arguments_.only ? static_cast<double>(arguments_.only->first) : 0;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6) - before;
@@ -311,4 +316,4 @@ OutputReport Outputs::report() const {
     return report;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,24 +1,22 @@
 // Draws a copy of a scene.
-#include "scene_picture.h"
-
 #include <memory>
 #include <utility>
 
-#include "extensions.h"
+#include <rtsg/session/output_maker.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
-Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, const Resources& resources) {
+Result<Picture> pictureOf(const Scene& scene, const OutputOptions& options, const Resources& resources) {
     Scene copy;
     copy.setBehavioursEnabled(false);
     if (auto ok = copy.apply(std::make_shared<const ChangeSet>(scene.snapshot())); !ok)
         return std::unexpected(ok.error());
-    WorldOnDemand world(copy, resources);
-    if (auto ok = world.cut(outputs.picture.tessellationError()); !ok) return std::unexpected(ok.error());
-    ImageOptions image = outputs.picture.parse();
-    image.settings.progress = [](double) { return !interrupted(); };
+    WorldOnDemand world(copy, resources, options.context);
+    if (auto ok = world.cut(options.tessellation); !ok) return std::unexpected(ok.error());
+    ImageOptions image = options.image;
+    image.settings.progress = [&](double) { return !options.context.interrupted(); };
     LightRenderer light(world.get(), LightRenderer::Options(resources, image));
-    extensions().registerWith(light);
+    options.context.extensions().registerWith(light);
     if (!light.attached()) return fail(light.failure());
     RenderStats stats;
     Result<Picture> picture = light.picture(image, &stats);
@@ -26,4 +24,4 @@ Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, co
     return picture;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

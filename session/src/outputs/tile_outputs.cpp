@@ -1,5 +1,5 @@
 // Follows a queue of steps to the pictures that are asked for, and draws tiles of them.
-#include "tile_outputs.h"
+#include "outputs/tile_outputs.h"
 
 #include <poll.h>
 #include <sys/eventfd.h>
@@ -12,9 +12,10 @@
 
 #include <fmt/format.h>
 
-#include "extensions.h"
+#include <rtsg/renderers/picture_tiles.h>
+#include <rtsg/session/load_scene.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -23,9 +24,19 @@ constexpr std::size_t kKept = 3;
 constexpr std::uint64_t kMostAside = 4096;  // aside
 
 /// What must be the same for all tiles of a picture, besides size and pictures a second; a word.
-std::string looksOf(const PictureArguments& p) {
-    std::string text = fmt::format("{}:{}:{}:{}:{}:{}:{}:{}:{}:{}", p.integrator, p.samples, p.error, p.depth,
-                                   p.shadows, p.colorSpace, p.seed, p.exposure, p.caps, p.viewpoint);
+std::string looksOf(const OutputOptions& options) {
+    const RenderSettings& s = options.image.settings;
+    std::string text =
+        fmt::format("{}:{}:{}:{}:{}:{}:{}:{}:{}:{}", s.integrator == Integrator::path ? "path" : "whitted",
+                    s.samplesPerPixel, s.error, s.maxDepth,
+                    s.shadows == Shadows::none       ? "none"
+                    : s.shadows == Shadows::authored ? "authored"
+                    : s.shadows == Shadows::all      ? "all"
+                                                     : "auto",
+                    s.colorSpace == ColorSpace::linear    ? "linear"
+                    : s.colorSpace == ColorSpace::display ? "display"
+                                                          : "auto",
+                    s.seed, options.toneMap.exposure, s.caps, options.image.viewpoint);
     for (char& c : text)
         if (static_cast<unsigned char>(c) <= ' ') c = '_';
     return text;
@@ -42,11 +53,11 @@ struct TileOutputs::Drawer {
         std::shared_ptr<const WorldState> world;
     };
 
-    Drawer(const OutputArguments& a, const Resources& r, RecordQueue& q) : arguments(a), resources(r), queue(q) {
+    Drawer(const OutputOptions& a, const Resources& r, RecordQueue& q) : arguments(a), resources(r), queue(q) {
         scene.setBehavioursEnabled(false);
-        image = arguments.picture.parse();
+        image = arguments.image;
         image.keep = false;  // the next tile is another one
-        image.settings.progress = [](double) { return !interrupted(); };
+        image.settings.progress = [this](double) { return !arguments.context.interrupted(); };
     }
 
     double timeOf(std::uint64_t picture) const {
@@ -81,9 +92,9 @@ struct TileOutputs::Drawer {
         SharedWorld::Options options = worldOptions(resources);
         options.delivery = Delivery::polled;  // states that nobody draws come merged
         world = std::make_unique<SharedWorld>(scene, options);
-        extensions().registerWith(*world);
+        arguments.context.extensions().registerWith(*world);
         light = std::make_unique<LightRenderer>(*world, LightRenderer::Options(resources, image));
-        extensions().registerWith(*light);
+        arguments.context.extensions().registerWith(*light);
         return light->attached() ? Result<>() : fail(light->failure());
     }
     /// Null: its state has passed, or is not there yet.
@@ -111,11 +122,11 @@ struct TileOutputs::Drawer {
         if (image.settings.region.empty()) return fail("a tile outside the picture was requested");
         const auto picture = light->nextPicture(*state.world, image, OwnLook());
         if (!picture) return std::unexpected(picture.error());
-        const std::vector<std::uint8_t> bytes = toSrgb8(*picture, arguments.picture.toneMap());
+        const std::vector<std::uint8_t> bytes = toSrgb8(*picture, arguments.toneMap);
         return std::string(bytes.begin(), bytes.end());
     }
 
-    const OutputArguments& arguments;
+    const OutputOptions& arguments;
     const Resources& resources;
     RecordQueue& queue;
     Scene scene;
@@ -127,7 +138,7 @@ struct TileOutputs::Drawer {
     std::deque<State> states;
 };
 
-TileOutputs::TileOutputs(const OutputArguments& arguments, const Resources& resources, TileLink link)
+TileOutputs::TileOutputs(const OutputOptions& arguments, const Resources& resources, TileLink link)
     : arguments_(arguments),
       resources_(resources),
       link_(std::move(link)),
@@ -135,7 +146,7 @@ TileOutputs::TileOutputs(const OutputArguments& arguments, const Resources& reso
       last_(-INFINITY),
       changed_(-INFINITY) {}
 
-Result<std::unique_ptr<TileOutputs>> TileOutputs::attach(const Scene& scene, const OutputArguments& arguments,
+Result<std::unique_ptr<TileOutputs>> TileOutputs::attach(const Scene& scene, const OutputOptions& arguments,
                                                          const Resources& resources) {
     auto link = TileLink::connect(arguments.tiles);
     if (!link) return std::unexpected(link.error());
@@ -204,10 +215,10 @@ Result<> TileOutputs::answer(Drawer& drawer, const TileLink::Message& message) {
 
 Result<> TileOutputs::follow() {
     Drawer drawer(arguments_, resources_, queue_);
-    tellOfFailuresInTheEnd(drawer.scene);
+    reportFailuresAtTheEnd(drawer.scene);
     const RenderSettings& settings = drawer.image.settings;
     link_.send(fmt::format("hello 1 {} {} {} {}", settings.width, settings.height, arguments_.picturesPerSecond,
-                           looksOf(arguments_.picture)));
+                           looksOf(arguments_)));
     std::uint64_t said = 0;
     while (!stop_) {
         pollfd items[] = {{link_.descriptor(), POLLIN, 0}, {wake_, POLLIN, 0}};
@@ -250,4 +261,4 @@ OutputReport TileOutputs::report() const {
     return {};
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

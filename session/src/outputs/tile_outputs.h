@@ -11,21 +11,21 @@
 #include <thread>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/session/output_maker.h>
+#include <rtsg/session/tile_link.h>
 #include <rtsg/sync/record_queue.h>
 
-#include "outputs.h"
-#include "tile_link.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 class TileOutputs final : public OutputMaker {
   public:
     /// Begins with the scene's present state, and connects to the program that arguments.tiles names.
-    static Result<std::unique_ptr<TileOutputs>> attach(const Scene& scene, const OutputArguments& arguments,
+    static Result<std::unique_ptr<TileOutputs>> attach(const Scene& scene, const OutputOptions& arguments,
                                                        const Resources& resources);
     ~TileOutputs() override;
 
-    void step(const Scene& scene, const RecordStep& step);
+    void step(const Scene& scene, const RecordStep& step) override;
+    bool wantsSteps() const override { return true; }
     Result<> frame() override { return {}; }
     bool failed() const override { return failed_; }
     Result<> finish() override;
@@ -33,13 +33,13 @@ class TileOutputs final : public OutputMaker {
 
   private:
     struct Drawer;
-    TileOutputs(const OutputArguments& arguments, const Resources& resources, TileLink link);
+    TileOutputs(const OutputOptions& arguments, const Resources& resources, TileLink link);
     void run();
     Result<> follow();
     Result<> answer(Drawer& drawer, const TileLink::Message& message);
     void wake() const;
 
-    OutputArguments arguments_;
+    OutputOptions arguments_;
     Resources resources_;
     RecordQueue queue_;
     TileLink link_;                        // the thread's
@@ -53,4 +53,4 @@ class TileOutputs final : public OutputMaker {
     std::thread thread_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,9 +1,9 @@
 // Escapes text and encodes bytes for pages.
-#include "markup.h"
+#include "replay/markup.h"
 
 #include <rtsg/core/terminal.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 std::string escapeMarkup(std::string_view given) {
     constexpr std::string_view kNone = "\xEF\xBF\xBD";
@@ -61,4 +61,4 @@ std::string base64(std::span<const std::byte> bytes) {
     return out;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -6,10 +6,10 @@
 #include <string>
 #include <string_view>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// Escapes for content and attributes. Control characters, which XML cannot have, become U+FFFD.
 std::string escapeMarkup(std::string_view text);
 std::string base64(std::span<const std::byte> bytes);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,6 +1,6 @@
 // Makes the page of a replay test: verdict, time line, first difference with its cause, curves, and pictures side by
 // side.
-#include "replay_page.h"
+#include <rtsg/session/replay_page.h>
 
 #include <algorithm>
 #include <chrono>
@@ -16,9 +16,9 @@
 #include <rtsg/core/output_file.h>
 #include <rtsg/renderers/picture.h>
 
-#include "markup.h"
+#include "replay/markup.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -247,4 +247,4 @@ std::string junitXml(const ReplayOutcome& outcome) {
     return xml + "</testsuite>\n</testsuites>\n";
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

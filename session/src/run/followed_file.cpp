@@ -1,22 +1,21 @@
 // Watches the files of a running scene, and carries edits over to the scene.
-#include "followed_file.h"
+#include "run/followed_file.h"
 
 #include <utility>
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
+#include <rtsg/session/running_scene.h>
 
-#include "cli.h"
-#include "say.h"
+namespace rtsg {
 
-namespace rtsg::app {
-
-FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip)
+FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip,
+                           SessionContext context)
     : scene_(scene),
       file_(std::move(file)),
       clip_(std::move(clip)),
       resources_(std::move(resources)),
+      context_(context),
       document_(scene),
       within_(document_.filesWithin(resources_)),
       followed_(look()),
@@ -38,7 +37,7 @@ std::vector<FollowedFile::Look> FollowedFile::look() const {
 
 bool FollowedFile::isEdited() {
     if (isEdited_ || Clock::now() < next_) return isEdited_;
-    next_ = Clock::now() + kLookEvery;
+    next_ = Clock::now() + RunningScene::kLookEvery;
     std::vector<Look> now = look();
     isEdited_ = now == last_ && now != followed_ && now.size() == within_.size() + 1;
     last_ = std::move(now);
@@ -53,15 +52,15 @@ void FollowedFile::follow() {
     options.resources = resources_;
     options.clip = clip_;
     isBehind_ = !document_.followFile(file_, diagnostics, options);
-    print(diagnostics);
+    context_.report(diagnostics);
     if (isBehind_)
-        return printError(
+        return context_.report(
             Diagnostic{Severity::error, file_, {}, "it was edited, and is not followed: the scene stays as it was"});
     const auto set = scene_.seal();
     const std::size_t count = set ? set->changes.size() : 0;
-    tellError("{}: note: it was edited: {} change{}\n", terminalText(file_), count, count == 1 ? "" : "s");
+    context_.note(fmt::format("{}: note: it was edited: {} change{}", file_, count, count == 1 ? "" : "s"));
     within_ = document_.filesWithin(resources_);
     followed_ = last_ = look();
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

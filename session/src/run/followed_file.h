@@ -1,7 +1,7 @@
 // FollowedFile: notices that a scene's file, or an inlined file, has been edited, and makes the scene follow the edit.
 //
 // An edit counts once two looks in a row find the same content, so that a half-written file is seldom read. If the
-// edited file has errors, the scene stays as it was, and standard error says why and where.
+// edited file has errors, the scene stays as it was, and the notices say why and where.
 // Threading: the scene's thread, between frames.
 #pragma once
 
@@ -11,16 +11,14 @@
 #include <vector>
 
 #include <rtsg/documents/edited_document.h>
+#include <rtsg/session/notices.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 class FollowedFile {
   public:
-    /// How often a file is looked at.
-    static constexpr std::chrono::milliseconds kLookEvery{100};
-
     /// Call it when the file has been loaded into the scene, before the first frame. `clip`: as LoadOptions has it.
-    FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip);
+    FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip, SessionContext context);
 
     /// Looks at the files if it is time to. True until follow() is called.
     bool isEdited();
@@ -42,6 +40,7 @@ class FollowedFile {
     Scene& scene_;
     const std::string file_, clip_;
     const Resources resources_;
+    const SessionContext context_;
     EditedDocument document_;
     std::vector<std::filesystem::path> within_;
     std::vector<Look> followed_, last_;
@@ -49,4 +48,4 @@ class FollowedFile {
     bool isEdited_ = false, isBehind_ = false;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

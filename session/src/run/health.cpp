@@ -1,23 +1,17 @@
 // Turns the counts of a server, a mirror and feeds into named metrics.
-#include "health.h"
+#include <rtsg/session/health.h>
 
 #include <algorithm>
 
 #include <rtsg/core/memory.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 using Kind = MetricsText::Kind;
 
-void MetricsArguments::addTo(Command& command) {
-    command.addOption(
-        "--metrics-port", listen,
-        "PORT on loopback, or ADDRESS:PORT: figures at /metrics for Prometheus and rtsg top; 0 picks one");
-}
-
-Result<> Health::start(const MetricsArguments& arguments, bool insecure) {
-    if (arguments.listen.empty()) return {};
-    auto server = MetricsServer::start(arguments.listen, insecure, [this] { return text(); });
+Result<> Health::start(const std::string& listen, bool insecure) {
+    if (listen.empty()) return {};
+    auto server = MetricsServer::start(listen, insecure, [this] { return text(); });
     if (!server) return fail(server.error().code, "--metrics-port " + server.error().text);
     server_ = std::move(*server);
     return {};
@@ -40,9 +34,7 @@ void Health::noteServer(const MirrorServer& server) {
     peers_ = statistics;
 }
 
-void Health::noteFeeds(const Feeds& feeds) {
-    if (!server_ || !feeds.any()) return;
-    auto counts = feeds.counts();
+void Health::noteFeeds(std::vector<EndpointCounts> counts) {
     const std::scoped_lock lock(mutex_);
     feeds_ = std::move(counts);
 }
@@ -117,12 +109,12 @@ std::string Health::text() const {
         {"merged", "rtsg_feed_merged_total"},   {"faulty", "rtsg_feed_faulty_total"},
         {"flooded", "rtsg_feed_flooded_total"}, {"missed", "rtsg_feed_missed_total"}};
     for (const auto& [what, name] : kNames)
-        for (const Feeds::NamedCounts& one : feeds_)
+        for (const EndpointCounts& one : feeds_)
             for (const auto& [counted, value] : one.counts)
                 if (counted == what)
                     text.add(name, Kind::counter, kHelp, static_cast<double>(value),
-                             MetricsText::label("place", one.place));
+                             MetricsText::label("place", one.endpoint));
     return text.take();
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,5 +1,5 @@
 // --set: parses events with their times, and sends events that are due.
-#include "injections.h"
+#include "run/injections.h"
 
 #include <algorithm>
 #include <sstream>
@@ -8,10 +8,9 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/session/moments.h>
 
-#include "start_time.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -149,8 +148,9 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
         const auto equals = text.find('='), at = text.rfind('@');
         if (equals == std::string::npos || at == std::string::npos || at < equals)
             return fail(fmt::format("{}: expected DEF.field=VALUE@TIME or DEVICE=WHAT@TIME", text));
-        all.push_back({parseMoment(text.substr(at + 1), scene.now()), text, text.substr(0, equals),
-                       text.substr(equals + 1, at - equals - 1)});
+        const auto time = momentIn(text.substr(at + 1), scene.now());
+        if (!time) return std::unexpected(time.error());
+        all.push_back({*time, text, text.substr(0, equals), text.substr(equals + 1, at - equals - 1)});
     }
     // Sorted by time, since an event takes omitted values from the one before.
     std::ranges::stable_sort(all, {}, &Given::time);
@@ -183,15 +183,16 @@ const Injections::Injection* Injections::next(double t) {
     return &due;
 }
 
-void Injections::sendUntil(double t, double start) {
+void Injections::sendUntil(double t, double start, const SessionContext& context) {
     while (const Injection* due = next(t)) {
         const bool isThere = scene_->find(due->target.node) != nullptr;
         const auto sent =
             scene_->sendEvent(due->target.node, due->target.field, due->isNow ? Value(Time{start + t}) : due->value);
         if (sent) continue;
-        printError(fmt::format("{}: {}", due->text, isThere ? sent.error().text : "its node is no longer there"));
-        noteLeftOut();
+        const std::string why = isThere ? sent.error().text : "its node is no longer there";
+        context.report({Severity::error, {}, {}, fmt::format("{}: {}", due->text, why)});
+        context.leftOut();
     }
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -12,10 +12,9 @@
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/documents/world.h>
+#include <rtsg/session/notices.h>
 
-#include "cli.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 class Injections {
   public:
@@ -39,8 +38,8 @@ class Injections {
     /// The first one that has not been due yet. Null if each has.
     const Injection* waiting() const { return next_ == all_.size() ? nullptr : &all_[next_]; }
     /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. Refused events are
-    /// reported on standard error, and the program ends with kBad.
-    void sendUntil(double t, double start);
+    /// reported, and left out.
+    void sendUntil(double t, double start, const SessionContext& context);
 
   private:
     Result<> parseOne(const std::string& text, const std::string& name, const std::string& given, double time);
@@ -58,4 +57,4 @@ class Injections {
     std::size_t next_ = 0;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

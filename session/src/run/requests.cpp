@@ -1,58 +1,65 @@
 // Parses requests of a mirror's user, sends those that are due, and reports the answers.
-#include "requests.h"
+#include <rtsg/session/requests.h>
 
 #include <algorithm>
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
 #include <rtsg/documents/world.h>
+#include <rtsg/session/moments.h>
 
-#include "say.h"
-#include "start_time.h"
+#include "run/injections.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
-void RequestArguments::addTo(Command& command) {
-    const Command::Section section(command, "Acting on the scene");
-    command.addOption(
-        "--set", set,
-        "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
-    command.addOption("--edit", edit, "change a field at the origin, DEF.field=VALUE@TIME; undo can take it back");
-    command.addOption("--undo", undo, "TIME at which to take back the last request of edits by --name")->repeatable();
-    command.addOption("--redo", redo, "TIME at which to do again what was taken back last")->repeatable();
-    command.addOption("--lock", lock,
-                      "lock nodes for --name, DEF[,DEF...]=LEASE@TIME: nobody else may change them for this time, 60s "
-                      "at most; LEASE 0 unlocks");
+namespace {
+
+Diagnostic failed(const std::string& request, const std::string& why) {
+    return {Severity::error, {}, {}, fmt::format("{}: {}", request, why)};
 }
 
+}  // namespace
+
+Requests::Requests(RequestOptions options, SessionContext context)
+    : options_(std::move(options)),
+      context_(context),
+      events_(std::make_unique<Injections>()),
+      edits_(std::make_unique<Injections>()) {}
+Requests::~Requests() = default;
+
 Result<> Requests::parseEdits(Scene& replica) {
-    auto parsed = Injections::parse(replica, arguments_.edit);
+    auto parsed = Injections::parse(replica, options_.edit);
+    if (!parsed && parsed.error().code == kUsageCode) return std::unexpected(parsed.error());
     if (!parsed) return fail("--edit " + parsed.error().text);
-    edits_ = std::move(*parsed);
-    if (const Injections::Injection* event = edits_.findInput())
+    *edits_ = std::move(*parsed);
+    if (const Injections::Injection* event = edits_->findInput())
         return fail(fmt::format("--edit {}: the field takes events only: use --set", event->text));
-    for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
-                                              std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
-        for (const std::string& text : *texts)
-            takenBack_.emplace_back(parseMoment(text, replica.now()), fmt::format("{} {}", option, text)).request.kind =
-                kind;
+    for (const auto& [texts, kind, option] : {std::tuple(&options_.undo, MirrorRequest::Kind::undo, "--undo"),
+                                              std::tuple(&options_.redo, MirrorRequest::Kind::redo, "--redo")}) {
+        for (const std::string& text : *texts) {
+            const auto time = momentIn(text, replica.now());
+            if (!time) return std::unexpected(time.error());
+            takenBack_.emplace_back(*time, fmt::format("{} {}", option, text)).request.kind = kind;
+        }
     }
     std::ranges::stable_sort(takenBack_, {}, &Timed::time);
     return {};
 }
 
 Result<> Requests::parseLocks(const Scene& replica) {
-    for (const std::string& text : arguments_.lock) {
+    for (const std::string& text : options_.lock) {
         const std::size_t at = text.rfind('@'), equals = text.rfind('=', at);
         if (at == std::string::npos || equals == std::string::npos || equals == 0)
-            throw UsageError("--lock", text + ": expected DEF[,DEF...]=LEASE@TIME");
-        Timed lock{parseMoment(text.substr(at + 1), replica.now()), "--lock " + text};
+            return fail(kUsageCode, "--lock: " + text + ": expected DEF[,DEF...]=LEASE@TIME");
+        const auto time = momentIn(text.substr(at + 1), replica.now());
+        if (!time) return std::unexpected(time.error());
+        Timed lock{*time, "--lock " + text};
         lock.request.kind = MirrorRequest::Kind::lock;
-        const double lease = parseSeconds(text.substr(equals + 1, at - equals - 1));
+        const auto lease = secondsIn(text.substr(equals + 1, at - equals - 1));
+        if (!lease) return std::unexpected(lease.error());
         const double most = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();
-        if (lease > most) throw UsageError("--lock", fmt::format("{}: {} s at most", text, most));
-        lock.request.lease = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * lease));
+        if (*lease > most) return fail(kUsageCode, fmt::format("--lock: {}: {} s at most", text, most));
+        lock.request.lease = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * *lease));
         for (std::size_t from = 0; from <= equals;) {
             const std::size_t comma = std::min(text.find(',', from), equals);
             lock.names.push_back(text.substr(from, comma - from));
@@ -79,9 +86,9 @@ Result<std::vector<NodeId>> Requests::nodesOf(const Timed& lock, const Scene& re
 
 Result<> Requests::parse(Scene& replica) {
     replica_ = &replica;
-    auto parsed = Injections::parse(replica, arguments_.set);
+    auto parsed = Injections::parse(replica, options_.set);
     if (!parsed) return std::unexpected(parsed.error());
-    events_ = std::move(*parsed);
+    *events_ = std::move(*parsed);
     if (auto ok = parseEdits(replica); !ok) return ok;
     return parseLocks(replica);
 }
@@ -91,7 +98,7 @@ void Requests::note(const Result<std::uint64_t>& request, std::string text) {
     if (request)
         asked_.emplace(*request, std::move(text));
     else
-        printError(fmt::format("{}: {}", text, request.error().text));
+        context_.report(failed(text, request.error().text));
 }
 
 void Requests::sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since) {
@@ -109,9 +116,9 @@ void Requests::turn(MirrorClient& client, double since, double now) {
         if (!replica_->find(due.target.node)) return fail("its node is no longer there");
         return (client.*method)(due.target.node, due.target.field, due.isNow ? Value(Time{now}) : due.value);
     };
-    while (const Injections::Injection* due = edits_.next(since))
+    while (const Injections::Injection* due = edits_->next(since))
         note(submit(*due, &MirrorClient::submitEdit), "--edit " + due->text);
-    while (const Injections::Injection* due = events_.next(since))
+    while (const Injections::Injection* due = events_->next(since))
         note(submit(*due, &MirrorClient::submitEvent), "--set " + due->text);
     sendDue(client, takenBack_, nextTakenBack_, since);
     takeVerdicts(client);
@@ -121,18 +128,17 @@ void Requests::takeVerdicts(MirrorClient& client) {
     for (const MirrorVerdict& verdict : client.takeVerdicts()) {
         const auto asked = asked_.extract(verdict.request);
         const std::string text = asked ? asked.mapped() : fmt::format("request {}", verdict.request);
-        if (!verdict.kept.empty())
-            tellError("{}\n", terminalText(fmt::format("{}: left as it is: {}", text, verdict.kept)));
+        if (!verdict.kept.empty()) context_.note(fmt::format("{}: left as it is: {}", text, verdict.kept));
         ++(verdict.refusal.empty() ? accepted : refused);
-        if (!verdict.refusal.empty()) printError(fmt::format("{}: refused: {}", text, verdict.refusal));
+        if (!verdict.refusal.empty()) context_.report(failed(text, "refused: " + verdict.refusal));
     }
 }
 
 std::string Requests::firstUnsent() const {
     if (nextLock_ < locks_.size()) return locks_[nextLock_].text;
-    if (const Injections::Injection* edit = edits_.waiting()) return "--edit " + edit->text;
-    if (const Injections::Injection* event = events_.waiting()) return "--set " + event->text;
+    if (const Injections::Injection* edit = edits_->waiting()) return "--edit " + edit->text;
+    if (const Injections::Injection* event = events_->waiting()) return "--set " + event->text;
     return nextTakenBack_ < takenBack_.size() ? takenBack_[nextTakenBack_].text : std::string();
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,5 +1,5 @@
-// The one loop in which all verbs run a scene file.
-#include "running_scene.h"
+// The one loop in which scene files run.
+#include <rtsg/session/running_scene.h>
 
 #include <algorithm>
 #include <chrono>
@@ -14,12 +14,14 @@
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/load_scene.h>
+#include <rtsg/session/moments.h>
 #include <rtsg/sync/scene_file.h>
 
-#include "extensions.h"
-#include "outputs.h"
+#include "run/followed_file.h"
+#include "run/injections.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 std::uint64_t Pace::frames() const {
     return static_cast<std::uint64_t>(std::ceil(seconds * framesPerSecond - 1e-9)) + 1;
@@ -29,15 +31,16 @@ double Pace::timeOf(std::uint64_t frame) const {
     return std::min(seconds, static_cast<double>(frame) / framesPerSecond);
 }
 
-RunningScene::RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start)
+RunningScene::RunningScene(std::string file, Resources resources, SceneStart start, SessionContext context)
     : file_(std::move(file)),
-      resources_(arguments.ofFile(file_)),
-      clip_(start.clip),
-      start_(start.seconds()),
-      startWasGiven_(!start.at.empty()),
+      resources_(std::move(resources)),
+      context_(context),
+      clip_(std::move(start.clip)),
+      start_(start.time),
+      startWasGiven_(start.isGiven),
       inlineDiagnostics_(file_),
-      world_(scene_, resources_) {
-    tellOfFailuresInTheEnd(scene_);
+      world_(scene_, resources_, context_) {
+    reportFailuresAtTheEnd(scene_);
 }
 
 RunningScene::~RunningScene() {
@@ -48,24 +51,36 @@ RunningScene::~RunningScene() {
     const auto& all = scene_.diagnostics().all();
     Diagnostics last;
     for (std::size_t i = told; i < all.size(); ++i) last.add(all[i]);
-    print(last);
+    context_.report(last);
 }
 
-void RunningScene::followEdits() {
-    if (file_ == "-") throw UsageError("--reload", "standard input is read once");
-    if (isWebAddress(file_)) throw UsageError("--reload", "edits of a file on the network cannot be noticed");
-    if (isSceneFile(file_)) throw UsageError("--reload", "documents can be followed, and " + file_ + " is a state");
+Result<> RunningScene::followEdits() {
+    if (file_ == "-") return fail(kUsageCode, "--reload: standard input is read once");
+    if (isWebAddress(file_)) return fail(kUsageCode, "--reload: edits of a file on the network cannot be noticed");
+    if (isSceneFile(file_))
+        return fail(kUsageCode, "--reload: documents can be followed, and " + file_ + " is a state");
     followsEdits_ = true;
+    return {};
+}
+
+bool RunningScene::isEdited() {
+    return followed_ && followed_->isEdited();
 }
 
 bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
-    if (!app::load(scene_, file_, diagnostics, resources_, clip_)) return false;
-    if (followsEdits_) followed_ = std::make_unique<FollowedFile>(scene_, file_, resources_, clip_);
+    const bool isUsable = loadScene(scene_, file_, diagnostics, resources_, context_, clip_);
+    errors_ = diagnostics.errors();
+    if (!isUsable) return false;
+    if (followsEdits_) followed_ = std::make_unique<FollowedFile>(scene_, file_, resources_, clip_, context_);
     // A scene file or a log begins with a state at its own time, from which the scene cannot go back.
     if (startWasGiven_ && scene_.now() > start_) {
-        printError(fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now())));
+        context_.report(
+            {Severity::error,
+             {},
+             {},
+             fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now()))});
         return false;
     }
     start_ = std::max(start_, scene_.now());
@@ -75,9 +90,9 @@ bool RunningScene::load() {
 
 Result<ResumedSession> RunningScene::resume(const std::string& log) {
     ResumeOptions options;
-    options.progress = progressBar("reading " + log);
+    options.progress = context_.progress("reading " + log);
     runScripts(scene_);
-    extensions().registerWith(scene_);
+    context_.extensions().registerWith(scene_);
     auto session = resumeSession(log, scene_, options);
     if (!session) return session;
     if (WebFetcher* fetcher = webFetcher(resources_)) keepFetchedFiles(scene_, *fetcher);
@@ -104,7 +119,7 @@ void RunningScene::followInlines() {
     // Whoever joins finds what the scene names at its beginning.
     constexpr auto kLook = std::chrono::milliseconds(10);
     const WebFetcher* const fetcher = webFetcher(resources_);
-    while (fetcher && fetcher->settings().inBackground && inlines_->fetchAhead() && !interrupted())
+    while (fetcher && fetcher->settings().inBackground && inlines_->fetchAhead() && !context_.interrupted())
         std::this_thread::sleep_for(kLook);
     if (fetched_) fetched_->publish(scene_);
     queries_ = std::make_unique<WorldQueries>([this]() -> SharedWorld& { return world().get(); }, resources_);
@@ -112,7 +127,7 @@ void RunningScene::followInlines() {
     scene_.setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(scene_);
     network_ = std::make_unique<DisNetwork>(scene_, DisOptions{.allowed = allowedAddresses_});
-    subscribers_ = attachSubscribers(scene_);
+    subscribers_ = attachSubscribers(scene_, context_);
 }
 
 void RunningScene::measureAllTexts() {
@@ -123,7 +138,7 @@ Result<> RunningScene::inject(const std::vector<std::string>& events, double end
     auto parsed = Injections::parse(scene_, events);
     if (!parsed) return std::unexpected(parsed.error());
     if (auto ok = parsed->checkWithin(end); !ok) return ok;
-    injections_ = std::move(*parsed);
+    injections_ = std::make_unique<Injections>(std::move(*parsed));
     return {};
 }
 
@@ -137,7 +152,7 @@ std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     time_ = t;
     if (isEdited()) followed_->follow();
     if (before_) before_(t);
-    injections_.sendUntil(t, start_);
+    if (injections_) injections_->sendUntil(t, start_, context_);
     network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);
     const std::size_t loaded = inlines_->update(), fetched = fetched_ ? fetched_->publish(scene_) : 0;
@@ -148,7 +163,7 @@ std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
 
 void RunningScene::runTo(double seconds) {
     const Pace pace{seconds};
-    const Progress progress = progressBar("running " + file_);
+    const Progress progress = context_.progress("running " + file_);
     const std::uint64_t frames = pace.frames();
     for (std::uint64_t k = 0; k < frames; ++k) {
         if (const double t = pace.timeOf(k); t >= time_) frame(t);
@@ -160,7 +175,7 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
                                 const std::function<bool(std::uint64_t, const ChangeSet&)>& after) {
     const std::uint64_t frames = pace.frames();
     auto start = std::chrono::steady_clock::now();
-    const Progress progress = progressBar(label);
+    const Progress progress = context_.progress(label);
     std::uint64_t done = 0;
     for (bool goOn = true; goOn && done < frames; ++done) {
         const double t = pace.timeOf(done);
@@ -174,11 +189,11 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
     return done;
 }
 
-void RunningScene::printDiagnostics(std::string_view said) {
-    print(inlineDiagnostics_);
-    noteDamage(file_, inlineDiagnostics_.errors());
-    if (followed_ && followed_->isBehind()) noteLeftOut();
-    print(scene_.diagnostics(), said);
+void RunningScene::reportDiagnostics(std::string_view known) {
+    context_.report(inlineDiagnostics_);
+    context_.damaged(file_, errors_ + inlineDiagnostics_.errors());
+    if (followed_ && followed_->isBehind()) context_.leftOut();
+    context_.report(scene_.diagnostics(), known);
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,9 +1,7 @@
 // Makes the world of a scene when it is first asked for.
-#include "world_on_demand.h"
+#include <rtsg/session/world_on_demand.h>
 
-#include "extensions.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 SharedWorld::Options worldOptions(const Resources& resources) {
     SharedWorld::Options options;
@@ -25,9 +23,9 @@ std::optional<Flattener::Cuts> WorldOnDemand::cuts() const {
 SharedWorld& WorldOnDemand::get() {
     if (!world_) {
         world_ = std::make_unique<SharedWorld>(scene_, options_);
-        extensions().registerWith(*world_);
+        context_.extensions().registerWith(*world_);
     }
     return *world_;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

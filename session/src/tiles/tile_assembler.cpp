@@ -1,5 +1,5 @@
 // Hands out tiles of live pictures, and joins what comes back.
-#include "tile_assembler.h"
+#include <rtsg/session/tile_assembler.h>
 
 #include <poll.h>
 
@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -236,4 +236,4 @@ void TileAssembler::giveUp() {
     });
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,5 +1,5 @@
 // Sends and reads messages over TCP for tiles of live pictures.
-#include "tile_link.h"
+#include <rtsg/session/tile_link.h>
 
 #include <arpa/inet.h>
 #include <netdb.h>
@@ -16,7 +16,7 @@
 
 #include <fmt/format.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -181,4 +181,4 @@ std::optional<TileLink> TileDoor::accept() {
     return TileLink(descriptor);
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

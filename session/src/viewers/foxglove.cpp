@@ -1,11 +1,9 @@
 // Joins what is told of a scene with the server for live viewers.
-#include "foxglove.h"
+#include <rtsg/session/foxglove.h>
 
 #include <algorithm>
 
-#include "say.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -33,12 +31,6 @@ class Viewers final : public MessageSink {
 
 }  // namespace
 
-void FoxgloveArguments::addTo(Command& command) {
-    command.addOption("--foxglove", listen,
-                      "PORT on loopback, or ADDRESS:PORT: the scene live for Foxglove and Lichtblick, /tf, /scene and "
-                      "--fields; 0 picks a port");
-}
-
 std::vector<std::string> fieldsIn(const std::vector<std::string>& texts) {
     std::vector<std::string> parts;
     for (const std::string& text : texts)
@@ -50,12 +42,13 @@ std::vector<std::string> fieldsIn(const std::vector<std::string>& texts) {
     return parts;
 }
 
-Result<Foxglove> Foxglove::start(const FoxgloveArguments& arguments, const std::vector<std::string>& fields,
-                                 WorldOnDemand& world, const Settings& settings) {
+Result<Foxglove> Foxglove::start(const std::string& listen, const std::vector<std::string>& fields,
+                                 WorldOnDemand& world, const Settings& settings, const SessionContext& context) {
     Foxglove foxglove;
-    if (!arguments.wanted()) return foxglove;
+    foxglove.context_ = context;
+    if (listen.empty()) return foxglove;
     FoxgloveOptions options;
-    options.listen = arguments.listen;
+    options.listen = listen;
     options.insecure = settings.insecure;
     options.call = settings.call;
     const auto failed = [](const Diagnostic& why) { return fail(why.code, "--foxglove " + why.text); };
@@ -66,7 +59,7 @@ Result<Foxglove> Foxglove::start(const FoxgloveArguments& arguments, const std::
     auto messages = SceneMessages::attach(world.get(), *foxglove.sink_, fieldsIn(fields));
     if (!messages) return failed(messages.error());
     foxglove.messages_ = std::move(*messages);
-    say("live for viewers at " + foxglove.address());
+    context.note("live for viewers at " + foxglove.address());
     return foxglove;
 }
 
@@ -79,7 +72,7 @@ void Foxglove::after() {
     server_->service();
     (void)messages_->offer();  // a server takes everything
     if (const double now = messages_->time(); now != told_) server_->tellTime(told_ = now);
-    for (const Diagnostic& d : server_->takeDiagnostics()) say(d);
+    for (const Diagnostic& d : server_->takeDiagnostics()) context_.report(d);
 }
 
 Result<> Foxglove::end() {
@@ -91,4 +84,4 @@ Result<> Foxglove::end() {
     return fail("--foxglove: " + failure);
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

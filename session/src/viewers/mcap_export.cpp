@@ -1,7 +1,7 @@
 // Writes the messages of a scene into an MCAP file.
-#include "mcap_export.h"
+#include <rtsg/session/mcap_export.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 class McapExport::Sink final : public MessageSink {
   public:
@@ -39,4 +39,4 @@ Result<> McapExport::finish() {
     return writer_->close();
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

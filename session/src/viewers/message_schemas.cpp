@@ -1,12 +1,12 @@
 // The JSON Schemas of the topics for viewers.
-#include "message_schemas.h"
+#include "viewers/message_schemas.h"
 
 #include <initializer_list>
 #include <utility>
 
 #include <fmt/format.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -34,14 +34,14 @@ std::string vector(const char* title) {
 std::string quaternion() {
     return object("foxglove.Quaternion", {{"x", kNumber}, {"y", kNumber}, {"z", kNumber}, {"w", kNumber}});
 }
-std::string pose() {
+std::string poseSchema() {
     return object("foxglove.Pose", {{"position", vector("foxglove.Vector3")}, {"orientation", quaternion()}});
 }
 std::string color() {
     return object("foxglove.Color", {{"r", kNumber}, {"g", kNumber}, {"b", kNumber}, {"a", kNumber}});
 }
 std::string solid(const char* title) {
-    return object(title, {{"pose", pose()}, {"size", vector("foxglove.Vector3")}, {"color", color()}});
+    return object(title, {{"pose", poseSchema()}, {"size", vector("foxglove.Vector3")}, {"color", color()}});
 }
 
 }  // namespace
@@ -58,13 +58,13 @@ std::string frameTransformsSchema() {
 std::string sceneUpdateSchema() {
     const std::string deletion =
         object("foxglove.SceneEntityDeletion", {{"timestamp", moment("time")}, {"type", kInteger}, {"id", kText}});
-    const std::string cylinder = object("foxglove.CylinderPrimitive", {{"pose", pose()},
+    const std::string cylinder = object("foxglove.CylinderPrimitive", {{"pose", poseSchema()},
                                                                        {"size", vector("foxglove.Vector3")},
                                                                        {"bottom_scale", kNumber},
                                                                        {"top_scale", kNumber},
                                                                        {"color", color()}});
     const std::string triangles =
-        object("foxglove.TriangleListPrimitive", {{"pose", pose()},
+        object("foxglove.TriangleListPrimitive", {{"pose", poseSchema()},
                                                   {"points", arrayOf(vector("foxglove.Point3"))},
                                                   {"color", color()},
                                                   {"colors", arrayOf(color())},
@@ -120,4 +120,4 @@ std::string fieldSchema(FieldType type) {
     return object(title.c_str(), {{"timestamp", moment("time")}, {"value", one}});
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -6,7 +6,7 @@
 
 #include <rtsg/core/value.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// foxglove.FrameTransforms
 std::string frameTransformsSchema();
@@ -17,4 +17,4 @@ std::string changesSchema();
 /// {"timestamp":…,"value":…}, as far as viewers can plot values of this type.
 std::string fieldSchema(FieldType type);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

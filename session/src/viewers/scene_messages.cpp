@@ -1,5 +1,5 @@
 // Describes a scene as messages: frames, shapes, changes and fields, for viewers of robots' recordings.
-#include "scene_messages.h"
+#include <rtsg/session/scene_messages.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,11 +13,11 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
+#include <rtsg/session/labels.h>
 
-#include "labels.h"
-#include "message_schemas.h"
+#include "viewers/message_schemas.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -545,4 +545,4 @@ void SceneMessages::detach() {
     impl_->world.remove(*impl_);
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

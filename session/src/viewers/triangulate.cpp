@@ -1,5 +1,5 @@
 // Replaces the geometry nodes of a document by their triangles.
-#include "triangulate.h"
+#include <rtsg/session/triangulate.h>
 
 #include <string>
 #include <unordered_set>

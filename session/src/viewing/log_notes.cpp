@@ -1,5 +1,5 @@
 // Plays a log aside, and notes inputs from outside, damage, and the changes of a field.
-#include "log_notes.h"
+#include "viewing/log_notes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,12 +10,11 @@
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/session/moments.h>
+#include <rtsg/session/replay_tests.h>
 #include <rtsg/sync/blame.h>
 
-#include "replay_test.h"
-#include "start_time.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -173,4 +172,4 @@ std::vector<SceneWindowStatus::Line> LogNotes::history() const {
     return history_;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -14,7 +14,7 @@
 
 #include <rtsg/window/scene_window.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 class LogNotes {
   public:
@@ -44,4 +44,4 @@ class LogNotes {
     std::thread marking_, asking_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,4 +1,4 @@
-// `rtsg view` of a log: plays its states or jumps among them, with the viewer's own eye.
+// A view of a log: plays its states or jumps among them, with the viewer's own eye.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,34 +7,34 @@
 #include <fmt/format.h>
 
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/load_scene.h>
 #include <rtsg/sync/log_player.h>
 #include <rtsg/window/own_eye.h>
 
-#include "extensions.h"
-#include "log_notes.h"
-#include "view_source.h"
+#include "viewing/log_notes.h"
+#include "viewing/open_sources.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
 class LogSource final : public ViewSource {
   public:
-    explicit LogSource(const ViewSourceArguments& arguments)
-        : file_(arguments.name), resources_(arguments.resources.ofReplica()), notes_(file_) {}
+    explicit LogSource(const ViewSourceOptions& options)
+        : file_(options.name), resources_(options.resources), context_(options.context), notes_(file_) {}
     Result<> open() {
         auto player = LogPlayer::open(file_);
         if (!player) return std::unexpected(player.error());
         player_ = std::move(*player);
         runScripts(scene());
-        extensions().registerWith(scene());
+        context_.extensions().registerWith(scene());
         scene().setScriptResources(std::make_shared<const Resources>(resources_));
         fetches_.emplace(scene(), resources_);
         if (OwnScene::isNeeded(scene())) {
             own_.emplace(scene());
-            extensions().registerWith(own_->scene());
+            context_.extensions().registerWith(own_->scene());
         }
-        world_.emplace(own_ ? own_->scene() : scene(), resources_);
+        world_.emplace(own_ ? own_->scene() : scene(), resources_, context_);
         eye_.emplace(world_->get(), own_ ? &*own_ : nullptr);
         return {};
     }
@@ -45,7 +45,7 @@ class LogSource final : public ViewSource {
     /// The eye goes on where the log stands still.
     bool advance(double t, bool) override {
         const double seconds = t - std::exchange(time_, t);
-        if (auto ok = player_->advance(seconds); !ok) printError(ok.error());
+        if (auto ok = player_->advance(seconds); !ok) context_.report(ok.error());
         eye_->advance(t);
         return true;
     }
@@ -131,6 +131,7 @@ class LogSource final : public ViewSource {
 
     const std::string file_;
     const Resources resources_;
+    const SessionContext context_;
     std::optional<FollowedFetches> fetches_;
     std::unique_ptr<LogPlayer> player_;
     std::optional<OwnScene> own_;  // as this eye sees it; none where that makes no difference
@@ -142,10 +143,10 @@ class LogSource final : public ViewSource {
 
 }  // namespace
 
-Result<std::unique_ptr<ViewSource>> openLog(const ViewSourceArguments& arguments) {
-    auto source = std::make_unique<LogSource>(arguments);
+Result<std::unique_ptr<ViewSource>> openLog(const ViewSourceOptions& options) {
+    auto source = std::make_unique<LogSource>(options);
     if (auto ok = source->open(); !ok) return std::unexpected(ok.error());
     return source;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

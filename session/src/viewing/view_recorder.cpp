@@ -1,5 +1,5 @@
 // Writes logs and films of the scene in a window.
-#include "view_recorder.h"
+#include <rtsg/session/view_recorder.h>
 
 #include <algorithm>
 #include <cmath>
@@ -7,12 +7,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/terminal.h>
-
-#include "cli.h"
-#include "say.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -26,8 +21,8 @@ std::string freeName(std::string_view extension) {
     }
 }
 
-void say(const std::string& file, std::string_view what) {
-    tellError("{}: note: {}\n", terminalText(file), what);
+std::string said(const std::string& file, std::string_view what) {
+    return fmt::format("{}: note: {}", file, what);
 }
 
 /// Scales a picture to the film's size, with interpolation.
@@ -129,29 +124,29 @@ ViewRecorder::~ViewRecorder() {
 void ViewRecorder::toggleLog(Scene& scene) {
     if (log_) {
         const Result<> done = std::exchange(log_, nullptr)->stop();
-        done ? say(logFile_, "log written") : static_cast<void>(printError(done.error()));
+        done ? context_.note(said(logFile_, "log written")) : static_cast<void>(context_.report(done.error()));
         return;
     }
     logFile_ = freeName(".rlog");
     auto log = LogRecorder::start(scene, logFile_);
-    if (!log) return static_cast<void>(printError(log.error()));
+    if (!log) return static_cast<void>(context_.report(log.error()));
     log_ = std::move(*log);
-    say(logFile_, "log begun");
+    context_.note(said(logFile_, "log begun"));
 }
 
 void ViewRecorder::toggleFilm(const SceneWindow& window, double seconds) {
     if (film_) {
         const Result<> done = std::exchange(film_, nullptr)->finish(seconds - begun_);
-        done ? say(filmFile_, "film written") : static_cast<void>(printError(done.error()));
+        done ? context_.note(said(filmFile_, "film written")) : static_cast<void>(context_.report(done.error()));
         return;
     }
     filmFile_ = freeName(".mp4");
     const auto [width, height] = window.size();
     auto film = WindowFilm::start(filmFile_, width, height);
-    if (!film) return static_cast<void>(printError(film.error()));
+    if (!film) return static_cast<void>(context_.report(film.error()));
     film_ = std::move(*film);
     begun_ = seconds;
-    say(filmFile_, "film begun");
+    context_.note(said(filmFile_, "film begun"));
 }
 
 void ViewRecorder::show(const SceneWindow& window, double seconds) {
@@ -173,4 +168,4 @@ Result<> ViewRecorder::finish() {
     return result;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,4 +1,4 @@
-// `rtsg view` of a served scene: a replica, with the viewer's own eye.
+// A view of a served scene: a replica, with the viewer's own eye.
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
@@ -11,19 +11,17 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
+#include <rtsg/nats/mirror_origin.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/session/load_scene.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/window/own_eye.h>
 
-#include "extensions.h"
-#include "nats.h"
-#include "say.h"
-#include "view_source.h"
+#include "viewing/open_sources.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
@@ -90,23 +88,23 @@ class ConnectionWaiter {
 /// Pointers and keys reach the origin, if it lets them.
 class ServedSource final : public ViewSource {
   public:
-    explicit ServedSource(const ViewSourceArguments& arguments)
-        : patience_(parseSeconds(arguments.patience)), resources_(arguments.resources.ofReplica()) {}
-    Result<> open(const ViewSourceArguments& arguments) {
+    explicit ServedSource(const ViewSourceOptions& options)
+        : patience_(options.patience), resources_(options.resources), context_(options.context) {}
+    Result<> open(const ViewSourceOptions& from) {
         registerDocuments(replica_);
         runScripts(replica_);
-        extensions().registerWith(replica_);
+        context_.extensions().registerWith(replica_);
         replica_.setScriptResources(std::make_shared<const Resources>(resources_));
         fetches_.emplace(replica_, resources_);
         MirrorClientOptions options;
-        options.name = arguments.author;
-        if (!arguments.key.empty()) {
-            auto keys = MirrorKeys::load(arguments.key);
+        options.name = from.author;
+        if (!from.key.empty()) {
+            auto keys = MirrorKeys::load(from.key);
             if (!keys) return std::unexpected(keys.error());
             options.keys = std::move(*keys);
         }
         auto origin =
-            MirrorOrigin::open(arguments.name, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience_)));
+            MirrorOrigin::open(from.name, std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * patience_)));
         if (!origin) return std::unexpected(origin.error());
         origin_.emplace(std::move(*origin));
         endpoint_ = origin_->shown();
@@ -116,15 +114,15 @@ class ServedSource final : public ViewSource {
         client_ = std::move(*client);
         while (client_->statistics().frames == 0) {
             client_->poll(std::chrono::milliseconds(50));
-            if (interrupted()) return fail("interrupted", {}, endpoint_);
+            if (context_.interrupted()) return fail("interrupted", {}, endpoint_);
             if (!client_->refusal().empty()) return fail(fmt::format("refused: {}", client_->refusal()), {}, endpoint_);
             if (silence() > patience_) return fail(fmt::format("no server for {} s", patience_), {}, endpoint_);
         }
         if (OwnScene::isNeeded(replica_)) {
             own_.emplace(replica_);
-            extensions().registerWith(own_->scene());
+            context_.extensions().registerWith(own_->scene());
         }
-        world_.emplace(own_ ? own_->scene() : replica_, resources_);
+        world_.emplace(own_ ? own_->scene() : replica_, resources_, context_);
         eye_.emplace(world_->get(), own_ ? &*own_ : nullptr);
         return {};
     }
@@ -135,11 +133,11 @@ class ServedSource final : public ViewSource {
     bool advance(double t, bool) override {
         client_->poll(std::chrono::milliseconds(0));
         for (const Diagnostic& d : client_->takeDiagnostics())
-            if (d.severity != Severity::note) tellError("{}\n", terminalText(d.format()));
-        printNews(*origin_);
+            if (d.severity != Severity::note) context_.report(d);
+        for (const Diagnostic& d : origin_->takeDiagnostics()) context_.report(d);
         for (const MirrorVerdict& verdict : client_->takeVerdicts()) {
             if (verdict.refusal.empty() || !std::exchange(mayAct_, false)) continue;
-            tellError("note: the scene is for looking: {}\n", terminalText(verdict.refusal));
+            context_.note("note: the scene is for looking: " + verdict.refusal);
         }
         eye_->advance(t);
         if (!client_->originLost()) heard_ = Clock::now();
@@ -207,6 +205,7 @@ class ServedSource final : public ViewSource {
     std::string endpoint_;  // for messages
     const double patience_;
     const Resources resources_;
+    const SessionContext context_;
     std::optional<FollowedFetches> fetches_;
     Scene replica_;
     std::optional<MirrorOrigin> origin_;
@@ -222,10 +221,10 @@ class ServedSource final : public ViewSource {
 
 }  // namespace
 
-Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceArguments& arguments) {
-    auto source = std::make_unique<ServedSource>(arguments);
-    if (auto ok = source->open(arguments); !ok) return std::unexpected(ok.error());
+Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceOptions& options) {
+    auto source = std::make_unique<ServedSource>(options);
+    if (auto ok = source->open(options); !ok) return std::unexpected(ok.error());
     return source;
 }
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,26 +1,27 @@
-// Opens the source of `rtsg view` by its name, and implements the scene that runs here.
-#include "view_source.h"
+// Opens what people look at, and implements the scene that runs here.
+#include <rtsg/session/view_source.h>
 
 #include <limits>
 #include <utility>
 
-#include <rtsg/core/web_address.h>
+#include "viewing/open_sources.h"
 
-namespace rtsg::app {
+namespace rtsg {
 
 namespace {
 
 /// A file that runs here.
 class RunningSource final : public ViewSource {
   public:
-    explicit RunningSource(const ViewSourceArguments& arguments)
-        : running_(arguments.name, inBackground(arguments.resources), arguments.start) {
-        running_.allowNetwork(arguments.network);
-        if (arguments.reload) running_.followEdits();
+    explicit RunningSource(const ViewSourceOptions& options)
+        : running_(options.name, options.resources, options.start, options.context) {
+        running_.allowNetwork(options.addresses);
     }
-    Result<> open(const ViewSourceArguments& arguments) {
-        if (!running_.load()) return fail("nothing to see", {}, arguments.name);
-        if (auto ok = running_.inject(arguments.set, 1e9); !ok) return ok;
+    Result<> open(const ViewSourceOptions& options) {
+        if (options.reload)
+            if (auto ok = running_.followEdits(); !ok) return ok;
+        if (!running_.load()) return fail("nothing to see", {}, options.name);
+        if (auto ok = running_.inject(options.set, 1e9); !ok) return ok;
         running_.frame(0);
         return {};
     }
@@ -57,44 +58,31 @@ class RunningSource final : public ViewSource {
         return {};
     }
     Result<> finish() override {
-        running_.printDiagnostics();
+        running_.reportDiagnostics();
         return {};
     }
 
   private:
-    /// A window does not stand still while something comes.
-    static ResourceArguments inBackground(ResourceArguments resources) {
-        resources.inBackground = true;
-        return resources;
-    }
-
     RunningScene running_;
     bool isPaused_ = false;
     double last_ = 0, stood_ = 0;  // seconds
 };
 
-Result<std::unique_ptr<ViewSource>> openRunning(const ViewSourceArguments& arguments) {
-    auto source = std::make_unique<RunningSource>(arguments);
-    if (auto ok = source->open(arguments); !ok) return std::unexpected(ok.error());
+Result<std::unique_ptr<ViewSource>> openRunning(const ViewSourceOptions& options) {
+    auto source = std::make_unique<RunningSource>(options);
+    if (auto ok = source->open(options); !ok) return std::unexpected(ok.error());
     return source;
-}
-
-bool isEndpoint(const std::string& name) {
-    return name.find("://") != std::string::npos && !name.starts_with("file:") && !isWebAddress(name);
 }
 
 }  // namespace
 
-bool isSceneFile(const std::string& name) {
-    return !isEndpoint(name) && !isLogOrNamedSo(name);
+Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceOptions& options) {
+    using Kind = ViewSourceOptions::Kind;
+    const bool isHere = options.kind == Kind::scene;
+    if (!isHere && !options.set.empty()) return fail("--set goes with a scene's file", {}, options.name);
+    if (!isHere && options.reload) return fail("--reload is for a scene's file", {}, options.name);
+    if (options.kind == Kind::served) return openServed(options);
+    return isHere ? openRunning(options) : openLog(options);
 }
 
-Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments) {
-    const bool isHere = isSceneFile(arguments.name);
-    if (!isHere && !arguments.set.empty()) return fail("--set goes with a scene's file", {}, arguments.name);
-    if (!isHere && arguments.reload) return fail("--reload is for a scene's file", {}, arguments.name);
-    if (isEndpoint(arguments.name)) return openServed(arguments);
-    return isHere ? openRunning(arguments) : openLog(arguments);
-}
-
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -12,8 +12,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/shared_world.h>
-
-#include "export/triangulate.h"
+#include <rtsg/session/triangulate.h>
 
 namespace rtsg {
 namespace {

@@ -1,4 +1,4 @@
-// --foxglove: the scene of a verb for live viewers, as Foxglove and Lichtblick are.
+// Foxglove: a scene for live viewers, as Foxglove and Lichtblick are.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -8,18 +8,10 @@
 #include <vector>
 
 #include <rtsg/feeds/foxglove_server.h>
+#include <rtsg/session/scene_messages.h>
+#include <rtsg/session/world_on_demand.h>
 
-#include "command.h"
-#include "export/scene_messages.h"
-#include "world_on_demand.h"
-
-namespace rtsg::app {
-
-struct FoxgloveArguments {
-    std::string listen;
-    void addTo(Command& command);
-    bool wanted() const { return !listen.empty(); }
-};
+namespace rtsg {
 
 class Foxglove {
   public:
@@ -27,12 +19,13 @@ class Foxglove {
         bool insecure = false;  // addresses that others reach are allowed
         int call = -1;          // eventfd, written when a viewer asks for something
     };
-    /// Begins to serve, if that was asked for: the scene and its `fields`, from the world's present state on.
-    static Result<Foxglove> start(const FoxgloveArguments& arguments, const std::vector<std::string>& fields,
-                                  WorldOnDemand& world, const Settings& settings);
+    /// Begins to serve at `listen`, PORT on loopback or ADDRESS:PORT; not if that is empty: the scene and its `fields`
+    /// ("DOOR.rotation,BOX.*"), from the world's present state on.
+    static Result<Foxglove> start(const std::string& listen, const std::vector<std::string>& fields,
+                                  WorldOnDemand& world, const Settings& settings, const SessionContext& context);
     /// Call it before a frame, which then tells viewers what they have asked for; nothing is done if nobody is served.
     void before();
-    /// Call it after a frame. What was refused is printed.
+    /// Call it after a frame. What was refused is reported.
     void after();
     /// "ws://127.0.0.1:8765"; empty if nobody is served.
     std::string address() const { return server_ ? server_->address() : std::string(); }
@@ -43,6 +36,7 @@ class Foxglove {
     Result<> end();
 
   private:
+    SessionContext context_;
     std::unique_ptr<FoxgloveServer> server_;
     std::unique_ptr<MessageSink> sink_;
     std::unique_ptr<SceneMessages> messages_;  // goes first
@@ -52,4 +46,4 @@ class Foxglove {
 /// "DOOR.rotation,BOX.*" as its parts.
 std::vector<std::string> fieldsIn(const std::vector<std::string>& texts);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,4 +1,4 @@
-// --metrics-port: the figures that a long-running verb shows of itself, for Prometheus and `rtsg top`.
+// Health: the figures that a long session shows of itself, for Prometheus and `rtsg top`.
 //
 // Threading: the scene's thread notes figures; they are read on the server's.
 #pragma once
@@ -9,20 +9,19 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rtsg/feeds/metrics_server.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
-#include "command.h"
-#include "feeds.h"
+namespace rtsg {
 
-namespace rtsg::app {
-
-struct MetricsArguments {
-    std::string listen;
-    void addTo(Command& command);
+/// What a feed or publisher has counted: lines, events and what was left out.
+struct EndpointCounts {
+    std::string endpoint;
+    std::vector<std::pair<std::string, std::uint64_t>> counts;
 };
 
 class Health {
@@ -32,8 +31,8 @@ class Health {
     Health(const Health&) = delete;
     Health& operator=(const Health&) = delete;
 
-    /// Begins to serve, if that was asked for.
-    Result<> start(const MetricsArguments& arguments, bool insecure);
+    /// Begins to serve at a PORT on loopback, or ADDRESS:PORT; not if that is empty. `insecure`: others may reach it.
+    Result<> start(const std::string& listen, bool insecure);
     bool serves() const { return server_ != nullptr; }
     /// "127.0.0.1:9100"; empty if nobody is served.
     std::string address() const { return server_ ? server_->address() : std::string(); }
@@ -41,7 +40,7 @@ class Health {
     /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
     void noteServer(const MirrorServer& server);
-    void noteFeeds(const Feeds& feeds);
+    void noteFeeds(std::vector<EndpointCounts> counts);
     void noteLog(std::uint64_t bytes);
     void noteMirror(const MirrorStatistics& mirror);
 
@@ -57,8 +56,8 @@ class Health {
     std::uint64_t state_ = 0, logBytes_ = 0;
     std::optional<MirrorServerStatistics> peers_;
     std::optional<MirrorStatistics> mirror_;
-    std::vector<Feeds::NamedCounts> feeds_;
+    std::vector<EndpointCounts> feeds_;
     std::unique_ptr<MetricsServer> server_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "output_arguments.h"
+#include <rtsg/session/output_options.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 struct JoinedSound {
     SoundBuffer sound;  // not yet scaled to the range of a file
@@ -23,4 +23,4 @@ struct JoinedSound {
 /// that ends between pictures, or within which another one begins.
 Result<JoinedSound> joinSound(const std::string& pattern, const PictureRange& range, double picturesPerSecond);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

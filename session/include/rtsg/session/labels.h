@@ -8,9 +8,9 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/scene.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// The node's DEF name, or # and its number. It is not escaped: for a terminal, pass it through terminalText().
 std::string nodeLabel(const Scene& scene, NodeId id);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -8,11 +8,10 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/session/scene_messages.h>
 #include <rtsg/sync/mcap.h>
 
-#include "scene_messages.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 class McapExport {
   public:
@@ -32,4 +31,4 @@ class McapExport {
     std::unique_ptr<SceneMessages> messages_;  // last: it uses the others
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -11,7 +11,7 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/renderers/shared_world.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// The account of the outputs that were made.
 struct OutputReport {
@@ -61,4 +61,4 @@ std::string missingError(double error, double unreached);
 /// Members ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -13,7 +13,7 @@
 #include <rtsg/renderers/picture.h>
 #include <rtsg/sync/replay_test.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// One thing that was compared.
 struct ReplayCheck {
@@ -43,4 +43,4 @@ struct ReplayOutcome {
 std::string replayPage(const ReplayOutcome& outcome);
 std::string junitXml(const ReplayOutcome& outcome);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,34 +1,39 @@
-// Requests: sends the requests of the user of `rtsg mirror` to the origin, at times since the replica joined.
+// Requests: sends the requests of the user of a mirror to the origin, at times since the replica joined.
 //
-// --set sends events, --edit changes fields, --undo and --redo take the user's edits back and do them again, --lock
+// `set` sends events, `edit` changes fields, `undo` and `redo` take the user's edits back and do them again, `lock`
 // reserves nodes. If several are due at one time, locks are sent first, then edits, events, undo and redo. Threading:
 // the replica's thread.
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include <rtsg/session/notices.h>
 #include <rtsg/sync/mirror_client.h>
 
-#include "injections.h"
+namespace rtsg {
 
-namespace rtsg::app {
+class Injections;
 
-struct RequestArguments {
+/// As the options of `rtsg mirror` of these names have them.
+struct RequestOptions {
     std::vector<std::string> set, edit, undo, redo, lock;
-    void addTo(Command& command);
 };
 
 class Requests {
   public:
-    explicit Requests(const RequestArguments& arguments) : arguments_(arguments) {}
+    Requests(RequestOptions options, SessionContext context);
+    ~Requests();
+    Requests(const Requests&) = delete;
+    Requests& operator=(const Requests&) = delete;
     /// Call it when there is a replica, so that names can be looked up. Errors name the option and what is wrong with
-    /// it.
+    /// it; kUsageCode: a moment, or a lease.
     Result<> parse(Scene& replica);
     /// Sends what is due `since` seconds after the replica joined; its clock is at `now`.
     void turn(MirrorClient& client, double since, double now);
-    /// Counts the answers. Reports requests that were refused, or only partly taken back, on standard error.
+    /// Counts the answers. Reports requests that were refused, or only partly taken back.
     void takeVerdicts(MirrorClient& client);
     /// True while verdicts are missing.
     bool open() const { return accepted + refused < sent; }
@@ -50,12 +55,13 @@ class Requests {
     /// `text` is the request with its option.
     void note(const Result<std::uint64_t>& request, std::string text);
 
-    const RequestArguments& arguments_;
-    Injections events_, edits_;
+    const RequestOptions options_;
+    const SessionContext context_;
+    std::unique_ptr<Injections> events_, edits_;
     std::vector<Timed> locks_, takenBack_;  // by time
     std::size_t nextLock_ = 0, nextTakenBack_ = 0;
     const Scene* replica_ = nullptr;
     std::map<std::uint64_t, std::string> asked_;  // requests without an answer
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,12 +1,13 @@
-// RunningScene: a scene file as a verb runs it, with what its urls may open, the Inlines that load and unload, the
-// events of --set, and all their diagnostics.
+// RunningScene: a scene file while it runs, with what its urls may open, the Inlines that load and unload, events with
+// their times, and all their diagnostics.
 //
-// Invariant: a frame is the same whichever verb runs it: due events, the cascade, then the Inlines that the cascade
+// Invariant: a frame is the same whoever runs it: due events, the cascade, then the Inlines that the cascade
 // asked for. When the call returns, their content is in the scene and with all subscribers. Times count from start(),
 // on the scene's own clock.
 // Threading: the scene's thread.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,16 +18,23 @@
 #include <rtsg/dis/dis_network.h>
 #include <rtsg/documents/scene_builder.h>
 #include <rtsg/physics/rigid_body_physics.h>
+#include <rtsg/session/notices.h>
+#include <rtsg/session/world_on_demand.h>
 #include <rtsg/sync/session.h>
 
-#include "cli.h"
-#include "extensions.h"
-#include "followed_file.h"
-#include "injections.h"
-#include "outputs.h"
-#include "start_time.h"
+namespace rtsg {
 
-namespace rtsg::app {
+class FetchedFiles;
+class FollowedFile;
+class Injections;
+class InlineLoader;
+
+/// The time of a scene's clock when it begins to run, and which of its animations plays.
+struct SceneStart {
+    double time = 946'684'800;  // seconds since 1970; 2000-01-01, the same in every run
+    bool isGiven = false;       // then a file that begins with a later state is an error
+    std::string clip;           // of a glTF file, by its name; else the first
+};
 
 /// How long to run, and at which frame rate.
 struct Pace {
@@ -40,31 +48,35 @@ struct Pace {
 
 class RunningScene {
   public:
-    /// Throws UsageError like ResourceArguments::ofFile() and StartTime::seconds().
-    RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
-    /// Ends the scene's programs, and prints the diagnostics of their shutdown().
+    /// How often a file is looked at whose edits are followed.
+    static constexpr std::chrono::milliseconds kLookEvery{100};
+
+    /// `file`: "-" is standard input. `resources`: what its urls may open.
+    RunningScene(std::string file, Resources resources, SceneStart start = {}, SessionContext context = {});
+    /// Ends the scene's programs, and reports the diagnostics of their shutdown().
     ~RunningScene();
     RunningScene(const RunningScene&) = delete;
     RunningScene& operator=(const RunningScene&) = delete;
 
     /// Call it before load(). Sets the addresses that DIS nodes may use; by default none.
-    void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
+    void allowNetwork(std::vector<std::string> addresses) { allowedAddresses_ = std::move(addresses); }
     /// Call it before load(). From now on the scene follows edits of its file, and of those that it inlines, at the
-    /// beginning of a frame. Throws UsageError for what is no document in a file.
-    void followEdits();
+    /// beginning of a frame. Error (kUsageCode): it is no document in a file.
+    Result<> followEdits();
     bool followsEdits() const { return followsEdits_; }
     /// Looks whether the file has been edited, so that a frame is due.
-    bool isEdited() { return followed_ && followed_->isEdited(); }
+    bool isEdited();
     /// Files from the network become part of the scene with their bytes, and so of logs and mirrors. Call it before
     /// load().
     void embedFetched() { embedsFetched_ = true; }
-    /// Reads the file and prints its diagnostics. Returns false if nothing in it was usable.
+    /// Reads the file and reports its diagnostics. Returns false if nothing in it was usable.
     bool load();
     /// Call it instead of load() to go on with the session in a log, after its last state. start() is then the log's.
     Result<ResumedSession> resume(const std::string& log);
     /// From now on all Texts are measured, not only those whose size something in the scene uses.
     void measureAllTexts();
-    /// --set. Call it after load(). `end` is how long the scene will run, in seconds.
+    /// Events with their times, as --set has them. Call it after load(). `end`: how long the scene will run, in
+    /// seconds.
     Result<> inject(const std::vector<std::string>& events, double end);
 
     const std::string& file() const { return file_; }
@@ -92,16 +104,18 @@ class RunningScene {
     std::uint64_t run(const Pace& pace, const std::string& label,
                       const std::function<bool(std::uint64_t, const ChangeSet&)>& after);
 
-    /// Prints the diagnostics since load(). `said` is a subscriber's failure that the verb reports itself.
-    void printDiagnostics(std::string_view said = {});
+    /// Reports the diagnostics since load(). `known` is a subscriber's failure that the caller reports itself.
+    void reportDiagnostics(std::string_view known = {});
 
   private:
     void followInlines();
 
     std::string file_;
     Resources resources_;
+    SessionContext context_;
     std::string clip_;
     double start_, time_ = 0;
+    std::size_t errors_ = 0;  // of the file, when it was loaded
     bool startWasGiven_, followsEdits_ = false, embedsFetched_ = false;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
@@ -113,9 +127,9 @@ class RunningScene {
     std::unique_ptr<RigidBodyPhysics> physics_;
     std::vector<std::string> allowedAddresses_;
     std::unique_ptr<DisNetwork> network_;
-    Injections injections_;
+    std::unique_ptr<Injections> injections_;
     std::function<void(double t)> before_;
     Extensions::Attached subscribers_;  // of plug-ins
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -24,7 +24,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/shared_world.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// Where messages go: a file, or live viewers.
 class MessageSink {
@@ -67,4 +67,4 @@ class SceneMessages {
     std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -16,10 +16,9 @@
 #include <vector>
 
 #include <rtsg/renderers/picture_tiles.h>
+#include <rtsg/session/tile_link.h>
 
-#include "tile_link.h"
-
-namespace rtsg::app {
+namespace rtsg {
 
 class TileAssembler {
   public:
@@ -107,4 +106,4 @@ class TileAssembler {
     std::vector<std::string> problems_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

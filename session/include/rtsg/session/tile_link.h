@@ -15,7 +15,7 @@
 
 #include <rtsg/core/diagnostic.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 class TileLink {
   public:
@@ -70,4 +70,4 @@ class TileDoor {
     std::string address_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

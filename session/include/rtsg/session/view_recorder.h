@@ -1,4 +1,4 @@
-// Writes a log of the scene and a film of its pictures while the window of `rtsg view` is open.
+// Writes a log of the scene and a film of its pictures while a window shows it.
 //
 // Both get the first free name, and are complete once they have been ended. Threading: the scene's thread; a film is
 // encoded on a thread of its own, and only its end waits for that.
@@ -12,10 +12,11 @@
 #include <thread>
 
 #include <rtsg/renderers/movie_writer.h>
+#include <rtsg/session/notices.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/window/scene_window.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// Shows each picture from when it came until the next one, thirty times a second.
 class WindowFilm {
@@ -48,6 +49,7 @@ class WindowFilm {
 
 class ViewRecorder {
   public:
+    explicit ViewRecorder(SessionContext context = {}) : context_(context) {}
     ~ViewRecorder();
     /// Begins a log, or ends the one that is being written; says so.
     void toggleLog(Scene& scene);
@@ -60,10 +62,11 @@ class ViewRecorder {
     Result<> finish();
 
   private:
+    const SessionContext context_;
     std::string logFile_, filmFile_;
     std::unique_ptr<LogRecorder> log_;
     std::unique_ptr<WindowFilm> film_;
     double begun_ = 0, now_ = 0;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg

@@ -1,4 +1,4 @@
-// ViewSource: whatever `rtsg view` shows: a scene that runs here, the replica of one that is served, or a log.
+// ViewSource: whatever people look at in a window: a scene that runs here, the replica of one that is served, or a log.
 //
 // Threading: the scene's thread.
 #pragma once
@@ -11,19 +11,22 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/session/running_scene.h>
 #include <rtsg/window/scene_window.h>
 
-#include "running_scene.h"
+namespace rtsg {
 
-namespace rtsg::app {
-
-struct ViewSourceArguments {
-    std::string name, key, author, patience = "5s";
-    std::vector<std::string> set;
-    bool reload = false;  // the file: its edits are followed
-    ResourceArguments resources;
-    StartTime start;
-    NetworkArguments network;
+struct ViewSourceOptions {
+    enum class Kind : std::uint8_t { scene, served, log } kind = Kind::scene;
+    std::string name;              // a file, an ENDPOINT or a log
+    std::string key, author;       // of a served scene: the file with the keys, and who acts there
+    double patience = 5;           // seconds without a server
+    std::vector<std::string> set;  // events with their times, for a scene's file
+    bool reload = false;           // the file: its edits are followed
+    Resources resources;           // what urls may open
+    SceneStart start;
+    std::vector<std::string> addresses;  // that DIS nodes may use
+    SessionContext context;
 };
 
 class ViewSource {
@@ -64,15 +67,11 @@ class ViewSource {
     virtual std::string status() const { return {}; }
     /// For the overlay.
     virtual void tell(SceneWindowStatus& status) { (void)status; }
-    /// At the end: prints the last messages; returns an error if something went wrong.
+    /// At the end: reports the last messages; returns an error if something went wrong.
     virtual Result<> finish() = 0;
 };
 
-/// It is neither an endpoint nor a log.
-bool isSceneFile(const std::string& name);
-/// A scene's file, by what the name says; ENDPOINT or LOG else. Errors: it cannot be opened.
-Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceArguments& arguments);
-Result<std::unique_ptr<ViewSource>> openServed(const ViewSourceArguments& arguments);
-Result<std::unique_ptr<ViewSource>> openLog(const ViewSourceArguments& arguments);
+/// Errors: it cannot be opened; kUsageCode: a moment in `set` that is none.
+Result<std::unique_ptr<ViewSource>> openViewSource(const ViewSourceOptions& options);
 
-}  // namespace rtsg::app
+}  // namespace rtsg

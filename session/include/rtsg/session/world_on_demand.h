@@ -1,4 +1,4 @@
-// WorldOnDemand: the one flattening and BVH of a scene that a verb runs, made when first needed.
+// WorldOnDemand: the one flattening and BVH of a scene that runs, made when first needed.
 // Threading: the scene's thread.
 #pragma once
 
@@ -7,8 +7,9 @@
 
 #include <rtsg/core/resource.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/session/notices.h>
 
-namespace rtsg::app {
+namespace rtsg {
 
 /// Options for flattening a scene with these resources: as many instances as their policy allows.
 SharedWorld::Options worldOptions(const Resources& resources);
@@ -17,7 +18,8 @@ SharedWorld::Options worldOptions(const Resources& resources);
 /// this.
 class WorldOnDemand {
   public:
-    WorldOnDemand(Scene& scene, const Resources& resources) : scene_(scene), options_(worldOptions(resources)) {}
+    WorldOnDemand(Scene& scene, const Resources& resources, const SessionContext& context)
+        : scene_(scene), options_(worldOptions(resources)), context_(context) {}
     Scene& scene() { return scene_; }
     SharedWorld& get();
     /// Sets how finely curved geometry is cut. Error: the world exists already and is cut differently.
@@ -30,7 +32,8 @@ class WorldOnDemand {
   private:
     Scene& scene_;
     SharedWorld::Options options_;
+    SessionContext context_;
     std::unique_ptr<SharedWorld> world_;
 };
 
-}  // namespace rtsg::app
+}  // namespace rtsg
