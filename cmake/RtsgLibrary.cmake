@@ -1,3 +1,21 @@
+# The libraries, by the list that the checks read, too: their names, targets and folders (RTSG_FOLDER_<name> is that of one), and the folders whose
+# headers plug-ins may include.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS cmake/libraries.txt)
+file(STRINGS cmake/libraries.txt lines REGEX "^[a-z]")
+foreach(line IN LISTS lines)
+  if(line MATCHES " state" OR NOT RTSG_STATE_ALONE)
+    string(REGEX MATCH "^[a-z/_]+" folder "${line}")
+    get_filename_component(name "${folder}" NAME)
+    list(APPEND RTSG_LIBRARIES ${name})
+    list(APPEND RTSG_TARGETS rtsg::${name})
+    list(APPEND RTSG_FOLDERS "${folder}")
+    set(RTSG_FOLDER_${name} "${folder}")
+    if(line MATCHES " plugin$")
+      list(APPEND RTSG_PLUGIN_FOLDERS "${folder}")
+    endif()
+  endif()
+endforeach()
+
 # What libraries export besides what public headers declare (exported_names.py): tests look at all of it.
 set(RTSG_INSIDES "${PROJECT_SOURCE_DIR}/cmake/insides.txt")
 if(BUILD_SHARED_LIBS)
@@ -46,7 +64,7 @@ function(rtsg_library name)
     "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>" "$<INSTALL_INTERFACE:include>"
     PRIVATE src)
   foreach(library IN LISTS ARG_INSIDES)
-    target_include_directories(rtsg_${name} PRIVATE "${PROJECT_SOURCE_DIR}/${library}/src")
+    target_include_directories(rtsg_${name} PRIVATE "${PROJECT_SOURCE_DIR}/${RTSG_FOLDER_${library}}/src")
   endforeach()
   foreach(dependency IN LISTS ARG_DEPENDS)
     target_link_libraries(rtsg_${name} PUBLIC rtsg_${dependency})

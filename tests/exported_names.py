@@ -16,11 +16,12 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "cmake"))
 import exported_names  # noqa: E402
+import libraries  # noqa: E402
 
 
 def compiled(build, clang):
     """Paths of what the compiler finds declared below rtsg."""
-    includes = [*sorted(ROOT.glob("*/include")), build / "core/generated"]
+    includes = [*(ROOT / folder / "include" for folder in libraries.FOLDERS), build / "core/generated"]
     headers = sorted(str(file.relative_to(folder)) for folder in includes for file in folder.glob("rtsg/*/*.h"))
     with tempfile.NamedTemporaryFile("w", suffix=".cpp") as source:
         source.write("".join(f"#include <{header}>\n" for header in headers))

@@ -24,7 +24,7 @@ namespace rtsg::app {
 
 namespace {
 
-using Clock = TileAssembler::Clock;
+using Clock = std::chrono::steady_clock;
 
 constexpr double kPatience = 10, kGone = 1;              // seconds without a mirror: at first, and once there were some
 constexpr std::chrono::milliseconds kLongestWait{2000};  // a signal may come just before a wait, and is seen after it
