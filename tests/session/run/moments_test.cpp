@@ -26,17 +26,17 @@ TEST(Moments, WhatIsNoneIsTheCallersError) {
         EXPECT_TRUE(seconds.error().text.starts_with(fmt::format("{}: ", text))) << seconds.error().text;
     }
     for (const char* text : {"2026-13-01", "2026-02-30", "1969-12-31", "2026-01-01T24:00", "2026-01-01T10:00:00X"})
-        EXPECT_EQ(dateIn(text).error_or(Diagnostic{}).code, kUsageCode) << text;
+        if (const auto date = dateIn(text); date || date.error().code != kUsageCode) ADD_FAILURE() << text;
 }
 
 TEST(Moments, DatesAreReadAsTheyArePrinted) {
     const unsigned seed = 7;
     std::mt19937_64 random(seed);
-    std::uniform_int_distribution<std::int64_t> micros(0, 253'402'300'799'000'000);
+    std::uniform_int_distribution<std::int64_t> micros(0, 4'000'000'000'000'000);
     for (int i = 0; i < 200; ++i) {
         const double date = static_cast<double>(micros(random)) * 1e-6;
         const std::string text = dateText(date);
-        EXPECT_NEAR(dateIn(text).value_or(-1), date, 1e-4) << text << ", seed " << seed;
+        EXPECT_NEAR(dateIn(text).value_or(-1), date, 2e-6) << text << ", seed " << seed;
     }
     using namespace std::chrono;
     const auto day = sys_days(2026y / November / 20).time_since_epoch();

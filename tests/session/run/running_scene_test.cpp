@@ -13,6 +13,10 @@
 namespace rtsg {
 namespace {
 
+bool isOfCaller(const Result<>& result) {
+    return !result && result.error().code == kUsageCode;
+}
+
 class RunningSceneTest : public testing::Test {
   protected:
     void write(const std::string& text) const { std::ofstream(file) << text; }
@@ -51,7 +55,7 @@ TEST_F(RunningSceneTest, EventsComeWhenTheyAreDue) {
 TEST_F(RunningSceneTest, EventsThatCannotBeSentAreErrors) {
     write(kScene);
     ASSERT_TRUE(run().load());
-    EXPECT_EQ(running->inject({"T.translation=0 2 0@soon"}, 1).error_or(Diagnostic{}).code, kUsageCode);
+    EXPECT_TRUE(isOfCaller(running->inject({"T.translation=0 2 0@soon"}, 1)));
     EXPECT_FALSE(running->inject({"T.nothing=1@0"}, 1));
     EXPECT_FALSE(running->inject({"T.translation=0 2 0@2"}, 1));
 }
@@ -60,9 +64,10 @@ TEST_F(RunningSceneTest, ErrorsOfTheFileAreReportedAndCounted) {
     write(std::string(kScene) + "Nothing { }\n");
     EXPECT_TRUE(run().load());
     EXPECT_NE(notices.said().find("scene.x3dv:4:"), std::string::npos) << notices.said();
-    EXPECT_EQ(notices.damage, 1u);
+    const std::size_t errors = notices.damage;
+    EXPECT_GT(errors, 0u);
     running->reportDiagnostics();
-    EXPECT_EQ(notices.damage, 1u) << "counted twice";
+    EXPECT_EQ(notices.damage, errors) << "counted twice";
 }
 
 TEST_F(RunningSceneTest, EditsAreFollowedAndFaultyOnesAreNot) {
@@ -86,9 +91,9 @@ TEST_F(RunningSceneTest, EditsAreFollowedAndFaultyOnesAreNot) {
 
 TEST_F(RunningSceneTest, OnlyDocumentsInFilesCanBeFollowed) {
     RunningScene standard("-", Resources());
-    EXPECT_EQ(standard.followEdits().error_or(Diagnostic{}).code, kUsageCode);
+    EXPECT_TRUE(isOfCaller(standard.followEdits()));
     RunningScene web("https://example.org/a.x3d", Resources());
-    EXPECT_EQ(web.followEdits().error_or(Diagnostic{}).code, kUsageCode);
+    EXPECT_TRUE(isOfCaller(web.followEdits()));
 }
 
 }  // namespace

@@ -1,5 +1,8 @@
 // Tiles that mirrors draw, joined: each picture has the bits that it has when one program draws it.
+#include <algorithm>
 #include <chrono>
+#include <map>
+#include <optional>
 
 #include <gtest/gtest.h>
 
@@ -49,8 +52,9 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
     const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(4);
     int frames = 0;
     for (; frames < 10 || (!joined && std::chrono::steady_clock::now() < end); ++frames) {
-        ASSERT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(.1f * static_cast<float>(frames % 10), 0, 0)));
-        const auto set = scene.newFrame(.1 * frames);
+        ASSERT_TRUE(
+            scene.set(transform, x3d::Transform::translation, Vec3f(.1f * static_cast<float>(frames % 10), 0, 0)));
+        const auto set = scene.newFrame(1 + .1 * frames);
         for (const auto& mirror : mirrors) mirror->step(scene, RecordStep{.set = set});
         if (!joined) alone.emplace(scene.sequence(), pictureOf(scene, options, Resources()));
         if (auto whole = assembler.turn(std::chrono::milliseconds(100)); whole && !joined) joined = std::move(whole);
