@@ -25,6 +25,12 @@ if(BUILD_SHARED_LIBS)
   endif()
 endif()
 
+# rtsg_run_path(TARGET ITEM...): where an installed target looks for libraries and modules, in the build folder, too. CMake would else give it another
+# path there, and fill that up with ':' for the change when it is installed; the loader takes such empty items as the working folder.
+function(rtsg_run_path target)
+  set_target_properties(${target} PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON INSTALL_RPATH "${ARGN}")
+endfunction()
+
 # rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... OPTIONS ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/
 # (whose folders are rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on,
 # and the others of what it names among its INSIDES: that is how the arrows are enforced. OPTIONS are the compiler's, for this library alone.
@@ -43,6 +49,7 @@ function(rtsg_library name)
   endforeach()
   # Static or shared, as BUILD_SHARED_LIBS says, of the same objects.
   add_library(rtsg_${name} ${sources})
+  set_property(GLOBAL APPEND PROPERTY RTSG_LIBRARY_TARGETS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON DEFINE_SYMBOL "" VERSION ${PROJECT_VERSION}
                                                 SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
   if(BUILD_SHARED_LIBS)
@@ -53,8 +60,9 @@ function(rtsg_library name)
               "${RTSG_INSIDES}" "$<TARGET_OBJECTS:rtsg_${name}>" COMMAND_EXPAND_LISTS)
     target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${map}")
     set_property(TARGET rtsg_${name} APPEND PROPERTY LINK_DEPENDS "${maker}" "${RTSG_INSIDES}")
-    # A library finds the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
-    set_target_properties(rtsg_${name} PROPERTIES INSTALL_RPATH "$ORIGIN/rtsg;$ORIGIN/../../rtsg")
+    # A library finds the others, and the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
+    set_target_properties(rtsg_${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}")
+    rtsg_run_path(rtsg_${name} "$ORIGIN" "$ORIGIN/rtsg" "$ORIGIN/../../rtsg")
   endif()
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
@@ -96,6 +104,7 @@ function(rtsg_module name)
   add_library(rtsg_${name} MODULE ${ARG_SOURCES})
   set_target_properties(rtsg_${name} PROPERTIES LINKER_LANGUAGE CXX LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}"
                                                 CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  rtsg_run_path(rtsg_${name})
   target_link_options(rtsg_${name} PRIVATE "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/module.map")
   target_include_directories(rtsg_${name} PRIVATE src "${PROJECT_SOURCE_DIR}/core/include")
   target_link_libraries(rtsg_${name} PRIVATE ${ARG_LIBRARIES} rtsg_options)

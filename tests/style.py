@@ -3,7 +3,7 @@
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
-from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+from nothing compile several sources at once. Who uses gmock's matchers or algorithms on ranges includes them, as builds without precompiled headers have no others.
 What reaches the state of a scene is computed with the functions of rtsg/core/portable_math.h, not with those of the C library.
 Tables that functions keep in core, documents, scripts and sync are lasting() (rtsg/core/lasting.h), as threads read them until the process is gone.
 What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
@@ -88,7 +88,9 @@ def own_names(text):
 PERISHING = re.compile(r"^ +static (?:const )?(?:std::(?:vector|map|set|string|unordered_\w+|function|unique_ptr|shared_ptr)\b[^&*;=({]* \w+(?: =|;|\{)"
                        r"|auto \w+ = (?:\[\]|std::make_))", re.M)
 READ_BY_THREADS = ("core/", "documents/", "scripts/", "sync/")
-MATCHERS = re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\(")
+# What precompiled headers bring, and builds without them do not; a source has it from its own header, too.
+BROUGHT = {"<gmock/gmock.h>": re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\("),
+           "<algorithm>": re.compile(r"\bstd::ranges::(?!size|data|begin|end|empty|distance|subrange|range|view|iota|[a-z_]*_range\b)[a-z_]+\(")}
 
 
 def shared_names():
@@ -140,8 +142,10 @@ def main():
         opening = len(re.match(r"(?://[^\n]*\n)*", text)[0].splitlines())
         if name.endswith(".h") and not 1 <= opening <= MOST_OPENING:
             problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
-        if MATCHERS.search(text) and "<gmock/gmock.h>" not in text:
-            problems.append(f"{name}:1: uses gmock's matchers without <gmock/gmock.h>")
+        own = pathlib.Path(ROOT / name).with_suffix(".h")
+        for header, uses in BROUGHT.items():
+            if uses.search(text) and header not in text and not (own.exists() and header in own.read_text()):
+                problems.append(f"{name}:1: {uses.search(text)[0]}…) without {header}")
         problems += inexact(name, text)
         for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) and "/src/" in name else ():
             problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see lasting()")

@@ -1,4 +1,6 @@
 // ISO/IEC 19775-1 V4.0 4.4.4 and 4.4.5: prototypes.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 
 #include <rtsg/core/x3d.h>

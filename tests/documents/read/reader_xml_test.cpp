@@ -1,4 +1,6 @@
 // The XML reader: what it makes of documents, as recorded commands.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
