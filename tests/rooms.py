@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Are the sources laid out as docs/rooms.md says?
 
-A room is a folder below LIBRARY/src. The first table there names all of them, from the top to the bottom: a file may include what is in
+A room is a folder below LIBRARY/src, or below a program's own folder (app), where headers have names of their own. The first table there names all of them, from the top to the bottom: a file may include what is in
 its own room or in one further down, and of other libraries what its own is linked with. Each room has a row, and each row a room. A
 public header belongs to the room of the .cpp of its name; the second table has those without one. No units that include each other in a
 loop are more than KNOT; a unit is a header with its source. No room has more than FILES. docs/architecture.md has a row for each library, which
@@ -63,23 +63,32 @@ def check_page():
             yield f"docs/architecture.md: `{library}/` may use {uses}, not {rows.get(library, 'what no row says')}"
 
 
+def isLibrary(folder):
+    return folder in FOLDERS
+
+
+def inside(folder):
+    """Where the rooms of a library are, or those of a program."""
+    return ROOT / folder / "src" if isLibrary(folder) else ROOT / folder
+
+
 class Sources:
-    """Every header and source of the libraries: its room, its unit, and what it includes."""
+    """Every header and source of the libraries and of the program: its room, its unit, and what it includes."""
 
     def __init__(self, rooms):
         self.rooms, self.faults = rooms, []
         self.room, self.unit = {}, {}
         for library in rooms.libraries:
-            for path in sorted((ROOT / library / "src").rglob("*")):
+            for path in sorted(inside(library).rglob("*")):
                 if path.suffix in (".cpp", ".h"):
-                    self.place(path, library, path.parent.relative_to(ROOT / library / "src").as_posix(), path.with_suffix(""))
+                    self.place(path, library, path.parent.relative_to(inside(library)).as_posix(), path.with_suffix(""))
             for path in sorted((ROOT / library / "include" / "rtsg").glob("*/*.h")):
                 self.place_header(path, library)
 
     def place(self, path, library, room, unit):
         self.room[path], self.unit[path] = (library, room), unit
         if (library, room) not in self.rooms.rank:
-            self.faults.append(f"{path.relative_to(ROOT)}: {library}/src/{room} has no row in docs/rooms.md")
+            self.faults.append(f"{path.relative_to(ROOT)}: its folder has no row in docs/rooms.md")
 
     def place_header(self, path, library):
         sources = [source for source in self.room if source.suffix == ".cpp" and self.room[source][0] == library and
@@ -95,7 +104,9 @@ class Sources:
     def find(self, path, included, quoted):
         """The file that an include line names, if it is one of these."""
         library = self.room[path][0]
-        candidates = [path.parent / included, *(ROOT / other / "src" / included for other in (library, *self.rooms.libraries))] if quoted else []
+        candidates = [path.parent / included, *(inside(other) / included for other in (library, *self.rooms.libraries))] if quoted else []
+        if quoted and not isLibrary(library):
+            candidates += [inside(library) / room / included for of, room in self.rooms.rank if of == library]
         candidates += [ROOT / other / "include" / included for other in self.rooms.libraries]
         return next((file for file in candidates if file in self.room), None)
 
@@ -161,7 +172,7 @@ def check():
         for _ in rooms.libraries:
             linked[library] |= {further for other in linked[library] for further in linked[other]}
     for path in sources.room:
-        if "src" in path.relative_to(ROOT).parts:
+        if "include" not in path.relative_to(ROOT).parts:
             count[sources.room[path]] = count.get(sources.room[path], 0) + 1
         faults += check_file(path, sources, linked[sources.room[path][0]], arrows)
     for room in rooms.rank:
