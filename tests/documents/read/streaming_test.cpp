@@ -421,7 +421,9 @@ TEST(Streaming, ALongTextEndsWhenItsTimeIsOver) {
                           std::string::npos,
                       seconds == 0)
                 << said.substr(0, 300);
-            if (seconds == 0) EXPECT_EQ(problems.errors(), 1u);
+            if (seconds == 0) {
+                EXPECT_EQ(problems.errors(), 1u);
+            }
         }
     }
 }
