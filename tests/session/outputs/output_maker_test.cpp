@@ -17,7 +17,7 @@ namespace {
 class OutputMakerTest : public testing::Test {
   protected:
     OutputMakerTest() {
-        std::ofstream(file) << "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\n"
+        std::ofstream(file) << "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\nViewpoint { }\n"
                                "DEF T Transform { children Shape { geometry Box { } } }\n"
                                "DEF C TimeSensor { cycleInterval 1 loop TRUE }\n"
                                "DEF P PositionInterpolator { key [0 1] keyValue [0 0 0, 4 0 0] }\n"
