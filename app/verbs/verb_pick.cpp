@@ -30,7 +30,7 @@ void printPick(const Scene& scene, const Pick& pick, bool json) {
         return;
     }
     std::vector<std::string> path;
-    for (const NodeId node : pick.path) path.push_back(nodeLabel(scene, node));
+    for (const NodeId node : pick.path) path.push_back(labelOf(scene, node));
     if (!json) {
         fmt::print(
             "{} at {:.9g} m\n  point    {:.9g} {:.9g} {:.9g}\n  normal   {:.6g} {:.6g} {:.6g}\n  texture  {:.6g} "

@@ -67,7 +67,7 @@ class TickFile {
     static std::string row(const HapticTick& t, const Scene& scene) {
         return fmt::format("{:.6f},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.6g},{:.6g},{:.6g},{:d},{:d},{}\n",
                            t.seconds, t.hand.x, t.hand.y, t.hand.z, t.proxy.x, t.proxy.y, t.proxy.z, t.force.x,
-                           t.force.y, t.force.z, t.touching, t.known, t.touching ? nodeLabel(scene, t.shape) : "");
+                           t.force.y, t.force.z, t.touching, t.known, t.touching ? labelOf(scene, t.shape) : "");
     }
 
     std::optional<OutputFile> file_;

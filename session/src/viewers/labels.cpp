@@ -5,7 +5,7 @@
 
 namespace rtsg {
 
-std::string nodeLabel(const Scene& scene, NodeId id) {
+std::string labelOf(const Scene& scene, NodeId id) {
     const std::string_view name = scene.name(id);
     return name.empty() ? fmt::format("#{}", id.value) : std::string(name);
 }

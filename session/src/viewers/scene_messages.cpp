@@ -140,7 +140,7 @@ void appendChange(std::string& out, const Scene& scene, const Change& c) {
     out += fmt::format(R"({{"kind":"{}","id":{},"external":{})", kindName(c.kind), c.node.value, bool(c.external));
     if (node) {
         out +=
-            fmt::format(R"(,"node":{},"type":{})", jsonString(nodeLabel(scene, c.node)), jsonString(node->type().name));
+            fmt::format(R"(,"node":{},"type":{})", jsonString(labelOf(scene, c.node)), jsonString(node->type().name));
         if (c.field < node->type().fields.size())
             out += fmt::format(R"(,"field":{})", jsonString(node->type().fields[c.field].name));
     }
@@ -193,7 +193,7 @@ struct SceneMessages::Impl : InstanceSubscriber {
     std::string nameFor(const Scene& scene, const std::vector<NodeId>& path) {
         std::string name;
         for (const NodeId id : path)
-            if (id != scene.root()) name += (name.empty() ? "" : "/") + nodeLabel(scene, id);
+            if (id != scene.root()) name += (name.empty() ? "" : "/") + labelOf(scene, id);
         std::string unique = name;
         for (int i = 2; !names.insert(unique).second; ++i) unique = fmt::format("{} ({})", name, i);
         return unique;
@@ -269,7 +269,7 @@ struct SceneMessages::Impl : InstanceSubscriber {
         const std::string name = jsonString(thing.frame);
         thing.entity = fmt::format(R"(,"frame_id":{},"id":{},"lifetime":{{"sec":0,"nsec":0}},"frame_locked":true,)"
                                    R"("metadata":[{{"key":"node","value":{}}}])",
-                                   name, name, jsonString(nodeLabel(scene, thing.instance.shape)));
+                                   name, name, jsonString(labelOf(scene, thing.instance.shape)));
         if (!body.empty()) thing.entity += "," + body;
         thing.entity += '}';
         entityBytes += thing.entity.size();

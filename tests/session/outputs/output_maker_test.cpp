@@ -17,7 +17,7 @@ namespace {
 class OutputMakerTest : public testing::Test {
   protected:
     OutputMakerTest() {
-        std::ofstream(file) << "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\n"
+        std::ofstream(file) << "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\nViewpoint { }\n"
                                "DEF T Transform { children Shape { geometry Box { } } }\n"
                                "DEF C TimeSensor { cycleInterval 1 loop TRUE }\n"
                                "DEF P PositionInterpolator { key [0 1] keyValue [0 0 0, 4 0 0] }\n"
@@ -66,8 +66,8 @@ TEST_F(OutputMakerTest, PicturesAreAtEvenDistances) {
     EXPECT_EQ(report.pictureTimes, (std::vector<double>{0, .25, .5, .75}));
     EXPECT_EQ(report.missing, "");
     EXPECT_EQ(notices.said(), "");
-    for (int k = 0; k < 4; ++k) EXPECT_NE(bytes(folder / ("p0" + std::to_string(k) + ".pfm")), "") << k;
-    EXPECT_NE(bytes(folder / "p00.pfm"), bytes(folder / "p02.pfm"));
+    for (int k = 0; k < 4; ++k) EXPECT_FALSE(bytes(folder / ("p0" + std::to_string(k) + ".pfm")).empty()) << k;
+    EXPECT_TRUE(bytes(folder / "p00.pfm") != bytes(folder / "p02.pfm")) << "the box moves";
     EXPECT_TRUE(bytes(options.save).starts_with("#X3D"));
 }
 
@@ -101,7 +101,7 @@ TEST_F(OutputMakerTest, FilesThatTheSceneUsesAreKept) {
     ASSERT_FALSE(result);
     EXPECT_EQ(result.error().code, kUsageCode);
     EXPECT_NE(result.error().text.find("--save: the scene uses "), std::string::npos) << result.error().text;
-    EXPECT_EQ(bytes(options.save), before);
+    EXPECT_TRUE(bytes(options.save) == before);
 }
 
 TEST_F(OutputMakerTest, LastFailureIsReportedAndTheFirstReturned) {

@@ -61,7 +61,7 @@ TEST_F(RunningSceneTest, EventsThatCannotBeSentAreErrors) {
 }
 
 TEST_F(RunningSceneTest, ErrorsOfTheFileAreReportedAndCounted) {
-    write(std::string(kScene) + "Nothing { }\n");
+    write(std::string(kScene) + "Transform { translation 1 }\n");
     EXPECT_TRUE(run().load());
     EXPECT_NE(notices.said().find("scene.x3dv:4:"), std::string::npos) << notices.said();
     const std::size_t errors = notices.damage;

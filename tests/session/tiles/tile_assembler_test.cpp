@@ -23,7 +23,7 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
     Scene scene;
     Diagnostics diagnostics("test");
     loadText(scene,
-             "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\n"
+             "#X3D V4.0 utf8\nPROFILE Immersive\nDirectionalLight { }\nViewpoint { }\n"
              "DEF T Transform { children Shape { geometry Sphere { } } }\n",
              diagnostics);
     ASSERT_EQ(diagnostics.errors(), 0u);

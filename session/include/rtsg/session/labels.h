@@ -11,6 +11,6 @@
 namespace rtsg {
 
 /// The node's DEF name, or # and its number. It is not escaped: for a terminal, pass it through terminalText().
-std::string nodeLabel(const Scene& scene, NodeId id);
+std::string labelOf(const Scene& scene, NodeId id);
 
 }  // namespace rtsg

@@ -5,6 +5,24 @@
 // Invariant: pictures are taken at even distances of scene time if their file holds several, otherwise one is taken at
 // the end. If the scene's time goes back (a log that is played again), outputs go on as if that took no time.
 // Threading: the scene's thread.
+
+// Example:
+//     #include <rtsg/session/output_maker.h>
+//     #include <rtsg/session/running_scene.h>
+//     rtsg::RunningScene running("hall.x3dv", rtsg::Resources::ofFile("hall.x3dv"));
+//     if (!running.load()) return;
+//     rtsg::OutputOptions options;
+//     options.render = "hall%04d.png";  // five a second
+//     options.listen = "hall.wav";
+//     options.seconds = 2;
+//     std::unique_ptr<rtsg::OutputMaker> outputs;
+//     running.run({.seconds = 2}, "running", [&](std::uint64_t, const rtsg::ChangeSet&) {
+//         if (outputs) return outputs->frame().has_value();
+//         auto made = rtsg::makeOutputs(running.world(), options, running.resources());
+//         if (made) outputs = std::move(*made);
+//         return outputs && outputs->frame();
+//     });
+//     if (outputs && !outputs->finish()) std::cout << "not all of it was made\n";
 #pragma once
 
 #include <cstdint>
