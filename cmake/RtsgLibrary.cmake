@@ -40,6 +40,7 @@ function(rtsg_library name)
   endif()
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
+  set_property(GLOBAL APPEND PROPERTY RTSG_LIBRARIES ${name})
   # Headers need it, so programs that use an installed copy need not name a standard.
   target_compile_features(rtsg_${name} PUBLIC cxx_std_23)
   target_include_directories(rtsg_${name} PUBLIC

@@ -131,7 +131,7 @@ class Insides:
 
 def declared(build):
     """What the public headers declare, those that the build makes among them."""
-    headers = [*ROOT.glob("*/include/rtsg/*/*.h"), *pathlib.Path(build).glob("core/generated/rtsg/core/*.h")]
+    headers = [*ROOT.glob("*/include/rtsg/*/*.h"), *ROOT.glob("renderers/*/include/rtsg/*/*.h"), *pathlib.Path(build).glob("core/generated/rtsg/core/*.h")]
     return Declared(file.read_text() for file in sorted(headers))
 
 

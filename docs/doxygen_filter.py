@@ -79,9 +79,9 @@ def page(text, path):
 
 def main():
     to = pathlib.Path(sys.argv[1])
-    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*/include/rtsg/*/*.h"))):
+    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*/include/rtsg/*/*.h")), *sorted(ROOT.glob("renderers/*/include/rtsg/*/*.h"))):
         text = path.read_text(encoding="utf-8")
-        inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[2:])
+        inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.parts[-3:])
         (to / inside).parent.mkdir(parents=True, exist_ok=True)
         (to / inside).write_text(page(text, path) if path.suffix == ".md" else header(text), encoding="utf-8")
 

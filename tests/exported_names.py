@@ -20,7 +20,7 @@ import exported_names  # noqa: E402
 
 def compiled(build, clang):
     """Paths of what the compiler finds declared below rtsg."""
-    includes = [*sorted(ROOT.glob("*/include")), build / "core/generated"]
+    includes = [*sorted(ROOT.glob("*/include")), *sorted(ROOT.glob("renderers/*/include")), build / "core/generated"]
     headers = sorted(str(file.relative_to(folder)) for folder in includes for file in folder.glob("rtsg/*/*.h"))
     with tempfile.NamedTemporaryFile("w", suffix=".cpp") as source:
         source.write("".join(f"#include <{header}>\n" for header in headers))

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Are the sources laid out as docs/rooms.md says?
 
-A room is a folder below LIBRARY/src. The first table there names all of them, from the top to the bottom: a file may include what is in
+A library is a folder with a target of the last part of its name, and a room a folder below LIBRARY/src. The first table there names all of them, from the top to the bottom: a file may include what is in
 its own room or in one further down, and of other libraries what its own is linked with. Each room has a row, and each row a room. A
 public header belongs to the room of the .cpp of its name; the second table has those without one. No units that include each other in a
 loop are more than KNOT; a unit is a header with its source. No room has more than FILES. Exit status 1 and a line for each fault.
@@ -13,15 +13,15 @@ import sys
 KNOT, FILES = 6, 28
 LARGER = {}  # rooms that are yet to be divided
 # Outside libraries that only one room of a library may include, or those that are named.
-DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
-         r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
-         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read", "models"), r"^assimp/": ("documents", "assimp_module"),
+DOORS = {r"^embree[34]/": ("renderers/world", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers/world", "embree"), r"^OpenImageIO/": ("renderers/images", "image_module"),
+         r"^lib(av(?!util/tx\.h)|sw)": ("renderers/images", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
+         r"^(ft2build|fontconfig/|hb)": ("renderers/geometry", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read", "models"), r"^assimp/": ("documents", "assimp_module"),
          r"^zmq": ("sync", "sockets"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module"), r"^(curl/|openssl/evp)": ("fetch", "curl_module"), r"^(mosquitto|mqtt_protocol)\.h": ("feeds", "mqtt_module"), r"^SDL": ("window", "sdl_module"),
          r"^draco/": ("documents", "gltf_module"), r"^meshoptimizer\.h": ("documents", "gltf_module"),
          r"^Ogre\w": ("ogre", "ogre_module"), r"^nats/nats\.h": ("nats", "nats_module")}
 # Names of outside libraries that only one room may use, comments aside.
-NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
+NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers/world", "embree")}
 
 
 class Rooms:
@@ -39,11 +39,12 @@ class Rooms:
         self.libraries = list(dict.fromkeys(library for library, _ in self.rank))
 
 
-def links(root, library):
+def links(root, library, libraries):
     """What the library's target depends on, itself included."""
-    made = re.search(r"rtsg_library\(" + library + r"\b([^)]*)\)", (root / library / "CMakeLists.txt").read_text())
+    made = re.search(r"rtsg_library\(" + library.split("/")[-1] + r"\b([^)]*)\)", (root / library / "CMakeLists.txt").read_text())
     depends = re.search(r"\bDEPENDS((?: [a-z]+)*)", made[1])
-    return {library, *(depends[1].split() if depends else ())}
+    names = depends[1].split() if depends else ()
+    return {library, *(other for other in libraries if other.split("/")[-1] in names)}
 
 
 class Sources:
@@ -56,7 +57,7 @@ class Sources:
             for path in sorted((root / library / "src").rglob("*")):
                 if path.suffix in (".cpp", ".h"):
                     self.place(path, library, path.parent.relative_to(root / library / "src").as_posix(), path.with_suffix(""))
-            for path in sorted((root / library / "include" / "rtsg" / library).glob("*.h")):
+            for path in sorted((root / library / "include" / "rtsg").glob("*/*.h")):
                 self.place_header(path, library)
 
     def place(self, path, library, room, unit):
@@ -67,7 +68,7 @@ class Sources:
     def place_header(self, path, library):
         sources = [source for source in self.room if source.suffix == ".cpp" and self.room[source][0] == library and
                    path.stem in (source.stem, f"{source.parent.name}_{source.stem}")]
-        named = self.rooms.headers.get(f"{library}/{path.name}")
+        named = self.rooms.headers.get(f"{path.parent.name}/{path.name}")
         if named:
             self.place(path, library, named, sources[0].with_suffix("") if len(sources) == 1 else path.with_suffix(""))
         elif len(sources) == 1:
@@ -81,7 +82,7 @@ class Sources:
         places = [path.parent / included, self.root / library / "src" / included,
                   *(self.root / other / "src" / included for other in self.rooms.libraries)] if quoted else []
         if included.startswith("rtsg/"):
-            places.append(self.root / included.split("/")[1] / "include" / included)
+            places += (self.root / other / "include" / included for other in self.rooms.libraries)
         return next((place for place in places if place in self.room), None)
 
 
@@ -139,7 +140,7 @@ def check(root):
     rooms = Rooms(root / "docs" / "rooms.md")
     sources = Sources(root, rooms)
     faults, arrows, count = sources.faults, {}, {}
-    linked = {library: links(root, library) for library in rooms.libraries}
+    linked = {library: links(root, library, rooms.libraries) for library in rooms.libraries}
     for library in rooms.libraries:  # links go on
         for _ in rooms.libraries:
             linked[library] |= {further for other in linked[library] for further in linked[other]}

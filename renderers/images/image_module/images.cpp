@@ -1,4 +1,4 @@
-// The module librtsg_images.so: image files by OpenImageIO. It does not link this project's libraries, and throws
+// The module librtsg_oiio.so: image files by OpenImageIO. It does not link this project's libraries, and throws
 // nothing.
 #include <algorithm>
 #include <cmath>

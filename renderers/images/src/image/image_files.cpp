@@ -30,7 +30,7 @@ namespace {
 #define RTSG_TEXT(name) RTSG_TEXT_OF(name)
 
 Result<const ImageFiles*> load() {
-    const auto symbol = loadModule("rtsg_images", RTSG_TEXT(RTSG_IMAGE_FILES_SYMBOL), "image files need");
+    const auto symbol = loadModule("rtsg_oiio", RTSG_TEXT(RTSG_IMAGE_FILES_SYMBOL), "image files need");
     if (!symbol) return std::unexpected(symbol.error());
     return reinterpret_cast<const ImageFiles* (*)()>(*symbol)();
 }

@@ -1,4 +1,4 @@
-// ImageFiles: image files to pixels and back, by a module (librtsg_images.so) that is loaded when the first one is
+// ImageFiles: image files to pixels and back, by a module (librtsg_oiio.so) that is loaded when the first one is
 // asked for: the library behind it brings 250 others along, which programs without images should not wait for.
 //
 // Invariant: nothing of OpenImageIO is on this side; the module links nothing of ours. Errors are sentences; an empty

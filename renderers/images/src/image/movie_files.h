@@ -19,6 +19,8 @@
 
 namespace rtsg {
 
+class Resource;
+
 struct MovieBytes {
     std::uint64_t size = 0;
     /// Fills `to` with the bytes from `offset` on, as far as the file goes; returns their number.
@@ -82,6 +84,9 @@ class MovieFiles {
 
 /// Loads the module, as imageFiles() does.
 Result<const MovieFiles*> movieFiles();
+
+/// The pictures of a film, which keeps the file. Errors: as for Movie::open().
+Result<std::unique_ptr<MovieFile>> openMovie(const std::shared_ptr<const Resource>& file, std::uint64_t maximumPixels);
 
 /// The name that the module exports; it changes whenever this header does.
 #define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles6

@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/sky.h>
 
 namespace rtsg::trace {
 

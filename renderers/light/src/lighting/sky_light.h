@@ -13,7 +13,7 @@
 #include <optional>
 #include <vector>
 
-#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/sky.h>
 
 #include "environment.h"
 #include "sky_bands.h"

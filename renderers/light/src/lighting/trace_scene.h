@@ -18,6 +18,7 @@
 #include <rtsg/renderers/paged_array.h>
 #include <rtsg/renderers/ray_world.h>
 #include <rtsg/renderers/render_settings.h>
+#include <rtsg/renderers/sky.h>
 
 #include "world/primary_rays.h"
 

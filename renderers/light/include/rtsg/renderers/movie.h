@@ -10,10 +10,10 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
+#include <rtsg/renderers/movie_sound.h>
 #include <rtsg/renderers/texture.h>
 
 namespace rtsg {
@@ -23,8 +23,8 @@ class Node;
 
 class Movie {
   public:
-    /// Whether the content begins like a film; GIF files with a single picture count, too.
-    static bool isMovie(const Resource& file);
+    /// The same as rtsg::isMovie().
+    static bool isMovie(const Resource& file) { return rtsg::isMovie(file); }
     /// Errors: no film; a format that cannot be decoded; pictures of more than `maximumPixels`; no length.
     static Result<Movie> open(Resource file, std::uint64_t maximumPixels = std::uint64_t{1} << 26);
     Movie(Movie&&) noexcept;
@@ -40,20 +40,6 @@ class Movie {
     Movie() = default;
     std::unique_ptr<MovieFile> file_;
 };
-
-/// The length of a film. Errors: as for Movie::open().
-Result<double> movieSeconds(const Resource& file);
-
-/// The sound of a film, from its first picture on and as long as its pictures; for a file without pictures, the whole
-/// sound.
-struct MovieSound {
-    int sampleRate = 0, channels = 0;
-    std::vector<float> samples;  // interleaved
-};
-/// Reads the sound of files that Movie::isMovie() knows, and of AAC, AC-3 and Windows Media files, whatever their
-/// names. `known` is set if it is one of these. Errors: another kind of file; no sound that can be decoded; more than
-/// `maximumSamples` in all channels together.
-Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples, bool* known = nullptr);
 
 /// The time in its film that a MovieTexture shows, by its clock and speed: 0 to `length`, in seconds. Before its clock
 /// has ever run, this is the film's beginning, or its end at a negative speed; later it is where the clock stopped.

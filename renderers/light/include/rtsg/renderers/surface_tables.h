@@ -24,6 +24,7 @@
 #include <rtsg/renderers/material.h>
 #include <rtsg/renderers/primary_sight.h>
 #include <rtsg/renderers/render_settings.h>
+#include <rtsg/renderers/sky.h>
 
 namespace rtsg {
 

@@ -1,21 +1,19 @@
-// Camera and Sky: the eye of a picture, and the colours where its rays hit nothing.
+// Camera: the eye of a picture.
 //
 // Invariant: forward is a unit vector. right and up are orthonormal with it and right-handed (right x up = -forward),
 // unless the transforms above the viewpoint scale unevenly, shear or mirror. Then right and up are the images of one
 // step to the right and up in the viewpoint's own space, so that things below the same transforms are seen as if there
 // were none (23.3.1: viewpoints lie in the transformation hierarchy; browsers draw it so). Positions are double until
 // rays are made. Threading: plain data, const members are re-entrant. Source: ISO/IEC 19775-1 V4.0 23.3.1, 23.4.5
-// (OrthoViewpoint), 23.4.6 (Viewpoint), 24.2.1, 24.3.1 (backgrounds).
+// (OrthoViewpoint), 23.4.6 (Viewpoint).
 #pragma once
 
 #include <array>
-#include <memory>
-#include <vector>
+#include <cstdint>
+#include <limits>
 
 #include <rtsg/core/value.h>
 #include <rtsg/renderers/instance_delta.h>
-#include <rtsg/renderers/mesh.h>
-#include <rtsg/renderers/texture.h>
 
 namespace rtsg {
 
@@ -110,25 +108,6 @@ struct Camera {
     bool isBounded() const;
 
     friend bool operator==(const Camera&, const Camera&) = default;
-};
-
-/// The bound Background or TextureBackground; black if it has no colours.
-struct Sky {
-    std::vector<Vec3f> skyColors{Vec3f(0)}, groundColors;
-    /// Radians from the zenith, from the nadir, ascending; one less than colours.
-    std::vector<float> skyAngles, groundAngles;
-    float alpha = 1;  // 1 - transparency
-    /// Front, back, left, right, top and bottom of the panorama; null for a side without a picture.
-    std::array<std::shared_ptr<const Texture>, 6> panorama;
-    glm::mat3 localFromWorld{1.0f};  // only its rotation is used (24.2.1)
-
-    /// The premultiplied colour and the coverage in a unit direction in world space. The fields hold display values and
-    /// are mixed as display values; `space` (linear or display) is that of the result.
-    Vec4f color(const Vec3f& direction, ColorSpace space = ColorSpace::display) const;
-    /// Whether all directions have the same colour.
-    bool uniform() const;
-    /// Pictures are compared by address.
-    friend bool operator==(const Sky&, const Sky&) = default;
 };
 
 /// A rotation close to the linear part: its columns, orthonormalised beginning with the third (the axis of view); the
