@@ -23,7 +23,7 @@ def main():
         for name in re.findall(r"^usr/lib/\*/rtsg/librtsg_(\w+)\.so$", file.read_text(), re.M):
             installed[name].append(file.name)
     calls = re.compile(r"^\s*rtsg_(?:optional_module|module|delay_load)\((\w+)", re.M)
-    made = {name for file in ROOT.glob("*/CMakeLists.txt") for name in calls.findall(file.read_text())}
+    made = {name for file in (*ROOT.glob("*/CMakeLists.txt"), *ROOT.glob("renderers/*/CMakeLists.txt")) for name in calls.findall(file.read_text())}
     faults = [f"module {name}: in no package (debian/*.install)" for name in sorted(modules - set(installed))]
     faults += [f"module {name}: in {' and '.join(files)}" for name, files in installed.items() if len(files) > 1]
     faults += [f"{installed[name][0]}: nothing makes librtsg_{name}.so" for name in sorted(set(installed) - made)]
