@@ -7,9 +7,9 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::uint32_t kNone = 0xFFFFFFFF;
+constexpr std::uint32_t kAbsent = 0xFFFFFFFF;
 
-/// The numbers of a corner's values; kNone where the mesh has none or they follow from the position.
+/// The numbers of a corner's values; kAbsent where the mesh has none or they follow from the position.
 struct Combination {
     std::uint32_t normal, texCoord, color;
     friend bool operator==(const Combination&, const Combination&) = default;
@@ -34,22 +34,22 @@ VertexArrays vertexArrays(const Mesh& mesh, std::size_t channel) {
     std::uint32_t* out = triangles.mutableData();
 
     // The vertices made of one position form a list; it is short, as few attributes differ at one point.
-    std::vector<std::uint32_t> first(mesh.positions.size(), kNone), next;
+    std::vector<std::uint32_t> first(mesh.positions.size(), kAbsent), next;
     std::vector<Combination> combinations;
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         const Vec3f faceted = mesh.geometricNormal(t);
         for (std::uint32_t c = 0; c < 3; ++c) {
             const std::uint32_t v = mesh.vertexIndex(t, c);
-            const Combination wanted{mesh.normals.present() ? mesh.normals.valueIndex(t, c) : kNone,
-                                     texCoords.present() ? texCoords.valueIndex(t, c) : kNone,
-                                     mesh.colors.present() ? mesh.colors.valueIndex(t, c) : kNone};
+            const Combination wanted{mesh.normals.present() ? mesh.normals.valueIndex(t, c) : kAbsent,
+                                     texCoords.present() ? texCoords.valueIndex(t, c) : kAbsent,
+                                     mesh.colors.present() ? mesh.colors.valueIndex(t, c) : kAbsent};
             const float weightU = c == 1 ? 1.0f : 0.0f, weightV = c == 2 ? 1.0f : 0.0f;
             const Vec3f normal = mesh.normals.present() ? mesh.shadingNormal(t, weightU, weightV) : faceted;
             // At a hub shared by very many facets the list would grow long: past a few tries a new vertex is made.
             std::uint32_t found = first[v];
-            for (int tries = 0; found != kNone && (combinations[found] != wanted || normals[found] != normal);)
-                found = ++tries < 16 ? next[found] : kNone;
-            if (found == kNone) {
+            for (int tries = 0; found != kAbsent && (combinations[found] != wanted || normals[found] != normal);)
+                found = ++tries < 16 ? next[found] : kAbsent;
+            if (found == kAbsent) {
                 found = static_cast<std::uint32_t>(positions.size());
                 positions.push_back(mesh.positions[v]);
                 normals.push_back(normal);
