@@ -131,7 +131,6 @@ bool comesToRest(double rate, double stiffness, bool passive) {
     options.rate = rate;
     options.surface.stiffness = stiffness;
     options.maxForce = 1e6;
-    options.maxStep = 1e3;
     options.passive = passive;
     Ground wall(false, options);
     double at = .01, velocity = 0, before = 0, after = 0;

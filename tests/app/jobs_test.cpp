@@ -1,5 +1,6 @@
 // Pictures of a log, and tiles of them, by several jobs: numbers and bits as those of one run; what is missing is
 // named.
+#include <algorithm>
 #include <cmath>
 #include <random>
 

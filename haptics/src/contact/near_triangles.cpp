@@ -88,40 +88,69 @@ std::vector<NearTriangle> NearTriangles::still() const {
     return result;
 }
 
-std::optional<Vec3d> NearTriangles::wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
-                                           bool everything) const {
-    if (!now.state) return std::nullopt;
+/// The triangles of solids, in order of their distance; the first is where all that meet in the nearest point are one.
+/// `nearest`: that one alone.
+template <class Counts>
+std::vector<NearTriangles::Surface> NearTriangles::surfacesNear(const WorldMoment& now, const Vec3d& place,
+                                                                double reach, double seconds, bool nearest,
+                                                                const Counts& counts) const {
     const RayView& rays = *now.state->rays;
-    const auto came = [&](const RayInstance& instance) {
-        const RayInstance* before = instanceAt(last_, instance.info.id.slot);
-        if (everything || !before || before->info.id != instance.info.id || before->mesh != instance.mesh) return true;
-        const TouchTables::Mover* mover = moverOf(now, instance);
-        return mover && !mover->steady;
-    };
-    double least = kWayOut;
-    Vec3d closest(0), front(0);
-    rays.visitNear(rays.fromWorld(place), static_cast<float>(least), [&](std::uint32_t slot, std::uint32_t triangle) {
+    std::vector<Surface> found;
+    Surface first{reach, Vec3d(0), Vec3d(0)};
+    rays.visitNear(rays.fromWorld(place), static_cast<float>(reach), [&](std::uint32_t slot, std::uint32_t triangle) {
         const RayInstance* instance = instanceAt(now, slot);
-        if (instance && instance->mesh->solid && came(*instance)) {
+        if (instance && instance->mesh->solid && counts(*instance)) {
             Vec3d corners[3];
             placeCorners(*instance->mesh, poseAt(now, *instance, seconds), triangle, corners);
             const Vec3d at = closestOnTriangle(place, corners);
             const double distance = glm::length(place - at);
             const Vec3d face = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
             const double area = glm::length(face);
-            // At an edge or a corner all triangles that meet there count.
-            const bool meets = distance < least + 1e-9;
-            if (area > 0 && meets) {
+            if (area > 0 && distance < reach) {
                 const Vec3d normal = (instance->sign < 0 ? -1.0 : 1.0) / area * face;
-                front = distance < least - 1e-9 ? normal : front + normal;
-                closest = at;
-                least = std::min(least, distance);
+                if (!nearest) found.push_back({distance, at, normal});
+                // At an edge or a corner all triangles that meet there count.
+                if (distance < first.distance + 1e-9)
+                    first = {std::min(first.distance, distance), at,
+                             distance < first.distance - 1e-9 ? normal : first.front + normal};
             }
         }
-        return static_cast<float>(least * (1 + 1e-6) + 1e-6);
+        return static_cast<float>(nearest ? first.distance * (1 + 1e-6) + 1e-6 : reach);
     });
-    if (front == Vec3d(0) || glm::dot(place - closest, front) >= 0) return std::nullopt;
-    return closest + (radius + 2 * kSkin) / glm::length(front) * front;
+    std::ranges::sort(found, {}, &Surface::distance);
+    if (first.front != Vec3d(0)) found.insert(found.begin(), first);
+    return found;
+}
+
+/// Whether a ball is outside of all solids, and touches nothing.
+bool NearTriangles::hasRoom(const WorldMoment& now, const Vec3d& place, double radius, double seconds) const {
+    const auto solid = surfacesNear(now, place, kWayOut, seconds, true, [](const RayInstance&) { return true; });
+    if (!solid.empty() && glm::dot(place - solid[0].closest, solid[0].front) < 0) return false;
+    NearTriangles around;
+    around.find(now, place, place, radius, seconds);
+    return touched(place, radius - 2 * kSkin, around.all()).empty();
+}
+
+NearTriangles::WayOut NearTriangles::wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
+                                            bool everything) const {
+    constexpr std::size_t kTries = 64;
+    if (!now.state) return {};
+    const auto came = [&](const RayInstance& instance) {
+        const RayInstance* before = instanceAt(last_, instance.info.id.slot);
+        if (everything || !before || before->info.id != instance.info.id || before->mesh != instance.mesh) return true;
+        const TouchTables::Mover* mover = moverOf(now, instance);
+        return mover && !mover->steady;
+    };
+    const auto near = surfacesNear(now, place, kWayOut, seconds, true, came);
+    if (near.empty() || glm::dot(place - near[0].closest, near[0].front) >= 0) return {};
+    const auto beyond = [&](const Surface& surface) {
+        return surface.closest + (radius + 4 * kSkin) / glm::length(surface.front) * surface.front;
+    };
+    if (const Vec3d to = beyond(near[0]); hasRoom(now, to, radius, seconds)) return {true, to};
+    const auto all = surfacesNear(now, place, kWayOut, seconds, false, [](const RayInstance&) { return true; });
+    for (std::size_t i = 0; i < std::min(all.size(), kTries); ++i)
+        if (const Vec3d to = beyond(all[i]); hasRoom(now, to, radius, seconds)) return {true, to};
+    return {true, std::nullopt};
 }
 
 TouchSurface NearTriangles::surfaceOf(const NearTriangle& triangle, const TouchSurface& otherwise) const {

@@ -50,15 +50,27 @@ class NearTriangles {
     const std::vector<NearTriangle>& all() const { return all_; }
     std::vector<NearTriangle> still() const;
 
+    struct WayOut {
+        bool inside = false;      // of a solid
+        std::optional<Vec3d> to;  // where a ball has room; null: nowhere near
+    };
     /// The way out of a solid that has come over a place since the last tick, other than by steady motion: the place
-    /// lies behind the solid's nearest surface. `everything`: nothing was there before. Null if there is no such solid.
-    std::optional<Vec3d> wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
-                                bool everything) const;
+    /// lies behind the solid's nearest surface. `everything`: nothing was there before.
+    WayOut wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds, bool everything) const;
     /// Preconditions: of a triangle of find().
     TouchSurface surfaceOf(const NearTriangle& triangle, const TouchSurface& otherwise) const;
     NodeId shapeOf(const NearTriangle& triangle) const;
 
   private:
+    struct Surface {
+        double distance = 0;         // metres
+        Vec3d closest{0}, front{0};  // a point; towards the outside, not of unit length
+    };
+    template <class Counts>
+    std::vector<Surface> surfacesNear(const WorldMoment& now, const Vec3d& place, double reach, double seconds,
+                                      bool nearest, const Counts& counts) const;
+    bool hasRoom(const WorldMoment& now, const Vec3d& place, double radius, double seconds) const;
+
     WorldMoment now_, last_;
     double lastTime_ = 0;
     std::vector<NearTriangle> all_;

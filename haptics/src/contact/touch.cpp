@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <glm/geometric.hpp>
 
@@ -10,7 +11,11 @@ namespace rtsg::haptics {
 
 namespace {
 
-constexpr double kDeepest = 0.05;  // metres that a hand counts as ahead of its proxy
+constexpr double kDeepest = 0.05;   // metres that a hand counts as ahead of its proxy
+constexpr int kSweeps = 64;         // in which a proxy follows a hand that is farther ahead
+constexpr int kPushes = 4;          // rounds in which surfaces push the ball apart from all
+constexpr double kFarthest = 1e12;  // metres from the world's origin
+constexpr double kNoDepth = 1e-12;  // metres
 
 bool isFinite(const Vec3d& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -36,8 +41,9 @@ HapticTick Touch::lost(const Vec3d& hand, double seconds) {
     time_.reset();
     pressed_.reset();
     rateBefore_.reset();
-    force_ = Vec3d(0);
-    energy_ = 0;
+    squeezed_ = false;
+    surplus_ = 0;
+    force_ = elastic_ = Vec3d(0);
     HapticTick tick;
     tick.seconds = seconds;
     tick.known = false;
@@ -47,64 +53,100 @@ HapticTick Touch::lost(const Vec3d& hand, double seconds) {
 
 HapticTick Touch::tick(const WorldMoment& now, const Vec3d& hand, double seconds) {
     const bool begins = !time_;
-    if (!isFinite(hand) || (!begins && (glm::length(hand - hand_) > options_.maxStep || seconds <= *time_)))
-        return lost(hand, seconds);
-    handBefore_ = begins ? hand : hand_;
+    if (!(glm::length(hand) < kFarthest) || (!begins && !(seconds > *time_))) return lost(hand, seconds);
     hand_ = hand;
-    if (begins) proxy_ = hand;
+    if (begins) proxy_ = hand, spring_ = Vec3d(0);
     step_ = begins ? 1 / options_.rate : seconds - *time_;
-    if (begins || near_.hasArrivals(now)) {
-        if (const auto out = near_.wayOut(now, proxy_, options_.radius, seconds, begins)) {
-            // The scene has put in what brings the hand there.
-            energy_ -= options_.maxForce * glm::length(*out - proxy_);
-            proxy_ = *out;
-        }
-    }
-    const Vec3d goal = proxy_ + shortened(hand - proxy_, kDeepest);
-    near_.find(now, proxy_, goal, options_.radius, seconds);
-    pushByWhatMoves();
-    proxy_ = slide(proxy_, rubbed(goal), options_.radius, near_.all());
+    if (begins || near_.hasArrivals(now)) comeOut(now, seconds, begins);
+    follow(now, seconds);
 
     HapticTick tick;
     tick.seconds = seconds;
     tick.hand = hand;
     tick.proxy = proxy_;
     press(tick);
-    keepPassive(tick);
+    // Whatever numbers met here, a device gets none that is not finite.
+    if (!isFinite(tick.force) || !isFinite(proxy_)) return lost(hand, seconds);
     force_ = tick.force;
     time_ = seconds;
     near_.remember(seconds);
     return tick;
 }
 
-/// A triangle that has passed through the ball since the last tick pushes it along, on its old side, as far as resting
-/// surfaces allow.
-void Touch::pushByWhatMoves() {
-    std::optional<std::vector<NearTriangle>> still;
-    const double apart = options_.radius + kSkin;
-    for (const NearTriangle& t : near_.all()) {
-        if (!t.moves) continue;
-        const Vec3d before = glm::cross(t.before[1] - t.before[0], t.before[2] - t.before[0]),
-                    now = glm::cross(t.corners[1] - t.corners[0], t.corners[2] - t.corners[0]);
-        if (glm::length(before) <= 0 || glm::length(now) <= 0) continue;
-        const Vec3d normal = glm::normalize(now);
-        const double side = glm::dot(proxy_ - t.before[0], before) >= 0 ? 1 : -1;
-        const double height = side * glm::dot(proxy_ - t.corners[0], normal);
-        const Vec3d closest = closestOnTriangle(proxy_, t.corners), from = proxy_ - closest;
-        const double distance = glm::length(from);
-        Vec3d push(0);
-        if (glm::length(from - side * height * normal) < 1e-9 + 1e-6 * distance) {
-            // Above or below its area; a triangle that is farther past the ball than it moved was never beside it.
-            double most = options_.radius;
-            for (int c = 0; c < 3; ++c) most = std::max(most, glm::length(t.corners[c] - t.before[c]));
-            if (height < apart && apart - height <= 2 * most) push = side * (apart - height) * normal;
-        } else if (distance < apart && distance > 0) {
-            push = (apart - distance) / distance * from;
-        }
-        if (push == Vec3d(0)) continue;
-        if (!still) still = near_.still();
-        proxy_ = slide(proxy_, proxy_ + push, options_.radius, *still);
+/// Out of a solid that has come over the ball; whether it was in one. What the scene puts in here, no spring owes.
+bool Touch::comeOut(const WorldMoment& now, double seconds, bool everything) {
+    const NearTriangles::WayOut out = near_.wayOut(now, proxy_, options_.radius, seconds, everything);
+    if (out.to) {
+        spring_ += *out.to - proxy_;
+        proxy_ = *out.to;
+        squeezed_ = false;
     }
+    return out.inside;
+}
+
+/// Moves the proxy towards the hand, however far that is: in steps, until something holds it.
+void Touch::follow(const WorldMoment& now, double seconds) {
+    const double step = std::max(kDeepest, glm::length(hand_ - proxy_) / kSweeps);
+    for (int i = 0; i < kSweeps; ++i) {
+        const Vec3d from = proxy_, way = hand_ - proxy_, goal = proxy_ + shortened(way, step);
+        near_.find(now, proxy_, goal, options_.radius, seconds);
+        if (i == 0 && isSqueezed(now, seconds)) return;
+        proxy_ = slide(proxy_, rubbed(goal), options_.radius, near_.all());
+        if (glm::length(way) <= step || glm::length(proxy_ - from) < 0.5 * step) return;
+    }
+}
+
+/// Between surfaces that leave it no room the ball stays where it was; from within a solid it comes out, as soon as
+/// there is anywhere near to go.
+bool Touch::isSqueezed(const WorldMoment& now, double seconds) {
+    if (!squeezed_) return squeezed_ = !pushByWhatMoves();
+    if (!comeOut(now, seconds, true)) squeezed_ = !touched(proxy_, 0.5 * options_.radius, near_.all()).empty();
+    return squeezed_;
+}
+
+/// How far a triangle that has passed through the ball since the last tick pushes it along, on the side of it where the
+/// ball `stood`.
+Vec3d Touch::pushOf(const NearTriangle& t, const Vec3d& stood) const {
+    const double apart = options_.radius + kSkin;
+    const Vec3d before = glm::cross(t.before[1] - t.before[0], t.before[2] - t.before[0]),
+                now = glm::cross(t.corners[1] - t.corners[0], t.corners[2] - t.corners[0]);
+    if (!t.moves || glm::length(before) <= 0 || glm::length(now) <= 0) return Vec3d(0);
+    const Vec3d normal = glm::normalize(now);
+    const double side = glm::dot(stood - t.before[0], before) >= 0 ? 1 : -1;
+    const double height = side * glm::dot(proxy_ - t.corners[0], normal);
+    const Vec3d closest = closestOnTriangle(proxy_, t.corners), from = proxy_ - closest;
+    const double distance = glm::length(from);
+    if (glm::length(from - side * height * normal) < 1e-9 + 1e-6 * distance) {
+        // Above or below its area; a triangle that is farther past the ball than it moved was never beside it.
+        double most = options_.radius;
+        for (int c = 0; c < 3; ++c) most = std::max(most, glm::length(t.corners[c] - t.before[c]));
+        if (height < apart && apart - height <= 2 * most) return side * (apart - height) * normal;
+    } else if (distance < apart && distance > 0) {
+        return (apart - distance) / distance * from;
+    }
+    return Vec3d(0);
+}
+
+/// By all triangles that move, as far as resting surfaces allow. Whether there is room: if not, the ball is where it
+/// was.
+bool Touch::pushByWhatMoves() {
+    const Vec3d stood = proxy_;
+    std::optional<std::vector<NearTriangle>> still;
+    double left = 0;
+    for (int pass = 0; pass < kPushes; ++pass) {
+        left = 0;
+        for (const NearTriangle& t : near_.all()) {
+            const Vec3d push = pushOf(t, stood);
+            if (push == Vec3d(0)) continue;
+            if (!still) still = near_.still();
+            left = std::max(left, glm::length(push));
+            proxy_ = slide(proxy_, proxy_ + push, options_.radius, *still);
+        }
+        if (left < kSkin) return true;
+    }
+    if (left < 0.5 * options_.radius) return true;
+    proxy_ = stood;
+    return false;
 }
 
 /// The hand's position with friction: inside the cone of friction about the surface, the proxy stays where it was;
@@ -129,11 +171,12 @@ Vec3d Touch::rubbed(const Vec3d& goal) {
 }
 
 void Touch::press(HapticTick& tick) {
-    const Vec3d spring = proxy_ - hand_;
-    double most = 0;
+    const Vec3d spring = proxy_ - hand_, change = spring - std::exchange(spring_, spring);
+    const std::vector<Touching> contacts = touched(proxy_, options_.radius, near_.all(), 1e-6);
+    double most = kNoDepth;
     pressed_.reset();
-    for (const Touching& t : touched(proxy_, options_.radius, near_.all(), 1e-6)) {
-        const double pressing = glm::dot(t.normal, spring);
+    for (const Touching& t : contacts) {
+        const double pressing = squeezed_ ? glm::length(spring) : glm::dot(t.normal, spring);
         if (pressing <= most) continue;
         most = pressing;
         pressed_ = near_.all()[t.triangle];
@@ -142,6 +185,8 @@ void Touch::press(HapticTick& tick) {
     }
     if (!pressed_) {
         rateBefore_.reset();
+        surplus_ = 0;
+        force_ = elastic_ = Vec3d(0);
         return;
     }
     tick.touching = true;
@@ -152,29 +197,33 @@ void Touch::press(HapticTick& tick) {
     // took on the way in. The damper draws no hand to a surface.
     const double depth = glm::length(spring);
     const Vec3d normal = spring / depth;
-    const double rate = glm::dot((hand_ - handBefore_) / step_ - tick.velocity, normal);
+    const double rate = glm::dot(change, normal);
     // It goes on to gain speed as in the last tick.
-    const double gained = rateBefore_ ? std::max(0.0, rate - std::max(0.0, *rateBefore_)) : 0;
-    const double outwards = options_.passive && rate > 0 ? (rate + gained) * step_ : 0;
+    const double gained = rateBefore_ ? std::min(0.0, rate - std::min(0.0, *rateBefore_)) : 0;
+    const double outwards = options_.passive && rate < 0 ? rate + gained : 0;
     rateBefore_ = rate;
-    tick.force = surface.stiffness * std::max(0.0, depth - outwards) * normal;
-    tick.force -= std::min(surface.damping * rate, glm::dot(tick.force, normal)) * normal;
+    tick.force = surface.stiffness * std::max(0.0, depth + outwards) * normal;
+    tick.force += std::max(surface.damping * rate / step_, -glm::dot(tick.force, normal)) * normal;
+    const Vec3d elastic = shortened(surface.stiffness * spring, options_.maxForce);
+    surplus_ += glm::dot(0.5 * (elastic_ + elastic) - force_, change);
+    elastic_ = elastic;
+    if (options_.passive) tick.force = passive(tick, change, surface, contacts);
     tick.force = shortened(tick.force, options_.maxForce);
 }
 
-/// Because a force is held for a tick, more energy is given on the way out than was taken on the way in. A damper takes
-/// the surplus back; and it never draws the hand to a surface.
-void Touch::keepPassive(HapticTick& tick) {
-    const Vec3d way = hand_ - handBefore_ - step_ * tick.velocity;
-    energy_ += glm::dot(force_, way);
-    if (!tick.touching) {
-        energy_ = 0;
-        return;
-    }
-    const double squared = glm::dot(way, way);
-    if (!options_.passive || energy_ <= 0 || squared < 1e-18) return;
-    const Vec3d damped = tick.force - energy_ / squared * way;
-    tick.force = shortened(damped - std::min(0.0, glm::dot(damped, tick.normal)) * tick.normal, options_.maxForce);
+/// Because a force is held for a tick, the hand gets energy that no spring would give it: in any direction in which a
+/// contact holds it. What it got on the way in it owes until it is out; the rest a damper takes back, which is as
+/// strong as the hand does not notice, and moves it nowhere that the contacts do not.
+Vec3d Touch::passive(const HapticTick& tick, const Vec3d& change, const TouchSurface& surface,
+                     const std::vector<Touching>& contacts) const {
+    const double squared = glm::dot(change, change);
+    const double owed = surplus_ - 0.5 * surface.stiffness * glm::length(spring_) * std::sqrt(squared);
+    if (owed <= 0 || squared < 1e-18) return tick.force;
+    const Vec3d damped = tick.force + std::min(owed / squared, surface.stiffness) * change;
+    if (squeezed_) return damped;
+    if (surface.staticFriction > 0 || surface.dynamicFriction > 0)
+        return damped - std::min(0.0, glm::dot(damped, tick.normal)) * tick.normal;
+    return damped + alongAll(-damped, contacts);  // the nearest that they can give together
 }
 
 }  // namespace rtsg::haptics

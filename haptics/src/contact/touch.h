@@ -26,19 +26,27 @@ class Touch {
 
   private:
     HapticTick lost(const Vec3d& hand, double seconds);
-    void pushByWhatMoves();
+    bool comeOut(const WorldMoment& now, double seconds, bool everything);
+    void follow(const WorldMoment& now, double seconds);
+    Vec3d pushOf(const NearTriangle& t, const Vec3d& stood) const;
+    bool pushByWhatMoves();
+    bool isSqueezed(const WorldMoment& now, double seconds);
     Vec3d rubbed(const Vec3d& goal);
     void press(HapticTick& tick);
-    void keepPassive(HapticTick& tick);
+    Vec3d passive(const HapticTick& tick, const Vec3d& change, const TouchSurface& surface,
+                  const std::vector<Touching>& contacts) const;
 
     const HapticOptions options_;
     NearTriangles near_;
-    Vec3d proxy_{0}, hand_{0}, handBefore_{0}, force_{0};
+    Vec3d proxy_{0}, hand_{0};
+    Vec3d spring_{0}, elastic_{0},
+        force_{0};                // of the last tick: from hand to proxy; what a spring gave; what was felt
     std::optional<double> time_;  // of the last tick with a hand
     double step_ = 0;             // seconds since that
     bool sticks_ = true;
-    double energy_ = 0;                    // J that the force has given to the hand, against surfaces at rest
-    std::optional<double> rateBefore_;     // m/s away from the surface, at the last tick
+    bool squeezed_ = false;                // surfaces leave the ball no room
+    double surplus_ = 0;                   // J that the hand got and would not have got from a spring without ticks
+    std::optional<double> rateBefore_;     // metres deeper, in the last tick
     std::optional<NearTriangle> pressed_;  // the triangle that was pressed most at the last tick
 };
 

@@ -47,6 +47,12 @@ class UdpDevice final : public HapticDevice {
                 ++odd_;
                 continue;
             }
+            const bool isOther =
+                peer_ && (from.sin_port != peer_->sin_port || from.sin_addr.s_addr != peer_->sin_addr.s_addr);
+            if (isOther && monotonicSeconds() - heard_ <= patience_) {
+                if (others_++ == 0) other_ = from;
+                continue;
+            }
             std::memcpy(numbers, packet, sizeof(numbers));
             at_ = Vec3d(numbers[0], numbers[1], numbers[2]);
             peer_ = from;
@@ -55,6 +61,12 @@ class UdpDevice final : public HapticDevice {
         if (!peer_) return fail(odd_ ? "datagrams came that are not three doubles" : "no datagram has come yet");
         if (monotonicSeconds() - heard_ > patience_) return fail("no datagram has come lately");
         return at_;
+    }
+    std::string warning() const override {
+        if (others_ == 0) return {};
+        return fmt::format(
+            "{} datagrams were ignored, the first from port {}: another device is at the hand, at port {}", others_,
+            ntohs(other_.sin_port), ntohs(peer_->sin_port));
     }
     void push(const Vec3d& force) override {
         if (!peer_) return;
@@ -69,8 +81,9 @@ class UdpDevice final : public HapticDevice {
     const double patience_;
     Vec3d at_{0};
     double heard_ = 0;
-    std::uint64_t odd_ = 0;
+    std::uint64_t odd_ = 0, others_ = 0;
     std::optional<sockaddr_in> peer_;
+    sockaddr_in other_{};
 };
 
 }  // namespace

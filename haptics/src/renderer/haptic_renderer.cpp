@@ -279,6 +279,10 @@ void HapticRenderer::Impl::run() {
         device->push(tick.force);
     }
     device->push(Vec3d(0));
+    if (const std::string warning = device->warning(); !warning.empty()) {
+        const std::lock_guard lock(mutex);
+        report.diagnostics.warning({}, warning);
+    }
     ended = true;
 }
 
@@ -312,7 +316,7 @@ HapticReport HapticRenderer::report() const {
     report.medianSeconds = impl_->times.median();
     report.worstSeconds = impl_->times.worst();
     report.failure = failure();
-    report.diagnostics = impl_->diagnostics;
+    report.diagnostics.append(impl_->diagnostics);
     return report;
 }
 

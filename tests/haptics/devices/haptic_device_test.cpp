@@ -104,6 +104,28 @@ class Driver {
     sockaddr_in address_{};
 };
 
+TEST(UdpDevice, BelongsToItsFirstSenderUntilThatIsSilent) {
+    std::uint16_t port = 0;
+    auto device = udpDevice(0, 0.5, &port);
+    ASSERT_TRUE(device) << device.error().format();
+    Driver first(port), second(port);
+    const double places[2][3] = {{1, 2, 3}, {4, 5, 6}};
+    first.send(places[0], 24);
+    EXPECT_EQ(*(*device)->place(0), Vec3d(1, 2, 3));
+    EXPECT_EQ((*device)->warning(), "");
+    second.send(places[1], 24);
+    EXPECT_EQ(*(*device)->place(0), Vec3d(1, 2, 3));
+    (*device)->push({7, 8, 9});
+    EXPECT_EQ(first.heard(), Vec3d(7, 8, 9));
+    EXPECT_TRUE((*device)->warning().starts_with("1 datagrams were ignored")) << (*device)->warning();
+    std::this_thread::sleep_for(std::chrono::milliseconds(700));
+    EXPECT_FALSE((*device)->place(0));
+    second.send(places[1], 24);
+    EXPECT_EQ(*(*device)->place(0), Vec3d(4, 5, 6));
+    (*device)->push({7, 8, 9});
+    EXPECT_EQ(second.heard(), Vec3d(7, 8, 9));
+}
+
 TEST(UdpDevice, TakesPlacesAndGivesForces) {
     std::uint16_t port = 0;
     auto device = udpDevice(0, 0.1, &port);

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 
@@ -124,7 +125,7 @@ TEST(HapticRenderer, FrictionIsACone) {
     rough.go({0, .01, 0}, {0, .001, 0}, 60);
     rough.go({0, .001, 0}, {.0019, .001, 0}, 40);
     expectWithin(rough.last.proxy, {0, kProxy, 0}, 2e-5);
-    EXPECT_NEAR(rough.last.force.x, -500 * .0019, 2e-2);
+    EXPECT_NEAR(rough.last.force.x, -500 * .0019, 3e-2) << "it moves by .05 mm a tick";
     rough.go({.0019, .001, 0}, {.05, .001, 0}, 300);
     expectWithin(rough.last.proxy, {.05 - .3 * .004, kProxy, 0}, 2e-5);
     EXPECT_NEAR(-rough.last.force.x / rough.last.force.y, .3, 5e-3) << "Coulomb's law";
@@ -208,8 +209,45 @@ TEST(HapticRenderer, PosesThatCannotBeGiveNoForceAndItGoesOn) {
         EXPECT_EQ(lost.force, Vec3d(0));
         EXPECT_TRUE(table.go({0, .01, 0}, {0, .001, 0}, 60).touching);
     }
-    EXPECT_FALSE(table.tick({0, .5, 0}).known) << "half a metre in a tick";
-    EXPECT_EQ(table.renderer->report().unknown, 4u);
+    EXPECT_EQ(table.renderer->report().unknown, 3u);
+}
+
+/// However far it goes in a tick, the ball is swept along and does not pass.
+TEST(HapticRenderer, AHandThatJumpsThroughAThingIsHeldBeforeIt) {
+    Touched plate("Shape { geometry Box { size 1 .01 1 } }");
+    for (const double depth : {.1, 3., 1000.}) {
+        plate.go({0, .1, 0}, {0, .1, 0}, 30);
+        const HapticTick through = plate.tick({0, -depth, 0});
+        EXPECT_TRUE(through.known);
+        expectWithin(through.proxy, {0, .005 + kProxy, 0}, 1e-6);
+        expectWithin(through.force, {0, HapticOptions().maxForce, 0}, 1e-6);
+        EXPECT_TRUE(plate.go({0, -depth, 0}, {0, -depth, 0}, 50).touching) << "and stays there";
+    }
+    // Past it, a hand is where it says.
+    plate.go({0, .1, 0}, {0, .1, 0}, 30);
+    expectWithin(plate.tick({2, .1, 0}).proxy, {2, .1, 0}, 1e-9);
+    expectWithin(plate.tick({2, -40, 0}).proxy, {2, -40, 0}, 1e-9);
+    // .3 m/s with 500 m for a metre.
+    Touched slab("Shape { geometry Box { size 400 10 400 } }");
+    EXPECT_TRUE(slab.go({0, 20, 0}, {0, -4.9, 0}, 166).touching);
+    EXPECT_NEAR(slab.last.proxy.y, 5 + kProxy, 1e-5);
+}
+
+/// Hands that begin inside, rest, and move by next to nothing.
+TEST(HapticRenderer, ForcesAreNumbersWhateverTheHandIs) {
+    Touched table(kTable);
+    const double tiny[] = {0, 5e-324, 1e-310, -1e-310, 1e-200, 1e-20, -1e-13, .005, -.02, .08, 1e7, 1e300};
+    const unsigned seed = 91;
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto any = [&] { return tiny[random() % std::size(tiny)]; };
+    for (const Vec3d& hand : {Vec3d(1e7, 1e7, 0), Vec3d(0, .08, 0), Vec3d(1e-310, 0, 1e-310), Vec3d(0, 5e-324, 1e-310)})
+        EXPECT_TRUE(std::isfinite(glm::length(table.tick(hand).force)));
+    for (int i = 0; i < 3000; ++i) {
+        const HapticTick tick = table.tick({any(), any(), any()});
+        ASSERT_LE(glm::length(tick.force), HapticOptions().maxForce + 1e-9) << i;
+        ASSERT_TRUE(!tick.known || glm::length(tick.proxy) < 1e12) << i;
+    }
 }
 
 /// A mass on a spring-less wall, thrown at it: what it has afterwards beside what it had.
@@ -233,6 +271,114 @@ TEST(HapticRenderer, AStillSceneGivesNoEnergy) {
             EXPECT_LT(share, 1.001) << stiffness << " N/m, " << speed << " m/s";
             EXPECT_GT(share, .5) << stiffness << " N/m, " << speed << " m/s: and takes not much";
         }
+}
+
+std::string wall(const std::string& placed) {
+    return "Transform { " + placed + " children Shape { geometry Box { size .1 1 1 } } }\n";
+}
+const std::string kFloor = wall("rotation 0 0 1 1.570796326794897 translation 0 -.05 0");
+const std::string kLeft = wall("translation -.05 0 0");
+const std::string kBack = wall("rotation 0 1 0 1.570796326794897 translation 0 0 -.05");
+
+/// A mass that an arm holds.
+class Hand {
+  public:
+    Hand(Touched& touched, double mass, const Vec3d& at) : touched_(touched), mass_(mass), at_(at) {}
+    /// A tick in which the arm draws it to a place; the force that it then feels.
+    Vec3d tick(const Vec3d& target) {
+        const Vec3d force = touched_.tick(at_).force;
+        for (int k = 0; k < 20; ++k) {
+            velocity_ += 5e-5 / mass_ * (200. * (target - at_) - 2. * velocity_ + force);
+            at_ += 5e-5 * velocity_;
+        }
+        return force;
+    }
+    double speed() const { return glm::length(velocity_); }
+
+  private:
+    Touched& touched_;
+    const double mass_;
+    Vec3d at_, velocity_{0};
+};
+
+/// Without friction, and as stiff as one wall may be.
+TEST(HapticRenderer, AHandRestsInGroovesAndCorners) {
+    const std::string wedge = wall("rotation 0 0 1 .1745 translation -.05 0 0") +
+                              wall("rotation 0 0 1 -.1745 translation .05 0 0");  // of 20 degrees
+    for (const std::string& scene : {kFloor, kFloor + kLeft, kFloor + kLeft + kBack, wedge})
+        for (const double stiffness : {1000., 3900., 5000., 20'000., 50'000.})
+            for (const double mass : {.05, .1}) {
+                if (stiffness * 1e-6 > .5 * mass) continue;  // beyond, nothing that is held for a tick can be stable
+                HapticOptions options;
+                options.surface.stiffness = stiffness;
+                Touched touched(scene, options);
+                const bool isWedge = scene == wedge;
+                const Vec3d from = isWedge ? Vec3d(0, .35, .03) : Vec3d(.03),
+                            to = isWedge ? Vec3d(.002, 0, .02) : Vec3d(-.01, -.005, -.008);
+                Hand hand(touched, mass, from);
+                for (int i = 0; i < 200; ++i) hand.tick(from + i / 200. * (to - from));
+                for (int i = 0; i < 1000; ++i) hand.tick(to);
+                double speed = 0, along = 0;
+                for (int i = 0; i < 200; ++i) {
+                    const Vec3d force = hand.tick(to);
+                    speed = std::max(speed, hand.speed());
+                    if (scene != kFloor + kLeft + kBack) along = std::max(along, std::abs(force.z));
+                }
+                EXPECT_LT(speed, 1e-3) << stiffness << " N/m, " << mass << " kg in\n" << scene;
+                EXPECT_LT(along, 1e-3) << "nothing holds it along z";
+                EXPECT_TRUE(touched.last.touching);
+            }
+}
+
+/// Its walls come and go by 2 cm at up to .13 m/s: what rests in it goes along, and gets no faster.
+TEST(HapticRenderer, AHandRestsInAGrooveThatMoves) {
+    HapticOptions options;
+    options.surface.stiffness = 5000;
+    Touched touched(
+        "DEF C TimeSensor { loop TRUE cycleInterval 1 }\n"
+        "DEF P PositionInterpolator { key [0 .25 .5 .75 1] keyValue [0 0 0, .01 .01 0, .02 0 0, .01 -.01 0, 0 0 0] }\n"
+        "DEF W Transform { children [ " +
+            kFloor + kLeft +
+            " ] }\n"
+            "ROUTE C.fraction_changed TO P.set_fraction\nROUTE P.value_changed TO W.set_translation\n",
+        options);
+    Hand hand(touched, .1, Vec3d(.04));
+    const Vec3d to(-.01, -.01, .04);
+    for (int i = 0; i < 3000; ++i) {
+        const Vec3d force = hand.tick(to);
+        EXPECT_LT(std::abs(force.z), 1e-3) << i;
+        if (i > 500) {
+            ASSERT_LT(hand.speed(), .3) << i;
+        }
+    }
+}
+
+/// The ball does not fit any more: it stays until it is in a solid, and then comes out of it.
+TEST(HapticRenderer, WallsThatCloseOnTheHandPushItOut) {
+    for (const double speed : {.2, 1.}) {
+        Touched walls(
+            "DEF C TimeSensor { loop TRUE cycleInterval 10 }\n"
+            "DEF P PositionInterpolator { key [0 1] keyValue [-.2 0 0, " +
+            std::to_string(10 * speed - .2) +
+            " 0 0] }\n"
+            "DEF Q PositionInterpolator { key [0 1] keyValue [.2 0 0, " +
+            std::to_string(.2 - 10 * speed) +
+            " 0 0] }\n"
+            "DEF A Transform { children Shape { geometry Box { size .2 .3 .3 } } }\n"
+            "DEF B Transform { children Shape { geometry Box { size .2 .3 .3 } } }\n"
+            "ROUTE C.fraction_changed TO P.set_fraction\nROUTE P.value_changed TO A.set_translation\n"
+            "ROUTE C.fraction_changed TO Q.set_fraction\nROUTE Q.value_changed TO B.set_translation\n");
+        const Vec3d hand(.01, .02, 0);
+        // From when they touch each other until their far sides are at the hand, it lies in one of them.
+        const double meet = .1 / speed, over = .19 / speed;
+        for (int i = 0; walls.ticks < 1e3 * over; ++i) {
+            const HapticTick tick = walls.tick(hand);
+            const double seconds = 1e-3 * walls.ticks;
+            if (seconds < meet - .005 / speed || seconds > over - .04) continue;
+            ASSERT_GT(glm::length(tick.force), .5) << seconds << " s at " << speed << " m/s";
+            ASSERT_LE(glm::length(tick.force), HapticOptions().maxForce + 1e-9);
+        }
+    }
 }
 
 TEST(HapticRenderer, ATouchSensorAnswersToTheHand) {

@@ -1,4 +1,5 @@
 // Regions of pictures: whatever a picture is divided into, its parts have the bits of the whole, in all that it holds.
+#include <algorithm>
 #include <cstring>
 #include <random>
 

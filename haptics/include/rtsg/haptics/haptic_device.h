@@ -25,6 +25,8 @@ class HapticDevice {
     virtual void push(const Vec3d& force) = 0;
     /// Whether the device has finished, such as a path at its end.
     virtual bool hasEnded() const { return false; }
+    /// What its user should know when it has been used; empty if nothing.
+    virtual std::string warning() const { return {}; }
 };
 
 /// A simulated hand on a path, for tests and measurements. The hand is a mass that a spring and a damper hold to the
@@ -44,8 +46,9 @@ Result<std::vector<SimulatedHand::Stop>> readHandPath(const std::string& file);
 std::unique_ptr<HapticDevice> simulatedDevice(SimulatedHand hand);
 
 /// A device at the other end of a socket on this machine. Each datagram to 127.0.0.1:`port` has three doubles, the
-/// position, and is answered with three doubles, the force; all little-endian. If no datagram comes for `patience`
-/// seconds, the position is unknown. Port 0 selects a free port; `bound` receives it. Error: the port is not available.
+/// position, and is answered with three doubles, the force; all little-endian. The first sender is the device, until
+/// nothing comes from it for `patience` seconds; then the position is unknown, and the next one is. Port 0 selects a
+/// free port; `bound` receives it. Error: the port is not available.
 Result<std::unique_ptr<HapticDevice>> udpDevice(std::uint16_t port, double patience = 0.1,
                                                 std::uint16_t* bound = nullptr);
 

@@ -45,7 +45,7 @@ class HapticRenderer final : public WorldRenderer {
     Result<> renderFrame() override;
 
     /// Computes one tick with the world's newest state, for programs with their own clock. `hand` is in world
-    /// coordinates, in metres. A position that is not finite, or that jumps, counts as unknown.
+    /// coordinates, in metres. A position that is not finite, or 10¹² metres away, counts as unknown.
     HapticTick touch(const Vec3d& hand, double seconds);
     /// Starts the thread. Precondition: attached, and no thread is started. Error: the thread cannot be started.
     Result<> start(std::unique_ptr<HapticDevice> device);

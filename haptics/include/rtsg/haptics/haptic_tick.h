@@ -12,7 +12,6 @@ struct HapticOptions {
     double rate = 1000;       // ticks a second
     double radius = 0.005;    // of the proxy, metres; at least 1e-4
     double maxForce = 5;      // N
-    double maxStep = 0.1;     // metres in a tick; if a hand jumps farther, its position counts as unknown for that tick
     double pressAt = 0.5;     // N; from this force on, the pointer's button is down
     int pointer = 63;         // number of the pointing device
     TouchSurface surface;     // for an Appearance that defines none
