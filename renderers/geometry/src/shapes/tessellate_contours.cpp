@@ -14,7 +14,7 @@ namespace {
 constexpr int kMostSegments = 64;  // of one curve
 
 /// Appends points on the curve after its start, its end included.
-void flatten(const Vec2d* p, int degree, double tolerance, std::vector<Vec2d>& out) {
+void flattenCurve(const Vec2d* p, int degree, double tolerance, std::vector<Vec2d>& out) {
     // A chord of 1/n of the parameter lies within |second derivative| / (8 n^2) of the curve.
     double bend = 0;
     if (degree == 2) bend = 2 * glm::length(p[0] - 2.0 * p[1] + p[2]);
@@ -78,7 +78,7 @@ GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance) {
         for (const std::uint8_t degree : contour.segments) {
             Vec2d p[4];
             for (std::size_t k = 0; k <= degree; ++k) p[k] = point(at + k);
-            flatten(p, degree, tolerance, outline);
+            flattenCurve(p, degree, tolerance, outline);
             at += degree;
         }
         gluTessBeginContour(tessellator);
