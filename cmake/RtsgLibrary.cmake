@@ -93,6 +93,19 @@ function(rtsg_library name)
   set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_MODE GROUP)
 endfunction()
 
+# rtsg_avx512_sources(SOURCE...): units for machines with AVX-512, which are found out at run time; the rest is built for RTSG_ARCH. The
+# warning is about GCC 12's own intrinsics.
+include(CheckCXXCompilerFlag)
+function(rtsg_avx512_sources)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    check_cxx_compiler_flag(-march=x86-64-v4 RTSG_HAS_X86_64_V4)
+    if(RTSG_HAS_X86_64_V4)
+      set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-march=x86-64-v4;-mprefer-vector-width=512;-Wno-maybe-uninitialized;-Wno-uninitialized"
+                                                     SKIP_PRECOMPILE_HEADERS ON)
+    endif()
+  endif()
+endfunction()
+
 # Where modules are installed.
 include(GNUInstallDirs)
 set(RTSG_MODULE_DIR "${CMAKE_INSTALL_LIBDIR}/rtsg" CACHE INTERNAL "Where modules are installed")

@@ -67,7 +67,7 @@ def functions(text):
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) = [^;]*|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "sync/web_module", "renderers/movie_module", "ogre/ogre_module", "bench"]
+PROGRAMS = ["app", "sync/web_module", "renderers/images/movie_module", "ogre/ogre_module", "bench"]
 PROGRAMS += [f"tests/{folder.name}" for folder in (ROOT / "tests").iterdir() if folder.name != "fuzz" and list(folder.rglob("*.cpp"))]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
@@ -105,7 +105,7 @@ def shared_names():
 
 
 # Folders whose results reach the state: readers, behaviours, scripts, what is picked or collides, and what sync encodes.
-EXACT = ("core/", "documents/", "scripts/", "physics/", "dis/", "sync/", "renderers/src/shapes/", "renderers/src/tessellate/", "renderers/src/flatten/")
+EXACT = ("core/", "documents/", "scripts/", "physics/", "dis/", "sync/", *(f"renderers/geometry/src/{room}/" for room in ("shapes", "tessellate", "flatten")))
 ELEMENTARY = "sin|cos|tan|sincos|asin|acos|atan|atan2|sinh|cosh|tanh|asinh|acosh|atanh|exp|exp2|expm1|log|log2|log10|log1p|pow|cbrt|hypot"
 LIBRARY = re.compile(r"\bstd::(?:(?:" + ELEMENTARY + r")[fl]?|polar|arg)\(|(?<![\w:.>])(?:" + ELEMENTARY + r")[fl]\(|\bglm::(?:" + ELEMENTARY +
                      r"|angleAxis|rotate|slerp|angle|axis|eulerAngles|pitch|yaw|roll|perspective)\(|\bstd::(?:" + ELEMENTARY + r")\b(?!\()")
