@@ -156,7 +156,8 @@ int measure(const MeasureArguments& options) {
         if (!result) return printError(result.error()), kBad;
         printIrradiance(options, at, *result);
         if (interrupted()) return printError("interrupted"), kBad;
-        if (i == 0) tellOfHiddenLight(options.scene, result->hiddenLight);
+        const auto warning = hiddenLightWarning(options.scene, i == 0 ? result->hiddenLight : 0);
+        if (warning) say(*warning);
         if (!isWhole(options, options.places[i], *result)) whole = false;
     }
     return whole ? kDone : kBad;

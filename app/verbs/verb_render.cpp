@@ -11,6 +11,7 @@
 
 #include "extensions.h"
 #include "files.h"
+#include "say.h"
 
 namespace rtsg::app {
 
@@ -230,7 +231,7 @@ int render(RenderArguments options) {
         return kBad;
     }
     tellResult(options, image.settings, all, maker.content(), running.world().cuts());
-    tellOfHiddenLight(options.scene, all.hiddenLight);
+    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
     if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;

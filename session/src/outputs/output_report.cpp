@@ -95,13 +95,16 @@ std::string missingError(double asked, double reached, double unreached) {
                        asked, reached, 100 * unreached);
 }
 
-void tellOfHiddenLight(const std::string& scene, double share) {
-    constexpr double kTold = .01;
-    if (share < kTold) return;
-    tellError(
-        "rtsg: warning: {}: {:.0f} % of the light of shining surfaces meets clear or mirroring surfaces first: beyond "
-        "them paths find it by chance alone, which takes many samples [picture]\n",
-        scene, 100 * share);
+std::optional<Diagnostic> hiddenLightWarning(const std::string& scene, double fraction) {
+    constexpr double kWorthAWarning = .01;
+    if (fraction < kWorthAWarning) return {};
+    return Diagnostic{Severity::warning,
+                      scene,
+                      {},
+                      fmt::format("{:.0f} % of the light of shining surfaces meets clear or mirroring surfaces first: "
+                                  "beyond them paths find it by chance alone, which takes many samples",
+                                  100 * fraction),
+                      DiagnosticCode{"picture"}};
 }
 
 }  // namespace rtsg

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <rtsg/audio/live_sound.h>
+#include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg {
@@ -56,8 +57,8 @@ std::string keptText(double share);
 
 /// Says by how much a picture misses --error, by its RenderStats. Empty if it does not.
 std::string missingError(double asked, double reached, double unreached);
-/// Warns if paths find some light by chance alone: RenderStats::hiddenLight.
-void tellOfHiddenLight(const std::string& scene, double share);
+/// A warning if paths find light by chance alone, by RenderStats::hiddenLight.
+std::optional<Diagnostic> hiddenLightWarning(const std::string& scene, double fraction);
 
 /// Members ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);
