@@ -26,7 +26,7 @@ def turn(parts):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", required=True, help="a build folder, for what is generated")
-    parser.add_argument("--parts", type=int, default=40)
+    parser.add_argument("--parts", type=int, default=60)
     parser.add_argument("--part", type=int, help="from 0")
     parser.add_argument("--cmake", default="cmake")
     parser.add_argument("--generator", default="Ninja")

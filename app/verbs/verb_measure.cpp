@@ -12,6 +12,7 @@
 #include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/shared_world.h>
 #include <rtsg/renderers/tessellator.h>
+#include <rtsg/session/output_report.h>
 #include <rtsg/session/running_scene.h>
 
 #include "extensions.h"
@@ -71,8 +72,9 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
         fmt::print("\"ci95\":[{:.4g},{:.4g},{:.4g}],\"luminous\":{:.9g},\"luminous_ci95\":{:.4g},", i.x, i.y, i.z,
                    found.luminous, found.luminousInterval);
         if (options.candela > 0) fmt::print("\"lux\":{:.9g},\"lux_ci95\":{:.4g},", lux, luxInterval);
-        fmt::print("\"luminous_cut\":{:.4g},\"samples\":{},\"reached\":{},\"missing\":{:.4g}}}\n", found.luminousCut,
-                   found.samples, found.reached, found.missing);
+        fmt::print(
+            "\"luminous_cut\":{:.4g},\"samples\":{},\"reached\":{},\"missing\":{:.4g},\"hidden_light\":{:.4g}}}\n",
+            found.luminousCut, found.samples, found.reached, found.missing, found.hiddenLight);
         return;
     }
     fmt::print("({:g} {:g} {:g}) facing ({:g} {:g} {:g}): ", at[0], at[1], at[2], at[3], at[4], at[5]);
@@ -154,6 +156,7 @@ int measure(const MeasureArguments& options) {
         if (!result) return printError(result.error()), kBad;
         printIrradiance(options, at, *result);
         if (interrupted()) return printError("interrupted"), kBad;
+        if (i == 0) tellOfHiddenLight(options.scene, result->hiddenLight);
         if (!isWhole(options, options.places[i], *result)) whole = false;
     }
     return whole ? kDone : kBad;

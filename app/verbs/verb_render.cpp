@@ -129,8 +129,9 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
     if (options.json) {
         std::string more;
         if (settings.error > 0)
-            more = fmt::format(",\"error\":{:.4g},\"rms_over_mean\":{:.4g},\"unreached\":{:.4g}", all.error,
-                               noiseOverMean(all), all.unreached);
+            more =
+                fmt::format(",\"error\":{:.4g},\"rms_over_mean\":{:.4g},\"unreached\":{:.4g},\"hidden_light\":{:.4g}",
+                            all.error, noiseOverMean(all), all.unreached, all.hiddenLight);
         if (options.frames > 1) more += fmt::format(",\"kept\":{:.4g}", all.kept);
         if (cuts) more += tessellationJson(*cuts);
         fmt::print(
@@ -211,6 +212,7 @@ int render(RenderArguments options) {
         all.seconds += stats.seconds;
         all.missing = std::max(all.missing, stats.missing);
         all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
+        all.hiddenLight = std::max(all.hiddenLight, stats.hiddenLight);
         if (noiseOverMean(stats) >= noiseOverMean(all)) all.noise = stats.noise, all.mean = stats.mean;
         all.samples += stats.samples / options.frames, all.kept += stats.kept / options.frames;
     };
@@ -228,7 +230,8 @@ int render(RenderArguments options) {
         return kBad;
     }
     tellResult(options, image.settings, all, maker.content(), running.world().cuts());
-    if (const std::string missing = missingError(options.picture.error, all.unreached); !missing.empty())
+    tellOfHiddenLight(options.scene, all.hiddenLight);
+    if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;
 }

@@ -89,10 +89,19 @@ std::string tessellationJson(const Flattener::Cuts& cuts) {
                        cuts.geometries, cuts.triangles, fmt::join(cuts.ofLevel, ","), cuts.tooCoarse, cuts.made);
 }
 
-std::string missingError(double error, double unreached) {
+std::string missingError(double asked, double reached, double unreached) {
     if (!(unreached > 0)) return {};
-    return fmt::format("the error {:g} in {:.2g} % of the pixels, which ran out of samples; --spp allows more", error,
-                       100 * unreached);
+    return fmt::format("the error {:g}: it is {:.2g}, above that in {:.2g} % of the pixels; --spp allows more samples",
+                       asked, reached, 100 * unreached);
+}
+
+void tellOfHiddenLight(const std::string& scene, double share) {
+    constexpr double kTold = .01;
+    if (share < kTold) return;
+    tellError(
+        "rtsg: warning: {}: {:.0f} % of the light of shining surfaces meets clear or mirroring surfaces first: beyond "
+        "them paths find it by chance alone, which takes many samples [picture]\n",
+        scene, 100 * share);
 }
 
 }  // namespace rtsg

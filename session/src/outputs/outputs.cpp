@@ -162,6 +162,7 @@ Result<> Outputs::make(const Job& job) {
             report_.kept += light_->stats().kept;
             report_.pictureSamples.push_back(light_->stats().samples);
             report_.unreached = std::max(report_.unreached, light_->stats().unreached);
+            report_.error = std::max(report_.error, light_->stats().error);
             report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
         }
         ++number_;
@@ -302,7 +303,7 @@ OutputReport Outputs::report() const {
     OutputReport report = report_;
     if (world_.built()) report.world = world_.built()->counts();
     report.cuts = world_.cuts();
-    report.missing = missingError(static_cast<double>(arguments_.image.settings.error), report.unreached);
+    report.missing = missingError(static_cast<double>(arguments_.image.settings.error), report.error, report.unreached);
     if (!std::isfinite(arguments_.seconds)) return report;
     const double before = arguments_.only ? static_cast<double>(arguments_.only->first) : 0;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6) - before;

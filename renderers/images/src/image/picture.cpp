@@ -99,6 +99,24 @@ Vec3f ToneMap::apply(Vec3f linear) const {
     return linear / peak * (1 - white) + Vec3f(white);
 }
 
+double averageLight(const Picture& picture) {
+    constexpr int kTile = 16;
+    LogAverage all;
+    for (int top = 0; top < picture.height; top += kTile)
+        for (int left = 0; left < picture.width; left += kTile) {
+            const int right = std::min(left + kTile, picture.width), bottom = std::min(top + kTile, picture.height);
+            double sum = 0;
+            for (int y = top; y < bottom; ++y)
+                for (int x = left; x < right; ++x) {
+                    const Vec4f& pixel = picture.at(x, y);
+                    sum += double{std::max({pixel.r, pixel.g, pixel.b, 0.0f})};
+                }
+            const double pixels = double{1} * (right - left) * (bottom - top);
+            all.add(sum / pixels, pixels);
+        }
+    return all.value();
+}
+
 Picture toLinear(Picture picture) {
     if (picture.space == ColorSpace::linear) return picture;
     picture.space = ColorSpace::linear;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -235,6 +236,8 @@ struct TraceScene {
     bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
     Vec4f skyLinear{0}, skyDisplay{0};
     Fogs fogs;
+    /// Of light that nothing but bounces finds, finds from this radiance on are counted (HiddenLight).
+    float countsFrom = std::numeric_limits<float>::infinity();
     bool energyLimited = false;  // colours that would create light are made smaller
     bool anyTransmits = false;   // some instance lets light through: shadow rays must look closer,
     bool clearAnywhere = true;   // wherever they run; or only
@@ -318,6 +321,7 @@ struct TileResult {
     std::vector<float> missing;  // weight of rays that were cut off, however bright they might have been; or empty
     TileReach* reach = nullptr;  // in: where whittedTile() notes its rays, of the first group; null: nobody asks
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
+    std::uint64_t chanceFinds = 0;  // as TraceScene::countsFrom has it, by paths that a surface has scattered
 
     void addLight(std::uint16_t pixel, const Vec3f& amount, const Vec3f& ofShare) {
         if (light.empty()) light.resize(kTilePixels, Vec3f(0)), share.resize(kTilePixels, Vec3f(0));

@@ -77,7 +77,7 @@ class Untouched {
 
 /// The numbers that a tile adds to RenderStats.
 struct TileStats {
-    double samples = 0, error = 0, unreached = 0;  // sums over pixels; of `error` and `noise` the squares
+    double samples = 0, unreached = 0;  // sums over pixels; of `noise` the squares
     double noise = 0, mean = 0;
     double missing = 0, missingMost = 0;
 };

@@ -1,11 +1,13 @@
-// Groups of samples, the spread of their means, and the decision when a block has enough, which is made by other groups
-// than those that are shown.
+// Even samples in growing rounds, the error after each, and the decision whether it is small enough.
 #include "adaptive.h"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
-#include <vector>
+#include <mutex>
+
+#include <rtsg/renderers/parallel_for.h>
 
 #include "lighting/sample_points.h"
 
@@ -13,90 +15,61 @@ namespace rtsg::trace {
 
 namespace {
 
-/// The share that the block's mean variance has in a pixel's.
+/// The share that the mean variance of a block of four by four pixels has in a pixel's.
 constexpr double kOthersShare = 0.2;
-
-/// The shares that the neighbours of a block and its whole tile have where it is decided whether it is good enough.
-constexpr double kAround = 0.4, kOfTile = 0.2;
-/// From so many samples of a group on, a block must be good enough twice in a row.
-constexpr int kOnceGood = 8;
-
-/// How far a block's error may stay above the requested one if others of its tile make up for it.
-constexpr double kWorstBlock = 1.1;
-
-/// Sums over the samples of each group, by pixel. Each fold has two groups.
-class Moments {
-  public:
-    explicit Moments(int folds)
-        : folds_(folds), sums_(std::size_t{2} * static_cast<std::size_t>(folds) * kTilePixels, Vec3d(0)) {}
-    void add(int group, int pixel, const Vec3d& sum) { sums_[index(group, pixel)] += sum; }
-    /// The square of the standard error of the mean of a fold's groups, if each has so many samples.
-    Vec3d variance(int fold, int pixel, int samples) const {
-        const Vec3d off = sums_[index(fold, pixel)] - sums_[index(fold + folds_, pixel)];
-        return off * off / (4.0 * samples * samples);
-    }
-    Vec3d mean(int fold, int pixel, int samples) const {
-        return (sums_[index(fold, pixel)] + sums_[index(fold + folds_, pixel)]) / (2.0 * samples);
-    }
-
-    /// The mean of the groups of all folds but one, and the square of its standard error.
-    struct Estimate {
-        Vec3d mean{0}, variance{0};
-    };
-    Estimate without(int fold, int pixel, int samples) const {
-        Vec3d sum(0), squares(0);
-        for (int group = 0; group < 2 * folds_; ++group)
-            if (group % folds_ != fold) sum += sums_[index(group, pixel)];
-        const double count = 2.0 * (folds_ - 1);
-        const Vec3d expected = sum / count;
-        for (int group = 0; group < 2 * folds_; ++group) {
-            if (group % folds_ == fold) continue;
-            const Vec3d off = sums_[index(group, pixel)] - expected;
-            squares += off * off;
-        }
-        return {expected / double(samples), squares / (count * (count - 1) * samples * samples)};
-    }
-
-  private:
-    static std::size_t index(int group, int pixel) {
-        return static_cast<std::size_t>(group) * kTilePixels + static_cast<std::size_t>(pixel);
-    }
-
-    int folds_;
-    std::vector<Vec3d> sums_;
-};
-
-/// The square of the standard error of the brightest channel over that channel's value.
-double relativeSquare(const Vec3d& value, const Vec3d& variance) {
-    const int c = value.x >= value.y ? (value.x >= value.z ? 0 : 2) : (value.y >= value.z ? 1 : 2);
-    const double over = std::max(value[c], 0.0) + double{kErrorFloor};
-    return variance[c] / (over * over);
-}
-
-/// Adds the results of these blocks, times a weight for each.
-void addBlocks(const TileResult& from, std::uint32_t blocks, const float* weights, TileResult& to) {
-    for (std::size_t i = 0; i < kTilePixels; ++i) {
-        const int block = blockOf(static_cast<int>(i));
-        if (!(blocks >> block & 1u)) continue;
-        const auto pixel = static_cast<std::uint16_t>(i);
-        const float weight = weights[block];
-        to.sum[i] += weight * from.sum[i];
-        if (!from.light.empty()) to.addLight(pixel, weight * from.light[i], weight * from.share[i]);
-        if (!from.missing.empty()) to.addMissing(pixel, weight * from.missing[i]);
-    }
-}
 
 void addRays(const TileResult& round, TileResult& all) {
     all.primaryRays += round.primaryRays, all.shadowRays += round.shadowRays;
-    all.secondaryRays += round.secondaryRays;
+    all.secondaryRays += round.secondaryRays, all.chanceFinds += round.chanceFinds;
+}
+void addSums(const TileResult& from, TileResult& to) {
+    for (std::size_t i = 0; i < kTilePixels; ++i) to.sum[i] += from.sum[i];
+    for (std::size_t i = 0; i < from.light.size(); ++i)
+        to.addLight(static_cast<std::uint16_t>(i), from.light[i], from.share[i]);
+    for (std::size_t i = 0; i < from.missing.size(); ++i) to.addMissing(static_cast<std::uint16_t>(i), from.missing[i]);
+    addRays(from, to);
 }
 
-constexpr std::uint32_t kAllBlocks = (1u << kBlocks) - 1;
-constexpr std::array<float, kBlocks> kWhole = [] {
-    std::array<float, kBlocks> ones{};
-    ones.fill(1);
-    return ones;
-}();
+int blockOf(std::size_t pixel) {
+    return static_cast<int>(pixel) / (kTileSide * 4) * 4 + static_cast<int>(pixel) % kTileSide / 4;
+}
+
+int brightest(const Vec3d& v) {
+    return v.x >= v.y ? (v.x >= v.z ? 0 : 2) : (v.y >= v.z ? 1 : 2);
+}
+
+/// What the parts of a pixel's samples tell, each the mean of as many samples.
+struct PixelParts {
+    std::array<Vec3d, kMostParts> means{};
+    std::size_t count = 0;
+
+    Vec3d sum() const {
+        Vec3d all(0);
+        for (std::size_t part = 0; part < count; ++part) all += means[part];
+        return all;
+    }
+    /// The square of the standard error of the mean of all.
+    Vec3d variance() const {
+        const auto n = static_cast<double>(count);
+        const Vec3d mean = sum() / n;
+        Vec3d squares(0);
+        for (std::size_t part = 0; part < count; ++part) squares += (means[part] - mean) * (means[part] - mean);
+        return squares / (n * (n - 1));
+    }
+    /// The square of the relative error: of each pair of parts the variance, over the value of all others.
+    double relativeSquare(double floor) const {
+        const Vec3d all = sum();
+        const int c = brightest(all);
+        const auto n = static_cast<double>(count);
+        double squares = 0;
+        for (std::size_t part = 0; part + 1 < count; part += 2) {
+            const double one = means[part][c], two = means[part + 1][c];
+            const double over = std::max(all[c] - one - two, 0.0) / (n - 2) + floor;
+            if (one != two) squares += (one - two) * (one - two) / (2 * n) / (over * over);
+        }
+        return squares / static_cast<double>(count / 2);
+    }
+};
 
 }  // namespace
 
@@ -118,8 +91,7 @@ void traceRounds(const TraceScene& scene, const Camera& camera, const RenderSett
         round.firstSample = first, round.lastSample = std::min(first + kRound, samples);
         traceTile(scene, camera, settings, x0, y0, std::span(&round, 1));
         for (std::size_t i = 0; i < kTilePixels; ++i) sums[i] += glm::dvec4(round.sum[i]);
-        addBlocks(round, kAllBlocks, kWhole.data(), result);
-        addRays(round, result);
+        addSums(round, result);
     }
     for (std::size_t i = 0; i < kTilePixels; ++i) result.sum[i] = Vec4f(sums[i]);
 }
@@ -133,237 +105,219 @@ void addLight(TileResult& tile) {
     }
 }
 
-namespace {
+/// The parts of a tile's samples.
+struct AdaptivePicture::Tile {
+    int x0 = 0, y0 = 0, right = 0, below = 0;  // pixels inside the picture
+    std::vector<TileResult> parts;
+    double squares = 0, fourths = 0;  // sums over the pixels, of the relative errors
 
-/// One tile's sampling.
-class Sampling {
-  public:
-    Sampling(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-             AdaptiveTile& tile)
-        : scene_(scene),
-          camera_(camera),
-          settings_(settings),
-          own_(settings),
-          x0_(x0),
-          y0_(y0),
-          most_(std::max(settings.samplesPerPixel, kFewGroups * (scene.shutter ? kLeastOfGroup : 1))),
-          groups_(most_ < kGroups * kLeastOfGroup ? kFewGroups : kGroups),
-          folds_(groups_ / 2),
-          firstStep_(scene.shutter ? kLeastOfGroup : kFirstOfGroup),
-          leastStep_(scene.shutter ? kLeastOfGroup : kStepOfGroup),
-          decide_(folds_),
-          show_(folds_),
-          parts_(static_cast<std::size_t>(folds_)),
-          tile_(tile) {}
-
-    void run() {
-        while (const std::uint32_t blocks = anyWanted()) {
-            const int next = after(samples_);
-            sample(blocks, samples_, next);
-            samples_ = next;
-            for (Fold& fold : parts_)
-                for (std::size_t block = 0; block < kBlocks; ++block)
-                    if (fold.wanted >> block & 1u) fold.shown[block] = samples_;
-            for (int fold = 0; fold < folds_; ++fold) judge(fold);
-        }
-        join();
-        tell();
+    int pixels() const { return right * below; }
+    bool inside(std::size_t pixel) const {
+        return static_cast<int>(pixel) % kTileSide < right && static_cast<int>(pixel) / kTileSide < below;
+    }
+    std::uint64_t pathsOn() const {
+        std::uint64_t sum = 0;
+        for (const TileResult& part : parts) sum += part.secondaryRays;
+        return sum;
     }
 
-  private:
-    bool inside(int pixel) const {
-        return x0_ + pixel % kTileSide < settings_.width && y0_ + pixel / kTileSide < settings_.height;
-    }
-    /// The result of a fold of the groups, about which the other folds decide.
-    struct Fold {
-        TileResult sums;
-        std::uint32_t good = 0, wanted = kAllBlocks;  // blocks that it is to go on with
-        std::array<int, kBlocks> shown{};             // samples of each group
-        std::array<double, kBlocks> squares{};        // as look() has them
-    };
-    const Fold& fold(int number) const { return parts_[static_cast<std::size_t>(number)]; }
-    std::uint32_t anyWanted() const {
-        std::uint32_t blocks = 0;
-        for (const Fold& fold : parts_) blocks |= fold.wanted;
-        return blocks;
-    }
-    int shownOf(int number, int pixel) const { return fold(number).shown[static_cast<std::size_t>(blockOf(pixel))]; }
-
-    /// Some more samples of each group.
-    void sample(std::uint32_t blocks, int first, int last) {
-        for (; last - first > kRound; first += kRound) round(blocks, first, first + kRound);
-        round(blocks, first, last);
-    }
-    void round(std::uint32_t blocks, int first, int last) {
-        std::vector<TileResult> now(static_cast<std::size_t>(groups_));
-        for (std::size_t group = 0; group < now.size(); ++group) {
-            now[group].seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + group);
-            now[group].blocks = blocks;
-            now[group].firstSample = first, now[group].lastSample = last;
-        }
-        if (scene_.shutter) {
-            throughShutter(first, last, now);
-        } else {
-            own_.samplesPerPixel = most_ / groups_;
-            traceTile(scene_, camera_, own_, x0_, y0_, now);
-        }
-        for (std::size_t group = 0; group < now.size(); ++group) take(static_cast<int>(group), now[group]);
-    }
-
-    /// One group after the other, as each has instants of its own.
-    void throughShutter(int first, int last, std::span<TileResult> groups) {
-        own_.samplesPerPixel = last - first;
-        for (TileResult& group : groups) {
-            group.seed = own_.seed = mixBits(group.seed + static_cast<std::uint64_t>(first));
-            group.firstSample = 0, group.lastSample = last - first;
-            traceTile(scene_, camera_, own_, x0_, y0_, std::span(&group, 1));
-        }
-    }
-
-    void take(int group, TileResult& now) {
-        Fold& fold = parts_[static_cast<std::size_t>(group % folds_)];
-        const std::uint32_t seen = now.blocks & fold.wanted;
-        addBlocks(now, seen, kWhole.data(), fold.sums);
-        addRays(now, tile_.result);
-        if (scene_.space == ColorSpace::automatic) addLight(now);
-        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            const int block = blockOf(pixel);
-            if (!(now.blocks >> block & 1u)) continue;
-            Vec3d sum(now.sum[static_cast<std::size_t>(pixel)]);
-            for (int c = 0; c < 3; ++c) sum[c] = std::isfinite(sum[c]) ? sum[c] : 0.0;
-            decide_.add(group, pixel, sum);
-            if (seen >> block & 1u) show_.add(group, pixel, sum);
-        }
-    }
-
-    /// How many samples of each group these lead to.
-    int after(int samples) const {
-        // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
-        const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
-        const int limit = most_ / groups_, step = samples == 0 ? firstStep_ : std::max(leastStep_, eighth);
-        return limit - (samples + step) < leastStep_ ? limit : samples + step;
-    }
-
-    /// Decides by all folds but one which blocks that one is to go on with.
-    void judge(int number) {
-        Fold& fold = parts_[static_cast<std::size_t>(number)];
-        double sum = 0, pixels = 0;
-        for (int block = 0; block < kBlocks; ++block) {
-            if (fold.wanted >> block & 1u) look(number, block);
-            sum += fold.squares[static_cast<std::size_t>(block)], pixels += pixels_[static_cast<std::size_t>(block)];
-        }
-        const bool last = samples_ >= most_ / groups_;
-        const double allowed = sum <= pixels ? kWorstBlock * kWorstBlock : 1;
-        for (std::uint32_t rest = fold.wanted; rest; rest &= rest - 1) {
-            const int block = std::countr_zero(rest);
-            const std::uint32_t bit = 1u << block;
-            const bool isGood = smoothed(fold, block, sum / pixels) <= allowed;
-            const bool enough = isGood && (samples_ < kOnceGood || (fold.good & bit));
-            fold.good = isGood ? fold.good | bit : fold.good & ~bit;
-            if (enough || last) fold.wanted &= ~bit;
-            if (!isGood && last) tile_.ranOut |= bit;
-        }
-    }
-    /// A block's mean square with some of its neighbours' and of the tile's: few samples that meet no rare bright light
-    /// tell less of a block than those beside it.
-    double smoothed(const Fold& fold, int block, double ofTile) const {
-        double around = 0, pixels = 0;
-        for (int y = std::max(block / 4 - 1, 0); y <= std::min(block / 4 + 1, 3); ++y)
-            for (int x = std::max(block % 4 - 1, 0); x <= std::min(block % 4 + 1, 3); ++x) {
-                const auto at = static_cast<std::size_t>(4 * y + x);
-                around += fold.squares[at], pixels += pixels_[at];
+    /// Adds parts of `size` samples each, after so many samples.
+    void add(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int samples, int size,
+             int count) {
+        std::vector<TileResult> added(static_cast<std::size_t>(count));
+        for (int done = 0; done < size; done += kRound) {
+            std::vector<TileResult> now(added.size());
+            for (int part = 0; part < count; ++part) {
+                TileResult& to = now[static_cast<std::size_t>(part)];
+                to.seed = settings.seed;
+                to.firstSample = samples + part * size + done;
+                to.lastSample = std::min(to.firstSample + kRound, samples + (part + 1) * size);
             }
-        const auto own = static_cast<std::size_t>(block);
-        if (!(pixels_[own] > 0)) return 0;
-        return (1 - kAround - kOfTile) * fold.squares[own] / pixels_[own] + kAround * around / pixels +
-               kOfTile * ofTile;
-    }
-    /// Adds up, over the pixels of a block, the squares of the errors divided by the error that is asked for: those
-    /// that all folds together have if they vary as those without this one do.
-    void look(int number, int block) {
-        const auto at = static_cast<std::size_t>(block);
-        double& squares = parts_[static_cast<std::size_t>(number)].squares[at];
-        squares = pixels_[at] = 0;
-        const double share = (folds_ - 1.0) / folds_ / (double{settings_.error} * settings_.error);
-        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            if (blockOf(pixel) != block || !inside(pixel)) continue;
-            const Moments::Estimate known = decide_.without(number, pixel, samples_);
-            squares += share * relativeSquare(known.mean, known.variance), ++pixels_[at];
+            if (scene.shutter)
+                throughShutter(scene, camera, settings, now);
+            else
+                traceTile(scene, camera, settings, x0, y0, now);
+            for (std::size_t part = 0; part < now.size(); ++part) addSums(now[part], added[part]);
         }
-    }
-
-    /// Makes the tile's sums of all folds', which count alike however many samples they have.
-    void join() {
-        std::array<int, kBlocks> all{};
-        for (std::size_t block = 0; block < kBlocks; ++block) {
-            for (const Fold& fold : parts_) all[block] += fold.shown[block];
-            tile_.samples[block] = static_cast<std::uint32_t>(2 * all[block]);
+        for (TileResult& part : added) parts.push_back(std::move(part));
+        if (parts.size() <= kMostParts) return;
+        for (std::size_t part = 0; part < kParts; ++part) {
+            if (part > 0) parts[part] = std::move(parts[2 * part]);
+            addSums(parts[2 * part + 1], parts[part]);
         }
-        for (const Fold& fold : parts_) {
-            std::array<float, kBlocks> weights;
-            for (std::size_t block = 0; block < kBlocks; ++block)
-                weights[block] = static_cast<float>(all[block]) / static_cast<float>(folds_ * fold.shown[block]);
-            addBlocks(fold.sums, kAllBlocks, weights.data(), tile_.result);
+        parts.resize(kParts);
+    }
+    /// Samples of a shutter's instants are spread over all that are asked for at once: here each round of a part is a
+    /// sequence of its own.
+    void throughShutter(const TraceScene& scene, const Camera& camera, RenderSettings own,
+                        std::span<TileResult> rounds) const {
+        for (TileResult& round : rounds) {
+            round.seed = own.seed = mixBits(own.seed + static_cast<std::uint64_t>(round.firstSample));
+            own.samplesPerPixel = round.lastSample - round.firstSample;
+            round.firstSample = 0, round.lastSample = own.samplesPerPixel;
+            traceTile(scene, camera, own, x0, y0, std::span(&round, 1));
         }
     }
 
-    /// Estimates the variance of the shown value: each fold's own variance, divided by the value of the others. Divided
-    /// by its own value it would look small where that is large by chance.
-    void estimate(int pixel, Vec3d& variance, double& square) const {
-        Vec3d sum(0);
-        for (int f = 0; f < folds_; ++f) sum += show_.mean(f, pixel, shownOf(f, pixel));
-        variance = Vec3d(0), square = 0;
-        for (int f = 0; f < folds_; ++f) {
-            const int samples = shownOf(f, pixel);
-            const Vec3d own = show_.variance(f, pixel, samples) / (double(folds_) * folds_);
-            variance += own;
-            square += relativeSquare((sum - show_.mean(f, pixel, samples)) / (folds_ - 1.0), own);
+    /// As the picture shows them, after so many samples of all parts.
+    std::vector<PixelParts> pixelParts(const TraceScene& scene, int samples) const {
+        std::vector<PixelParts> result(kTilePixels);
+        const double each = static_cast<double>(parts.size()) / samples;
+        for (PixelParts& pixel : result) pixel.count = parts.size();
+        for (std::size_t part = 0; part < parts.size(); ++part) {
+            TileResult encoded;
+            const TileResult* shown = &parts[part];
+            if (scene.space == ColorSpace::automatic && !shown->light.empty())
+                addLight(encoded = *shown), shown = &encoded;
+            for (std::size_t i = 0; i < kTilePixels; ++i)
+                for (int c = 0; c < 3; ++c) {
+                    const double sum = shown->sum[i][c];
+                    result[i].means[part][c] = std::isfinite(sum) ? sum * each : 0;
+                }
         }
+        return result;
     }
-    void tell() const {
-        std::array<Vec3d, kTilePixels> variances{};
-        std::array<Vec3d, kBlocks> sums{};
-        std::array<int, kBlocks> pixels{};
-        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            if (!inside(pixel)) continue;
-            const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
-            double square = 0;
-            estimate(pixel, variances[at], square);
-            sums[block] += variances[at], ++pixels[block];
-            tile_.error[at] = static_cast<float>(std::sqrt(square));
-            tile_.variance[at] = static_cast<float>((variances[at].x + variances[at].y + variances[at].z) / 3);
+    /// The mean over the pixels of the brightest channel.
+    double light(const std::vector<PixelParts>& all) const {
+        double sum = 0;
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            if (!inside(i)) continue;
+            const Vec3d value = all[i].sum() / static_cast<double>(all[i].count);
+            sum += std::max(value[brightest(value)], 0.0);
         }
-        // the neighbours' information counts as one more degree of freedom
-        const double quantile = studentQuantile(folds_ + 1);
-        for (std::size_t at = 0; at < kTilePixels; ++at) {
-            const auto block = static_cast<std::size_t>(blockOf(static_cast<int>(at)));
-            // A pixel that has not met rare bright light yet is too dark and seems too certain: its neighbours'
-            // variances correct that.
-            const Vec3d others = sums[block] / double(std::max(pixels[block], 1));
-            tile_.interval[at] = Vec3f(glm::sqrt(glm::mix(variances[at], others, kOthersShare)) * quantile);
-        }
+        return sum / pixels();
     }
-
-    const TraceScene& scene_;
-    const Camera& camera_;
-    const RenderSettings& settings_;
-    RenderSettings own_;  // as the integrator gets them
-    const int x0_, y0_, most_, groups_, folds_;
-    /// Samples of a shutter's instants are spread over all that are asked for at once, and a single one is in the
-    /// middle of its pixel: there each step is a sequence of its own, and not too short.
-    const int firstStep_, leastStep_;
-    Moments decide_, show_;
-    int samples_ = 0;  // of each group, of those blocks that go on
-    std::vector<Fold> parts_;
-    std::array<double, kBlocks> pixels_{};  // inside the picture
-    AdaptiveTile& tile_;
 };
 
-}  // namespace
+AdaptivePicture::AdaptivePicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
+                                 const PixelRegion& drawn, const HiddenLight& hidden)
+    : scene_(scene),
+      camera_(camera),
+      settings_(settings),
+      drawn_(drawn),
+      hidden_(hidden),
+      size_(scene.shutter                           ? 3
+            : settings.samplesPerPixel < kParts * 2 ? 1
+                                                    : 2),
+      most_(mostOf(settings.samplesPerPixel, size_)) {
+    if (!(settings.error > 0)) return;
+    for (int y = 0; y < drawn.height; y += kTileSide)
+        for (int x = 0; x < drawn.width; x += kTileSide) {
+            Tile& tile = tiles_.emplace_back();
+            tile.x0 = drawn.left + x, tile.y0 = drawn.top + y;
+            tile.right = std::min(settings.width - tile.x0, kTileSide);
+            tile.below = std::min(settings.height - tile.y0, kTileSide);
+        }
+}
+AdaptivePicture::~AdaptivePicture() = default;
 
-void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                  AdaptiveTile& tile) {
-    Sampling(scene, camera, settings, x0, y0, tile).run();
+/// The most samples up to this number, or the fewest: four to seven times `size`, doubled as often.
+int AdaptivePicture::mostOf(int samples, int size) {
+    while (2 * kParts * size <= samples) size *= 2;
+    return std::max(samples / size, kParts) * size;
+}
+
+bool AdaptivePicture::run(const std::function<bool(double)>& goesOn) {
+    while (!reached_ && samples_ < most_) {
+        if (!sample(goesOn)) return false;
+        judge();
+    }
+    return true;
+}
+
+bool AdaptivePicture::sample(const std::function<bool(double)>& goesOn) {
+    if (samples_ == 2 * kParts * size_) size_ *= 2;
+    const int count = samples_ == 0 ? kParts : 1, next = samples_ + count * size_;
+    RenderSettings own = settings_;
+    own.samplesPerPixel = most_;
+    std::atomic<bool> cancelled = false;
+    std::atomic<int> finished = 0;
+    std::mutex mutex;
+    // So many samples are needed if the error goes on to fall as their root.
+    const double beyond = samples_ > 0 ? error_ / double{settings_.error} : 2;
+    const double expected = std::clamp(samples_ * beyond * beyond, double{1} * next, double{1} * most_);
+    withThreads(settings_.threads, [&] {
+        parallelFor(tiles_.size(), [&](std::size_t i) {
+            if (cancelled.load(std::memory_order_relaxed)) return;
+            tiles_[i].add(scene_, camera_, own, samples_, size_, count);
+            const double share = ++finished / static_cast<double>(tiles_.size());
+            if (!goesOn || !mutex.try_lock()) return;
+            const std::lock_guard lock(mutex, std::adopt_lock);
+            done_ = std::max(done_, std::lerp(double{1} * samples_, double{1} * next, share) / expected);
+            if (!goesOn(std::min(done_, 1.0))) cancelled = true;
+        });
+    });
+    samples_ = next;
+    return !cancelled;
+}
+
+void AdaptivePicture::judge() {
+    std::vector<double> light(tiles_.size());
+    const auto each = [&](const auto& what) {
+        withThreads(settings_.threads, [&] { parallelFor(tiles_.size(), what); });
+    };
+    each([&](std::size_t i) { light[i] = tiles_[i].light(tiles_[i].pixelParts(scene_, samples_)); });
+    LogAverage picture;
+    for (std::size_t i = 0; i < tiles_.size(); ++i) picture.add(light[i], tiles_[i].pixels());
+    const double own = picture.value();
+    floor_ = double{kErrorFloor} * own;
+    each([&](std::size_t i) {
+        Tile& tile = tiles_[i];
+        const std::vector<PixelParts> parts = tile.pixelParts(scene_, samples_);
+        tile.squares = tile.fourths = 0;
+        for (std::size_t pixel = 0; pixel < parts.size(); ++pixel) {
+            const double square = tile.inside(pixel) ? parts[pixel].relativeSquare(floor_) : 0;
+            tile.squares += square, tile.fourths += square * square;
+        }
+    });
+    const double pixels = double{1} * drawn_.width * drawn_.height;
+    double squares = 0, fourths = 0;
+    std::uint64_t finds = 0;
+    int dark = 0;  // tiles that no light has come to, though it might
+    for (std::size_t i = 0; i < tiles_.size(); ++i) {
+        const Tile& tile = tiles_[i];
+        squares += tile.squares, fourths += tile.fourths;
+        for (const TileResult& part : tile.parts) finds += part.chanceFinds;
+        const bool mayBeLit = settings_.integrator == Integrator::path && hidden_.any && tile.pathsOn() > 0;
+        dark += mayBeLit && !(light[i] > 0);
+    }
+    const double mean = squares / pixels, spread = std::sqrt(std::max(fourths / pixels - mean * mean, 0.0) / pixels);
+    // The rule of three, for as much light as the picture has, and for what only bounces find.
+    const double three = 3 / (pixels * samples_ * samples_), floor = double{kErrorFloor};
+    double unseen = dark * three / (floor * floor);
+    if (hidden_.most > 0 && finds < kEnoughFinds && own > 0) {
+        const double times = double{hidden_.most} / (own + floor_);
+        unseen += three * times * times;
+    }
+    error_ = own > 0 ? std::sqrt(mean + spread + unseen) : dark > 0 ? 1 : 0;
+    reached_ = error_ <= double{settings_.error} && (own > 0 || dark == 0);
+}
+
+void AdaptivePicture::finish(int number, AdaptiveTile& to) const {
+    const Tile& tile = tiles_[static_cast<std::size_t>(number)];
+    for (const TileResult& part : tile.parts) addSums(part, to.result);
+    to.samples = samples_;
+    const double asked = double{settings_.error};
+    to.reached = reached_ || (error_ > asked && tile.squares <= asked * asked * tile.pixels());
+    const std::vector<PixelParts> parts = tile.pixelParts(scene_, samples_);
+    std::array<Vec3d, kTilePixels> variances{};
+    std::array<Vec3d, kTilePixels / 16> sums{};
+    std::array<int, kTilePixels / 16> pixels{};
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        if (!tile.inside(i)) continue;
+        const auto block = static_cast<std::size_t>(blockOf(i));
+        variances[i] = parts[i].variance();
+        sums[block] += variances[i], ++pixels[block];
+        to.variance[i] = static_cast<float>((variances[i].x + variances[i].y + variances[i].z) / 3);
+    }
+    // A pixel that has not met rare bright light yet is too dark and seems too certain: its neighbours' variances
+    // correct that, and count as two more degrees of freedom.
+    const double quantile = studentQuantile(static_cast<int>(tile.parts.size()) + 1);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+        const auto block = static_cast<std::size_t>(blockOf(i));
+        const Vec3d others = sums[block] / double(std::max(pixels[block], 1));
+        to.interval[i] = Vec3f(glm::sqrt(glm::mix(variances[i], others, kOthersShare)) * quantile);
+    }
 }
 
 }  // namespace rtsg::trace

@@ -1,43 +1,28 @@
-// Samples tiles until their pixels are accurate enough.
+// Samples a whole picture evenly until its error is small enough.
 //
-// The samples of a pixel are divided into a few groups, each with a sequence that is scrambled separately. So the means
-// of the groups are independent and give the error of their mean, also for points that are better than random ones
-// (L'Ecuyer 2018, "Randomized quasi-Monte Carlo", section 3). Stopping when the samples look good would make them dark
-// and their errors small, because rare bright light looks bad. So groups form folds of two, and the number of samples
-// that a fold shows is decided by all other folds: the result is independent of the decision, and unbiased. A block of
-// four by four pixels has enough samples if its error is as small as requested, or up to a tenth above it if the error
-// of its tile is small enough. The reported error follows from the results of the folds, and is above the requested one
-// where light is rare. Errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as
-// tiles.
+// All pixels get the same samples, those that a picture of so many has without `error`: so it is as good as that one by
+// construction. A pixel's samples are one sequence, cut into four to seven parts that are nets of their own; their
+// differences give the variance, and rather too large a one, as parts of one sequence are off to opposite sides (Owen
+// 1997). The variance of two parts is divided by the value of the other two: by its own value, rare bright light would
+// look certain. So the expected quotient is not below the true one (Jensen's inequality). The error of the picture is
+// the root mean square over its pixels plus one standard error of that mean square. It includes a bound for what no
+// sample has met: none of n samples has met it, so it has a probability of at most 3/n, at 95 % (the rule of three).
+// Every length and light is measured by the picture's own. Threading: one picture uses several threads.
 #pragma once
 
+#include <functional>
+#include <vector>
+
+#include "hidden_light.h"
 #include "lighting/trace_scene.h"
 
 namespace rtsg::trace {
 
-constexpr int kBlocks = 16;       // of a tile, four by four pixels each
-constexpr int kGroups = 8;        // of a pixel's samples; where fewer than kGroups * kLeastOfGroup are allowed,
-constexpr int kFewGroups = 4;     // so many
-constexpr int kFirstOfGroup = 1;  // samples, after which a block is looked at for the first time
-constexpr int kLeastOfGroup = 3;  // samples that each of so many groups must be allowed
-constexpr int kStepOfGroup = 1;   // so many more at least
+constexpr std::size_t kMostParts = 7;  // of a pixel's samples, of one size; one more, and pairs are joined:
+constexpr int kParts = 4;              // so many at first
 
 /// 97.5 % quantile of Student's distribution.
 double studentQuantile(int degreesOfFreedom);
-
-struct AdaptiveTile {
-    TileResult result;                             // sums, as of any tile
-    std::array<std::uint32_t, kBlocks> samples{};  // number of samples in the result of a block's pixels
-    std::uint32_t ranOut = 0;                      // blocks that ended before they were good enough
-    /// By pixel and channel: half the width of the 95 % interval around the mean.
-    std::array<Vec3f, kTilePixels> interval{};
-    std::array<float, kTilePixels> error{};     // relative standard errors
-    std::array<float, kTilePixels> variance{};  // squares of standard errors, the mean of the channels
-};
-
-/// `settings.error` is what to reach, with at most `settings.samplesPerPixel` samples a pixel. Deterministic.
-void adaptiveTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                  AdaptiveTile& tile);
 
 /// So many samples at most are added up as floats before they join a sum of doubles: what rounding takes from more of
 /// them shows (a constant was 2 % too dark after 2^20).
@@ -47,12 +32,53 @@ constexpr int kRound = 1024;
 void traceRounds(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                  TileResult& result);
 
-/// Which block of its tile a pixel of the tile is in.
-inline int blockOf(int pixel) {
-    return pixel / (kTileSide * 4) * 4 + pixel % kTileSide / 4;
-}
-
 /// Encodes what PhysicalMaterials have added (ColorSpace::automatic) and puts it to the rest.
 void addLight(TileResult& tile);
+
+/// A tile with its sums, and what is known of their errors where `settings.error` asks for it.
+struct AdaptiveTile {
+    TileResult result;  // sums of so many samples
+    int samples = 0;
+    bool reached = true;
+    /// By pixel and channel: half the width of the 95 % interval around the mean.
+    std::array<Vec3f, kTilePixels> interval{};
+    std::array<float, kTilePixels> variance{};  // squares of standard errors, the mean of the channels
+};
+
+/// One picture's sampling, up to `settings.error` or `settings.samplesPerPixel`. Deterministic.
+class AdaptivePicture {
+  public:
+    /// `drawn`: begins with a tile.
+    AdaptivePicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
+                    const PixelRegion& drawn, const HiddenLight& hidden);
+    ~AdaptivePicture();
+    AdaptivePicture(const AdaptivePicture&) = delete;
+    AdaptivePicture& operator=(const AdaptivePicture&) = delete;
+
+    /// `goesOn`: as RenderSettings::progress, from any thread; false if it was.
+    bool run(const std::function<bool(double)>& goesOn);
+    /// The relative error that is certain, and whether it is as small as asked.
+    double error() const { return error_; }
+    bool reached() const { return reached_; }
+    void finish(int tile, AdaptiveTile& to) const;
+
+  private:
+    struct Tile;
+    static int mostOf(int samples, int size);
+    bool sample(const std::function<bool(double)>& goesOn);
+    void judge();
+
+    const TraceScene& scene_;
+    const Camera& camera_;
+    const RenderSettings& settings_;
+    const PixelRegion drawn_;
+    const HiddenLight hidden_;
+    int size_;  // of a part, in samples
+    const int most_;
+    std::vector<Tile> tiles_;
+    int samples_ = 0;
+    double error_ = 0, floor_ = 0, done_ = 0;
+    bool reached_ = false;
+};
 
 }  // namespace rtsg::trace

@@ -92,21 +92,12 @@ struct alignas(64) Onward {
     std::uint32_t alive = 0;
 };
 
-/// The weight below which paths end at random. With a high weight paths are short, and each tells less. A pixel that is
-/// not known well enough after so many samples varies at least by its error times the root of their number; ending
-/// paths may add about as much noise.
-float rouletteFor(const RenderSettings& settings, std::span<const TileResult> groups) {
-    const float least = pathParts().roulette;
-    const auto samples = static_cast<float>(groups.size()) * static_cast<float>(groups[0].firstSample);
-    return std::clamp(settings.error * std::sqrt(samples), least, std::max(least, 1.0f));
-}
-
 class Paths {
   public:
     Paths(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
           std::span<TileResult> groups)
         : scene_(scene),
-          roulette_(rouletteFor(settings, groups)),
+          roulette_(pathParts().roulette),
           settings_(settings),
           counts_(groups[0]),
           loop_(scene, camera, settings, x0, y0, groups),
@@ -218,6 +209,11 @@ class Paths {
         return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
     }
 
+    /// Counts light that nothing but this bounce could find.
+    void count(const PathTask& task, const Vec3f& light) const {
+        counts_.chanceFinds += task.normal != Vec3f(0) && largest(light) >= scene_.countsFrom;
+    }
+
     void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
         const std::uint32_t hits = scene_.world->intersect(rays, coherent);
         if (!scene_.volumes.empty()) march(rays, tasks);
@@ -228,6 +224,7 @@ class Paths {
             const Vec4f sky =
                 seen ? scene_.skyColor(direction, true) : scene_.fromFar(direction, tasks[lane].lights, true);
             float weight = 1;
+            if (!(tasks[lane].density > 0)) count(tasks[lane], Vec3f(sky));
             if (scene_.skyLight && tasks[lane].density > 0)
                 weight = powerHeuristic(tasks[lane].density, scene_.skyLight->density(direction));
             add(tasks[lane], weight * Vec3f(sky));
@@ -380,8 +377,7 @@ class Paths {
         const SurfacePacket& s = surfaces_;
         const Onward& to = onward_;
         Vec3f light = to.shown.get(lane);
-        if (task.density > 0 && scene_.emitters && s.emissive.get(lane) != Vec3f(0))
-            light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
+        if (s.emissive.get(lane) != Vec3f(0)) light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
         loop_.sumOf(task.pixel) += Vec4f(light, 0);
         cover(task, 1);
         if (!(to.alive >> lane & 1u)) return;
@@ -546,12 +542,14 @@ class Paths {
     /// the share counts that no chosen direction brings.
     Vec3f radiance(int lane, const PathTask& task) const {
         const Vec3f all = surfaces_.radiance.get(lane);
-        if (!scene_.emitters || !(task.density > 0)) return all;
         const bool unlit = surfaces_.unlit >> lane & 1u;
         const Vec3f own = unlit ? surfaces_.base.get(lane) : surfaces_.emissive.get(lane);
         if (own == Vec3f(0)) return all;
-        const float other = emitterDensity(scene_, surfaces_, lane, task);
-        return all - own * (1 - powerHeuristic(task.density, other));
+        const bool asked = scene_.emitters && task.density > 0;
+        const float other = asked ? emitterDensity(scene_, surfaces_, lane, task) : 0;
+        if (other > 0) return all - own * (1 - powerHeuristic(task.density, other));
+        count(task, own);
+        return all;
     }
 
     /// Roulette, and the next ray: surviving paths also carry the share of those that end, which keeps the mean.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <utility>
 
 #include "lighting/emitters.h"
@@ -379,6 +380,13 @@ void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, 
 }
 
 void Wavefront::miss(const LaneQueue& from, std::size_t row, const RayPacket16& rays, std::uint32_t lanes) {
+    for (std::uint32_t rest = std::isinf(scene_.countsFrom) ? 0 : lanes; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const std::size_t at = row + static_cast<std::size_t>(lane);
+        if (from.number(kDensity, at) > 0 || from.vector(kRayNormal, at) == Vec3f(0)) continue;
+        const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
+        groups_[0].chanceFinds += largest(Vec3f(scene_.skyColor(direction, true))) >= scene_.countsFrom;
+    }
     if (scene_.evenSky) {
         const Vec4f& sky = scene_.skyLinear;
         if (Vec3f(sky) == Vec3f(0) && !primary_) return;
@@ -408,10 +416,15 @@ void Wavefront::shine(const LaneQueue& from, std::size_t row, const RayPacket16&
         const std::size_t at = row + static_cast<std::size_t>(lane);
         Vec3f light = plain_.emissive(hits.instance[lane]);
         const float density = from.number(kDensity, at);
+        const Vec3f normal = from.vector(kRayNormal, at);
+        float other = 0;
         if (scene_.emitters && density > 0)
-            light *= powerHeuristic(
-                density, emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], from.vector(kOrigin, at),
-                                        from.vector(kDirection, at), rays.tMax[lane], from.vector(kRayNormal, at)));
+            other = emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], from.vector(kOrigin, at),
+                                   from.vector(kDirection, at), rays.tMax[lane], normal);
+        if (other > 0)
+            light *= powerHeuristic(density, other);
+        else
+            groups_[0].chanceFinds += normal != Vec3f(0) && largest(light) >= scene_.countsFrom;
         sumOf(from.bits(kPixel, at)) += Vec4f(from.vector(kWeight, at) * light, 0);
     }
 }

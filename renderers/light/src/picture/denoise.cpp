@@ -262,6 +262,8 @@ class Filter {
     }
 
     void smooth(int x, int y, int step) {
+        // In proportion to the light, and above 0 where there is none.
+        constexpr float kRounding = 1e-6f, kLeast = 1e-30f;
         constexpr float kKernel[5] = {1 / 16.0f, 1 / 4.0f, 3 / 8.0f, 1 / 4.0f, 1 / 16.0f};
         struct Sum {
             F8 r = all(0), g = all(0), b = all(0), weights = all(0), variance = all(0);
@@ -274,7 +276,7 @@ class Filter {
         F8 narrow[2], shown[2];
         for (std::size_t k = 0; k < pictures_.size(); ++k) {
             shown[k] = light_[k].luminanceAt(p);
-            narrow[k] = kLog2E / (kLightRange * deviationAt(light_[k].variance, x, y) + 1e-6f);
+            narrow[k] = kLog2E / (kLightRange * deviationAt(light_[k].variance, x, y) + kRounding * shown[k] + kLeast);
         }
         for (int j = -2; j <= 2; ++j) {
             if (y + j * step < 0 || y + j * step >= height_) continue;

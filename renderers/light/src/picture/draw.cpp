@@ -46,7 +46,7 @@ int countTiles(const PixelRegion& drawn) {
 class Drawing {
   public:
     Drawing(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture,
-            const Kept* kept)
+            const Kept* kept, const HiddenLight& hidden)
         : scene_(scene),
           camera_(camera),
           settings_(settings),
@@ -54,10 +54,31 @@ class Drawing {
           kept_(kept),
           drawn_(tilesAround(settings)),
           tilesX_(tilesAside(drawn_.width)),
-          tiles_(countTiles(drawn_)) {}
+          tiles_(countTiles(drawn_)),
+          sampling_(scene, camera, settings, drawn_, hidden) {}
 
-    int tiles() const { return tiles_; }
+    void run() {
+        if (settings_.error > 0 && !sampling_.run(settings_.progress)) cancelled_ = true;
+        withThreads(settings_.threads, [&] {
+            parallelFor(static_cast<std::size_t>(tiles_), [&](std::size_t tile) { draw(static_cast<int>(tile)); });
+        });
+    }
 
+    void tell(RenderStats& stats) const {
+        const double pixels = double{1} * drawn_.width * drawn_.height;
+        stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
+        stats.secondaryRays = sum_.secondaryRays;
+        stats.cancelled = cancelled_;
+        stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
+        stats.error = sampling_.error();
+        stats.unreached =
+            settings_.error > 0 && !sampling_.reached() && !(sum_.unreached > 0) ? 1 : sum_.unreached / pixels;
+        stats.noise = std::sqrt(sum_.noise / pixels), stats.mean = sum_.mean / pixels;
+        stats.samples = sum_.samples / pixels;
+        stats.kept = sum_.kept / pixels;
+    }
+
+  private:
     void draw(int number) {
         if (cancelled_.load(std::memory_order_relaxed)) return;
         // Tiles lie where those of the whole picture do, whose rays depend on the place in it.
@@ -73,11 +94,11 @@ class Drawing {
         TileReach reach;
         if (last) tile.result.reach = &reach;
         if (settings_.error > 0) {
-            adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
+            sampling_.finish(number, tile);
         } else {
             tile.result.seed = settings_.seed;
             traceRounds(scene_, camera_, settings_, x0, y0, tile.result);
-            tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
+            tile.samples = settings_.samplesPerPixel;
         }
         if (scene_.space == ColorSpace::automatic) addLight(tile.result);
         const TileStats own = take(tile, x0, y0);
@@ -88,22 +109,9 @@ class Drawing {
         finish();
     }
 
-    void tell(RenderStats& stats) const {
-        const double pixels = double{1} * drawn_.width * drawn_.height;
-        stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
-        stats.secondaryRays = sum_.secondaryRays;
-        stats.cancelled = cancelled_;
-        stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
-        stats.error = std::sqrt(sum_.error / pixels), stats.unreached = sum_.unreached / pixels;
-        stats.noise = std::sqrt(sum_.noise / pixels), stats.mean = sum_.mean / pixels;
-        stats.samples = sum_.samples / pixels;
-        stats.kept = sum_.kept / pixels;
-    }
-
-  private:
     void finish() {
         const int finished = ++done_;
-        if (settings_.progress && progressMutex_.try_lock()) {
+        if (settings_.error == 0 && settings_.progress && progressMutex_.try_lock()) {
             const std::lock_guard lock(progressMutex_, std::adopt_lock);
             if (!settings_.progress(static_cast<double>(finished) / tiles_)) cancelled_ = true;
         }
@@ -120,7 +128,7 @@ class Drawing {
         sum_.kept += double{1} * std::min(settings_.width - x0, kTileSide) * std::min(settings_.height - y0, kTileSide);
     }
     void addUp(const TileStats& own) {
-        sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
+        sum_.samples += own.samples, sum_.unreached += own.unreached;
         sum_.noise += own.noise, sum_.mean += own.mean;
         sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
     }
@@ -133,8 +141,9 @@ class Drawing {
                 const int pixel = y * kTileSide + x;
                 const int count = std::min(right - x, 4);
                 show(tile, pixel, &picture_.at(x0 - drawn_.left + x, y0 - drawn_.top + y), count);
-                own.samples += tile.samples[static_cast<std::size_t>(blockOf(pixel))] * static_cast<unsigned>(count);
+                own.samples += double{1} * tile.samples * count;
             }
+        own.unreached = tile.reached ? 0 : double{1} * right * below;
         if (!tile.result.missing.empty() || !picture_.interval.empty())
             for (int y = 0; y < below; ++y)
                 for (int x = 0; x < right; ++x)
@@ -148,7 +157,7 @@ class Drawing {
 
     /// A few pixels of a row of a block.
     void show(const AdaptiveTile& tile, int pixel, Vec4f* to, int count) const {
-        const float scale = 1.0f / static_cast<float>(tile.samples[static_cast<std::size_t>(blockOf(pixel))]);
+        const float scale = 1.0f / static_cast<float>(tile.samples);
         const Vec4f* sum = &tile.result.sum[static_cast<std::size_t>(pixel)];
         if (count < 4) {
             for (int i = 0; i < count; ++i) to[i] = finitePixel(sum[i] * scale);
@@ -162,9 +171,9 @@ class Drawing {
     }
     /// Stores the data of a pixel besides its colour.
     void tell(const AdaptiveTile& tile, int pixel, int x, int y, TileStats& own) {
-        const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
+        const auto at = static_cast<std::size_t>(pixel);
         if (!tile.result.missing.empty()) {
-            const double missing = double{tile.result.missing[at]} * (1.0f / static_cast<float>(tile.samples[block]));
+            const double missing = double{tile.result.missing[at]} * (1.0f / static_cast<float>(tile.samples));
             own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
         }
         if (picture_.interval.empty()) return;
@@ -172,8 +181,6 @@ class Drawing {
                           static_cast<std::size_t>(x)] = tile.interval[at];
         const Vec4f& shown = picture_.at(x, y);
         own.noise += tile.variance[at], own.mean += (double{shown.r} + shown.g + shown.b) / 3;
-        own.error += double{tile.error[at]} * tile.error[at];
-        own.unreached += tile.ranOut >> block & 1u;
     }
 
     const TraceScene& scene_;
@@ -183,10 +190,11 @@ class Drawing {
     const Kept* kept_;
     const PixelRegion drawn_;
     const int tilesX_, tiles_;
+    AdaptivePicture sampling_;  // to an error
     std::atomic<int> done_ = 0;
     std::atomic<bool> cancelled_ = false;
     std::mutex progressMutex_, sumMutex_;
-    RenderStats sum_;  // over pixels; of `error` and `noise` the squares
+    RenderStats sum_;  // over pixels; of `noise` the squares
 };
 
 }  // namespace
@@ -239,16 +247,13 @@ void lookForLight(TraceScene& scene, Sources& sources) {
 }
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
-                    const Kept* kept) {
+                    const Kept* kept, const HiddenLight& hidden) {
     const PixelRegion drawn = tilesAround(settings);
     Picture picture(drawn.width, drawn.height);
     picture.space = scene.space == ColorSpace::linear ? ColorSpace::linear : ColorSpace::display;
     if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
-    Drawing drawing(scene, camera, settings, picture, kept);
-    withThreads(settings.threads, [&] {
-        parallelFor(static_cast<std::size_t>(drawing.tiles()),
-                    [&](std::size_t tile) { drawing.draw(static_cast<int>(tile)); });
-    });
+    Drawing drawing(scene, camera, settings, picture, kept, hidden);
+    drawing.run();
     if (stats) drawing.tell(*stats);
     return picture;
 }
@@ -331,6 +336,11 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
     if (part.sight) scene.seen = &seen.emplace(scene, *part.sight);
     Sources sources;
     if (settings.integrator == Integrator::path) lookForLight(scene, sources);
+    HiddenLight hidden;
+    if (settings.integrator == Integrator::path && settings.error > 0) {
+        hidden = findHiddenLight(scene);
+        scene.countsFrom = hidden.countsFrom();
+    }
     const bool tileByTile = trail && leavesTrail(scene, settings);
     if (tileByTile) findKept(scene, settings, trail->kept(), kept);
     const bool traces = std::ranges::find(kept.tiles, 0) != kept.tiles.end() || kept.tiles.empty();
@@ -343,7 +353,8 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
                     [&] { primary.emplace(*scene.world, pixelGrid(scene, camera, settings), RayKind::view, samples); });
         if (*primary) scene.primary = &*primary;
     }
-    Picture picture = drawPicture(scene, camera, settings, &stats, tileByTile ? &kept : nullptr);
+    Picture picture = drawPicture(scene, camera, settings, &stats, tileByTile ? &kept : nullptr, hidden);
+    stats.hiddenLight = hidden.share;
     if (settings.layers != 0) {
         addLayers(world, settings, picture);
         if (!stats.cancelled) drawLayerData(scene, camera, settings, picture);

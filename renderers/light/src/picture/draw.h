@@ -17,6 +17,7 @@
 #include "lighting/sky_light.h"
 #include "lighting/trace_scene.h"
 #include "packet/trail.h"
+#include "path/hidden_light.h"
 #include "picture_scene.h"
 #include "surface/plain_surfaces.h"
 #include "tables/light_tables.h"
@@ -51,9 +52,9 @@ struct Kept {
     std::vector<std::uint8_t> tiles;  // which of them stay; empty: none
 };
 
-/// It covers tilesAround() the region. `stats` and `kept` may be null.
+/// It covers tilesAround() the region. `stats` and `kept` may be null. `hidden`: of paths to an error.
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
-                    const Kept* kept = nullptr);
+                    const Kept* kept = nullptr, const HiddenLight& hidden = {});
 
 /// All of the above, cut to the region. `trail`: of the picture before, which must have begun; null: there is none.
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,

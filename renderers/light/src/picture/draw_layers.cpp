@@ -67,6 +67,7 @@ void addStats(const RenderStats& part, double share, RenderStats& sum) {
     sum.error = std::hypot(sum.error, part.error * std::sqrt(share));
     sum.noise = std::hypot(sum.noise, part.noise * std::sqrt(share)), sum.mean += part.mean * share;
     sum.unreached += part.unreached * share, sum.samples += part.samples * share, sum.kept += part.kept * share;
+    sum.hiddenLight = std::max(sum.hiddenLight, part.hiddenLight);
     sum.cancelled = sum.cancelled || part.cancelled;
 }
 

@@ -11,6 +11,7 @@
 #include "draw.h"
 #include "lighting/emitters.h"
 #include "lighting/probe.h"
+#include "path/hidden_light.h"
 #include "path/path_emitters.h"
 
 namespace rtsg {
@@ -121,8 +122,10 @@ struct Sums {
     glm::dvec4 sum{0}, squares{0};
     std::uint64_t groups = 0;
     double missing = 0;  // weights of samples
+    std::uint64_t chanceFinds = 0, secondaryRays = 0;
 
     void add(const TileResult& tile) {
+        chanceFinds += tile.chanceFinds, secondaryRays += tile.secondaryRays;
         for (const Vec4f& pixel : tile.sum) {
             Vec3d shown = Vec3d(pixel) / double{kGroupSamples};
             for (int c = 0; c < 3; ++c) shown[c] = std::isfinite(shown[c]) ? shown[c] : 0;
@@ -134,15 +137,27 @@ struct Sums {
     }
     void add(const Sums& other) {
         sum += other.sum, squares += other.squares, groups += other.groups, missing += other.missing;
+        chanceFinds += other.chanceFinds, secondaryRays += other.secondaryRays;
     }
-    Irradiance irradiance(const CurvedLamps& curved) const {
+    std::uint64_t samples() const { return groups * kGroupSamples; }
+    /// Whether all that faces the place is black and sends no path on, or no light is anywhere.
+    bool isDark(const HiddenLight& hidden) const { return !hidden.any || secondaryRays <= samples(); }
+    /// The most light that may come without a sample having met it, by the rule of three: what none of n has met has a
+    /// probability of at most 3/n, at 95 %.
+    double unseen(const HiddenLight& hidden) const {
+        float most = chanceFinds < kEnoughFinds ? hidden.most : 0;
+        if (sum == glm::dvec4(0) && !isDark(hidden)) most = hidden.brightest;
+        return 3 * std::numbers::pi * double{most} / static_cast<double>(samples());
+    }
+    Irradiance irradiance(const CurvedLamps& curved, const HiddenLight& hidden) const {
         constexpr double kQuantile = 1.959963985, kPi = std::numbers::pi;
         const auto n = static_cast<double>(groups);
         const glm::dvec4 mean = sum / n, variance = glm::max(squares / n - mean * mean, glm::dvec4(0)) / (n - 1);
         const glm::dvec4 half = kPi * kQuantile * glm::sqrt(variance);
-        const glm::dvec4 value = kPi * mean, cut = curved.lack(value), whole = half + cut;
-        const std::uint64_t samples = groups * kGroupSamples;
-        return {Vec3d(value), Vec3d(whole), value.w, whole.w, cut.w, samples, missing / static_cast<double>(samples)};
+        const glm::dvec4 value = kPi * mean, cut = curved.lack(value), whole = half + cut + unseen(hidden);
+        Irradiance result{Vec3d(value), Vec3d(whole), value.w, whole.w, cut.w, samples()};
+        result.missing = missing / static_cast<double>(samples()), result.hiddenLight = hidden.share;
+        return result;
     }
 };
 
@@ -150,6 +165,7 @@ struct Sums {
 struct ProbeScene {
     TraceScene scene;
     Sources sources;
+    HiddenLight hidden;
     ProbeScene(const LightState& state, const RayView& world, const RenderSettings& settings) {
         const Camera camera;
         Part part;
@@ -157,6 +173,8 @@ struct ProbeScene {
         scene = makeTraceScene(state, world, camera, settings, part);
         drawCubes(state, world, camera, settings, {}, scene);
         lookForLight(scene, sources);
+        hidden = findHiddenLight(scene);
+        scene.countsFrom = hidden.countsFrom();
     }
 };
 
@@ -201,9 +219,9 @@ Result<Irradiance> measureIrradiance(const LightState& state, const RayView& wor
         });
         for (const Sums& part : parts) sums.add(part);
         done = tiles;
-        result = sums.irradiance(curved);
+        result = sums.irradiance(curved, probed.hidden);
         const double allowed = settings.error * result.luminous;
-        result.reached = result.luminousInterval <= allowed;
+        result.reached = result.luminous > 0 ? result.luminousInterval <= allowed : sums.isDark(probed.hidden);
         // More samples help nobody where the cut alone is too much.
         constexpr double kAside = .25;
         const bool cutTooMuch =

@@ -194,6 +194,7 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     sum.noise = std::sqrt(before * sum.noise * sum.noise + now * of.noise * of.noise);
     sum.mean = before * sum.mean + now * of.mean;
     sum.samples = before * sum.samples + now * of.samples;
+    sum.hiddenLight = std::max(sum.hiddenLight, of.hiddenLight);
     sum.cancelled = sum.cancelled || of.cancelled;
 }
 

@@ -21,7 +21,7 @@ struct OutputReport {
     std::vector<double> pictureTimes;
     std::vector<double> pictureSamples;  // RenderStats::samples of each picture
     double kept = 0;                     // RenderStats::kept, summed over the pictures
-    double unreached = 0;                // RenderStats::unreached, the most of any picture
+    double unreached = 0, error = 0;     // of RenderStats, the most of any picture
     double soundSeconds = 0;
     double mostBehind = 0;         // the most seconds of scene time that outputs were behind the scene
     std::uint64_t overlapped = 0;  // frames that came while outputs of the frame before were still being made
@@ -54,9 +54,10 @@ std::string liveFigures(const LiveReport& report);
 /// The text for RenderStats::kept; empty for 0.
 std::string keptText(double share);
 
-/// Says by how much a picture misses --error if the share `unreached` of its pixels ran out of samples. Empty if it
-/// does not.
-std::string missingError(double error, double unreached);
+/// Says by how much a picture misses --error, by its RenderStats. Empty if it does not.
+std::string missingError(double asked, double reached, double unreached);
+/// Warns if paths find some light by chance alone: RenderStats::hiddenLight.
+void tellOfHiddenLight(const std::string& scene, double share);
 
 /// Members ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);

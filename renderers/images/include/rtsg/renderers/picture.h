@@ -6,6 +6,7 @@
 // encoded. Threading: a Picture is plain data; the functions are re-entrant.
 #pragma once
 
+#include <cmath>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -55,6 +56,21 @@ struct Picture {
         return pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
     }
 };
+
+/// The light of a picture: the mean logarithm over its tiles of 16 x 16 pixels that show any (Reinhard et al. 2002), so
+/// that neither a lamp in view nor black surroundings decide.
+class LogAverage {
+  public:
+    void add(double light, double pixels) {
+        if (light > 0) sum_ += pixels * std::log(light), pixels_ += pixels;
+    }
+    double value() const { return pixels_ > 0 ? std::exp(sum_ / pixels_) : 0; }
+
+  private:
+    double sum_ = 0, pixels_ = 0;
+};
+/// The LogAverage of the pixels' brightest channels; 0 for a black picture.
+double averageLight(const Picture& picture);
 
 /// Converts linear radiance to what a display can show. Radiance up to 1 passes unchanged, so that colours in a file
 /// are the colours on the screen; brighter radiance keeps its hue and fades to white, instead of clipping in each

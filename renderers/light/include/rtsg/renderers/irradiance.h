@@ -37,7 +37,11 @@ struct Irradiance {
     /// The share of light paths that were cut off after 10,000 bounces: so much of white light is missing, and the
     /// interval does not include it.
     double missing = 0;
-    bool reached = false;  // whether `luminous` has reached the error; total darkness counts as reached
+    /// RenderStats::hiddenLight. The intervals hold a bound for such light until enough samples have met it.
+    double hiddenLight = 0;
+    /// Whether `luminous` has reached the error. Darkness counts as reached only where nothing shines, or where nothing
+    /// that faces the place sends any light on.
+    bool reached = false;
 };
 
 /// The lights that are on but do not count: those that shine in their group only (`global` FALSE) and those of layers;

@@ -48,8 +48,9 @@ enum DataLayer : std::uint32_t {
 };
 constexpr std::uint32_t kAllLayers = 255;
 
-/// Added to a pixel's value before an error is divided by it, since errors in dark pixels are not visible.
-constexpr float kErrorFloor = 0.01f;
+/// So many times the picture's own light (averageLight()) are added to a pixel's value before an error is divided by
+/// it, since errors in dark pixels are not visible.
+constexpr float kErrorFloor = 1 / 32.0f;
 
 /// The world and the eye of the previous picture, for motion since then.
 struct PictureBefore {
@@ -65,9 +66,9 @@ struct RenderSettings {
     /// costs its share of the picture. RenderStats count what is traced.
     PixelRegion region;
     int samplesPerPixel = 1;  // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
-    /// If above 0, tiles of 16 x 16 pixels are sampled until their relative standard error (RenderStats::error) is at
-    /// most this, and that of each block of 4 x 4 at most a tenth more, with at most samplesPerPixel samples a pixel.
-    /// Picture::interval then holds the error of each pixel.
+    /// If above 0, the picture gets as many samples, all pixels alike, as its relative standard error
+    /// (RenderStats::error) needs to be at most this, and at most samplesPerPixel. A region is such a picture of its
+    /// own: it may get other numbers of samples than the whole. Picture::interval then holds the error of each pixel.
     float error = 0;
     std::uint64_t seed = 1;      // of the scrambling
     float cutoff = 1 / 1024.0f;  // for whitted: rays whose share of the pixel is smaller are left out; at least 1e-6
@@ -103,13 +104,17 @@ struct RenderStats {
     /// share.
     double missing = 0, missingMost = 0;
     /// Results of RenderSettings::error. `error` is the relative standard error that was reached, as root mean square
-    /// over the pixels; a pixel's error is that of its brightest channel divided by (value + kErrorFloor). `unreached`
-    /// is the share of pixels in blocks that ran out of samples, `samples` the mean number of samples that a pixel
-    /// shows.
+    /// over the pixels, with a bound for what may lie beyond all samples; a pixel's error is that of its brightest
+    /// channel divided by (value + kErrorFloor * averageLight()). 1 for a black picture that might be lit. `unreached`
+    /// is 0 where it is what was asked, else the share of pixels in tiles of 16 x 16 whose own error is larger; if none
+    /// is, 1. `samples` is the number of samples of each pixel.
     double error = 0, unreached = 0, samples = 0;
     /// The root mean square of the pixels' standard errors, and the mean of the pixels, both over red, green and blue:
     /// their quotient is the visible noise of the whole picture. Only with RenderSettings::error.
     double noise = 0, mean = 0;
+    /// The share of the light of shining surfaces that meets clear or mirroring surfaces first, beyond which `path`
+    /// finds it by chance alone. Only with RenderSettings::error.
+    double hiddenLight = 0;
     /// The share of pixels that were taken from the previous picture (LightRenderer), since their content cannot have
     /// changed. Counts of rays are those that were traced; all other numbers are for the whole picture.
     double kept = 0;
