@@ -2,8 +2,8 @@
 #include "reader_formats.h"
 
 #include <algorithm>
-#include <array>
 #include <exception>
+#include <vector>
 
 #include <rtsg/core/lasting.h>
 #include <rtsg/core/memory.h>
@@ -96,14 +96,11 @@ bool isHtmlPage(const FormatClue& clue) {
     return isInEncoding<Encoding::xml>(clue) && isHtml(withoutBom(clue.head));
 }
 
-constexpr std::size_t kTexts = 4;  // of the formats below, the first
-
 }  // namespace
 
 std::span<const FormatReader> builtinReaders() {
     static const auto& all = lasting([] {
-        return std::array<FormatReader, 10>{{
-            {"ClassicVRML", isInEncoding<Encoding::classicVrml, Encoding::vrml97>, byFeed<readClassicText>, true},
+        return std::vector<FormatReader>{
             {"HTML", isHtmlPage, byFeed<readHtmlText>, true},
             {"XML", isInEncoding<Encoding::xml>, byFeed<readXmlText>, true},
             {"JSON", isInEncoding<Encoding::json>, byFeed<readJsonText>, true},
@@ -114,7 +111,9 @@ std::span<const FormatReader> builtinReaders() {
             {"URDF", isOfKind<FileKind::urdf>, byFeed<readImported<importUrdf>>},
             {"Collada", isOfKind<FileKind::collada, FileKind::fbx, FileKind::threeDs, FileKind::off>,
              byFeed<readImported<importModeller>>, false, true},
-        }};
+            // The last, as it takes what none above has recognised.
+            {"ClassicVRML", isInEncoding<Encoding::classicVrml, Encoding::vrml97>, byFeed<readClassicText>, true},
+        };
     });
     return all;
 }
@@ -132,8 +131,8 @@ namespace {
 
 /// The library's own text readers keep the rules, so their commands are not checked again.
 bool keepsRules(const FormatReader& reader) {
-    const auto texts = builtinReaders().first(kTexts);
-    return std::ranges::any_of(texts, [&](const FormatReader& one) { return &one == &reader; });
+    return reader.isText &&
+           std::ranges::any_of(builtinReaders(), [&](const FormatReader& one) { return &one == &reader; });
 }
 
 }  // namespace
