@@ -153,6 +153,7 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
     if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
                    settings.error, noiseOverMean(all), all.samples);
+    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
 }
 
 int render(RenderArguments options) {
@@ -231,7 +232,6 @@ int render(RenderArguments options) {
         return kBad;
     }
     tellResult(options, image.settings, all, maker.content(), running.world().cuts());
-    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
     if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;
