@@ -73,8 +73,8 @@ void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
         for (const Watch& w : watches)
             if ((!w.node || w.node == node.id()) && (w.field == kNoField || w.field == field)) {
                 fmt::print("{{\"t\":{},\"node\":{},\"field\":{},\"value\":{}}}\n", running.time(),
-                           jsonString(labelOf(running.scene(), node.id())),
-                           jsonString(node.type().fields[field].name), printFieldText(value, TextSyntax::json));
+                           jsonString(labelOf(running.scene(), node.id())), jsonString(node.type().fields[field].name),
+                           printFieldText(value, TextSyntax::json));
                 return;
             }
     });
