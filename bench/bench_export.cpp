@@ -6,9 +6,9 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/session/mcap_export.h>
 
 #include "bench.h"
-#include "export/mcap_export.h"
 
 namespace rtsg::bench {
 namespace {
@@ -33,8 +33,8 @@ Frames run(std::uint32_t count, int seconds, bool exported) {
     }
     scene.newFrame(0);
     SharedWorld world(scene);
-    std::unique_ptr<app::McapExport> mcap;
-    if (exported) mcap = std::move(*app::McapExport::attach(world, "/dev/null"));
+    std::unique_ptr<McapExport> mcap;
+    if (exported) mcap = std::move(*McapExport::attach(world, "/dev/null"));
     std::vector<double> some, whole;
     for (int frame = 1; frame <= seconds * kFramesASecond; ++frame) {
         const auto i = static_cast<std::uint32_t>(frame) * 7919 % count;

@@ -1,7 +1,7 @@
 // Charts of `rtsg chart`: what was measured, as series of points, and how they become CSV and SVG.
 //
 // A chart source measures and hands finished charts to a sink; it draws nothing. To add a chart: write such a function
-// next to the bench whose figures it shows, and one row into the table of app/verb_chart.cpp.
+// next to the bench whose figures it shows, and one row into the table of app/verbs/verb_chart.cpp.
 // Threading: plain data.
 #pragma once
 

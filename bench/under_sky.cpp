@@ -83,13 +83,14 @@ double meanOf(const Picture& picture) {
 /// The error as RenderStats::error has it, root mean square over the pixels: of one of two pictures with different
 /// seeds, or the difference of a picture from the truth.
 double errorOf(const Picture& picture, const Picture& truth, bool isTruth) {
+    const double floor = double{kErrorFloor} * averageLight(truth);
     double squares = 0;
     for (std::size_t i = 0; i < truth.pixels.size(); ++i) {
         const Vec3f a(picture.pixels[i]), b(truth.pixels[i]), right = isTruth ? b : .5f * (a + b);
         int brightest = 0;
         for (int c = 1; c < 3; ++c)
             if (right[c] > right[brightest]) brightest = c;
-        squares += std::pow(double{a[brightest] - b[brightest]} / (double{right[brightest]} + double{kErrorFloor}), 2);
+        squares += std::pow(double{a[brightest] - b[brightest]} / (double{right[brightest]} + floor), 2);
     }
     return std::sqrt(squares / static_cast<double>(truth.pixels.size()) / (isTruth ? 1 : 2));
 }

@@ -1,3 +1,21 @@
+# The libraries, by the list that the checks read, too: their names, targets and folders (RTSG_FOLDER_<name> is that of one), and the folders whose
+# headers plug-ins may include.
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS cmake/libraries.txt)
+file(STRINGS cmake/libraries.txt lines REGEX "^[a-z]")
+foreach(line IN LISTS lines)
+  if(line MATCHES " state" OR NOT RTSG_STATE_ALONE)
+    string(REGEX MATCH "^[a-z/_]+" folder "${line}")
+    get_filename_component(name "${folder}" NAME)
+    list(APPEND RTSG_LIBRARIES ${name})
+    list(APPEND RTSG_TARGETS rtsg::${name})
+    list(APPEND RTSG_FOLDERS "${folder}")
+    set(RTSG_FOLDER_${name} "${folder}")
+    if(line MATCHES " plugin$")
+      list(APPEND RTSG_PLUGIN_FOLDERS "${folder}")
+    endif()
+  endif()
+endforeach()
+
 # What libraries export besides what public headers declare (exported_names.py): tests look at all of it.
 set(RTSG_INSIDES "${PROJECT_SOURCE_DIR}/cmake/insides.txt")
 if(BUILD_SHARED_LIBS)
@@ -6,6 +24,12 @@ if(BUILD_SHARED_LIBS)
     set(RTSG_INSIDES "${PROJECT_SOURCE_DIR}/tests/insides.txt")
   endif()
 endif()
+
+# rtsg_run_path(TARGET ITEM...): where an installed target looks for libraries and modules, in the build folder, too. CMake would else give it another
+# path there, and fill that up with ':' for the change when it is installed; the loader takes such empty items as the working folder.
+function(rtsg_run_path target)
+  set_target_properties(${target} PROPERTIES BUILD_WITH_INSTALL_RPATH ON INSTALL_RPATH_USE_LINK_PATH ON INSTALL_RPATH "${ARGN}")
+endfunction()
 
 # rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... OPTIONS ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/
 # (whose folders are rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on,
@@ -25,6 +49,7 @@ function(rtsg_library name)
   endforeach()
   # Static or shared, as BUILD_SHARED_LIBS says, of the same objects.
   add_library(rtsg_${name} ${sources})
+  set_property(GLOBAL APPEND PROPERTY RTSG_LIBRARY_TARGETS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON DEFINE_SYMBOL "" VERSION ${PROJECT_VERSION}
                                                 SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
   if(BUILD_SHARED_LIBS)
@@ -35,8 +60,9 @@ function(rtsg_library name)
               "${RTSG_INSIDES}" "$<TARGET_OBJECTS:rtsg_${name}>" COMMAND_EXPAND_LISTS)
     target_link_options(rtsg_${name} PRIVATE -Wl,-z,defs -Wl,-Bsymbolic-functions "-Wl,--version-script=${map}")
     set_property(TARGET rtsg_${name} APPEND PROPERTY LINK_DEPENDS "${maker}" "${RTSG_INSIDES}")
-    # A library finds the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
-    set_target_properties(rtsg_${name} PROPERTIES INSTALL_RPATH "$ORIGIN/rtsg;$ORIGIN/../../rtsg")
+    # A library finds the others, and the modules that it loads, wherever it lies itself: beside them, or in a folder for newer processors.
+    set_target_properties(rtsg_${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}")
+    rtsg_run_path(rtsg_${name} "$ORIGIN" "$ORIGIN/rtsg" "$ORIGIN/../../rtsg")
   endif()
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
@@ -46,7 +72,7 @@ function(rtsg_library name)
     "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>" "$<INSTALL_INTERFACE:include>"
     PRIVATE src)
   foreach(library IN LISTS ARG_INSIDES)
-    target_include_directories(rtsg_${name} PRIVATE "${PROJECT_SOURCE_DIR}/${library}/src")
+    target_include_directories(rtsg_${name} PRIVATE "${PROJECT_SOURCE_DIR}/${RTSG_FOLDER_${library}}/src")
   endforeach()
   foreach(dependency IN LISTS ARG_DEPENDS)
     target_link_libraries(rtsg_${name} PUBLIC rtsg_${dependency})
@@ -67,6 +93,19 @@ function(rtsg_library name)
   set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_MODE GROUP)
 endfunction()
 
+# rtsg_avx512_sources(SOURCE...): units for machines with AVX-512, which are found out at run time; the rest is built for RTSG_ARCH. The
+# warning is about GCC 12's own intrinsics.
+include(CheckCXXCompilerFlag)
+function(rtsg_avx512_sources)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    check_cxx_compiler_flag(-march=x86-64-v4 RTSG_HAS_X86_64_V4)
+    if(RTSG_HAS_X86_64_V4)
+      set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-march=x86-64-v4;-mprefer-vector-width=512;-Wno-maybe-uninitialized;-Wno-uninitialized"
+                                                     SKIP_PRECOMPILE_HEADERS ON)
+    endif()
+  endif()
+endfunction()
+
 # Where modules are installed.
 include(GNUInstallDirs)
 set(RTSG_MODULE_DIR "${CMAKE_INSTALL_LIBDIR}/rtsg" CACHE INTERNAL "Where modules are installed")
@@ -78,6 +117,7 @@ function(rtsg_module name)
   add_library(rtsg_${name} MODULE ${ARG_SOURCES})
   set_target_properties(rtsg_${name} PROPERTIES LINKER_LANGUAGE CXX LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}"
                                                 CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  rtsg_run_path(rtsg_${name})
   target_link_options(rtsg_${name} PRIVATE "-Wl,--version-script=${PROJECT_SOURCE_DIR}/cmake/module.map")
   target_include_directories(rtsg_${name} PRIVATE src "${PROJECT_SOURCE_DIR}/core/include")
   target_link_libraries(rtsg_${name} PRIVATE ${ARG_LIBRARIES} rtsg_options)

@@ -45,15 +45,15 @@ set(addresses "")
 set(count 0)
 foreach(symbol IN LISTS functions)
   math(EXPR offset "8 * ${count}")
-  string(APPEND stubs ".globl ${symbol}\n.hidden ${symbol}\n.type ${symbol}, %function\n${symbol}:\n")
+  string(APPEND stubs ".globl ${symbol}\n.hidden ${symbol}\n.type ${symbol}, %function\n${symbol}:\n.cfi_startproc\n")
   if(MACHINE STREQUAL "aarch64")
-    string(APPEND stubs "  adrp x16, ${slots}+${offset}\n  ldr x16, [x16, :lo12:${slots}+${offset}]\n  br x16\n")
-    string(APPEND firsts ".Lfirst${count}:\n  mov w17, ${count}\n  b .Lload\n")
+    string(APPEND stubs "  hint 34\n  adrp x16, ${slots}+${offset}\n  ldr x16, [x16, :lo12:${slots}+${offset}]\n  br x16\n")
+    string(APPEND firsts ".Lfirst${count}:\n.cfi_startproc\n  hint 34\n  mov w17, ${count}\n  b .Lload\n.cfi_endproc\n")
   else()
-    string(APPEND stubs "  jmp *${slots}+${offset}(%rip)\n")
-    string(APPEND firsts ".Lfirst${count}:\n  push $${count}\n  jmp .Lload\n")
+    string(APPEND stubs "  endbr64\n  jmp *${slots}+${offset}(%rip)\n")
+    string(APPEND firsts ".Lfirst${count}:\n.cfi_startproc\n  endbr64\n  push $${count}\n.cfi_adjust_cfa_offset 8\n  jmp .Lload\n.cfi_endproc\n")
   endif()
-  string(APPEND stubs ".size ${symbol}, .-${symbol}\n")
+  string(APPEND stubs ".cfi_endproc\n.size ${symbol}, .-${symbol}\n")
   string(APPEND entries ".quad .Lfirst${count}\n")
   string(APPEND addresses ".quad ${symbol}\n")
   math(EXPR count "${count} + 1")
@@ -76,10 +76,15 @@ foreach(symbol IN LISTS DATA)
   math(EXPR copied "${copied} + 1")
 endforeach()
 
-# The first call keeps everything in which arguments may be while the library is loaded.
+# The first call keeps everything in which arguments may be while the library is loaded. Each stub and each first call begins as targets of indirect
+# jumps do (endbr64, `bti c`), and notes say so to the linker. Unwinders find their callers, as an exception says that the library is missing.
 if(MACHINE STREQUAL "aarch64")
   set(load "
+.cfi_startproc
   stp x29, x30, [sp, -224]!
+.cfi_def_cfa_offset 224
+.cfi_offset x29, -224
+.cfi_offset x30, -216
   mov x29, sp
   stp x0, x1, [sp, 16]
   stp x2, x3, [sp, 32]
@@ -105,19 +110,35 @@ if(MACHINE STREQUAL "aarch64")
   ldp x6, x7, [sp, 64]
   ldr x8, [sp, 80]
   ldp x29, x30, [sp], 224
+.cfi_def_cfa_offset 0
+.cfi_restore x29
+.cfi_restore x30
   br x16
+.cfi_endproc
 ")
+  set(property "0xc0000000, 4, 1, 0")  # GNU_PROPERTY_AARCH64_FEATURE_1_AND: BTI
 else()
   set(load "
+.cfi_startproc
+.cfi_def_cfa_offset 16
   push %rax
+.cfi_adjust_cfa_offset 8
   push %rcx
+.cfi_adjust_cfa_offset 8
   push %rdx
+.cfi_adjust_cfa_offset 8
   push %rsi
+.cfi_adjust_cfa_offset 8
   push %rdi
+.cfi_adjust_cfa_offset 8
   push %r8
+.cfi_adjust_cfa_offset 8
   push %r9
+.cfi_adjust_cfa_offset 8
   push %r10
+.cfi_adjust_cfa_offset 8
   sub $128, %rsp
+.cfi_adjust_cfa_offset 128
   movups %xmm0, (%rsp)
   movups %xmm1, 16(%rsp)
   movups %xmm2, 32(%rsp)
@@ -139,20 +160,38 @@ else()
   movups 96(%rsp), %xmm6
   movups 112(%rsp), %xmm7
   add $128, %rsp
+.cfi_adjust_cfa_offset -128
   pop %r10
+.cfi_adjust_cfa_offset -8
   pop %r9
+.cfi_adjust_cfa_offset -8
   pop %r8
+.cfi_adjust_cfa_offset -8
   pop %rdi
+.cfi_adjust_cfa_offset -8
   pop %rsi
+.cfi_adjust_cfa_offset -8
   pop %rdx
+.cfi_adjust_cfa_offset -8
   pop %rcx
+.cfi_adjust_cfa_offset -8
   pop %rax
+.cfi_adjust_cfa_offset -8
   add $8, %rsp
+.cfi_adjust_cfa_offset -8
   jmp *%r11
+.cfi_endproc
 ")
+  set(property "0xc0000002, 4, 3, 0")  # GNU_PROPERTY_X86_FEATURE_1_AND: IBT, SHSTK
 endif()
 
-set(note ".section .note.GNU-stack, \"\", %progbits\n")
+set(note ".section .note.gnu.property, \"a\"
+.balign 8
+.long 4, 16, 5
+.asciz \"GNU\"
+.long ${property}
+.section .note.GNU-stack, \"\", %progbits
+")
 file(WRITE "${STUBS}" "/* Made by cmake/delay_load.cmake. */
 .text
 ${stubs}${firsts}.Lload:${load}

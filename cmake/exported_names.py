@@ -12,7 +12,8 @@ import re
 import subprocess
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import libraries
+
 SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?!\w)|//[^\n]*|/\*.*?\*/|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*', re.S | re.M)
 OPERATOR = re.compile(r"\boperator\b\s*(\(\s*\)|\[\s*\]|<=>|<<=?|>>=?|->\*?|[-+*/%^&|~!=<>,]=?|&&|\|\||\+\+|--|\w)")
 SCOPE = re.compile(r"(?:inline\s+)?(namespace|class|struct|union|enum(?:\s+class)?)\b(?:\s*alignas\s*\([^()]*\))?\s*([\w:]*)[^()=]*$")
@@ -131,7 +132,7 @@ class Insides:
 
 def declared(build):
     """What the public headers declare, those that the build makes among them."""
-    headers = [*ROOT.glob("*/include/rtsg/*/*.h"), *pathlib.Path(build).glob("core/generated/rtsg/core/*.h")]
+    headers = [*libraries.public_headers(), *pathlib.Path(build).glob("core/generated/rtsg/core/*.h")]
     return Declared(file.read_text() for file in sorted(headers))
 
 

@@ -12,6 +12,8 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "cmake"))
+import libraries  # noqa: E402
 
 
 def plain(text):
@@ -79,9 +81,9 @@ def page(text, path):
 
 def main():
     to = pathlib.Path(sys.argv[1])
-    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("*/include/rtsg/*/*.h"))):
+    for path in (*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("docs/*.md")), *libraries.public_headers()):
         text = path.read_text(encoding="utf-8")
-        inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[2:])
+        inside = path.relative_to(ROOT) if path.suffix == ".md" else pathlib.Path(*path.relative_to(ROOT).parts[-3:])
         (to / inside).parent.mkdir(parents=True, exist_ok=True)
         (to / inside).write_text(page(text, path) if path.suffix == ".md" else header(text), encoding="utf-8")
 

@@ -9,7 +9,10 @@ import pathlib
 import re
 import sys
 
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "feeds", "fetch", "physics", "dis", "window", "haptics", "ogre", "nats", "plugins", "app"]
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "cmake"))
+import libraries  # noqa: E402
+
 CODE = re.compile(r'DiagnosticCode\(\s*"([^"]*)"')
 CONSTANTS = re.compile(r'DiagnosticCode\s+k[^;]*;')
 REPORTS = re.compile(r'\b(?:fail|error|warning|warn|report)\s*\(|Diagnostic\{|\{Severity::|->fatal\(')
@@ -21,7 +24,7 @@ def check(root):
     listed = re.findall(r"^\| `([a-z0-9-]+)` \|", (root / "docs/diagnostics.md").read_text(), re.M)
     table = re.findall(r'\{"(/[^"]*)", DiagnosticCode\("([^"]*)"\)\}', (root / TABLE).read_text())
     met = set()
-    for folder in FOLDERS:
+    for folder in (*libraries.FOLDERS, "app"):
         for path in sorted((root / folder).rglob("*")):
             if path.suffix not in (".cpp", ".h") or "tools" in path.parts:
                 continue
@@ -47,8 +50,7 @@ def check(root):
 
 
 def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent)
-    faults, used = check(root)
+    faults, used = check(ROOT)
     for fault in faults:
         print(fault)
     print(f"{len(used)} codes, {len(faults)} faults")

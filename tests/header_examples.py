@@ -12,7 +12,7 @@ import sys
 
 NEEDED = ["core/value.h", "core/scene.h", "core/bus.h", "core/behaviour.h", "documents/loader.h", "renderers/shared_world.h",
           "renderers/light_renderer.h", "audio/sound_renderer.h", "sync/mirror_server.h", "sync/mirror_client.h", "sync/log.h",
-          "sync/replay.h"]
+          "sync/replay.h", "session/output_maker.h"]
 
 
 def example(text):

@@ -5,7 +5,7 @@ usage: matrix.py [ROW...] [--leave-out ROW]... [--cache FOLDER] [--jobs N] [--li
 
 A row is a distribution or processor, a compiler, and options of the build. In each the libraries core, documents, scripts and sync are
 built with the program `states`, which verifies the committed logs, runs again what kept its inputs, and compares the hashes of example
-scenes; rows without a part build the program rtsg, and run tests/logs/logs.py with it. Roots of other distributions are made by debootstrap,
+scenes; rows without a part build the program rtsg, or all, and run tests/logs/logs.py with it. Roots of other distributions are made by debootstrap,
 once, in FOLDER (~/.cache/rtsg/matrix). At the end a table is printed. Exit status 0 if every row went well or was left out by name.
 """
 import argparse
@@ -18,6 +18,8 @@ import shutil
 import subprocess
 import sys
 import time
+
+import options_off
 
 SOURCE = pathlib.Path(__file__).resolve().parent.parent
 LIBRARIES = ["libglm-dev", "libfmt-dev", "nlohmann-json3-dev", "libxxhash-dev", "libexpat1-dev", "zlib1g-dev", "libzmq3-dev", "libzstd-dev"]
@@ -32,7 +34,7 @@ class Row:
     where: str  # a key of SUITES, "here", or "arm64"
     compiler: str = "g++"
     options: tuple = ()
-    part: str = "states"  # or "program"
+    part: str = "states"  # or "program", or "all" that there is
     emulator: tuple = ()
 
 
@@ -46,9 +48,12 @@ ROWS = [
     Row("debian13-native", "debian13", options=NATIVE),
     Row("arm64", "arm64", options=BASELINE),
     Row("old-processor", "here", options=BASELINE, emulator=("qemu-x86_64-static", "-cpu", "Nehalem")),  # of 2008: SSE4.2 at most
-    Row("no-scripts", "here", options=(*BASELINE, "-DRTSG_SCRIPTS=OFF")),
-    Row("no-images", "here", options=(*BASELINE, "-DRTSG_IMAGES=OFF"), part="program"),
-    Row("no-sound", "here", options=(*BASELINE, "-DRTSG_SOUND_DEVICE=OFF", "-DRTSG_SOFA=OFF"), part="program"),
+    Row("shared", "here", options=(*BASELINE, "-DBUILD_SHARED_LIBS=ON"), part="program"),
+    Row("no-delay-load", "here", options=(*BASELINE, "-DRTSG_DELAY_LOAD=OFF"), part="program"),
+    Row("no-pch", "here", options=(*BASELINE, "-DRTSG_PCH=OFF", "-DRTSG_TESTS=ON", "-DRTSG_BENCH=ON"), part="all"),
+    # Each part left out that the program has. Logs have scripts in them.
+    *(Row(f"no-{name.lower().replace('_', '-')}", "here", options=(*BASELINE, f"-DRTSG_{name}=OFF"), part="states" if name == "SCRIPTS" else "program")
+      for name in options_off.options() if name not in ("EXAMPLES", "PYTHON", "BENCH")),
 ]
 
 
@@ -175,7 +180,7 @@ def check(row, cache, jobs):
                 if old.name != "arm64.cmake":
                     shutil.rmtree(old) if old.is_dir() else old.unlink()
         run([*before, "cmake", "-G", "Ninja", "-S", source, "-B", folder, *options], log, "configure")
-        run([*before, "cmake", "--build", folder, "--parallel", jobs, "--target", "states" if row.part == "states" else "rtsg"], log, "build")
+        run([*before, "cmake", "--build", folder, "--parallel", jobs, "--target", {"program": "rtsg"}.get(row.part, row.part)], log, "build")
         if row.part == "states":
             said = run([*before, *emulator, f"{folder}/states", f"{source}/tests/logs"], log, "states differ")
         else:

@@ -1,27 +1,32 @@
 #!/usr/bin/env python3
 """Are the sources laid out as docs/rooms.md says?
 
-A room is a folder below LIBRARY/src. The first table there names all of them, from the top to the bottom: a file may include what is in
+A room is a folder below LIBRARY/src, or below a program's own folder (app), where headers have names of their own. The first table there names all of them, from the top to the bottom: a file may include what is in
 its own room or in one further down, and of other libraries what its own is linked with. Each room has a row, and each row a room. A
 public header belongs to the room of the .cpp of its name; the second table has those without one. No units that include each other in a
-loop are more than KNOT; a unit is a header with its source. No room has more than FILES. Exit status 1 and a line for each fault.
+loop are more than KNOT; a unit is a header with its source. No room has more than FILES. docs/architecture.md has a row for each library, which
+says what it may use. Exit status 1 and a line for each fault.
 """
 import pathlib
 import re
 import sys
 
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "cmake"))
+from libraries import FOLDERS  # noqa: E402
+
 KNOT, FILES = 6, 28
 LARGER = {}  # rooms that are yet to be divided
 # Outside libraries that only one room of a library may include, or those that are named.
-DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
-         r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
-         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read", "models"), r"^assimp/": ("documents", "assimp_module"),
+DOORS = {r"^embree[34]/": ("renderers/world", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers/world", "embree"), r"^OpenImageIO/": ("renderers/images", "image_module"),
+         r"^lib(av(?!util/tx\.h)|sw)": ("renderers/images", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
+         r"^(ft2build|fontconfig/|hb)": ("renderers/geometry", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read", "models"), r"^assimp/": ("documents", "assimp_module"),
          r"^zmq": ("sync", "sockets"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module"), r"^(curl/|openssl/evp)": ("fetch", "curl_module"), r"^(mosquitto|mqtt_protocol)\.h": ("feeds", "mqtt_module"), r"^SDL": ("window", "sdl_module"),
          r"^draco/": ("documents", "gltf_module"), r"^meshoptimizer\.h": ("documents", "gltf_module"),
          r"^Ogre\w": ("ogre", "ogre_module"), r"^nats/nats\.h": ("nats", "nats_module")}
 # Names of outside libraries that only one room may use, comments aside.
-NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
+NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers/world", "embree")}
 
 
 class Rooms:
@@ -39,50 +44,71 @@ class Rooms:
         self.libraries = list(dict.fromkeys(library for library, _ in self.rank))
 
 
-def links(root, library):
-    """What the library's target depends on, itself included."""
-    made = re.search(r"rtsg_library\(" + library + r"\b([^)]*)\)", (root / library / "CMakeLists.txt").read_text())
-    depends = re.search(r"\bDEPENDS((?: [a-z]+)*)", made[1])
-    return {library, *(depends[1].split() if depends else ())}
+def depends(library):
+    """The libraries that the target of one is linked with by its DEPENDS, by their names; a program is linked with all."""
+    called = re.search(r"rtsg_library\(" + library.split("/")[-1] + r"\b([^)]*)\)", (ROOT / library / "CMakeLists.txt").read_text())
+    if not called:
+        return [folder.split("/")[-1] for folder in FOLDERS]
+    found = re.search(r"\bDEPENDS((?: [a-z_]+)*)", called[1])
+    return found[1].split() if found else []
+
+
+def check_page():
+    """Faults of the table of folders in docs/architecture.md."""
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    rows = dict(re.findall(r"^\| `([a-z_/]+)/` \|[^|]*\| ([^|]*) \|$", page, re.M))
+    for library in FOLDERS:
+        uses = ", ".join(depends(library)) or "no other folder"
+        if rows.get(library) != uses:
+            yield f"docs/architecture.md: `{library}/` may use {uses}, not {rows.get(library, 'what no row says')}"
+
+
+def isLibrary(folder):
+    return folder in FOLDERS
+
+
+def inside(folder):
+    """Where the rooms of a library are, or those of a program."""
+    return ROOT / folder / "src" if isLibrary(folder) else ROOT / folder
 
 
 class Sources:
-    """Every header and source of the libraries: its room, its unit, and what it includes."""
+    """Every header and source of the libraries and of the program: its room, its unit, and what it includes."""
 
-    def __init__(self, root, rooms):
-        self.root, self.rooms, self.faults = root, rooms, []
+    def __init__(self, rooms):
+        self.rooms, self.faults = rooms, []
         self.room, self.unit = {}, {}
         for library in rooms.libraries:
-            for path in sorted((root / library / "src").rglob("*")):
+            for path in sorted(inside(library).rglob("*")):
                 if path.suffix in (".cpp", ".h"):
-                    self.place(path, library, path.parent.relative_to(root / library / "src").as_posix(), path.with_suffix(""))
-            for path in sorted((root / library / "include" / "rtsg" / library).glob("*.h")):
+                    self.place(path, library, path.parent.relative_to(inside(library)).as_posix(), path.with_suffix(""))
+            for path in sorted((ROOT / library / "include" / "rtsg").glob("*/*.h")):
                 self.place_header(path, library)
 
     def place(self, path, library, room, unit):
         self.room[path], self.unit[path] = (library, room), unit
         if (library, room) not in self.rooms.rank:
-            self.faults.append(f"{path.relative_to(self.root)}: {library}/src/{room} has no row in docs/rooms.md")
+            self.faults.append(f"{path.relative_to(ROOT)}: its folder has no row in docs/rooms.md")
 
     def place_header(self, path, library):
         sources = [source for source in self.room if source.suffix == ".cpp" and self.room[source][0] == library and
                    path.stem in (source.stem, f"{source.parent.name}_{source.stem}")]
-        named = self.rooms.headers.get(f"{library}/{path.name}")
+        named = self.rooms.headers.get(f"{path.parent.name}/{path.name}")
         if named:
             self.place(path, library, named, sources[0].with_suffix("") if len(sources) == 1 else path.with_suffix(""))
         elif len(sources) == 1:
             self.place(path, library, self.room[sources[0]][1], sources[0].with_suffix(""))
         else:
-            self.faults.append(f"{path.relative_to(self.root)}: a header without a source of its name has a row in docs/rooms.md")
+            self.faults.append(f"{path.relative_to(ROOT)}: a header without a source of its name has a row in docs/rooms.md")
 
     def find(self, path, included, quoted):
         """The file that an include line names, if it is one of these."""
         library = self.room[path][0]
-        places = [path.parent / included, self.root / library / "src" / included,
-                  *(self.root / other / "src" / included for other in self.rooms.libraries)] if quoted else []
-        if included.startswith("rtsg/"):
-            places.append(self.root / included.split("/")[1] / "include" / included)
-        return next((place for place in places if place in self.room), None)
+        candidates = [path.parent / included, *(inside(other) / included for other in (library, *self.rooms.libraries))] if quoted else []
+        if quoted and not isLibrary(library):
+            candidates += [inside(library) / room / included for of, room in self.rooms.rank if of == library]
+        candidates += [ROOT / other / "include" / included for other in self.rooms.libraries]
+        return next((file for file in candidates if file in self.room), None)
 
 
 def knots(arrows):
@@ -112,7 +138,7 @@ def knots(arrows):
 def check_file(path, sources, linked, arrows):
     """Faults in one file; adds what it includes to `arrows`."""
     rooms, (library, room) = sources.rooms, sources.room[path]
-    name = path.relative_to(sources.root)
+    name = path.relative_to(ROOT)
     for number, line in enumerate(path.read_text().splitlines(), 1):
         for pattern, door in NAMES.items():
             if (library, room) != door and (named := re.search(pattern, line.split("//")[0])):
@@ -135,16 +161,18 @@ def check_file(path, sources, linked, arrows):
             yield f"{name}:{number}: {library}/{room} must not use {'/'.join(other)} ({included})"
 
 
-def check(root):
-    rooms = Rooms(root / "docs" / "rooms.md")
-    sources = Sources(root, rooms)
+def check():
+    rooms = Rooms(ROOT / "docs" / "rooms.md")
+    sources = Sources(rooms)
     faults, arrows, count = sources.faults, {}, {}
-    linked = {library: links(root, library) for library in rooms.libraries}
+    faults += [f"docs/rooms.md: library {library} has no room" for library in FOLDERS if library not in rooms.libraries]
+    faults += check_page()
+    linked = {library: {library, *(folder for folder in FOLDERS if folder.split("/")[-1] in depends(library))} for library in rooms.libraries}
     for library in rooms.libraries:  # links go on
         for _ in rooms.libraries:
             linked[library] |= {further for other in linked[library] for further in linked[other]}
     for path in sources.room:
-        if "src" in path.relative_to(root).parts:
+        if "include" not in path.relative_to(ROOT).parts:
             count[sources.room[path]] = count.get(sources.room[path], 0) + 1
         faults += check_file(path, sources, linked[sources.room[path][0]], arrows)
     for room in rooms.rank:
@@ -160,8 +188,7 @@ def check(root):
 
 
 def main():
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    faults, files, arrows = check(root)
+    faults, files, arrows = check()
     for fault in faults:
         print(fault)
     print(f"{files} files, {arrows} arrows between units, {len(faults)} wrong")

@@ -3,7 +3,7 @@
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
-from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+from nothing compile several sources at once. Who uses gmock's matchers or algorithms on ranges includes them, as builds without precompiled headers have no others.
 What reaches the state of a scene is computed with the functions of rtsg/core/portable_math.h, not with those of the C library.
 Tables that functions keep in core, documents, scripts and sync are lasting() (rtsg/core/lasting.h), as threads read them until the process is gone.
 What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
@@ -14,8 +14,15 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "haptics", "plugins", "app", "bench", "python", "examples", "tests"]
 MOST, MOST_OPENING, MOST_ITEM = 80, 15, 120
+
+
+def sources():
+    """All files in C++ but those of builds, of what runs have left, and of other people."""
+    for folder in sorted(path for path in ROOT.iterdir() if path.is_dir() and path.name[0] != "." and path.name != "out"):
+        if not (folder / "CMakeCache.txt").exists():
+            yield from sorted(str(path.relative_to(ROOT)) for path in folder.rglob("*") if path.suffix in (".cpp", ".h") and "node_modules" not in path.parts)
+
 
 # Comments, strings and characters; raw strings first.
 SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?![\w])|//[^\n]*|/\*.*?\*/', re.DOTALL)
@@ -58,31 +65,32 @@ def functions(text):
 
 
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
-DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
+DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) = [^;]*|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "sync/web_module", "renderers/movie_module", "ogre/ogre_module", "bench"]
-PROGRAMS += ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios", "scripts", "stability",
-                                          "sync", "haptics")]
+PROGRAMS = ["app", "sync/web_module", "renderers/images/movie_module", "ogre/ogre_module", "bench"]
+PROGRAMS += [f"tests/{folder.name}" for folder in (ROOT / "tests").iterdir() if folder.name != "fuzz" and list(folder.rglob("*.cpp"))]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
 
 
 def own_names(text):
-    """What a source defines in anonymous namespaces, aliases of one meaning left out."""
+    """(name, what it stands for if it is an alias) of all that a source defines in anonymous namespaces."""
     text = SKIPPED.sub(blank, text)
     for body in re.findall(r"^namespace \{\n(.*?)^\}  $", text, re.M | re.S):
         body = re.sub(r"^(?:[ \t#][^\n]*)?\n", "", body, flags=re.M)  # what is inside of others
         for match in DEFINED.finditer(body):
             name = match.group(1) or match.group(2) or match.group(3)
-            if name not in IN_PLACE and not match.group(0).startswith(("namespace", "using Clock =", "using namespace", "TEST")):
-                yield name
+            if name not in IN_PLACE and not match.group(0).startswith(("namespace", "using namespace", "TEST")):
+                yield name, match.group(0) if match.group(2) else None
 
 
 # Statics of functions that exit() would destroy.
 PERISHING = re.compile(r"^ +static (?:const )?(?:std::(?:vector|map|set|string|unordered_\w+|function|unique_ptr|shared_ptr)\b[^&*;=({]* \w+(?: =|;|\{)"
                        r"|auto \w+ = (?:\[\]|std::make_))", re.M)
-READ_BY_THREADS = ("core/src/", "documents/src/", "scripts/src/", "sync/src/")
-MATCHERS = re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\(")
+READ_BY_THREADS = ("core/", "documents/", "scripts/", "sync/")
+# What precompiled headers bring, and builds without them do not; a source has it from its own header, too.
+BROUGHT = {"<gmock/gmock.h>": re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\("),
+           "<algorithm>": re.compile(r"\bstd::ranges::(?!size|data|begin|end|empty|distance|subrange|range|view|iota|[a-z_]*_range\b)[a-z_]+\(")}
 
 
 def shared_names():
@@ -90,14 +98,14 @@ def shared_names():
         homes = {}
         pattern = "*.cpp" if program in ("app", "bench") else "**/*.cpp"
         for path in sorted((ROOT / program).glob(pattern)):
-            for name in set(own_names(path.read_text())) if path.name not in INSTEAD else ():
-                other = homes.setdefault(name, path)
-                if other != path:
+            for name, alias in set(own_names(path.read_text())) if path.name not in INSTEAD else ():
+                other, meaning = homes.setdefault(name, (path, alias))
+                if other != path and not (alias and alias == meaning):
                     yield f"{path.relative_to(ROOT)}: {name} is a name of {other.relative_to(ROOT)} too, which may be compiled with it"
 
 
 # Folders whose results reach the state: readers, behaviours, scripts, what is picked or collides, and what sync encodes.
-EXACT = ("core/", "documents/", "scripts/", "physics/", "dis/", "sync/", "renderers/src/shapes/", "renderers/src/tessellate/", "renderers/src/flatten/")
+EXACT = ("core/", "documents/", "scripts/", "physics/", "dis/", "sync/", *(f"renderers/geometry/src/{room}/" for room in ("shapes", "tessellate", "flatten")))
 ELEMENTARY = "sin|cos|tan|sincos|asin|acos|atan|atan2|sinh|cosh|tanh|asinh|acosh|atanh|exp|exp2|expm1|log|log2|log10|log1p|pow|cbrt|hypot"
 LIBRARY = re.compile(r"\bstd::(?:(?:" + ELEMENTARY + r")[fl]?|polar|arg)\(|(?<![\w:.>])(?:" + ELEMENTARY + r")[fl]\(|\bglm::(?:" + ELEMENTARY +
                      r"|angleAxis|rotate|slerp|angle|axis|eulerAngles|pitch|yaw|roll|perspective)\(|\bstd::(?:" + ELEMENTARY + r")\b(?!\()")
@@ -125,9 +133,8 @@ def changelog_items():
 
 
 def main():
-    files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*")
-                   if path.suffix in (".cpp", ".h") and "node_modules" not in path.parts)
-    problems, count = [], 0
+    files = list(sources())
+    problems, count = [f"tests/style.py: there is no {folder}" for folder in (*PROGRAMS, *EXACT) if not (ROOT / folder).is_dir()], 0
     for name in files:
         text = (ROOT / name).read_text()
         if name.endswith(".cpp") and not re.match(r"// \S", text):
@@ -135,10 +142,12 @@ def main():
         opening = len(re.match(r"(?://[^\n]*\n)*", text)[0].splitlines())
         if name.endswith(".h") and not 1 <= opening <= MOST_OPENING:
             problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
-        if MATCHERS.search(text) and "<gmock/gmock.h>" not in text:
-            problems.append(f"{name}:1: uses gmock's matchers without <gmock/gmock.h>")
+        own = pathlib.Path(ROOT / name).with_suffix(".h")
+        for header, uses in BROUGHT.items():
+            if uses.search(text) and header not in text and not (own.exists() and header in own.read_text()):
+                problems.append(f"{name}:1: {uses.search(text)[0]}…) without {header}")
         problems += inexact(name, text)
-        for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) else ():
+        for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) and "/src/" in name else ():
             problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see lasting()")
         for function, first, lines in functions(text):
             count += 1

@@ -1,6 +1,7 @@
 // Binds the user's node types: a table of fields, and Python functions for the behaviour of their nodes.
 #include "own_nodes.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>

@@ -146,8 +146,8 @@ Picture makePicture(SceneHandle& handle, PictureRequest& request) {
     if (stats.cancelled) interruption.raise();
     if (!picture) raise(picture.error());
     if (request.image.settings.error > 0 && stats.unreached > 0)
-        warn(fmt::format("{:.3g} % of the picture needs more than {} samples for the error {:g}", 100 * stats.unreached,
-                         request.image.settings.samplesPerPixel, request.image.settings.error));
+        warn(fmt::format("the picture's error is {:.2g}: {:g} needs more than {} samples a pixel", stats.error,
+                         request.image.settings.error, request.image.settings.samplesPerPixel));
     return std::move(*picture);
 }
 

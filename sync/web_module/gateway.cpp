@@ -13,6 +13,7 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "browser.h"
+#include "sockets/http_host.h"
 #include "visit.h"
 
 namespace rtsg::web {
@@ -259,23 +260,7 @@ std::optional<std::string> hostOf(const Request& request) {
     const std::size_t count = request.count(http::field::host);
     if (count == 0 && request.version() < kHttp11) return "";
     if (count != 1) return std::nullopt;
-    const std::string all = textOf(request[http::field::host]);
-    const bool isBracketed = all.starts_with('[');
-    const std::size_t end = isBracketed ? all.find(']') : std::min(all.find(':'), all.size());
-    if (end == std::string::npos) return std::nullopt;
-    std::string host = all.substr(isBracketed ? 1 : 0, end - (isBracketed ? 1 : 0));
-    std::string_view port = std::string_view(all).substr(end + (isBracketed ? 1 : 0));
-    const auto isOf = [](std::string_view text, std::string_view others) {
-        return std::ranges::all_of(text, [&](unsigned char c) {
-            return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || others.contains(c);
-        });
-    };
-    if (host.empty() || !isOf(host, isBracketed ? ":.%" : "-._~")) return std::nullopt;
-    if (port.empty()) return host;
-    if (!port.starts_with(':') || port.size() > 6) return std::nullopt;
-    port.remove_prefix(1);
-    if (!std::ranges::all_of(port, [](char c) { return c >= '0' && c <= '9'; })) return std::nullopt;
-    return host;
+    return detail::hostIn(textOf(request[http::field::host]));
 }
 
 bool Gateway::knowsHost(const Request& request) const {
@@ -283,10 +268,7 @@ bool Gateway::knowsHost(const Request& request) const {
 }
 
 bool namesThisMachine(const Request& request) {
-    const std::string host = hostOf(request).value_or("");
-    beast::error_code error;
-    const auto address = net::ip::make_address(host, error);  // a name may begin like an address
-    return host == "localhost" || (!error && address.is_loopback());
+    return detail::isThisMachine(hostOf(request).value_or(""));
 }
 
 std::string Gateway::refusal(const Request& request, const std::string& source) const {

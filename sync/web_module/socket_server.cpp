@@ -9,6 +9,7 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "socket_peer.h"
+#include "sockets/http_host.h"
 
 namespace rtsg::web {
 
@@ -18,15 +19,6 @@ constexpr std::size_t kMostKnocking = 64;  // connections before their handshake
 constexpr std::size_t kMostNewsWaiting = 1024;
 constexpr auto kSocketFarewell = std::chrono::milliseconds(500);
 constexpr auto kListenAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
-
-/// True for pages of this machine: http://localhost:3000 and the like.
-bool isOfThisMachine(const std::string& origin) {
-    const std::size_t scheme = origin.find("://");
-    if (scheme == std::string::npos) return false;
-    Request request;
-    request.set(http::field::host, origin.substr(scheme + 3));
-    return hostOf(request) && namesThisMachine(request);
-}
 
 }  // namespace
 
@@ -89,7 +81,7 @@ std::optional<std::pair<http::status, std::string>> SocketServer::refusal(const 
     if (!beast::websocket::is_upgrade(request))
         return Refusal(http::status::upgrade_required, "Here are WebSockets of " + settings_.protocol + ".");
     const std::string origin = textOf(request[http::field::origin]);
-    if (!settings_.anyOrigin && !origin.empty() && !isOfThisMachine(origin) &&
+    if (!settings_.anyOrigin && !origin.empty() && !detail::isOriginOfThisMachine(origin) &&
         std::ranges::count(settings_.origins, origin) == 0)
         return Refusal(http::status::forbidden, "Pages of this site may not connect: " + origin.substr(0, 200));
     const std::string offered = textOf(request[http::field::sec_websocket_protocol]);

@@ -1,4 +1,6 @@
 // Rooms measured by the program: maps, speech in noise, materials by name.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 

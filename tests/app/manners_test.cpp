@@ -1,6 +1,7 @@
 // Help, suggestions, completion, the man page, reports as text or JSON.
 #include "program.h"
 
+#include <algorithm>
 #include <sstream>
 
 #include <gmock/gmock.h>

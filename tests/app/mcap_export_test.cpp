@@ -2,6 +2,7 @@
 #include "program.h"
 #include "test_paths.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,8 @@
 // A user who walks by keys and wheels, from the command line: pictures, logs and replays have the same eye.
 #include "program.h"
 
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 

@@ -2,6 +2,8 @@
 // status 1.
 #include "program.h"
 
+#include <algorithm>
+
 #include <sys/mount.h>
 #include <sys/resource.h>
 

@@ -2,6 +2,7 @@
 // states they are of, and what --live makes of the newest ones.
 #include "program.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <set>

@@ -15,7 +15,7 @@ BEHAVIOURS = ("behaviour", "sensors", "animation")  # rooms of core that have be
 # Types that act in another way than by a behaviour of theirs, and the file that has it.
 ELSEWHERE = {"Anchor": "core/src/sensors/pointing.cpp", "Script": "scripts/src/engine/engine.cpp", "Inline": "documents/src/build/inline.cpp",
              "InlineGeometry": "documents/src/build/inline_geometry.cpp",
-             "FontLibrary": "documents/src/media/font_reports.cpp", "Text": "renderers/src/text", "Analyser": "audio/src", "AudioClip": "audio/src", "AudioDestination": "audio/src",
+             "FontLibrary": "documents/src/media/font_reports.cpp", "Text": "renderers/geometry/src/text", "Analyser": "audio/src", "AudioClip": "audio/src", "AudioDestination": "audio/src",
              "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
              "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",
              "DynamicsCompressor": "audio/src", "Gain": "audio/src", "ListenerPointSource": "audio/src",
@@ -24,7 +24,7 @@ ELSEWHERE = {"Anchor": "core/src/sensors/pointing.cpp", "Script": "scripts/src/e
              **{name: "physics/src/engine" for name in (
                  "BallJoint", "CollidableOffset", "CollidableShape", "CollisionSensor", "DoubleAxisHingeJoint", "MotorJoint", "RigidBody",
                  "RigidBodyCollection", "SingleAxisHingeJoint", "SliderJoint", "UniversalJoint")},
-             "TextureProjector": "renderers/src/tables", "TextureProjectorParallel": "renderers/src/tables"}
+             "TextureProjector": "renderers/light/src/tables", "TextureProjectorParallel": "renderers/light/src/tables"}
 
 
 def tables():

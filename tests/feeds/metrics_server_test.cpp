@@ -86,13 +86,36 @@ TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
     const std::string& at = (*server)->address();
     EXPECT_EQ(*fetchMetrics(at), "a 1\n");
     EXPECT_EQ(*fetchMetrics("http://" + at + "/metrics"), "a 2\n");
-    EXPECT_TRUE(asked(at, "GET /metrics?x=1 HTTP/1.1\r\nHost: x\r\n\r\n").ends_with("\r\n\r\na 3\n"));
-    EXPECT_TRUE(asked(at, "HEAD /metrics HTTP/1.1\r\n\r\n").ends_with("\r\n\r\n"));
-    EXPECT_TRUE(asked(at, "GET / HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 404 "));
-    EXPECT_TRUE(asked(at, "POST /metrics HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 405 "));
-    EXPECT_TRUE(asked(at, "\r\n\r\n").starts_with("HTTP/1.1 405 "));
+    const std::string host = " HTTP/1.1\r\nhOst: " + at + "\r\n", end = "\r\n";
+    EXPECT_TRUE(asked(at, "GET /metrics?x=1" + host + end).ends_with("\r\n\r\na 3\n"));
+    EXPECT_TRUE(asked(at, "HEAD /metrics" + host + end).ends_with("\r\n\r\n"));
+    EXPECT_TRUE(asked(at, "GET /" + host + end).starts_with("HTTP/1.1 404 "));
+    EXPECT_TRUE(asked(at, "POST /metrics" + host + end).starts_with("HTTP/1.1 405 "));
+    EXPECT_TRUE(asked(at, "\r\n\r\n").starts_with("HTTP/1.1 400 "));
     EXPECT_TRUE(asked(at, "GET /" + std::string(5000, 'x')).starts_with("HTTP/1.1 431 "));
     EXPECT_EQ(made, 4);
+}
+
+// A foreign name may lead to loopback, and pages of other sites may send requests there.
+TEST(MetricsServer, AnswersByItsOwnNamesAndNoPagesOfOthers) {
+    int made = 0;
+    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++made) + "\n"; });
+    ASSERT_TRUE(server) << server.error().text;
+    const auto status = [&](const std::string& fields) {
+        const std::string answer = asked((*server)->address(), "GET /metrics HTTP/1.1\r\n" + fields + "\r\n");
+        return answer.substr(9, 3);
+    };
+    for (const char* host : {"localhost", "localhost:9100", "127.0.0.1:1", "[::1]:80", "[::1]", " \t127.3.2.1 "})
+        EXPECT_EQ(status("Host:" + std::string(host) + "\r\n"), "200") << host;
+    for (const char* host : {"evil.example", "127.0.0.1.evil.example:9100", "10.0.0.1", "[::2]", "localhost.evil"})
+        EXPECT_EQ(status("Host: " + std::string(host) + "\r\n"), "403") << host;
+    for (const char* fields : {"", "Host:\r\n", "Host: a b\r\n", "Host: localhost\r\nHost: localhost\r\n",
+                               "Host: localhost:x\r\n", "Host: [::1\r\n", "X-Host: localhost\r\n"})
+        EXPECT_EQ(status(fields), "400") << fields;
+    EXPECT_EQ(status("Host: localhost\r\nOrigin: http://localhost:3000\r\n"), "200");
+    EXPECT_EQ(status("Host: localhost\r\nOrigin: https://evil.example\r\n"), "403");
+    EXPECT_EQ(status("Host: localhost\r\nOrigin: null\r\n"), "403");
+    EXPECT_EQ(made, 7);
 }
 
 TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
@@ -101,7 +124,7 @@ TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
     const auto place = feeds::Place::parse("tcp://" + (*server)->address());
     const auto at = feeds::findAddress(*place);
     std::vector<feeds::Descriptor> silent;
-    for (int i = 0; i < 15; ++i) {
+    for (int i = 0; i < 200; ++i) {
         silent.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
         ASSERT_EQ(::connect(silent.back().get(), at->get(), at->length), 0);
     }

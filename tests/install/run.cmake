@@ -75,7 +75,7 @@ expect_missing(zmq serve "${WORK}/script.x3dv" --bind "ipc://${WORK}/mirror" --f
 # Image files come as modules, PNG files by one of their own: the installed program finds them, and says what is missing without them.
 file(WRITE "${WORK}/box.x3dv" "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n")
 set(render "${WORK}/prefix/bin/rtsg" render "${WORK}/box.x3dv" --size 16x16 -o)
-set(modules images.tif plain.png)
+set(modules oiio.tif plain.png)
 foreach(module exr webp)  # of builds that found their libraries' headers
   if(EXISTS "${BUILD}/librtsg_${module}.so")
     list(APPEND modules ${module}.${module})

@@ -1,5 +1,6 @@
 // Recorded sessions of the conformance set: the client's side is played to MirrorClient, questions are answered anew,
 // and RTSG_WRITE_CONFORMANCE=FOLDER records all of them from MirrorServer (tests/sync/conformance/README.md).
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <thread>

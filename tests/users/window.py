@@ -55,16 +55,16 @@ def hand(*words):
 
 
 def window_of(viewer):
-    """Waits until it is there, with a picture in it, and in front."""
+    """Waits until it is there, with a picture in it, and in front. SDL may replace a window that it has just opened: then the next one counts."""
+    windows = lambda: subprocess.run(["xdotool", "search", "--onlyvisible", "--name", "rtsg"], capture_output=True, text=True).stdout.split()
     end = time.monotonic() + 60
     while time.monotonic() < end:
         check(viewer.process.poll() is None, f"the window went away: {viewer.err!r}")
-        found = subprocess.run(["xdotool", "search", "--onlyvisible", "--name", "rtsg"], capture_output=True, text=True).stdout.split()
-        if found:
-            hand("windowmove", found[0], 0, 0)
-            hand("windowfocus", found[0])
+        found = windows()[:1]
+        if found and subprocess.run(["xdotool", "windowmove", *found, "0", "0", "windowfocus", *found], capture_output=True).returncode == 0:
             time.sleep(1)
-            return found[0]
+            if found == windows()[:1]:
+                return found[0]
         time.sleep(0.05)
     raise AssertionError("no window opened")
 

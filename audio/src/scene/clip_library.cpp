@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/clip_library.h>
-#include <rtsg/renderers/movie.h>
+#include <rtsg/renderers/movie_sound.h>
 
 #include "signal/fractional_delay.h"
 
@@ -42,7 +42,7 @@ float weightedSum(std::span<const float> weights, const float* samples, std::siz
 
 /// Reads sound files by libsndfile; films, and files that libsndfile does not know, by FFmpeg. Ogg files may be either.
 Result<SoundBuffer> readResource(Resource& file, std::uint64_t room, std::string& damage) {
-    const bool film = Movie::isMovie(file) && file.readAt(0, 4) != "OggS";
+    const bool film = isMovie(file) && file.readAt(0, 4) != "OggS";
     const Result<> own = film ? fail("it is a film") : checkSound(file);
     if (own) {
         const auto bytes = file.read();

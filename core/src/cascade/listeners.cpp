@@ -1,6 +1,7 @@
 // Listeners: collects from each set the events that somebody listens to, and calls listeners after the set was read.
 #include <rtsg/core/listeners.h>
 
+#include <algorithm>
 #include <exception>
 #include <map>
 #include <unordered_map>

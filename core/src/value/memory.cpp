@@ -45,19 +45,28 @@ std::atomic<std::uint64_t>& limit() {
     return bytes;
 }
 
+std::atomic<std::uint64_t>& inFiles() {
+    static std::atomic<std::uint64_t> bytes = 0;
+    return bytes;
+}
+
 }  // namespace
+
+void countFileInMemory(std::int64_t bytes) {
+    inFiles() += static_cast<std::uint64_t>(bytes);
+}
 
 std::uint64_t heldMemory() {
     const int file = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
-    if (file < 0) return 0;
+    if (file < 0) return inFiles();
     char text[128] = {};
     const ssize_t got = ::read(file, text, sizeof(text) - 1);
     ::close(file);
-    if (got <= 0) return 0;
+    if (got <= 0) return inFiles();
     // "size resident ...", in pages.
     const std::string all(text);
     const std::size_t space = std::min(all.find(' '), all.size() - 1);
-    return std::strtoull(all.c_str() + space, nullptr, 10) * pageSize();
+    return std::strtoull(all.c_str() + space, nullptr, 10) * pageSize() + inFiles();
 }
 
 std::uint64_t memoryLimit() {

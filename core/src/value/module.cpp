@@ -2,9 +2,8 @@
 #include <rtsg/core/delayed_library.h>
 #include <rtsg/core/module.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
+#include <stdexcept>
 
 #include <cxxabi.h>
 #include <dlfcn.h>
@@ -51,13 +50,11 @@ Result<> DelayedLibrary::fill() {
 
 }  // namespace rtsg
 
-/// Stubs call this before their library is loaded; it returns the address of the function with this number. It has no
-/// namespace and begins with rtsg_, so that shared libraries export it.
+/// Stubs call this before their library is loaded; it returns the address of the function with this number. If the
+/// library is missing, it throws: past the stub, as that has no result of its own to return. It has no namespace and
+/// begins with rtsg_, so that shared libraries export it.
 // NOLINTNEXTLINE(readability-identifier-naming)
-extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) noexcept {
-    if (const auto loaded = library->load(); !loaded) {
-        std::fprintf(stderr, "%s\n", loaded.error().format().c_str());
-        std::abort();
-    }
+extern "C" void* rtsg_first_call(rtsg::DelayedLibrary* library, std::size_t function) {
+    if (const auto loaded = library->load(); !loaded) throw std::runtime_error(loaded.error().text);
     return library->function(function);
 }

@@ -89,6 +89,8 @@ std::string_view otherForm(std::string_view word, const std::vector<std::string_
 std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known) {
     constexpr std::size_t longest = 60;  // nobody misspells longer names
     if (word.empty() || word.size() > longest) return {};
+    constexpr std::size_t most = 1000;  // a file may declare any number of them
+    if (known.size() > most) return nearest(word, {known.begin(), known.begin() + most});
     // Affixes that all events have carry no information.
     const std::size_t own = word.size() - (word.starts_with("set_") ? 4 : word.ends_with("_changed") ? 8 : 0);
     std::size_t least = std::max<std::size_t>(own / 3, own > 3 ? 2 : 1);

@@ -75,8 +75,15 @@ void NodeType::takeTags() {
     }
 }
 
+namespace {
+
+/// Written fields of a node are looked through, so more would take time that grows with the square of their number.
+constexpr std::size_t kMostFields = 4096;
+
+}  // namespace
+
 bool NodeType::finish() {
-    if (fields.size() >= kNoField) return false;
+    if (fields.size() > kMostFields) return false;
     for (const FieldDef& field : fields)
         if (sf(field.type) == FieldType::SFCustom && !field.custom) return false;
     byName_.clear();

@@ -4,7 +4,6 @@
 // A PROTO body and an Inline are replayed into the same builder with a scope of their own on top.
 #pragma once
 
-#include <chrono>
 #include <map>
 #include <set>
 #include <tuple>
@@ -14,6 +13,7 @@
 #include <rtsg/documents/scene_builder.h>
 
 #include "commands/document_head.h"
+#include "commands/time_limit.h"
 #include "proto.h"
 
 namespace rtsg {
@@ -24,6 +24,8 @@ constexpr NodeId kSelf{0xFFFFFFFF};
 constexpr NodeId kOfUnknownType{0xFFFFFFFE};
 /// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
+/// How many fields a prototype, Script or shader may declare.
+constexpr std::size_t kMostFields = 4000;
 
 /// Files read during one load: each is parsed once however often it is inlined or used as a library.
 class LoadSession {
@@ -37,10 +39,11 @@ class LoadSession {
         Environment* prototypes = nullptr;  // its PROTOs, once asked for
     };
 
-    /// The file behind `url`, seen from the folder `from`, as far as `nodesLeft` nodes go. Fails for a file that the
-    /// policy refuses, that is missing, or that has no usable content.
+    /// The file behind `url`, seen from the folder `from`, as far as `nodesLeft` nodes and `time` go. Fails for a
+    /// file that the policy refuses, that is missing, or that has no usable content.
     Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url,
-                       std::uint64_t nodesLeft, const std::shared_ptr<const Dialect>& dialect);
+                       std::uint64_t nodesLeft, const detail::TimeLimit& time,
+                       const std::shared_ptr<const Dialect>& dialect);
     /// The library that our urns of materials name.
     File& portableMaterials();
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
@@ -86,11 +89,21 @@ struct OpenNode {
     // A Script's (or shader's) own fields, and the values that wait for it to exist; of a CADLayer, for its children.
     std::vector<FieldDef> own;
     std::vector<std::pair<FieldIndex, Value>> values;
+    // Where the fields stand in `children` and `own` if there are many, as far as they have been looked for.
+    std::vector<std::size_t> listed;
+    std::size_t lists = 0;
+    mutable NameMap<std::size_t> ownByName;
+    mutable std::size_t ownNamed = 0;
 
     std::vector<NodeId>& list(FieldIndex field);
     bool isGiven(FieldIndex field) const { return field < given.size() && given[field]; }
     void markGiven(FieldIndex field);
+    /// Calls for when the fields of `children` are others, and when `own` is used up.
+    void forgetLists();
+    void forgetOwn();
     FieldIndex find(std::string_view name) const;
+    /// The place in `own`, or behind its end.
+    std::size_t findOwn(std::string_view name) const;
     const FieldDef& field(FieldIndex index) const;
     /// "Transform T", for diagnostics.
     std::string describe() const;
@@ -126,6 +139,7 @@ struct NameScope {
     std::size_t openBase = 0;
     std::vector<PendingRoute> routes;
     std::vector<ImportStatement> imports;
+    std::unordered_set<std::string> importedNames;  // the local ones
     std::vector<ExportStatement> exports;
     std::vector<std::pair<NodeId, SourceLocation>> inlines, fontLibraries;
     std::string previousFile;  // of the diagnostics, to go back to
@@ -135,7 +149,8 @@ struct SceneBuilder::State {
     State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions);
     /// Counts a node that is about to be made. False, and reported once, if it is one too many or too late.
     bool hasRoomFor(const NameScope& scope, SourceLocation where);
-    /// Looks at the clock and at the memory of the process.
+    /// Counts a command; now and then it looks at the clock, and at the memory of the process.
+    void noteWork(SourceLocation where);
     void lookAtLimits(SourceLocation where);
     /// Nodes that Inlines and PROTO bodies may still have.
     std::uint64_t nodesLeft() const;
@@ -155,10 +170,12 @@ struct SceneBuilder::State {
     std::size_t skipDepth = 0;                // > 0 inside a refused node
     std::size_t skipProtoDepth = 0;           // > 0 inside a PROTO declaration that is known already
     std::size_t documentDepth = 0;
+    std::size_t externDepth = 0;      // of EXTERNPROTOs that lead to each other
     std::uint64_t expandedNodes = 0;  // in PROTO bodies and Inlines
-    const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
-    std::uint64_t nodesBegun = 0;
-    bool isOver = false;  // the time that the policy lets, or the process's memory: no further node is made
+    const detail::TimeLimit time;
+    std::uint64_t commands = 0;
+    SourceLocation lastWhere;  // of the last command
+    bool isOver = false;       // the time that the policy lets, or the process's memory: no further node is made
     bool finished = false;
     bool linksFonts = false;                                                     // a FontLibrary has come
     std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file

@@ -61,6 +61,7 @@ std::string loadedUrlOf(const std::filesystem::path& opened, std::string_view ur
 
 Result<LoadSession::File*> LoadSession::open(const Resources& resources, const std::filesystem::path& from,
                                              std::string_view url, std::uint64_t nodesLeft,
+                                             const detail::TimeLimit& time,
                                              const std::shared_ptr<const Dialect>& dialect) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
@@ -72,8 +73,8 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
         file->source = {resource->path(), base, resource->name()};
         file->diagnostics.setFile(resource->name());
         CommandList& commands = file->commands;
-        detail::readResource(*resource, policy.maximumBytes, detail::openBeside(resources, base), dialect, commands,
-                             file->diagnostics);
+        detail::readResource(*resource, policy.maximumBytes, time, detail::openBeside(resources, base), dialect,
+                             commands, file->diagnostics);
         if (commands.isFull()) file->diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     }
     if (!file->commands.empty()) return file.get();
@@ -121,6 +122,8 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     if (!wantsContent(scene.node(id))) return false;
     const Array<String> urls = urlsOf(scene.node(id));
     if (urls.empty()) return false;
+    noteWork(where);
+    if (isOver) return false;
     if (options.leavesAwaited && awaitsContent(scene, scene.node(id), *options.resources)) return false;
     const auto documents =
         static_cast<std::uint64_t>(std::ranges::count_if(scopes, [](const auto& one) { return one->isDocument; }));
@@ -135,7 +138,7 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     for (const String& url : urls) {
         Result<LoadSession::File*> file = fail({});
         for (std::size_t i = 0; i < folders.size() && !file; ++i) {
-            auto one = session.open(*options.resources, folders[i], url, nodesLeft(), dialect);
+            auto one = session.open(*options.resources, folders[i], url, nodesLeft(), time, dialect);
             if (one || i == 0) file = std::move(one);
         }
         if (file && std::ranges::any_of(scopes, [&](const auto& one) {

@@ -6,9 +6,15 @@
 namespace rtsg {
 
 const InterfaceField* ProtoDeclaration::findField(std::string_view fieldName) const {
-    const auto found =
-        std::ranges::find_if(fields, [&](const InterfaceField& field) { return field.declaration.name == fieldName; });
-    return found == fields.end() ? nullptr : &*found;
+    constexpr std::size_t few = 8;
+    if (fields.size() <= few) {
+        const auto found = std::ranges::find(
+            fields, fieldName, [](const InterfaceField& field) -> std::string_view { return field.declaration.name; });
+        return found == fields.end() ? nullptr : &*found;
+    }
+    for (; named_ < fields.size(); ++named_) byName_.try_emplace(fields[named_].declaration.name, named_);
+    const auto found = byName_.find(fieldName);
+    return found == byName_.end() ? nullptr : &fields[found->second];
 }
 
 ProtoDeclaration* Environment::find(std::string_view name, std::size_t visible) const {

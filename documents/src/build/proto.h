@@ -64,6 +64,10 @@ struct ProtoDeclaration {
     bool instanced = false;              // diagnostics of the body have been given
 
     const InterfaceField* findField(std::string_view fieldName) const;
+
+  private:
+    mutable NameMap<std::size_t> byName_;  // of many fields, as far as they have been looked for
+    mutable std::size_t named_ = 0;
 };
 
 class Environment {

@@ -16,6 +16,7 @@ namespace rtsg {
 
 void SceneBuilder::beginProto(std::string_view name, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipDepth) return;
     if (s.skipProtoDepth) {
         ++s.skipProtoDepth;
@@ -67,6 +68,7 @@ void SceneBuilder::endProto(SourceLocation where) {
 void SceneBuilder::externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
                                const std::vector<std::string>& url, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipDepth || s.skipProtoDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() != 'i') s.recorder().externProto(name, fields, url, where);
@@ -187,7 +189,7 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
         const auto portable = detail::portableMaterial(url);
         const Result<LoadSession::File*> file =
             portable ? &session.portableMaterials()
-                     : session.open(*options.resources, declaration.source->base, url, nodesLeft(), dialect);
+                     : session.open(*options.resources, declaration.source->base, url, nodesLeft(), time, dialect);
         if (!file) {
             failed(file.error().text);
             continue;
@@ -205,7 +207,11 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
         std::string targetUrl = loadedUrlOf((*file)->source.path, url);
         if (target->external) {
             // An EXTERNPROTO that leads to an EXTERNPROTO; a circle of them ends here without a body.
-            resolveExternal(*target);
+            if (externDepth < kMaximumProtoDepth) {
+                ++externDepth;
+                resolveExternal(*target);
+                --externDepth;
+            }
             targetUrl = joinUrls(targetUrl, target->targetUrl);
             target = target->target;
             if (!target) {

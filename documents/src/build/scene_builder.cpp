@@ -87,16 +87,20 @@ void SceneBuilder::unit(std::string_view category, std::string_view name, double
 }
 
 void SceneBuilder::State::lookAtLimits(SourceLocation where) {
-    const std::uint64_t seconds = options.resources->policy().maximumSeconds;
-    if (std::chrono::steady_clock::now() - started > std::chrono::seconds(seconds)) {
+    if (time.isOver()) {
         isOver = true;
-        diagnostics.error(where, fmt::format("reading takes more than {} seconds; the rest is left out, unless "
-                                             "--limit seconds=N raises this",
-                                             seconds));
+        diagnostics.error(where, time.text());
     } else if (auto ok = mayHold(); !ok) {
         isOver = true;
         diagnostics.error(where, "the rest of the nodes is left out: " + ok.error().text, ok.error().code);
     }
+}
+
+void SceneBuilder::State::noteWork(SourceLocation where) {
+    constexpr std::uint64_t kPerClock = 16, kPerMemory = 1024;
+    lastWhere = where;
+    if (++commands % kPerClock != 0 || isOver) return;
+    if (commands % kPerMemory == 0 || time.isOver()) lookAtLimits(where);
 }
 
 std::uint64_t SceneBuilder::State::nodesLeft() const {
@@ -105,9 +109,7 @@ std::uint64_t SceneBuilder::State::nodesLeft() const {
 }
 
 bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {
-    constexpr std::uint64_t kNodesPerLook = 1024;
     const std::uint64_t most = options.resources->policy().maximumNodes;
-    if (++nodesBegun % kNodesPerLook == 0 && !isOver) lookAtLimits(where);
     if (isOver) return false;
     if ((!scope.proto && !scope.owner && !options.namedByUrl) || ++expandedNodes <= most) return true;
     if (expandedNodes == most + 1) diagnostics.error(where, tooManyNodes(most));
@@ -115,7 +117,8 @@ bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation wher
 }
 
 bool SceneBuilder::isFull() const {
-    const State& s = *state_;
+    State& s = *state_;
+    if (!s.isOver && s.time.isOver()) s.lookAtLimits(s.lastWhere);
     return s.isOver || (s.options.namedByUrl && s.expandedNodes > s.options.resources->policy().maximumNodes);
 }
 
@@ -135,6 +138,7 @@ std::string whyFull(const CommandList& commands, const ResourcePolicy& policy) {
 void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::string_view field,
                              SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth) return;
     if (s.skipDepth) {
         ++s.skipDepth;
@@ -236,6 +240,7 @@ void SceneBuilder::endNode(SourceLocation where) {
 
 void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen == "i") s.chooseDefault(field, where);
@@ -268,6 +273,7 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
 
 void SceneBuilder::setField(std::string_view name, Value value, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() == 'n') s.recorder().setField(name, std::move(value), where);
@@ -308,6 +314,7 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
 
 void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen != "i") {
@@ -318,6 +325,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
             s.error(where, fmt::format("PROTO {} declares field '{}' twice", s.recording->name, field.name));
             return;
         }
+        if (s.recording->fields.size() == kMostFields)
+            return s.error(where, fmt::format("PROTO {} declares more than {} fields", s.recording->name, kMostFields));
         if (value && !isOfType(*value, field.type, field.custom.get())) {
             s.error(where, fmt::format("field '{}' is {}, its default {}", field.name,
                                        fieldTypeName(field.type, field.custom.get()), typeNameOf(*value)));
@@ -332,11 +341,12 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
         s.error(where, fmt::format("field '{}' cannot be declared here", field.name));
         return;
     }
-    if (node->type->findExact(field.name) != kNoField ||
-        std::ranges::find(node->own, field.name, &FieldDef::name) != node->own.end()) {
+    if (node->type->findExact(field.name) != kNoField || node->findOwn(field.name) < node->own.size()) {
         s.error(where, fmt::format("{} has a field '{}' already", node->describe(), field.name));
         return;
     }
+    if (node->own.size() == kMostFields)
+        return s.error(where, fmt::format("{} declares more than {} fields", node->describe(), kMostFields));
     FieldDef& def = node->own.emplace_back();
     def.name = field.name;
     def.type = field.type;
@@ -354,6 +364,7 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
 
 void SceneBuilder::isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() == 'n') s.recorder().isConnection(nodeField, protoField, where);

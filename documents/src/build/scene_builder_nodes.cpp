@@ -21,6 +21,10 @@ namespace {
 /// Axes shorter or longer than this are put right; the three digits that many files give are left as they are.
 constexpr float kAxisTolerance = 1e-3f;
 
+/// Up to so many fields are looked through.
+constexpr std::size_t kFew = 8;
+constexpr std::size_t kNotListed = SIZE_MAX;
+
 /// ISO/IEC 19775-1 V4.0 5.3.18: the axis is a unit vector. Returns whether it had to be changed.
 bool normaliseAxis(Rotation& r) {
     const float squared = r.x * r.x + r.y * r.y + r.z * r.z;
@@ -41,9 +45,30 @@ bool normaliseAxis(Rotation& r) {
 // ---- OpenNode --------------------------------------------------------------------------------------------------
 
 std::vector<NodeId>& OpenNode::list(FieldIndex index) {
-    for (ChildList& one : children)
-        if (one.field == index) return one.nodes;
+    if (children.size() <= kFew) {
+        for (ChildList& one : children)
+            if (one.field == index) return one.nodes;
+    } else {
+        for (; lists < children.size(); ++lists) {
+            const std::size_t field = children[lists].field;
+            if (listed.size() <= field) listed.resize(field + 1, kNotListed);
+            listed[field] = lists;
+        }
+        if (index < listed.size() && listed[index] != kNotListed) return children[listed[index]].nodes;
+    }
     return children.emplace_back(ChildList{index, {}}).nodes;
+}
+
+void OpenNode::forgetLists() {
+    listed.clear();
+    lists = 0;
+}
+
+void OpenNode::forgetOwn() {
+    own.clear();
+    if (ownNamed == 0) return;
+    ownByName.clear();
+    ownNamed = 0;
 }
 
 void OpenNode::markGiven(FieldIndex index) {
@@ -55,9 +80,16 @@ FieldIndex OpenNode::find(std::string_view name) const {
     if (!type) return kNoField;
     const FieldIndex found = type->find(name);
     if (found != kNoField) return found;
-    for (std::size_t i = 0; i < own.size(); ++i)
-        if (own[i].name == name) return static_cast<FieldIndex>(type->fields.size() + i);
-    return kNoField;
+    const std::size_t place = findOwn(name);
+    return place == own.size() ? kNoField : static_cast<FieldIndex>(type->fields.size() + place);
+}
+
+std::size_t OpenNode::findOwn(std::string_view name) const {
+    if (own.size() <= kFew)
+        return static_cast<std::size_t>(std::ranges::find(own, name, &FieldDef::name) - own.begin());
+    for (; ownNamed < own.size(); ++ownNamed) ownByName.try_emplace(own[ownNamed].name, ownNamed);
+    const auto known = ownByName.find(name);
+    return known == ownByName.end() ? own.size() : known->second;
 }
 
 std::string OpenNode::describe() const {
@@ -72,7 +104,11 @@ const FieldDef& OpenNode::field(FieldIndex index) const {
 // ---- State -----------------------------------------------------------------------------------------------------
 
 SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions)
-    : handler(builder), scene(target), diagnostics(sink), options(std::move(buildOptions)) {
+    : handler(builder),
+      scene(target),
+      diagnostics(sink),
+      options(std::move(buildOptions)),
+      time{options.resources ? options.resources->policy().maximumSeconds : ResourcePolicy().maximumSeconds} {
     registerDocuments(scene);
     dialect = dialectOf(scene);
     DocumentSource source;
@@ -118,8 +154,9 @@ OpenNode& SceneBuilder::State::push(OpenNode::Kind kind, SourceLocation where) {
     node.children.clear();
     node.given.clear();
     node.connections.clear();
-    node.own.clear();
     node.values.clear();
+    node.forgetOwn();
+    node.forgetLists();
     return node;
 }
 
@@ -184,7 +221,7 @@ bool acceptsType(const FieldDef& def, const NodeType* child) {
 
 /// Opens a node of unknown type: its content is built, with names, but belongs to no field of it.
 void SceneBuilder::State::openUnknown(std::string_view type, std::string_view def, SourceLocation where) {
-    warning(where, detail::unknownType(type));
+    warning(where, detail::unknownType(type, diagnostics));
     if (!def.empty()) scope().names.insert_or_assign(std::string(def), kOfUnknownType);
     push(OpenNode::Kind::unknown, where);
 }
@@ -384,6 +421,7 @@ void SceneBuilder::State::endScript(OpenNode& node) {
         for (NodeId& child : one.nodes)
             if (child == kSelf) child = node.id;
     }
+    node.forgetLists();
     std::vector<bool> given(node.type->fields.size());
     for (std::size_t i = 0; i < node.given.size(); ++i)
         if (node.given[i]) given[finalIndex(static_cast<FieldIndex>(i))] = true;
@@ -391,7 +429,7 @@ void SceneBuilder::State::endScript(OpenNode& node) {
     node.kind = OpenNode::Kind::node;
     auto values = std::move(node.values);
     for (auto& [field, value] : values) store(node, finalIndex(field), std::move(value), node.where);
-    node.own.clear();
+    node.forgetOwn();
     if (!node.def.empty()) {
         scope().names[node.def] = node.id;
         giveName(node.id, node.def, node.where);

@@ -48,6 +48,7 @@ std::string addCheckedRoute(Scene& scene, NodeId from, std::string_view fromName
 void SceneBuilder::route(std::string_view fromNode, std::string_view fromField, std::string_view toNode,
                          std::string_view toField, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() != 'i') s.recorder().route(fromNode, fromField, toNode, toField, where);
@@ -67,6 +68,7 @@ void SceneBuilder::route(std::string_view fromNode, std::string_view fromField, 
 void SceneBuilder::importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                               SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() != 'i') s.recorder().importNode(inlineDef, exportedName, localName, where);
@@ -75,7 +77,7 @@ void SceneBuilder::importNode(std::string_view inlineDef, std::string_view expor
     NameScope& scope = s.scope();
     if (scope.declarationsOnly) return;
     const std::string_view local = localName.empty() ? exportedName : localName;
-    if (std::ranges::find(scope.imports, local, &ImportStatement::local) != scope.imports.end()) {
+    if (!scope.importedNames.emplace(local).second) {
         s.error(where, fmt::format("IMPORT AS '{}': another IMPORT has that name", local));
         return;
     }
@@ -84,6 +86,7 @@ void SceneBuilder::importNode(std::string_view inlineDef, std::string_view expor
 
 void SceneBuilder::exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) {
     State& s = *state_;
+    s.noteWork(where);
     if (s.skipProtoDepth || s.skipDepth) return;
     if (s.isRecording()) {
         if (s.recordingOpen.back() != 'i') s.recorder().exportNode(localName, exportedName, where);
@@ -121,7 +124,7 @@ void SceneBuilder::State::resolveRoutes(NameScope& in) {
             return found == in.names.end() || found->second == kSelf ? NodeId{} : found->second;
         };
         const auto isImported = [&](NodeId known, const std::string& name) {
-            return !known && std::ranges::find(in.imports, name, &ImportStatement::local) != in.imports.end();
+            return !known && in.importedNames.contains(name);
         };
         const NodeId from = resolve(route.from, route.fromNode), to = resolve(route.to, route.toNode);
         if (isImported(from, route.fromNode) || isImported(to, route.toNode)) {
@@ -182,8 +185,7 @@ void SceneBuilder::State::storeImports(NameScope& in) {
         imports.insert(imports.end(), {one.inlineDef, one.exported, one.local});
     }
     for (const ExportStatement& one : in.exports) {
-        const bool known = in.names.contains(one.local) ||
-                           std::ranges::find(in.imports, one.local, &ImportStatement::local) != in.imports.end();
+        const bool known = in.names.contains(one.local) || in.importedNames.contains(one.local);
         if (!known) error(one.where, fmt::format("EXPORT '{}': no node has that name", one.local));
         exports.insert(exports.end(), {one.local, one.exported});
     }

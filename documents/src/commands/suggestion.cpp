@@ -7,7 +7,8 @@
 
 namespace rtsg::detail {
 
-std::string unknownType(std::string_view type) {
+std::string unknownType(std::string_view type, const Diagnostics& diagnostics) {
+    if (diagnostics.dropped()) return {};
     std::vector<std::string_view> known;
     for (const auto& one : builtinTypes())
         if (!one->internal) known.push_back(one->name);
@@ -15,7 +16,8 @@ std::string unknownType(std::string_view type) {
            "; it is kept, and does nothing";
 }
 
-std::string noField(const NodeShape& shape, std::string_view field) {
+std::string noField(const NodeShape& shape, std::string_view field, const Diagnostics& diagnostics) {
+    if (diagnostics.dropped()) return {};
     std::vector<std::string_view> known;
     if (shape.type)
         for (const FieldDef& one : shape.type->fields)

@@ -1,5 +1,6 @@
 // glTF 2.0 as X3D: nodes are Transforms, primitives are Shapes with PhysicalMaterials, cameras are viewpoints, lights
 // are lights, skins are HAnimHumanoids, and animations are TimeSensors with interpolators.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>

@@ -14,6 +14,8 @@
 
 #include <rtsg/documents/document_handler.h>
 
+#include "commands/time_limit.h"
+
 namespace rtsg::detail {
 
 enum class FileKind : std::uint8_t { document, stl, obj, ply, gltf, glb, urdf, collada, fbx, threeDs, off, notRead };
@@ -33,6 +35,7 @@ struct ImportInput {
                                  << 30;  // of memory for what is made of the bytes before it is a scene
     std::string_view clip{};             // the animation that plays, of files that have several; empty: the first
     bool displayColors = false;          // colours of a glTF file are those of a screen, and not light
+    TimeLimit time{};
 };
 
 /// Each gives a whole document, from beginDocument to endDocument; false if nothing was usable (then there may be

@@ -11,9 +11,12 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
+
+#include <rtsg/core/memory.h>
 
 namespace rtsg::detail {
 
@@ -49,9 +52,26 @@ void writeAll(int descriptor, std::string_view bytes) {
     }
 }
 
+/// Leaves of all descriptors standard error and the one given, which gets the number that is returned.
+int keepOnly(int descriptor) {
+    constexpr int kKept = 3;
+    if (descriptor != kKept) ::dup2(descriptor, kKept);
+    ::close_range(kKept + 1, ~0U, 0);
+    // Open, as libraries may write to them.
+    if (const int nothing = ::open("/dev/null", O_RDWR | O_CLOEXEC); nothing >= 0) {
+        ::dup2(nothing, STDIN_FILENO);
+        ::dup2(nothing, STDOUT_FILENO);
+        ::close(nothing);
+    }
+    return kKept;
+}
+
 /// Runs in the copy: signals have their default effect there, and nothing of the original process is ended.
 [[noreturn]] void runHere(const std::function<bool(std::string&)>& make, const GuardLimits& limits, std::uint64_t space,
-                          int descriptor) {
+                          pid_t parent, int descriptor) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != parent) ::_exit(1);  // it has ended before
+    descriptor = keepOnly(descriptor);
     for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGTERM, SIGPIPE})
         std::signal(signal, SIG_DFL);
     limit(RLIMIT_CORE, 0);
@@ -91,6 +111,9 @@ Received receive(int descriptor, const GuardLimits& limits) {
         if (count <= 0) return all;
         if (all.bytes.size() + static_cast<std::size_t>(count) > limits.bytes + 1)
             return {{}, "what it becomes has more than " + std::to_string(limits.bytes) + " bytes"};
+        constexpr std::size_t kPerLook = 1 << 20;
+        if (all.bytes.size() / kPerLook != (all.bytes.size() + static_cast<std::size_t>(count)) / kPerLook)
+            if (const auto ok = mayHold(2 * all.bytes.size()); !ok) return {{}, ok.error().text};
         all.bytes.append(block.data(), static_cast<std::size_t>(count));
     }
 }
@@ -107,6 +130,7 @@ Result<std::string> runGuarded(const std::function<bool(std::string& result)>& m
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0) return fail(std::string("no pipe: ") + std::strerror(errno));
     const std::uint64_t space = ownSpace();
+    const pid_t parent = ::getpid();
     const pid_t child = ::fork();
     if (child < 0) {
         const int why = errno;
@@ -116,7 +140,7 @@ Result<std::string> runGuarded(const std::function<bool(std::string& result)>& m
     }
     if (child == 0) {
         ::close(ends[0]);
-        runHere(make, limits, space, ends[1]);
+        runHere(make, limits, space, parent, ends[1]);
     }
     ::close(ends[1]);
     Received got = receive(ends[0], limits);

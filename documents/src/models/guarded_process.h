@@ -1,7 +1,8 @@
 // runGuarded: a function's result from a process of its own.
 //
 // The process is a copy of this one, so the function sees all that is there and changes none of it. If it crashes,
-// hangs or takes too much memory, that is an error here. Threading: any thread; the function must not wait for other
+// hangs or takes too much memory, that is an error here. It has none of this process's descriptors but that of standard
+// error, and ends with this one. Threading: any thread; the function must not wait for other
 // threads, which the copy does not have.
 #pragma once
 

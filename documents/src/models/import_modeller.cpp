@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/module.h>
 #include <rtsg/documents/filter.h>
 
@@ -107,7 +108,8 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
         return false;
     }
     const MakeGlb make = reinterpret_cast<MakeGlb (*)()>(*symbol)();
-    constexpr std::uint64_t kMost = std::uint64_t{4} << 30;
+    constexpr std::uint64_t kMost = std::uint64_t{4} << 30, kMostSeconds = 60;
+    const std::uint64_t room = memoryLimit() - std::min(heldMemory(), memoryLimit());
     // One text comes back: how long the library's faults are, these, and the GLB.
     const auto made = runGuarded(
         [&](std::string& result) {
@@ -116,7 +118,8 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
             result = std::to_string(faults.size()) + ' ' + faults + glb;
             return true;
         },
-        {std::min(input.maximumBytes, kMost)});
+        {std::min({input.maximumBytes, kMost, room}),
+         static_cast<unsigned>(std::min(input.time.left(), kMostSeconds))});
     if (!made) {
         diagnostics.error({}, "the " + name + " file cannot be read: " + made.error().text);
         return false;

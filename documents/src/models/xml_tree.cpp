@@ -2,22 +2,25 @@
 #include "xml_tree.h"
 
 #include <algorithm>
-#include <memory>
 
-#include <expat.h>
+#include "commands/xml_parser.h"
 
 namespace rtsg::detail {
 
 namespace {
 
 constexpr std::size_t kMostElements = 1'000'000;
-constexpr std::size_t kPiece = 1 << 20;  // bytes that expat gets at once
+constexpr std::size_t kPiece = 1 << 30;  // bytes that expat gets at once: it begins long tokens again with each piece
 
 struct Building {
-    XML_Parser parser;
+    Building(std::vector<XmlElement>& all, Diagnostics& diagnostics)
+        : elements(all),
+          parser([this, &diagnostics](std::string what) { diagnostics.error(where(), std::move(what)); }) {}
+
     std::vector<XmlElement>& elements;
     std::vector<std::uint32_t> open{};
     bool full = false;
+    XmlParser parser;
 
     SourceLocation where() const {
         return {static_cast<std::uint32_t>(XML_GetCurrentLineNumber(parser)),
@@ -54,16 +57,11 @@ const XmlElement* XmlTree::child(const XmlElement& parent, std::string_view name
 }
 
 bool XmlTree::read(std::string_view text, Diagnostics& diagnostics) {
-    const std::unique_ptr<XML_ParserStruct, decltype(&XML_ParserFree)> parser(XML_ParserCreate(nullptr),
-                                                                              XML_ParserFree);
-    if (!parser) {
-        diagnostics.error({}, "no memory for XML", DiagnosticCode("memory"));
-        return false;
-    }
-    Building building{parser.get(), elements_};
-    XML_SetUserData(parser.get(), &building);
+    Building building(elements_, diagnostics);
+    const XML_Parser parser = building.parser;
+    building.parser.giveHandlers<&Building::parser>(building);
     XML_SetElementHandler(
-        parser.get(),
+        parser,
         [](void* self, const char* name, const char** attributes) {
             static_cast<Building*>(self)->begin(name, attributes);
         },
@@ -72,12 +70,13 @@ bool XmlTree::read(std::string_view text, Diagnostics& diagnostics) {
     do {
         const std::string_view piece = text.substr(0, kPiece);
         text.remove_prefix(piece.size());
-        status = XML_Parse(parser.get(), piece.data(), static_cast<int>(piece.size()), text.empty());
+        status = XML_Parse(parser, piece.data(), static_cast<int>(piece.size()), text.empty());
     } while (status == XML_STATUS_OK && !text.empty());
     if (status == XML_STATUS_OK) return true;
-    diagnostics.error(building.where(), building.full ? "there are more than a million elements; reading ends here"
-                                                      : std::string("not well-formed XML: ") +
-                                                            XML_ErrorString(XML_GetErrorCode(parser.get())));
+    if (building.parser.isRefused()) return false;
+    diagnostics.error(building.where(),
+                      building.full ? "there are more than a million elements; reading ends here"
+                                    : std::string("not well-formed XML: ") + XML_ErrorString(XML_GetErrorCode(parser)));
     return false;
 }
 

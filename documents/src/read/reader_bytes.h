@@ -24,7 +24,7 @@ bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside&
 
 /// Reads the document behind a url, piece by piece if it is a file or packed. Content that does not look like a scene
 /// is refused without repeating a word of it. `maximumBytes` limits the unpacked text.
-bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside,
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const TimeLimit& time, const OpenBeside& beside,
                   std::shared_ptr<const Dialect> dialect, DocumentHandler& handler, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

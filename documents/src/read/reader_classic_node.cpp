@@ -213,7 +213,7 @@ void ClassicReader::beginNode(std::string_view type, std::string_view def, const
                                    : "unexpected '" + std::string(type.substr(0, 40)) + "'");
         return;
     }
-    if (!shape.known()) report(Severity::warning, where, unknownType(type));
+    if (!shape.known()) report(Severity::warning, where, unknownType(type, diagnostics_));
     ++p_;
     beganNode(shape);
     checkPlace(into, shape, where);
@@ -351,7 +351,8 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
 
 /// Says which node around the open one has the field: a brace may be missing.
 std::string ClassicReader::ofUnclosed(std::string_view field) const {
-    for (std::size_t i = frames_.size() - 1; i-- > 0;) {
+    constexpr std::size_t kNear = 64;
+    for (std::size_t i = frames_.size() - 1, last = i - std::min(i, kNear); i-- > last;) {
         const Frame& around = frames_[i];
         if (around.inside != Inside::node && around.inside != Inside::list) break;
         if (around.inside == Inside::node && around.shape.known() && findField(around.shape, field))
@@ -386,7 +387,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
             p_ -= next.size();
             if (!field)
                 report(isMisspelled(name, isKnown) ? Severity::error : Severity::warning, where,
-                       noFieldForNodes(shape, name) + (isKnown ? ofUnclosed(name) : std::string()));
+                       noFieldForNodes(shape, name, diagnostics_) + (isKnown ? ofUnclosed(name) : std::string()));
             else
                 report(Severity::warning, where,
                        takesNodes ? surplus(name, shape.name()) : misplaced(next, name, shape.name()));
@@ -397,7 +398,7 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
     if (!ifNoNodes.empty()) error(where, ifNoNodes);
     if (complain && !findField(shape, name)) {
         const std::string dropped = droppedField(shape, name);
-        dropped.empty() ? error(where, noField(shape, name) + ofUnclosed(name))
+        dropped.empty() ? error(where, noField(shape, name, diagnostics_) + ofUnclosed(name))
                         : report(Severity::warning, where, dropped);
     }
     if (next == "IS" && !isList && !shape.known()) {

@@ -10,6 +10,7 @@
 #include <rtsg/documents/dialect.h>
 
 #include "commands/reader_types.h"
+#include "commands/time_limit.h"
 #include "text/field_text_parser.h"
 
 namespace rtsg::detail {
@@ -25,6 +26,7 @@ struct ReaderOptions {
     bool mustBeHeaded = false;  // refuses what shows no sign of being a scene, without repeating a word of it
     std::uint64_t maximumBytes = std::uint64_t{4} << 30;  // of a text that says nothing of its size
     std::uint64_t maximumMemory = UINT64_MAX;             // that the process takes while it reads
+    TimeLimit time{};
     std::string clip{};
     std::shared_ptr<const Dialect> dialect{};  // formats and node types beyond the library's own; null: none
     std::string name{};                        // of the file, as FormatClue has it

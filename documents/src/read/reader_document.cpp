@@ -34,6 +34,7 @@ detail::ReaderOptions readerOptions(const ReadOptions& options) {
             .headerless = options.headerless,
             .maximumBytes = options.maximumBytes,
             .maximumMemory = memory,
+            .time = {.seconds = options.resources ? options.resources->policy().maximumSeconds : UINT64_MAX},
             .clip = options.clip,
             .dialect = options.dialect};
 }
@@ -52,15 +53,19 @@ Encoding detectEncoding(std::string_view head) {
 
 namespace {
 
-/// Ends the reading of a text between two of its blocks: for a handler that takes no more, and for the process's
-/// memory.
+/// Ends the reading of a text between two of its blocks: for a handler that takes no more, for the process's memory,
+/// and for time.
 class ReadingEnd {
   public:
-    ReadingEnd(const DocumentHandler& handler, Diagnostics& diagnostics, std::uint64_t maximumMemory)
-        : handler_(handler), diagnostics_(diagnostics), most_(maximumMemory), before_(heldMemory()) {}
+    ReadingEnd(const DocumentHandler& handler, Diagnostics& diagnostics, const detail::ReaderOptions& options)
+        : handler_(handler),
+          diagnostics_(diagnostics),
+          most_(options.maximumMemory),
+          before_(heldMemory()),
+          time_(options.time) {}
 
     bool isReached() {
-        if (!handler_.isFull() && !isOutOfMemory()) return false;
+        if (!handler_.isFull() && !isOutOfMemory() && !isOutOfTime()) return false;
         reports_ = diagnostics_;
         return true;
     }
@@ -86,10 +91,16 @@ class ReadingEnd {
                               DiagnosticCode("memory")};
         return why_.has_value();
     }
+    bool isOutOfTime() {
+        if (time_.isOver())
+            why_ = Diagnostic{Severity::error, diagnostics_.file(), {}, time_.text(), DiagnosticCode("build")};
+        return why_.has_value();
+    }
 
     const DocumentHandler& handler_;
     Diagnostics& diagnostics_;
     std::uint64_t most_, before_;
+    detail::TimeLimit time_;
     std::optional<Diagnostics> reports_;
     std::optional<Diagnostic> why_;
 };
@@ -123,7 +134,7 @@ bool isText(std::string_view head, std::uint64_t size, const detail::ReaderOptio
 
 bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
               Diagnostics& diagnostics, const detail::ReaderOptions& options) {
-    ReadingEnd end(handler, diagnostics, options.maximumMemory);
+    ReadingEnd end(handler, diagnostics, options);
     feed.stopWhen([&] { return end.isReached(); });
     feed.decideBy([&](std::string_view head, std::uint64_t size) { return isText(head, size, options); });
     const bool complete = readFed(feed, beside, handler, diagnostics, options);
@@ -140,6 +151,14 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
 
 bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler,
                       Diagnostics& diagnostics, const detail::ReaderOptions& options) {
+    // A long text comes in blocks, between which the reading can end.
+    constexpr std::size_t whole = 1 << 22;
+    if (text.size() > whole) {
+        auto feed = TextFeed::ofMemory(text, 3 * text.size());
+        if (feed) return readFeed(**feed, beside, handler, diagnostics, options);
+        diagnostics.error({}, feed.error().text, feed.error().code);
+        return false;
+    }
     std::string clean;
     const bool utf8 = isText(text.substr(0, TextFeed::kHead), text.size(), options);
     const std::size_t bad = utf8 ? detail::findInvalidUtf8(text, options.splitting) : text.npos;
@@ -168,9 +187,10 @@ OpenBeside openBeside(Resources resources, std::filesystem::path folder) {
     };
 }
 
-bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside,
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const TimeLimit& time, const OpenBeside& beside,
                   std::shared_ptr<const Dialect> dialect, DocumentHandler& handler, Diagnostics& diagnostics) {
     ReaderOptions options = readerOptions({});
+    options.time = time;
     options.mustBeHeaded = true;
     options.dialect = std::move(dialect);
     const bool isAddress = isWebAddress(resource.name());
@@ -187,7 +207,7 @@ bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBesi
         diagnostics.error({}, bytes.error().text, bytes.error().code);
         return false;
     }
-    if (isGzip(*bytes)) return fed(TextFeed::ofPacked(*bytes, maximumBytes));
+    if (isGzip(*bytes)) return fed(TextFeed::ofMemory(*bytes, maximumBytes));
     return readText(*bytes, beside, handler, diagnostics, options);
 }
 

@@ -35,7 +35,7 @@ void ElementReader::startNode(const char* name, Attributes attributes) {
     if (!shape.known() && mayBeSpelled(name)) shape = types_.find(readName(name, Spelling::element));
     if (!shape.known()) {
         if (frames_.empty()) return skip({});  // some other kind of XML: its root has been named
-        diagnostics_.warning(where(), unknownType(shape.name()));
+        diagnostics_.warning(where(), unknownType(shape.name(), diagnostics_));
     }
     if (shape.proto)
         diagnostics_.warning(where(), std::string("prototypes are used as <ProtoInstance name='") + name + "'>");
@@ -112,16 +112,16 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
     }
     if (!place) {
         const bool isMisspelt = containerField && !named && isMisspelled(asked, child.known());
-        diagnostics_.add(
-            isMisspelt ? Severity::error : Severity::warning, where(),
-            containerField && !named ? noFieldForNodes(parent, asked) : misplaced(child.name(), asked, parent.name()));
+        diagnostics_.add(isMisspelt ? Severity::error : Severity::warning, where(),
+                         containerField && !named ? noFieldForNodes(parent, asked, diagnostics_)
+                                                  : misplaced(child.name(), asked, parent.name()));
         return {asked, FieldType::MFNode};
     }
     if (containerField)
         diagnostics_.warning(where(),
                              (named ? "containerField '" + std::string(asked) + "' of " + std::string(parent.name()) +
                                           " does not take " + std::string(child.name())
-                                    : "containerField: " + noField(parent, asked)) +
+                                    : "containerField: " + noField(parent, asked, diagnostics_)) +
                                  "; '" + std::string(place.name) + "' is taken instead");
     return place;
 }
@@ -212,7 +212,7 @@ void ElementReader::setAttribute(const char* name, const char* text) {
         if (const std::string dropped = droppedField(frame.shape, name); !dropped.empty())
             diagnostics_.warning(locate(text), dropped);
         else
-            diagnostics_.error(locate(text), noField(frame.shape, name));
+            diagnostics_.error(locate(text), noField(frame.shape, name, diagnostics_));
     } else if (!field.takesValue()) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " is an event, it takes no value");
     } else if (sf(field.type) == FieldType::SFNode) {
@@ -340,14 +340,14 @@ void ElementReader::startFieldValue(Attributes attributes) {
     const FieldRef field = findField(shape, name);
     if (!field && !value) {
         // The nodes in it keep their names.
-        error(noFieldForNodes(shape, name));
+        error(noFieldForNodes(shape, name, diagnostics_));
         push(Inside::value);
         frames_.back().shape.unknown = std::make_shared<const std::string>(name);
         frames_.back().into = {*frames_.back().shape.unknown, FieldType::MFNode};
         frames_.back().hasChildren = true;  // no empty list is meant
         return;
     }
-    if (!field) return skip(noField(shape, name));
+    if (!field) return skip(noField(shape, name, diagnostics_));
     if (!frames_.back().given.add(field)) return skip(std::string(name) + " is given already");
     if (!field.takesValue()) return skip(std::string(name) + " is an event, it takes no value");
     if (sf(field.type) != FieldType::SFNode) {
@@ -386,7 +386,7 @@ void ElementReader::startConnect(Attributes attributes) {
         else if (field || !node.shape.known())
             handler_->isConnection(field ? field.name : std::string_view(nodeField), protoField, where());
         else
-            error(noField(node.shape, nodeField) + " to connect");
+            error(noField(node.shape, nodeField, diagnostics_) + " to connect");
     }
     push(Inside::leaf);
 }

@@ -71,7 +71,9 @@ template <bool (*import)(const ImportInput&, DocumentHandler&, Diagnostics&)>
 bool readImported(FeedSource& source, DocumentHandler& handler, Diagnostics& diagnostics) {
     const std::string_view bytes = source.bytes();
     if (source.feed().wasStopped()) return false;
-    return import({bytes, source.openBeside(), source.maximumBytes(), source.clip()}, handler, diagnostics);
+    ImportInput input{bytes, source.openBeside(), source.maximumBytes(), source.clip()};
+    input.time = source.options().time;
+    return import(input, handler, diagnostics);
 }
 
 /// Every source is a FeedSource: nobody else makes one.

@@ -1,5 +1,6 @@
 // Tokens of JSON: keys, strings with their escapes, and values as the text of attributes; long lists of numbers in
 // place.
+#include <algorithm>
 #include <cstring>
 
 #include "reader_json.h"

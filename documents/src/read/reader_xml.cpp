@@ -6,7 +6,6 @@
 #include <cctype>
 #include <cstdint>
 #include <cstring>
-#include <new>
 
 #include "text/find_bytes.h"
 #include "text/text_pieces.h"
@@ -60,14 +59,13 @@ XmlReader::XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagno
       released_(text.begin()),
       meter_(text.total(), options.progress),
       splitting_(options.splitting),
-      parser_(XML_ParserCreate(nullptr)) {
-    if (!parser_) throw std::bad_alloc();
-}
+      parser_([this](std::string what) { error(std::move(what)); }) {}
 
 namespace {
 
-/// In all known files, a fieldValue names its field before its value.
+/// In all known files, a fieldValue names its field before its value, and first.
 std::string_view fieldOf(std::string_view tag) {
+    tag = tag.substr(0, 1024);
     const std::size_t name = tag.find(" name=");
     if (name == tag.npos || name + 7 >= tag.size()) return {};
     const std::size_t close = tag.find(tag[name + 6], name + 7);
@@ -75,10 +73,6 @@ std::string_view fieldOf(std::string_view tag) {
 }
 
 }  // namespace
-
-XmlReader::~XmlReader() {
-    XML_ParserFree(parser_);
-}
 
 /// Is there a '&' that begins no reference, in the token that starts at `p`?
 bool XmlReader::isBareAmpersand(const char* p) const {
@@ -95,7 +89,7 @@ bool XmlReader::isBareAmpersand(const char* p) const {
 }
 
 bool XmlReader::read() {
-    XML_SetUserData(parser_, this);
+    parser_.giveHandlers<&XmlReader::parser_>(*this);
     XML_SetElementHandler(
         parser_,
         [](void* self, const char* name, const char** attributes) {
@@ -109,17 +103,8 @@ bool XmlReader::read() {
         parser_, [](void* self) { static_cast<XmlReader*>(self)->beginSection(); },
         [](void* self) { static_cast<XmlReader*>(self)->endSection(); });
     XML_SetCommentHandler(parser_, [](void* self, const char* text) { static_cast<XmlReader*>(self)->comment(text); });
-    // Entities of the document's own are expanded, within these limits; nothing is fetched for them.
-    XML_SetBillionLaughsAttackProtectionMaximumAmplification(parser_, kMaximumAmplification);
-    XML_SetBillionLaughsAttackProtectionActivationThreshold(parser_, kAmplificationFrom);
-    XML_SetEntityDeclHandler(parser_, [](void* user, const char* entity, int isParameter, const char* value, int,
-                                         const char*, const char*, const char*, const char*) {
-        auto* self = static_cast<XmlReader*>(user);
-        if (!isParameter && !value)
-            self->error("the entity " + std::string(entity) + " is in another file, which is not opened");
-    });
     feedAll();
-    if (status_ != XML_STATUS_OK) {
+    if (status_ != XML_STATUS_OK && !parser_.isRefused()) {
         const std::int64_t at = XML_GetErrorCode(parser_) == XML_ERROR_INVALID_TOKEN ? byteIndex(parser_) : -1;
         if (utf8_ && at >= 0 && isBareAmpersand(feed_.begin() + textIndex(static_cast<std::uint64_t>(at))))
             error("a '&' that begins no reference is written &amp;");
@@ -471,43 +456,56 @@ SourceLocation XmlReader::where() {
 }
 
 /// The place in the text of `at`, which is in the value of the attribute being parsed; of null, the start of the
-/// element.
+/// element. Attributes are asked for in their order, so that an element is looked through once.
 SourceLocation XmlReader::locate(const char* at) {
     if (!utf8_) return where();
     if (const Early* early = earlyHere()) return early->tagAt;
     const std::int64_t index = byteIndex(parser_);
-    const char* const stop = feed_.end();
-    const std::uint64_t size = static_cast<std::uint64_t>(stop - feed_.begin());
-    const std::uint64_t start = index < 0 ? size : std::min(textIndex(static_cast<std::uint64_t>(index)), size);
-    const char* s = std::max(feed_.begin() + start, released_);
-    if (!at || !parsedAttribute()) return position_.of(s);
-    // expat hands out copies: find the attribute again in the element's tag.
-    const char* element = s;
-    const std::string_view name(parsedAttribute());
-    while (s != stop && !isSeparator(*s)) ++s;
-    for (;;) {
-        while (s != stop && *s != '=' && *s != '>') ++s;
-        if (s == stop || *s == '>') return position_.of(element);
-        const char* nameEnd = s;
-        while (nameEnd != element && isSpace(nameEnd[-1])) --nameEnd;
-        const bool found = std::string_view(element, static_cast<std::size_t>(nameEnd - element)).ends_with(name) &&
-                           isSpace(nameEnd[-static_cast<std::ptrdiff_t>(name.size()) - 1]);
-        ++s;
-        while (s != stop && *s != '"' && *s != '\'') ++s;
-        if (s == stop) return position_.of(element);
-        const char quote = *s++;
-        if (found) {
-            for (std::ptrdiff_t offset = at - parsedValue(); offset > 0 && s != stop && *s != quote; --offset) {
-                if (*s == '&')
-                    while (s != stop && *s != ';' && *s != quote) ++s;
-                if (s != stop) ++s;
-            }
-            return position_.of(s);
-        }
-        while (s != stop && *s != quote) ++s;
-        if (s == stop) return position_.of(element);
-        element = s++;
+    if (index != located_.index || released_ > located_.next) {
+        const std::uint64_t size = static_cast<std::uint64_t>(feed_.end() - feed_.begin());
+        const std::uint64_t start = index < 0 ? size : std::min(textIndex(static_cast<std::uint64_t>(index)), size);
+        const char* const element = std::max(feed_.begin() + start, released_);
+        located_ = {index, position_.of(element), {}, nullptr, element};
     }
+    if (!at || !parsedAttribute()) return located_.element;
+    if (located_.attribute != parsedAttribute()) {
+        located_.attribute = parsedAttribute();
+        located_.value = findAttribute(located_.attribute);
+    }
+    const char* s = located_.value;
+    if (!s) return located_.element;
+    const char quote = *s++;
+    for (std::ptrdiff_t offset = at - parsedValue(); offset > 0 && s != feed_.end() && *s != quote; --offset) {
+        if (*s == '&')
+            while (s != feed_.end() && *s != ';' && *s != quote) ++s;
+        if (s != feed_.end()) ++s;
+    }
+    return position_.of(s);
+}
+
+/// The quote that opens the value of the element's attribute `name`, behind those found before; null if it is not
+/// there, as in an element that stands in an entity. expat hands out copies.
+const char* XmlReader::findAttribute(std::string_view name) {
+    const char* const stop = feed_.end();
+    const char*& s = located_.next;
+    while (s != stop && *s != '>') {
+        const char* const from = s;
+        while (s != stop && *s != '=' && *s != '>') ++s;
+        if (s == stop || *s == '>') return nullptr;
+        const char* nameEnd = s;
+        while (nameEnd != from && isSpace(nameEnd[-1])) --nameEnd;
+        const std::string_view before(from, static_cast<std::size_t>(nameEnd - from));
+        const bool found = before.size() > name.size() && before.ends_with(name) &&
+                           isSpace(nameEnd[-static_cast<std::ptrdiff_t>(name.size()) - 1]);
+        s = findAnyOf(s, stop, '"', '\'');
+        if (s == stop) return nullptr;
+        const char* const quote = s++;
+        s = findAnyOf(s, stop, *quote, *quote);
+        if (s == stop) return nullptr;
+        ++s;
+        if (found) return quote;
+    }
+    return nullptr;
 }
 
 }  // namespace rtsg::detail

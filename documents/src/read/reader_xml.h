@@ -1,17 +1,14 @@
 // Reader of the XML encoding, on expat; attributes of many numbers that are too long for it are read past it.
 //
-// Invariant: entities declared in the document are expanded to at most kMaximumAmplification times what was read
-// (expat's own limit), external ones are never fetched, attribute defaults of a DTD ignored. Beside a few megabytes of
-// the text, memory grows with the largest attribute only, and where that is a list of numbers, with its value only. XML
-// that is not well-formed ends the reading there. Threading: one thread a document. Source: ISO/IEC 19776-1 V3.3.
+// Invariant: entities declared in the document are expanded within the bounds of XmlParser, external ones are never
+// fetched, attribute defaults of a DTD ignored. Beside a few megabytes of the text, memory grows with the largest
+// attribute only, and where that is a list of numbers, with its value only. XML that is not well-formed ends the
+// reading there. Threading: one thread a document. Source: ISO/IEC 19776-1 V3.3.
 #pragma once
 
 #include <deque>
 
-// expat declares its limits on entities only where this is said; Debian builds it so.
-#define XML_DTD 1
-#include <expat.h>
-
+#include "commands/xml_parser.h"
 #include "reader_element.h"
 #include "text/text_position.h"
 #include "text_feed.h"
@@ -22,14 +19,11 @@ class XmlReader final : private ElementReader {
   public:
     XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
               const ReaderOptions& options);
-    ~XmlReader() override;
     XmlReader(const XmlReader&) = delete;
     XmlReader& operator=(const XmlReader&) = delete;
     bool read();
 
   private:
-    static constexpr float kMaximumAmplification = 20;
-    static constexpr unsigned long long kAmplificationFrom = 1 << 20;  // bytes
     static constexpr std::size_t kPart = 1 << 18;
     static constexpr std::ptrdiff_t kLong = 1 << 16;  // an attribute from which on it is read past expat
     static constexpr std::ptrdiff_t kKept = 1 << 20;  // of the text behind the place where reading is
@@ -64,6 +58,7 @@ class XmlReader final : private ElementReader {
     void startElement(const char* name, Attributes attributes);
     SourceLocation where() override;
     SourceLocation locate(const char* at) override;
+    const char* findAttribute(std::string_view name);
     Value* parsedBefore(const char* text) override;
 
     TextFeed& feed_;
@@ -72,7 +67,7 @@ class XmlReader final : private ElementReader {
     const char* released_;
     ProgressMeter meter_;
     const Splitting splitting_;
-    XML_Parser parser_;
+    XmlParser parser_;
     XML_Status status_ = XML_STATUS_OK;
 
     In in_ = In::content;
@@ -84,6 +79,14 @@ class XmlReader final : private ElementReader {
     mutable const char *wholeQuote_ = nullptr, *wholeEnd_ = nullptr;
     int depth_ = 0;          // of brackets in a declaration
     std::uint64_t fed_ = 0;  // bytes that expat has been given
+    /// The element whose position was asked for last.
+    struct Located {
+        std::int64_t index = -1;  // of expat's bytes
+        SourceLocation element{};
+        std::string attribute{};
+        const char* value = nullptr;  // the quote that opens the attribute's value; null: not found
+        const char* next = nullptr;   // where the next attributes stand
+    } located_;
     std::deque<Skipped> skipped_;
     std::vector<Early> early_;
     // The tag that has had a long value; its text may be gone.

@@ -93,11 +93,11 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
     return of(std::move(source), longest);
 }
 
-Result<std::unique_ptr<TextFeed>> TextFeed::ofPacked(std::string_view packed, std::uint64_t limit) {
+Result<std::unique_ptr<TextFeed>> TextFeed::ofMemory(std::string_view bytes, std::uint64_t limit) {
     auto source = std::make_unique<Source>();
-    source->memory = packed;
+    source->memory = bytes;
     source->block = 1 << 20;
-    source->total = packed.size();
+    source->total = bytes.size();
     source->limit = limit;
     return of(std::move(source), kWorst * limit);
 }
@@ -124,7 +124,7 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(std::unique_ptr<Source> source, s
 std::unique_ptr<TextFeed> TextFeed::again() const {
     struct stat status{};
     if (source_ && !source_->memory.empty()) {
-        auto feed = ofPacked(source_->memory, source_->limit);
+        auto feed = ofMemory(source_->memory, source_->limit);
         if (!feed) return nullptr;
         (*feed)->fill(skipped_);
         (*feed)->skip(skipped_);

@@ -27,8 +27,8 @@ class TextFeed {
     /// Opens the text of an open file, which is plain or gzip, as its first bytes say. It may have `limit` bytes at
     /// most, unpacked. `block` bytes are read at a time. The caller closes the descriptor afterwards.
     static Result<std::unique_ptr<TextFeed>> of(int descriptor, std::uint64_t limit, std::size_t block = 1 << 20);
-    /// Likewise, of gzip that is in memory, which must outlive the feed.
-    static Result<std::unique_ptr<TextFeed>> ofPacked(std::string_view packed, std::uint64_t limit);
+    /// Likewise, of bytes in memory, which must outlive the feed.
+    static Result<std::unique_ptr<TextFeed>> ofMemory(std::string_view bytes, std::uint64_t limit);
     /// Another feed of the same text, from begin() as it is now. Null where the text can be had only once (a pipe).
     std::unique_ptr<TextFeed> again() const;
     ~TextFeed();

@@ -59,6 +59,7 @@ class Inlet final : private LineTaker {
     };
     bool came(std::uint64_t stream, std::string_view bytes, bool mayWait) override;
     void paused(std::uint64_t stream, bool over) override;
+    void lost(std::uint64_t datagrams) override { flooded_ += datagrams; }
     void note(std::string text) override { faults_.note(std::move(text)); }
     void broke(std::string text) override {
         broken_ = true;

@@ -6,10 +6,13 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -24,6 +27,21 @@ namespace {
 constexpr std::size_t kPiece = std::size_t{64} << 10;  // a datagram is not larger
 constexpr std::size_t kMostConnections = 64;
 constexpr std::uint32_t kLargestMessage = 1 << 20;  // of a broker
+constexpr auto kQuiet = std::chrono::seconds(10);   // so long a connection is silent before another takes its place
+
+using SteadyClock = std::chrono::steady_clock;
+
+/// Whether bytes are the beginning of a request of HTTP, which browsers send for any page to any port; nothing while
+/// that is open.
+std::optional<bool> isHttpRequest(std::string_view bytes) {
+    constexpr std::array<std::string_view, 9> kMethods = {"GET ",   "POST ",    "HEAD ",  "PUT ",    "DELETE ",
+                                                          "PATCH ", "OPTIONS ", "TRACE ", "CONNECT "};
+    for (const std::string_view method : kMethods) {
+        if (bytes.starts_with(method)) return true;
+        if (method.starts_with(bytes)) return std::nullopt;
+    }
+    return false;
+}
 
 /// Waits until the descriptor or `stop` has something. False: stop.
 bool waitFor(int descriptor, int stop) {
@@ -31,6 +49,13 @@ bool waitFor(int descriptor, int stop) {
     while (::poll(items, 2, -1) < 0 && errno == EINTR) {
     }
     return items[0].revents == 0;
+}
+
+/// Notes the first eight of a kind, and then each that doubles their number.
+void noteRarely(LineTaker& taker, std::uint64_t& times, std::string text) {
+    constexpr std::uint64_t kAllTold = 8;
+    if (++times > kAllTold && !std::has_single_bit(times)) return;
+    taker.note(times > kAllTold ? fmt::format("{}; {} by now", text, times) : std::move(text));
 }
 
 class FileSource final : public LineSource {
@@ -63,7 +88,7 @@ class UdpSource final : public LineSource {
     void read(LineTaker& taker, int stop) override {
         std::string bytes(kPiece, '\0');
         while (waitFor(socket_.get(), stop)) {
-            const ssize_t size = ::recv(socket_.get(), bytes.data(), bytes.size(), 0);
+            const ssize_t size = receive(bytes, taker);
             if (size < 0) continue;  // nothing is there after all
             if (!taker.came(0, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), false)) return;
             taker.paused(0, false);
@@ -71,7 +96,26 @@ class UdpSource final : public LineSource {
     }
 
   private:
+    ssize_t receive(std::string& bytes, LineTaker& taker) {
+        alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t))] = {};
+        iovec room = {bytes.data(), bytes.size()};
+        msghdr message{};
+        message.msg_iov = &room;
+        message.msg_iovlen = 1;
+        message.msg_control = control;
+        message.msg_controllen = sizeof(control);
+        const ssize_t size = ::recvmsg(socket_.get(), &message, 0);
+        const cmsghdr* const head = size < 0 ? nullptr : CMSG_FIRSTHDR(&message);
+        if (!head || head->cmsg_level != SOL_SOCKET || head->cmsg_type != SO_RXQ_OVFL) return size;
+        std::uint32_t leftOut = 0;  // by the system, since the socket was opened
+        std::memcpy(&leftOut, CMSG_DATA(head), sizeof(leftOut));
+        if (leftOut != leftOut_) taker.lost(leftOut - leftOut_);
+        leftOut_ = leftOut;
+        return size;
+    }
+
     Descriptor socket_;
+    std::uint32_t leftOut_ = 0;
 };
 
 class TcpSource final : public LineSource {
@@ -95,17 +139,54 @@ class TcpSource final : public LineSource {
     struct Connection {
         Descriptor socket;
         std::uint64_t stream = 0;
+        SteadyClock::time_point heard = SteadyClock::now();
+        bool hasLine = false;   // a whole one has come
+        bool isFeed = false;    // it does not begin as a request of HTTP does
+        std::string opening{};  // while that is open
     };
 
     /// Returns false if nothing more is wanted.
     bool readFrom(std::size_t i, std::string& bytes, LineTaker& taker) {
         const ssize_t size = ::recv(connections_[i].socket.get(), bytes.data(), bytes.size(), 0);
         if (size < 0 && (errno == EAGAIN || errno == EINTR)) return true;
-        const std::uint64_t stream = connections_[i].stream;
-        if (size > 0)
-            return taker.came(stream, std::string_view(bytes).substr(0, static_cast<std::size_t>(size)), true);
-        taker.paused(stream, true);
+        Connection& one = connections_[i];
+        if (size <= 0) {
+            const bool goesOn = one.opening.empty() || taker.came(one.stream, one.opening, true);
+            close(i, taker);
+            return goesOn;
+        }
+        std::string_view came = std::string_view(bytes).substr(0, static_cast<std::size_t>(size));
+        one.heard = SteadyClock::now();
+        one.hasLine = one.hasLine || came.contains('\n');
+        if (one.isFeed) return taker.came(one.stream, came, true);
+        const std::string all = one.opening + std::string(came);
+        const std::optional<bool> isHttp = isHttpRequest(all);
+        if (!isHttp) {
+            one.opening = all;
+            return true;
+        }
+        if (*isHttp) {
+            noteRarely(taker, requests_, "dropped a connection that begins as a request of HTTP, as pages may send");
+            one.opening.clear();
+            close(i, taker);
+            return true;
+        }
+        one.isFeed = true;
+        one.opening.clear();
+        return taker.came(one.stream, all, true);
+    }
+    void close(std::size_t i, LineTaker& taker) {
+        taker.paused(connections_[i].stream, true);
         connections_.erase(connections_.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+    /// Closes the oldest connection that has sent no line yet; else the one that has been silent for longest.
+    bool makeRoom(LineTaker& taker) {
+        auto gone = std::ranges::find(connections_, false, &Connection::hasLine);
+        if (gone == connections_.end()) gone = std::ranges::min_element(connections_, {}, &Connection::heard);
+        if (gone->hasLine && SteadyClock::now() - gone->heard < kQuiet) return false;
+        noteRarely(taker, silent_,
+                   fmt::format("closed a connection that was silent, for a new one: there are {}", kMostConnections));
+        close(static_cast<std::size_t>(gone - connections_.begin()), taker);
         return true;
     }
     void accept(LineTaker& taker) {
@@ -115,13 +196,15 @@ class TcpSource final : public LineSource {
             if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
             return;
         }
-        if (connections_.size() < kMostConnections) return connections_.push_back({std::move(one), ++streams_});
-        taker.note(fmt::format("refused a connection: there are {}", kMostConnections));
+        if (connections_.size() < kMostConnections || makeRoom(taker))
+            return connections_.push_back({std::move(one), ++streams_});
+        noteRarely(taker, refused_, fmt::format("refused a connection: there are {}", kMostConnections));
     }
 
     Descriptor socket_;
     std::vector<Connection> connections_;
     std::uint64_t streams_ = 0;
+    std::uint64_t requests_ = 0, silent_ = 0, refused_ = 0;
 };
 
 class MqttSource final : public LineSource {

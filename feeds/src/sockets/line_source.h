@@ -23,6 +23,8 @@ class LineTaker {
     virtual bool came(std::uint64_t stream, std::string_view bytes, bool mayWait) = 0;
     /// The stream pauses: the rest of its text counts as a line. `over`: the stream has ended.
     virtual void paused(std::uint64_t stream, bool over) = 0;
+    /// The system has left out so many datagrams before this one.
+    virtual void lost(std::uint64_t datagrams) = 0;
     /// Something else happened that the user should know.
     virtual void note(std::string text) = 0;
     /// The source cannot be read to its end, for this reason.

@@ -4,15 +4,18 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include "place.h"
+#include "sockets/http_host.h"
 
 namespace rtsg {
 
@@ -20,7 +23,7 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr std::size_t kMostAsking = 16, kLongestRequest = 4096, kLongestAnswer = std::size_t{4} << 20;
+constexpr std::size_t kMostAsking = 64, kLongestRequest = 4096, kLongestAnswer = std::size_t{4} << 20;
 constexpr auto kRequestTime = std::chrono::seconds(5);
 
 Result<feeds::Place> metricsPlace(std::string text) {
@@ -29,6 +32,24 @@ Result<feeds::Place> metricsPlace(std::string text) {
         text = text.substr(scheme + 3);
     }
     return feeds::Place::ofPort(text.substr(0, text.find('/')));
+}
+
+/// The value of a field of a request; nothing if it is not there once.
+std::optional<std::string_view> fieldOf(std::string_view request, std::string_view name) {
+    const auto isSame = [](char a, char b) { return (a >= 'A' && a <= 'Z' ? a - 'A' + 'a' : a) == b; };
+    std::optional<std::string_view> found;
+    for (std::size_t at = request.find("\r\n"); at != request.npos; at = request.find("\r\n", at)) {
+        at += 2;
+        std::string_view line = request.substr(at, request.find("\r\n", at) - at);
+        if (line.size() <= name.size() || line[name.size()] != ':' ||
+            !std::ranges::equal(line.substr(0, name.size()), name, isSame))
+            continue;
+        if (found) return std::nullopt;
+        line.remove_prefix(name.size() + 1);
+        const std::size_t begin = line.find_first_not_of(" \t");
+        found = begin == line.npos ? "" : line.substr(begin, line.find_last_not_of(" \t") - begin + 1);
+    }
+    return found;
 }
 
 std::string answerWith(std::string_view status, std::string_view body, bool head) {
@@ -55,6 +76,7 @@ struct MetricsServer::State {
     bool turn(Asking& one);
     std::string answer(std::string_view request);
 
+    bool isLoopback = true;
     feeds::Descriptor socket, stop{::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)};
     std::string address;
     std::function<std::string()> text;
@@ -80,6 +102,8 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& l
     auto socket = feeds::listenAt(*place, insecure);
     if (!socket) return std::unexpected(socket.error());
     auto state = std::make_unique<State>();
+    const auto at = feeds::findAddress(*place);
+    state->isLoopback = at && at->isLoopback();
     state->socket = std::move(*socket);
     state->address = place->text.substr(place->text.find("://") + 3);
     state->text = std::move(text);
@@ -90,7 +114,7 @@ Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& l
 void MetricsServer::State::run() {
     std::vector<pollfd> items;
     while (true) {
-        items.assign({{stop.get(), POLLIN, 0}, {asking.size() < kMostAsking ? socket.get() : -1, POLLIN, 0}});
+        items.assign({{stop.get(), POLLIN, 0}, {socket.get(), POLLIN, 0}});
         for (const Asking& one : asking)
             items.push_back({one.socket.get(), static_cast<short>(one.answer.empty() ? POLLIN : POLLOUT), 0});
         if (::poll(items.data(), items.size(), asking.empty() ? -1 : 200) < 0) continue;
@@ -103,7 +127,14 @@ void MetricsServer::State::run() {
 
 void MetricsServer::State::accept() {
     feeds::Descriptor one(::accept4(socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-    if (one.get() >= 0) return asking.push_back({std::move(one), SteadyClock::now() + kRequestTime, {}, {}});
+    if (one.get() >= 0) {
+        // Silence keeps nobody out: the oldest that has not asked yet makes room, or the oldest of all.
+        if (asking.size() >= kMostAsking) {
+            const auto silent = std::ranges::find_if(asking, [](const Asking& old) { return old.answer.empty(); });
+            asking.erase(silent == asking.end() ? asking.begin() : silent);
+        }
+        return asking.push_back({std::move(one), SteadyClock::now() + kRequestTime, {}, {}});
+    }
     if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
 }
 
@@ -127,6 +158,13 @@ bool MetricsServer::State::turn(Asking& one) {
 std::string MetricsServer::State::answer(std::string_view request) {
     const std::size_t space = request.find(' ');
     const std::string_view method = request.substr(0, space);
+    const auto host = detail::hostIn(fieldOf(request, "host").value_or(""));
+    const std::string_view origin = fieldOf(request, "origin").value_or("");
+    if (!host) return answerWith("400 Bad Request", "The request names no host, or not one.\n", false);
+    if (isLoopback && !detail::isThisMachine(*host))
+        return answerWith("403 Forbidden", "This server is known by another name.\n", false);
+    if (!origin.empty() && !detail::isOriginOfThisMachine(origin))
+        return answerWith("403 Forbidden", "Pages of other sites may not ask.\n", false);
     if (method != "GET" && method != "HEAD")
         return answerWith("405 Method Not Allowed", "Only GET and HEAD are answered.\n", false);
     std::string_view target = request.substr(space + 1);
@@ -146,8 +184,9 @@ Result<std::string> fetchMetrics(const std::string& address) {
         (void)::setsockopt(socket.get(), SOL_SOCKET, option, &patience, sizeof(patience));
     if (socket.get() < 0 || ::connect(socket.get(), at->get(), at->length) != 0)
         return fail(feeds::systemError("ask", *place));
-    const std::string request =
-        fmt::format("GET /metrics HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", place->host);
+    const bool isSix = place->host.find(':') != std::string::npos;
+    const std::string request = fmt::format("GET /metrics HTTP/1.1\r\nHost: {}{}{}\r\nConnection: close\r\n\r\n",
+                                            isSix ? "[" : "", place->host, isSix ? "]" : "");
     if (::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(request.size()))
         return fail(feeds::systemError("ask", *place));
     std::string answer(1 << 16, '\0');

@@ -24,6 +24,13 @@ Result<std::uint16_t> portFrom(std::string_view text) {
     return port;
 }
 
+/// The text without what stands before the last '@' of an address.
+std::string withoutAccount(std::string_view text) {
+    const std::size_t from = text.find("://") + 3, at = text.rfind('@');
+    if (at == text.npos || at < from) return std::string(text);
+    return fmt::format("{}***{}", text.substr(0, from), text.substr(at));
+}
+
 }  // namespace
 
 Result<Place> Place::parse(std::string_view text) {
@@ -39,30 +46,34 @@ Result<Place> Place::parse(std::string_view text) {
         return place;
     }
     const std::string_view kind = text.substr(0, scheme);
+    const std::string shown = withoutAccount(text);  // no password stands in a message
+    if (text.find('@') < text.find('/', scheme + 3))
+        return fail(fmt::format("{}: a name and password before the host are not supported", shown));
     if (kind != "udp" && kind != "tcp" && kind != "mqtt")
-        return fail(fmt::format("{}: expected -, a file, udp://HOST:PORT, tcp://HOST:PORT or mqtt://HOST/TOPIC", text));
+        return fail(
+            fmt::format("{}: expected -, a file, udp://HOST:PORT, tcp://HOST:PORT or mqtt://HOST/TOPIC", shown));
     place.kind = kind == "udp" ? Kind::udp : kind == "tcp" ? Kind::tcp : Kind::mqtt;
     std::string_view rest = text.substr(scheme + 3);
     if (place.kind == Kind::mqtt) {
         const std::size_t slash = rest.find('/');
         if (slash == rest.npos || slash + 1 == rest.size())
-            return fail(fmt::format("{}: expected mqtt://HOST/TOPIC", text));
+            return fail(fmt::format("{}: expected mqtt://HOST/TOPIC", shown));
         place.topic = rest.substr(slash + 1);
         rest = rest.substr(0, slash);
         place.port = kMqttPort;
     }
     const std::size_t bracket = rest.rfind(']'), colon = rest.rfind(':');
     const bool ported = colon != rest.npos && (bracket == rest.npos || colon > bracket);
-    if (!ported && place.kind != Kind::mqtt) return fail(fmt::format("{}: expected {}://HOST:PORT", text, kind));
+    if (!ported && place.kind != Kind::mqtt) return fail(fmt::format("{}: expected {}://HOST:PORT", shown, kind));
     if (ported) {
         const auto port = portFrom(rest.substr(colon + 1));
-        if (!port) return fail(fmt::format("{}: {}", text, port.error().text));
+        if (!port) return fail(fmt::format("{}: {}", shown, shown == text ? port.error().text : "there is no port"));
         place.port = *port;
         rest = rest.substr(0, colon);
     }
     if (rest.starts_with('[') && rest.ends_with(']')) rest = rest.substr(1, rest.size() - 2);
     place.host = rest == "localhost" ? "127.0.0.1" : rest == "*" ? "0.0.0.0" : rest;
-    if (place.host.empty()) return fail(fmt::format("{}: there is no host in it", text));
+    if (place.host.empty()) return fail(fmt::format("{}: there is no host in it", shown));
     return place;
 }
 
@@ -112,10 +123,13 @@ Result<Descriptor> listenAt(Place& place, bool insecure) {
     Descriptor socket(::socket(address->storage.ss_family, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (socket.get() < 0) return fail(systemError("open a socket for", place));
     const int yes = 1;
-    if (datagrams)
+    if (datagrams) {
         (void)::setsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof(kReceiveBuffer));
-    else
+        // With each datagram comes how many the system has left out.
+        (void)::setsockopt(socket.get(), SOL_SOCKET, SO_RXQ_OVFL, &yes, sizeof(yes));
+    } else {
         (void)::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    }
     if (::bind(socket.get(), address->get(), address->length) != 0 || (!datagrams && ::listen(socket.get(), 64) != 0))
         return fail(systemError("listen at", place));
     SocketAddress real;

@@ -8,12 +8,15 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <rtsg/core/memory.h>
+
 namespace rtsg::fetch {
 
 HeldFile::HeldFile() : descriptor_(::memfd_create("rtsg fetched", MFD_CLOEXEC | MFD_ALLOW_SEALING)) {}
 
 HeldFile::~HeldFile() {
     if (descriptor_ >= 0) ::close(descriptor_);
+    countFileInMemory(-static_cast<std::int64_t>(size_));
 }
 
 bool HeldFile::append(std::string_view bytes) {
@@ -23,6 +26,7 @@ bool HeldFile::append(std::string_view bytes) {
         if (done <= 0) return false;
         bytes.remove_prefix(static_cast<std::size_t>(done));
         size_ += static_cast<std::uint64_t>(done);
+        countFileInMemory(done);
     }
     return true;
 }

@@ -207,7 +207,7 @@ struct WebFetcher::State {
         request.mayConnect = [this, at](const sockaddr& server) { return settings.rules.mayConnect(at, server); };
         request.take = [&file](std::string_view bytes) {
             const bool isStep = file.size() / kMemoryStep != (file.size() + bytes.size()) / kMemoryStep;
-            return (!isStep || mayHold(file.size() + bytes.size()).has_value()) && file.append(bytes);
+            return (!isStep || mayHold(kMemoryStep).has_value()) && file.append(bytes);
         };
         request.stop = &stopped;
         return request;

@@ -1,5 +1,7 @@
 // The functions by which a script acts on the scene. Each function checks everything that comes from the script; if it
 // refuses, it answers with a sentence (a string), which the prelude turns into an exception at the script's own line.
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include <rtsg/core/script_language.h>

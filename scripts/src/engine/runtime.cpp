@@ -7,6 +7,8 @@
 #include <system_error>
 #include <vector>
 
+#include <pthread.h>
+
 #include <rtsg/core/delayed_library.h>
 #include <rtsg/core/lasting.h>
 
@@ -126,6 +128,23 @@ std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
     return runtime;
 }
 
+namespace {
+
+/// Bytes of this thread's stack below its present call.
+std::size_t stackLeft() {
+    pthread_attr_t attributes;
+    if (::pthread_getattr_np(::pthread_self(), &attributes) != 0) return SIZE_MAX;
+    void* lowest = nullptr;
+    std::size_t size = 0;
+    const bool known = ::pthread_attr_getstack(&attributes, &lowest, &size) == 0;
+    ::pthread_attr_destroy(&attributes);
+    if (!known) return SIZE_MAX;
+    const auto* const here = static_cast<const char*>(__builtin_frame_address(0));
+    return static_cast<std::size_t>(here - static_cast<const char*>(lowest));
+}
+
+}  // namespace
+
 bool Runtime::start(std::size_t heapLimit) {
     const std::scoped_lock lock(listing);
     if (hasEnded() || !startEngine().empty()) return false;
@@ -138,7 +157,7 @@ bool Runtime::start(std::size_t heapLimit) {
     // from far away.
     JS_SetGCParameter(context_, JSGC_MAX_NURSERY_BYTES, 4 << 20);
     JS_SetContextPrivate(context_, this);
-    JS_SetNativeStackQuota(context_, kStackBytes);
+    JS_SetNativeStackQuota(context_, std::min(kStackBytes, stackLeft() / 2));
     // Scripts see this locale, not the machine's.
     if (!JS_SetDefaultLocale(JS_GetRuntime(context_), "en-US")) return false;
     JS_SetSecurityCallbacks(context_, &kSecurity);

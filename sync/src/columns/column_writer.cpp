@@ -1,4 +1,6 @@
 // Writes columns: raw for fields that are new to the stream, predicted for the others.
+#include <algorithm>
+
 #include "blocks.h"
 #include "column_codec.h"
 #include "column_rows.h"

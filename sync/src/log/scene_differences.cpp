@@ -55,8 +55,14 @@ class TreeDifference {
         const std::string_view name = scene.name(id);
         return name.empty() ? scene.node(id).type().name : fmt::format("{} {}", scene.node(id).type().name, name);
     }
-    /// Compares each pair once, even if it is used in several places.
+    /// Compares each pair once, even if it is used in several places. Of a long way only the end is kept, or a deep
+    /// document would take memory by the square of its depth.
     void push(NodeId x, NodeId y, std::string place) {
+        constexpr std::size_t longest = 2000, kept = 1000;
+        if (place.size() > longest) {
+            const std::size_t dot = place.find('.', place.size() - kept);
+            place = "..." + place.substr(dot == place.npos ? place.size() - kept : dot);
+        }
         if (seen_.insert(std::uint64_t{x.value} << 32 | y.value).second) waiting_.push_back({x, y, std::move(place)});
     }
 

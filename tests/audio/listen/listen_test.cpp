@@ -1,4 +1,5 @@
 // Listening as a user asks for it: reports, files, edits on the way, and what is missing or absurd.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,5 @@
 // SOFA files of a room's responses, read back by libmysofa and set against the WAV of the same responses.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>

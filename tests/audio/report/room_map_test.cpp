@@ -1,4 +1,5 @@
 // Maps of figures: what is asked for, tables that can be read again, pictures whose colours are those of the values.
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 

@@ -1,4 +1,5 @@
 // Whatever numbers events put into nodes of sound: what is heard stays a sound, and what is no number is told.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>

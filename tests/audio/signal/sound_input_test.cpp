@@ -1,6 +1,7 @@
 // Sound that comes while it is heard: streams cut anywhere, pipes with nobody at the other end, devices that run on.
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>

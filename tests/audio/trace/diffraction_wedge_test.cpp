@@ -1,4 +1,5 @@
 // Sound round edges against the exact solution of the half plane, and across the boundaries of light and shadow.
+#include <algorithm>
 #include <cmath>
 #include <vector>
 

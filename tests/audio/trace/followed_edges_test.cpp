@@ -1,4 +1,5 @@
 // Waves by way of edges that are followed: their ways, and their spectra at any place, against the closed form.
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <numbers>

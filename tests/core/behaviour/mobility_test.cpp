@@ -1,4 +1,6 @@
 // Which fields can change: the closure over routes, prototypes, sensors and scripts, built at once or step by step.
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/mobility.h>

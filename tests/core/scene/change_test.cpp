@@ -1,4 +1,6 @@
 // Sets merged into one: nodes that go and come again under their number, as those of a part of a scene do.
+#include <algorithm>
+
 #include <rtsg/core/change.h>
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // The lists of routes at a node's ends, against plain vectors.
+#include <algorithm>
 #include <random>
 
 #include <gtest/gtest.h>

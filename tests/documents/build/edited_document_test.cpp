@@ -1,5 +1,6 @@
 // A scene follows its document: what was edited and no more, so that the scene is as if the edited file had been
 // loaded.
+#include <algorithm>
 #include <fstream>
 #include <random>
 #include <regex>

@@ -1,5 +1,6 @@
 // Memory that untrusted documents may take: Inlines, prototypes and worlds, compressed and in data: urls. Each test
 // states its bound.
+#include <algorithm>
 #include <fstream>
 
 #include <gmock/gmock.h>

@@ -1,4 +1,6 @@
 // ISO/IEC 19775-1 V4.0 4.4.4 and 4.4.5: prototypes.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 
 #include <rtsg/core/x3d.h>
@@ -285,7 +287,7 @@ TEST(Proto, AnInstanceMadeByNameHasItsBody) {
     EXPECT_THAT(unknown.error().text, HasSubstr("unknown node type"));
 }
 
-/// The limit of nothing at all passes with the first look at the clock, after 1,024 nodes.
+/// The limit of nothing at all passes with the first look at the clock, at the 16th command.
 TEST(Proto, ReadingEndsWhenItsTimeIsOver) {
     std::string text = "#X3D V4.0 utf8\n";
     for (int i = 0; i < 3000; ++i) text += "Group { }\n";
@@ -305,10 +307,29 @@ TEST(Proto, ReadingEndsWhenItsTimeIsOver) {
     std::string problems;
     EXPECT_EQ(nodes(600, problems), 3001u);
     EXPECT_EQ(problems, "");
-    EXPECT_EQ(nodes(0, problems), 1024u);
+    EXPECT_EQ(nodes(0, problems), 16u);
     EXPECT_THAT(problems, HasSubstr("takes more than 0 seconds"));
     EXPECT_THAT(problems, HasSubstr("--limit seconds=N"));
     EXPECT_EQ(std::ranges::count(problems, '\n'), 1) << problems;
+}
+
+TEST(Proto, FieldsAreDeclaredUpToABound) {
+    for (const int count : {4000, 4001}) {
+        std::string fields;
+        for (int i = 0; i < count; ++i) fields += "inputOutput SFInt32 f" + std::to_string(i) + " 1\n";
+        Loaded l("PROTO P [\n" + fields + "] { Group { } }\nDEF I P { f3999 7 }\nDEF S Script { " + fields + "}");
+        const bool tooMany = count > 4000;
+        EXPECT_EQ(l.diagnostics.errors(), tooMany ? 2u : 0u) << l.problems();
+        EXPECT_EQ(l.problems().find("PROTO P declares more than 4000 fields") != std::string::npos, tooMany);
+        EXPECT_EQ(l.problems().find("Script S declares more than 4000 fields") != std::string::npos, tooMany);
+        for (const char* name : {"I", "S"}) {
+            const Node& node = l.scene.node(l.named(name));
+            const FieldIndex last = node.type().find("f3999");
+            ASSERT_NE(last, kNoField);
+            EXPECT_EQ(node.value(last).as<std::int32_t>(), name[0] == 'I' ? 7 : 1);
+            EXPECT_EQ(node.type().find("f4000"), kNoField);
+        }
+    }
 }
 
 TEST(Proto, AnInstanceStandsWhereItsFirstNodeMay) {

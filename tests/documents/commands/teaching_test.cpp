@@ -1,4 +1,6 @@
 // Diagnostics that say what may have been meant, and how it is written.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -557,6 +557,11 @@ TEST(Urdf, EntitiesThatGrowWithoutEndAndNestingWithoutEndAreBounded) {
     const Imported entities(bomb + "]><robot name='&k;'><link name='a'/></robot>", "4.1");
     EXPECT_FALSE(entities.good);
     EXPECT_THAT(entities.problems, HasSubstr("not well-formed XML"));
+    std::string chain = "<!DOCTYPE robot [<!ENTITY e0 'x'>";
+    for (int i = 1; i <= 60'000; ++i) chain += fmt::format("<!ENTITY e{} '&e{};'>", i, i - 1);
+    const Imported chained(chain + "]><robot name='&e60000;'><link name='a'/></robot>", "4.1");
+    EXPECT_FALSE(chained.good);
+    EXPECT_THAT(chained.problems, HasSubstr("entities stand more than 32 deep within each other"));
     std::string nested = "<robot name='r'><link name='a'>";
     for (int i = 0; i < 200'000; ++i) nested += "<x>";
     for (int i = 0; i < 200'000; ++i) nested += "</x>";

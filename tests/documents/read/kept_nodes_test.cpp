@@ -1,5 +1,6 @@
 // Nodes in the wrong place, of an unknown type, or spelled as in another version: nothing of them is lost, and
 // references still find them.
+#include <algorithm>
 #include <fstream>
 
 #include <gmock/gmock.h>

@@ -1,4 +1,6 @@
 // The XML reader: what it makes of documents, as recorded commands.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -235,6 +237,66 @@ TEST(ReaderXml, EntitiesThatGrowWithoutEndAreStopped) {
     EXPECT_FALSE(r.usable);
     EXPECT_THAT(r.complaints(), HasSubstr("limit on input amplification"));
     EXPECT_TRUE(r.handler.lines.empty());
+}
+
+std::string entityName(int number) {
+    return "e" + std::to_string(number);
+}
+/// `count` entities that each name one other: the one before, or the one behind.
+std::string entityChain(int count, bool backwards) {
+    std::string text = "<!DOCTYPE X3D [\n";
+    for (int i = 0; i <= count; ++i) {
+        const int named = backwards ? i - 1 : i + 1;
+        const bool isLast = backwards ? i == 0 : i == count;
+        text += "<!ENTITY " + entityName(i) + " \"" + (isLast ? "x" : "&" + entityName(named) + ";") + "\">\n";
+    }
+    return text + "]><X3D><Scene><WorldInfo title='&" + entityName(backwards ? count : 0) + ";'/></Scene></X3D>";
+}
+
+// Expat follows them by recursion: a chain of 60,000 is deeper than the stack.
+TEST(ReaderXml, EntitiesNestToABoundInAnyOrder) {
+    for (const bool backwards : {true, false}) {
+        const Read good(entityChain(32, backwards));
+        EXPECT_EQ(good.complaints(), "");
+        EXPECT_THAT(good.handler.lines, Contains("set title SFString \"x\""));
+        for (const int count : {33, 60'000}) {
+            const Read bad(entityChain(count, backwards));
+            EXPECT_FALSE(bad.usable);
+            // In the line of the entity that makes one too deep.
+            EXPECT_EQ(bad.complaints().find(backwards ? "test.x3d:35:" : "test.x3d:34:"), 0u) << bad.complaints();
+            EXPECT_THAT(bad.complaints(), HasSubstr("error: entities stand more than 32 deep within each other"));
+            EXPECT_EQ(bad.diagnostics.errors(), 1u) << bad.complaints();
+        }
+    }
+    const Read circle("<!DOCTYPE X3D [<!ENTITY a '&b;'><!ENTITY b '&a;'>]><X3D><Scene><Group/></Scene></X3D>");
+    EXPECT_THAT(circle.complaints(), HasSubstr("entities stand more than 32 deep"));
+}
+
+TEST(ReaderXml, DeclarationsOfADocumentTypeAreCounted) {
+    const auto declared = [](int entities, int attributes) {
+        std::string text = "<!DOCTYPE X3D [";
+        for (int i = 0; i < entities; ++i) text += "<!ENTITY " + entityName(i) + " 'x'>";
+        for (int i = 0; i < attributes; ++i) text += "<!ATTLIST Group a" + std::to_string(i) + " CDATA 'x'>";
+        return Read(text + "]><X3D><Scene><Group/></Scene></X3D>").complaints();
+    };
+    EXPECT_EQ(declared(10'000, 1000), "");
+    EXPECT_THAT(declared(10'001, 0), HasSubstr("declares more than 10000 entities; reading ends here"));
+    EXPECT_THAT(declared(0, 1001), HasSubstr("declares more than 1000 attributes; reading ends here"));
+}
+
+TEST(ReaderXml, FaultsOfManyAttributesStandEachInItsOwnPlace) {
+    std::string text = "<X3D><Scene>\n<Group";
+    for (int i = 0; i < 40; ++i) text += "\n  a" + std::to_string(i) + " = '>' b" + std::to_string(i) + "=\"='\"";
+    const Read r(text + "/>\n<Transform a1='x'\n translation='1 0 x'/></Scene></X3D>");
+    for (int i = 0; i < 40; ++i) {
+        const std::string line = "test.x3d:" + std::to_string(3 + i) + ":", name = std::to_string(i);
+        const auto column = [&](std::size_t before) { return std::to_string(before + 2 * name.size()); };
+        EXPECT_THAT(r.complaints(),
+                    HasSubstr(line + std::to_string(8 + name.size()) + ": error: Group has no field 'a" + name + "'"));
+        EXPECT_THAT(r.complaints(), HasSubstr(line + column(14) + ": error: Group has no field 'b" + name + "'"));
+    }
+    EXPECT_THAT(r.complaints(), HasSubstr("test.x3d:43:16: error: Transform has no field 'a1'"));
+    EXPECT_THAT(r.complaints(), HasSubstr("test.x3d:44:19: error: translation:"));
 }
 
 TEST(ReaderXml, Utf16AndLatin1AreConverted) {

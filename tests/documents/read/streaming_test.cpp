@@ -14,6 +14,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include <rtsg/core/resource.h>
 #include <rtsg/documents/filter.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/writer.h>
@@ -397,6 +398,35 @@ std::size_t memoryOf(const std::string& in, const std::string& out) {
 }
 
 constexpr std::size_t kMegabyte = 1 << 20;
+
+// One element of six megabytes, of which the handler hears nothing; the limit of nothing at all passes at once.
+TEST(Streaming, ALongTextEndsWhenItsTimeIsOver) {
+    std::string text = "<X3D version='4.0' profile='Full'><Scene><Group";
+    for (int i = 0; text.size() < (6 << 20); ++i) text += " a" + std::to_string(i) + "='1'";
+    text += "/></Scene></X3D>";
+    const TemporaryFile file("late", text);
+    for (const std::uint64_t seconds : {std::uint64_t{0}, std::uint64_t{3600}}) {
+        ResourcePolicy policy;
+        policy.maximumSeconds = seconds;
+        const Resources resources({}, policy);
+        for (const bool isFile : {false, true}) {
+            NullHandler nobody;
+            Diagnostics problems("test");
+            const ReadOptions options{.resources = &resources};
+            const bool complete = isFile ? readDocumentFile(file.path, nobody, problems, options)
+                                         : readDocument(text, nobody, problems, options);
+            EXPECT_EQ(complete, seconds > 0);
+            const std::string said = test::allText(problems);
+            EXPECT_EQ(said.find("reading takes more than 0 seconds; the rest is left out, unless --limit seconds=N") !=
+                          std::string::npos,
+                      seconds == 0)
+                << said.substr(0, 300);
+            if (seconds == 0) {
+                EXPECT_EQ(problems.errors(), 1u);
+            }
+        }
+    }
+}
 
 TEST(Streaming, ManyShapesNeedNoMoreMemoryThanAFew) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

@@ -1,4 +1,5 @@
 // Saving and loading again gives the same scene: for texts of our own and for files from elsewhere.
+#include <algorithm>
 #include <fstream>
 #include <limits>
 #include <map>

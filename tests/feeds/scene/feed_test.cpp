@@ -2,7 +2,9 @@
 #include <fcntl.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <thread>
 
@@ -154,6 +156,53 @@ TEST_F(FedScene, ConnectionsSendLinesInPieces) {
     EXPECT_NE(said[0].find("2 cells, and the header has 3"), std::string::npos) << said[0];
 }
 
+// A browser sends them for any page, of any site, to any port.
+TEST_F(FedScene, RequestsOfHttpAreNoLines) {
+    start("tcp://127.0.0.1:0");
+    const std::string body = "\r\nA,translation,9 9 9\n{\"node\":\"A\",\"field\":\"translation\",\"value\":[9,9,9]}\n";
+    const Visitor whole(feed->source());
+    whole.say("POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + body);
+    const Visitor pieces(feed->source());
+    pieces.say("P");
+    const Visitor other(feed->source());
+    other.say("G");  // as GATE begins, and GET
+    pieces.say("UT / HTTP/1.1\r\n" + body);
+    other.say("ATE,set_boolean,TRUE\nA,translation,1 2 3\n");
+    framesUntil(2);
+    std::vector<std::string> said;
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (said.size() < 2 && std::chrono::steady_clock::now() < end) {
+        frame();
+        for (std::string& one : news()) said.push_back(std::move(one));
+    }
+    ASSERT_EQ(said.size(), 2u);
+    for (const std::string& one : said) EXPECT_NE(one.find("request of HTTP"), std::string::npos) << one;
+    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(feed->counts().events, 2u);
+    EXPECT_EQ(feed->counts().faulty, 0u);
+}
+
+TEST_F(FedScene, SilenceKeepsNobodyOut) {
+    start("tcp://127.0.0.1:0");
+    const Visitor first(feed->source());
+    first.say("A,translation,1 2 3\n");
+    framesUntil(1);
+    std::vector<std::unique_ptr<Visitor>> silent;
+    for (int i = 0; i < 150; ++i) silent.push_back(std::make_unique<Visitor>(feed->source()));
+    const Visitor last(feed->source());
+    last.say("B,translation,4 5 6\n");
+    framesUntil(2);
+    EXPECT_EQ(place("B"), Vec3f(4, 5, 6));
+    // The one that has sent a line stays.
+    first.say("A,translation,7 8 9\n");
+    framesUntil(3);
+    EXPECT_EQ(place("A"), Vec3f(7, 8, 9));
+    const auto said = news();
+    ASSERT_FALSE(said.empty());
+    EXPECT_NE(said[0].find("closed a connection that was silent"), std::string::npos) << said[0];
+    EXPECT_LT(said.size(), 20u);
+}
+
 TEST_F(FedScene, FaultsAreNamedByLineAndCounted) {
     std::ofstream(folder / "feed") << "A,translation,1 2 3\n"
                                    << "AA,translation,1 2 3\n"
@@ -287,6 +336,50 @@ TEST_F(FedScene, OtherMachinesAreRefusedUnlessAllowed) {
     publish.target = "tcp://0.0.0.0:0";
     publish.fields = {"A.translation"};
     EXPECT_FALSE(Publisher::start(scene, publish));
+}
+
+TEST_F(FedScene, AccountsAreRefusedAndNotRepeated) {
+    for (const char* source : {"mqtt://ann:secret@127.0.0.1/a", "mqtts://ann:secret@127.0.0.1/a", "mqtt://secret@h",
+                               "udp://secret@127.0.0.1:1", "mqtt://ann:sec/ret@127.0.0.1/a", "http://secret@h"}) {
+        FeedOptions options;
+        options.source = source;
+        const auto refused = Feed::start(scene, options);
+        ASSERT_FALSE(refused);
+        EXPECT_EQ(refused.error().text.find("sec"), std::string::npos) << refused.error().text;
+        EXPECT_NE(refused.error().text.find("***@"), std::string::npos) << refused.error().text;
+    }
+}
+
+TEST_F(FedScene, DatagramsThatTheSystemLeavesOutAreTold) {
+    auto place = feeds::Place::parse("udp://127.0.0.1:0");
+    auto socket = feeds::listenAt(*place, false);
+    ASSERT_TRUE(socket);
+    int small = 4096;
+    ASSERT_EQ(::setsockopt(socket->get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof small), 0);
+    const Visitor visitor(place->text);
+    for (int i = 0; i < 200; ++i) visitor.say(std::string(500, 'x'));
+    char bytes[1000], control[100] = {};
+    std::uint32_t leftOut = 0, came = 0;
+    const auto receive = [&] {
+        iovec room = {bytes, sizeof bytes};
+        msghdr message{};
+        message.msg_iov = &room;
+        message.msg_iovlen = 1;
+        message.msg_control = control;
+        message.msg_controllen = sizeof control;
+        if (::recvmsg(socket->get(), &message, MSG_DONTWAIT) < 0) return false;
+        ++came;
+        const cmsghdr* head = CMSG_FIRSTHDR(&message);
+        if (head && head->cmsg_type == SO_RXQ_OVFL) std::memcpy(&leftOut, CMSG_DATA(head), sizeof leftOut);
+        return true;
+    };
+    while (receive()) {
+    }
+    visitor.say("one more");
+    while (!receive()) {
+    }
+    EXPECT_GT(leftOut, 0u);
+    EXPECT_EQ(leftOut + came, 201u);
 }
 
 TEST_F(FedScene, PlacesThatMakeNoSenseAreErrors) {

@@ -14,10 +14,12 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/resource.h>
 
 #include "lying_server.h"
 #include "support/temp_folder.h"
+#include "web/held_file.h"
 
 namespace rtsg {
 namespace {
@@ -57,6 +59,20 @@ class WebFetcherTest : public testing::Test {
     LyingServer server;
     const test::TempFolder own;
 };
+
+TEST(HeldFile, ItsBytesCountAsMemoryOfTheProcess) {
+    constexpr std::uint64_t kMiB = 1 << 20;
+    const std::uint64_t before = heldMemory();
+    {
+        fetch::HeldFile file;
+        const std::string block(kMiB, 'x');
+        for (int i = 0; i < 64; ++i) ASSERT_TRUE(file.append(block));
+        EXPECT_GT(heldMemory(), before + 60 * kMiB);
+        const fetch::HeldFile moved = std::move(file);
+        EXPECT_GT(heldMemory(), before + 60 * kMiB);
+    }
+    EXPECT_LT(heldMemory(), before + 32 * kMiB);
+}
 
 TEST_F(WebFetcherTest, WhatIsAllowedComesOnceAndStays) {
     server.file("/open/a.x3d", "<X3D/>", "Content-Type: model/x3d+xml; charset=utf-8\r\n");

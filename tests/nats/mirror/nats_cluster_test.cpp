@@ -1,4 +1,5 @@
 // Three NATS servers in a cluster, of which one is killed after the other; and as many subscribers as a scene may have.
+#include <algorithm>
 #include <cstring>
 
 #include <poll.h>

@@ -1,4 +1,6 @@
 // Bounding boxes that bboxDisplay shows: where they are, to closed forms, and what a frame reports of them.
+#include <algorithm>
+
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/world_queries.h>

@@ -1,5 +1,6 @@
 // Files whose heads promise more pixels than their bytes can hold: each is refused within a few megabytes, before any
 // library takes memory for them; and heads of true files are believed.
+#include <algorithm>
 #include <cstring>
 
 #include <gmock/gmock.h>

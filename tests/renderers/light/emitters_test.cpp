@@ -1,4 +1,5 @@
 // Shining triangles as paths find them: the tree's probabilities, and that what is looked for is what bounces find.
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>

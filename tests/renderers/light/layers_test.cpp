@@ -1,4 +1,5 @@
 // Layers one over the other, each with its own eye, background, lights and fog; what is picked is what is seen.
+#include <algorithm>
 #include <random>
 
 #include <rtsg/renderers/picking.h>

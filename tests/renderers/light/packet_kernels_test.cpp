@@ -1,4 +1,5 @@
 // Operations on all lanes of a packet: correct numbers, the same for every width of the machine.
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>

@@ -1,6 +1,7 @@
 // The preview of pictures by path: never worse than the plain mean where mirrors are sharp, better where light is even.
 #include <rtsg/renderers/path_preview.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <random>

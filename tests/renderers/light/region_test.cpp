@@ -1,4 +1,5 @@
 // Regions of pictures: whatever a picture is divided into, its parts have the bits of the whole, in all that it holds.
+#include <algorithm>
 #include <cstring>
 #include <random>
 
@@ -134,12 +135,6 @@ TEST_F(Regions, HaveTheBitsOfTheWhole) {
         {"several samples", mixedScene(), [](ImageOptions& o) { o.settings.samplesPerPixel = 3; }},
         {"paths", mixedScene(),
          [](ImageOptions& o) { o.settings.integrator = Integrator::path, o.settings.samplesPerPixel = 2; }},
-        {"an error", mixedScene(),
-         [](ImageOptions& o) {
-             o.settings.integrator = Integrator::path, o.settings.error = .3f, o.settings.samplesPerPixel = 128;
-         }},
-        {"whitted to an error", mixedScene(),
-         [](ImageOptions& o) { o.settings.error = .1f, o.settings.samplesPerPixel = 64; }},
         {"data", mixedScene(),
          [](ImageOptions& o) { o.settings.layers = kAllLayers & ~kMotion, o.settings.samplesPerPixel = 2; }},
         {"light", mixedScene(), [](ImageOptions& o) { o.settings.colorSpace = ColorSpace::linear; }},
@@ -148,15 +143,27 @@ TEST_F(Regions, HaveTheBitsOfTheWhole) {
          [](ImageOptions& o) { o.lensRadius = .2, o.focus = 8, o.settings.samplesPerPixel = 4; }},
         {"layers", layeredScene(), [](ImageOptions& o) { o.settings.layers = kAllLayers & ~kMotion; }},
         {"layers by paths", layeredScene(),
-         [](ImageOptions& o) {
-             o.settings.integrator = Integrator::path, o.settings.error = .5f, o.settings.samplesPerPixel = 64;
-         }},
+         [](ImageOptions& o) { o.settings.integrator = Integrator::path, o.settings.samplesPerPixel = 4; }},
         {"cubes", generatedScene(), [](ImageOptions& o) { o.settings.samplesPerPixel = 2; }},
     };
     for (const Kind& kind : kinds) {
         LightScene s(kind.scene);
         kind.set(s.options);
         for (int round = 0; round < 3; ++round) expectPartsOfTheWhole(s, kind.name);
+    }
+}
+
+/// A region that is sampled to an error reaches it by itself: that of its own pixels.
+TEST_F(Regions, ReachAnErrorByThemselves) {
+    LightScene s(mixedScene(), 48, 32);
+    s.options.settings.error = .1f, s.options.settings.samplesPerPixel = 1024;
+    for (const int left : {0, 16, 32}) {
+        s.options.settings.region = {left, 0, 16, 32};
+        const Picture part = s.picture();
+        EXPECT_EQ(part.width, 16);
+        EXPECT_EQ(part.interval.size(), part.pixels.size());
+        EXPECT_LE(s.stats.error, .1f);
+        EXPECT_EQ(s.stats.unreached, 0);
     }
 }
 

@@ -3,6 +3,7 @@
 #include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/tessellate.h>
 
+#include <algorithm>
 #include <array>
 #include <random>
 

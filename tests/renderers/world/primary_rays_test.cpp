@@ -1,6 +1,7 @@
 // A picture's rays together: what they find against rays one by one and against a loop over all triangles.
 #include "world/primary_rays.h"
 
+#include <algorithm>
 #include <cstring>
 #include <numbers>
 

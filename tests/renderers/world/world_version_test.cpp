@@ -1,5 +1,6 @@
 // Versions of a RayWorld: each answers as the world did at its moment, whatever has been done to the world since.
 // RTSG_LONG=1 has three threads read through 20,000 edits instead of 100.
+#include <algorithm>
 #include <atomic>
 #include <deque>
 #include <mutex>

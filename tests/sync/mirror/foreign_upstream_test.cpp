@@ -1,5 +1,6 @@
 // A client of another program, that knows only what PROTOCOL.md and the stream tell it: it joins with 0 for its types,
 // sends edits in the server's numbers, and describes types that the stream has not.
+#include <algorithm>
 #include <mutex>
 
 #include <gtest/gtest.h>

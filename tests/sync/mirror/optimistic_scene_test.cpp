@@ -1,6 +1,7 @@
 // Edits that are shown at once: before the answer, when it is no, and when others write to the same field.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include <rtsg/core/x3d.h>

@@ -1,5 +1,6 @@
 // The pace of what goes to a peer, on links that are computed: what arrives is never older than was asked for, and the
 // link is used.
+#include <chrono>
 #include <deque>
 #include <random>
 #include <utility>
@@ -11,7 +12,7 @@
 namespace rtsg {
 namespace {
 
-using Clock = MirrorPace::Clock;
+using Clock = std::chrono::steady_clock;
 
 struct Link {
     double rate = 0;      // bytes a second

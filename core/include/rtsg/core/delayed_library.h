@@ -2,9 +2,9 @@
 //
 // rtsg_delay_load (cmake/RtsgDelayLoad.cmake) makes two things of such a library: a module, which is linked with the
 // library and holds the addresses of its functions, and stubs of the same names, through which sources call the library
-// as if it were linked. The first call loads the module. A caller that can report a missing module calls load() first,
-// since a stub can only end the process. Where stubs cannot be made, the library is linked as usual, and load() does
-// nothing.
+// as if it were linked. The first call loads the module. A caller that can report a missing module calls load() first;
+// else the stub throws std::runtime_error with the same text. Where stubs cannot be made, the library is linked as
+// usual, and load() does nothing.
 //
 // Threading: any thread.
 #pragma once

@@ -46,7 +46,8 @@ std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resou
 /// The same for a document that passes by without a scene; files of documents that it loads are not included.
 class DocumentFiles final : public Filter {
   public:
-    DocumentFiles(DocumentHandler& next, Resources resources) : Filter(next), resources_(resources.withoutNetwork()) {}
+    DocumentFiles(DocumentHandler& next, const Resources& resources)
+        : Filter(next), resources_(resources.withoutNetwork()) {}
     void setField(std::string_view name, Value value, SourceLocation where) override;
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override;
     void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,

@@ -1,0 +1,129 @@
+// What shines, and rays from it that tell what its light meets first.
+#include "hidden_light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "lighting/emitters.h"
+#include "lighting/probe.h"
+#include "lighting/sample_points.h"
+#include "lighting/sky_light.h"
+#include "texture/bsdf.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+constexpr int kRays = 4096;
+
+float numberOf(int ray, int which) {
+    constexpr int kNumbers = 8;
+    const std::uint64_t bits = mixBits(static_cast<std::uint64_t>(ray * kNumbers + which + 1));
+    return static_cast<float>(bits >> 40) * 0x1p-24f;
+}
+
+/// A direction of all, as likely as any other.
+Vec3f directionOf(int ray) {
+    const float z = 1 - 2 * numberOf(ray, 4), phi = 2 * std::numbers::pi_v<float> * numberOf(ray, 5);
+    const float across = std::sqrt(std::max(1 - z * z, 0.0f));
+    return {across * std::cos(phi), across * std::sin(phi), z};
+}
+
+float glowOf(const Material& material) {
+    const float own = largest(material.model == ShadingModel::unlit ? material.linear.base : material.linear.emissive);
+    return material.back ? std::max(own, glowOf(*material.back)) : own;
+}
+/// Whether light goes on from it in ways that no other than a bounce takes.
+bool turnsLight(const Material& material) {
+    return material.refractiveIndex > 0 || material.reflectivity != Vec3f(0) ||
+           (material.back && turnsLight(*material.back));
+}
+
+/// The largest radiance of the sky and of what else is infinitely far.
+float brightestSky(const TraceScene& scene) {
+    float most = 0;
+    for (int ray = 0; ray < kRays; ++ray) {
+        Vec3f direction = directionOf(ray);
+        if (scene.skyLight) direction = scene.skyLight->sample(numberOf(ray, 6), numberOf(ray, 7)).direction;
+        const std::size_t groups = scene.environments.lights.empty() ? 1 : scene.environments.groups.size();
+        for (std::uint32_t group = 0; group < groups; ++group)
+            most = std::max(most, largest(Vec3f(scene.fromFar(direction, group, true))));
+        if (scene.evenSky && scene.environments.lights.empty()) break;
+    }
+    return most;
+}
+
+const Material& materialOf(const TraceScene& scene, std::uint32_t slot) {
+    return scene.materials[scene.slots[slot].material].material;
+}
+
+/// The emitters, by what they send out.
+class Rays {
+  public:
+    explicit Rays(const TraceScene& scene) : scene_(scene) {
+        const Emitters& all = *scene.emitters;
+        upTo_.reserve(all.size());
+        double sum = 0;
+        for (std::uint32_t i = 0; i < all.size(); ++i)
+            upTo_.push_back(sum += double{all[i].area} * glowOf(materialOf(scene, all[i].instance)));
+    }
+    /// The slot that a ray of them meets first; kNoInstance: none. `from`: the slot that sends it.
+    std::uint32_t follow(int ray, std::uint32_t& from) const {
+        const double at = (ray + .5) / kRays * upTo_.back();
+        const auto found = std::min(std::ranges::upper_bound(upTo_, at), upTo_.end() - 1);
+        const Emitters::Emitter& e = (*scene_.emitters)[static_cast<std::uint32_t>(found - upTo_.begin())];
+        from = e.instance;
+        const float side = std::sqrt(numberOf(ray, 0));
+        const Vec3f place = e.corner + e.ab * (1 - side) + e.ac * (numberOf(ray, 1) * side);
+        const Vec3f normal = e.bothSides && (ray & 1) ? -e.normal : e.normal;
+        // A point of a sphere that touches the surface: the cosine's distribution.
+        const Vec3f direction = glm::normalize(normal * 1.00001f + directionOf(ray));
+        const Vec3f start = RayView::leave(Probe{place, normal}.point(), direction);
+        const Hit hit = scene_.world->intersect({start, kLeave, direction, std::numeric_limits<float>::infinity()});
+        return hit.instance;
+    }
+
+  private:
+    const TraceScene& scene_;
+    std::vector<double> upTo_;
+};
+
+}  // namespace
+
+HiddenLight findHiddenLight(const TraceScene& scene) {
+    HiddenLight result;
+    bool turns = false;
+    const RayInstances& instances = scene.world->instances();
+    for (std::uint32_t slot = 0; slot < instances.size() && slot < scene.slots.size(); ++slot) {
+        const RayInstance& instance = instances[slot];
+        if (!instance.mesh || !instance.info.seen || instance.info.clear) continue;
+        const Material& material = materialOf(scene, slot);
+        // The colours of vertices are at most 1.
+        const bool coloured = instance.mesh->colors.present() && material.model == ShadingModel::unlit;
+        const float glow = coloured ? std::max(glowOf(material), 1.0f) : glowOf(material);
+        turns = turns || turnsLight(material);
+        result.brightest = std::max(result.brightest, glow);
+        const bool sampled = scene.emitters && scene.emitters->find(slot, 0) != Emitters::kNone;
+        if (!sampled) result.most = std::max(result.most, glow);
+    }
+    const float sky = brightestSky(scene);
+    if (turns) result.most = std::max(result.most, sky);
+    result.brightest = std::max(result.brightest, sky);
+    for (const TraceLight& light : scene.lightGroups.lights)
+        result.brightest = std::max(result.brightest, largest(light.color));
+    result.any = result.brightest > 0 || !scene.volumes.empty();
+    if (!turns || !scene.emitters) return result;
+    const Rays rays(scene);
+    int hidden = 0;
+    for (int ray = 0; ray < kRays; ++ray) {
+        std::uint32_t from = 0;
+        const std::uint32_t met = rays.follow(ray, from);
+        if (met >= scene.slots.size() || !turnsLight(materialOf(scene, met))) continue;
+        ++hidden, result.most = std::max(result.most, glowOf(materialOf(scene, from)));
+    }
+    result.share = double{1} * hidden / kRays;
+    return result;
+}
+
+}  // namespace rtsg::trace

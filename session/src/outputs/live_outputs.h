@@ -1,0 +1,99 @@
+// LiveOutputs: pictures and sound of a scene that does not wait for them. Each has its own thread and takes the newest
+// state (SharedWorld::latest()), so states are merged.
+//
+// Invariant: a picture is of one whole state. It is taken at times k / F if the one before is done by then; otherwise
+// it is skipped and counted. Files are numbered without gaps. Sound is as long as the scene's time, and places follow
+// the newest state. If that time goes back (a log that is played again), both go on as if that took no time. With
+// --listen device the sound is played instead. One flattening and one BVH serve all.
+// Threading: all calls on the scene's thread. Call frame() now and then, so that states are handed over.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <rtsg/renderers/path_preview.h>
+#include <rtsg/session/output_maker.h>
+
+namespace rtsg {
+
+class LiveOutputs final : public OutputMaker {
+  public:
+    /// The world must outlive this, and its scene must be in its first state.
+    static Result<std::unique_ptr<LiveOutputs>> attach(WorldOnDemand& world, const OutputOptions& arguments,
+                                                       const Resources& resources);
+    ~LiveOutputs() override;
+
+    Result<> frame() override;
+    bool rests() const override;
+    bool failed() const override { return failed_; }
+    /// Completes the picture in progress, hears the last state, and pictures it if only one picture was asked for.
+    Result<> finish() override;
+    OutputReport report() const override;
+
+  private:
+    LiveOutputs(WorldOnDemand& world, const OutputOptions& arguments);
+    Result<> start(const Resources& resources);
+    void follow(const std::function<Result<>(const WorldState&, bool)>& present);
+    void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
+    void noteTime();
+    double elapsedAt(const WorldState& state, std::size_t& stretch) const;
+    double dueAt(double elapsed) const;
+    double lastDueAt(double elapsed) const;
+    Result<> presentHere(bool last);
+    Result<> takePicture(const WorldState& state, bool last);
+    Result<Picture> draw(const WorldState& state);
+    Result<Picture> preview(const WorldState& state);
+    Result<> hear(const WorldState& state);
+    Result<> hearTo(const WorldState& state);
+    void fail(const Result<>& why);
+    void tell(std::atomic<bool>& whatIsTrue);
+    Result<> write();
+    std::uint64_t heardAt(double elapsed) const;
+
+    Scene& scene_;
+    const OutputOptions arguments_;
+    SharedWorld& world_;
+    std::unique_ptr<LightRenderer> light_;
+    PathPreview preview_;  // with --denoise: of the samples of light_'s last picture, which is refined_
+    Picture refined_;
+    bool picturesHere_ = false, soundHere_ = false;  // on the scene's thread, where node renderers draw and voice
+    std::unique_ptr<SoundRenderer> sound_;
+    std::unique_ptr<LiveSound> device_;
+    PictureFiles files_;
+
+    // Used by the threads only until they have ended.
+    OutputReport report_;
+    OutputReport::Live live_;
+    double nextPicture_ = 0;  // k of the next time k / F
+    std::size_t stretchPictured_ = 0, stretchHeard_ = 0;
+    std::vector<std::pair<double, std::uint64_t>> heard_;  // length of the sound, and the state of which it was made
+    double soundAt_, soundMade_ = 0;  // the scene time that it has reached, and its length in seconds
+
+    std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
+    std::atomic<bool> afterInterruption_{false};  // set before ending_
+    std::atomic<std::uint64_t> lastMoment_{0};    // valid after ending_
+    std::atomic<int> running_{0};
+    mutable std::mutex mutex_;
+    std::condition_variable news_;  // signals a new state of the scene, and the end
+    // Guarded by mutex_: how often there was a new state, and the threads that have waited since the last one.
+    std::uint64_t newsTold_ = 0;
+    int resting_ = 0;
+    Result<> problem_;  // the first one
+    ElapsedTime time_;
+    double elapsed_ = 0;  // from time_ when last looked at
+    /// The starts from which times are counted: before time went back for the first time, for the second, and so on.
+    std::vector<double> starts_;
+
+    std::uint64_t stateNow_;  // guarded by mutex_
+    // For the scene's thread: the first state of this stretch, and the number of states before it.
+    std::uint64_t firstState_, statesBefore_ = 0;
+    std::vector<std::jthread> threads_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,66 @@
+// Watches the files of a running scene, and carries edits over to the scene.
+#include "run/followed_file.h"
+
+#include <utility>
+
+#include <fmt/format.h>
+
+#include <rtsg/session/running_scene.h>
+
+namespace rtsg {
+
+FollowedFile::FollowedFile(Scene& scene, std::string file, Resources resources, std::string clip,
+                           SessionContext context)
+    : scene_(scene),
+      file_(std::move(file)),
+      clip_(std::move(clip)),
+      resources_(std::move(resources)),
+      context_(context),
+      document_(scene),
+      within_(document_.filesWithin(resources_)),
+      followed_(look()),
+      last_(followed_) {}
+
+std::vector<FollowedFile::Look> FollowedFile::look() const {
+    std::vector<Look> all;
+    const auto add = [&](const std::filesystem::path& file) {
+        std::error_code error;
+        Look one{file, std::filesystem::last_write_time(file, error)};
+        if (!error) one.bytes = std::filesystem::file_size(file, error);
+        if (!error)
+            all.push_back(std::move(one));  // one that is not there: an editor may be about to put another there
+    };
+    add(file_);
+    for (const auto& file : within_) add(file);
+    return all;
+}
+
+bool FollowedFile::isEdited() {
+    if (isEdited_ || Clock::now() < next_) return isEdited_;
+    next_ = Clock::now() + RunningScene::kLookEvery;
+    std::vector<Look> now = look();
+    isEdited_ = now == last_ && now != followed_ && now.size() == within_.size() + 1;
+    last_ = std::move(now);
+    return isEdited_;
+}
+
+void FollowedFile::follow() {
+    isEdited_ = false;
+    followed_ = last_;  // one that is wrong is not read again until it has been edited again
+    Diagnostics diagnostics(file_);
+    LoadOptions options;
+    options.resources = resources_;
+    options.clip = clip_;
+    isBehind_ = !document_.followFile(file_, diagnostics, options);
+    context_.report(diagnostics);
+    if (isBehind_)
+        return context_.report(
+            Diagnostic{Severity::error, file_, {}, "it was edited, and is not followed: the scene stays as it was"});
+    const auto set = scene_.seal();
+    const std::size_t count = set ? set->changes.size() : 0;
+    context_.note(fmt::format("{}: note: it was edited: {} change{}", file_, count, count == 1 ? "" : "s"));
+    within_ = document_.filesWithin(resources_);
+    followed_ = last_ = look();
+}
+
+}  // namespace rtsg

@@ -1,0 +1,171 @@
+// Writes logs and films of the scene in a window.
+#include <rtsg/session/view_recorder.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+namespace rtsg {
+
+namespace {
+
+constexpr double kFilmRate = 30;
+
+std::string freeName(std::string_view extension) {
+    for (int number = 1;; ++number) {
+        std::string name = fmt::format("rtsg-{}{}", number, extension);
+        std::error_code error;
+        if (!std::filesystem::exists(name, error)) return name;
+    }
+}
+
+std::string said(const std::string& file, std::string_view what) {
+    return fmt::format("{}: note: {}", file, what);
+}
+
+/// Scales a picture to the film's size, with interpolation.
+Picture enlarged(const LivePictureShown& from, int width, int height) {
+    Picture to(width, height, Vec4f(0, 0, 0, 1));
+    to.space = ColorSpace::display;
+    const auto pixel = [&](int x, int y) {
+        const std::uint8_t* p = from.pixels.data() + 4 * (static_cast<std::ptrdiff_t>(y) * from.width + x);
+        return Vec3f(p[2], p[1], p[0]) / 255.f;
+    };
+    for (int y = 0; y < height; ++y) {
+        const float v = std::max(
+            0.f, (static_cast<float>(y) + .5f) * static_cast<float>(from.height) / static_cast<float>(height) - .5f);
+        const int y0 = static_cast<int>(v), y1 = std::min(y0 + 1, from.height - 1);
+        for (int x = 0; x < width; ++x) {
+            const float u = std::max(
+                0.f, (static_cast<float>(x) + .5f) * static_cast<float>(from.width) / static_cast<float>(width) - .5f);
+            const int x0 = static_cast<int>(u), x1 = std::min(x0 + 1, from.width - 1);
+            const float s = u - static_cast<float>(x0), t = v - static_cast<float>(y0);
+            const Vec3f above = glm::mix(pixel(x0, y0), pixel(x1, y0), s),
+                        below = glm::mix(pixel(x0, y1), pixel(x1, y1), s);
+            to.at(x, y) = Vec4f(glm::mix(above, below, t), 1);
+        }
+    }
+    return to;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<WindowFilm>> WindowFilm::start(const std::string& file, int width, int height) {
+    width = std::max(2, width / 2 * 2), height = std::max(2, height / 2 * 2);
+    auto writer = MovieWriter::create(file, width, height, kFilmRate);
+    if (!writer) return std::unexpected(writer.error());
+    return std::unique_ptr<WindowFilm>(new WindowFilm(std::move(*writer), width, height));
+}
+WindowFilm::WindowFilm(MovieWriter writer, int width, int height)
+    : writer_(std::move(writer)), width_(width), height_(height), thread_([this] { run(); }) {}
+WindowFilm::~WindowFilm() {
+    if (thread_.joinable()) (void)finish(seconds_);
+}
+
+void WindowFilm::show(std::shared_ptr<const LivePictureShown> picture, double seconds) {
+    if (!picture || picture == last_) return;
+    last_ = picture;
+    {
+        const std::scoped_lock lock(mutex_);
+        next_ = std::move(picture);  // one that was not reached is left out
+        seconds_ = seconds;
+    }
+    news_.notify_all();
+}
+
+Result<> WindowFilm::finish(double seconds) {
+    {
+        const std::scoped_lock lock(mutex_);
+        ends_ = true;
+        next_ = last_;  // to the end
+        seconds_ = std::max(seconds, 1 / kFilmRate);
+    }
+    news_.notify_all();
+    thread_.join();
+    if (!result_) return result_;
+    if (written_ == 0) return fail("the film has no picture");
+    return writer_.finish();
+}
+
+void WindowFilm::run() {
+    std::shared_ptr<const LivePictureShown> before;
+    std::unique_lock lock(mutex_);
+    for (bool ends = false; !ends && result_;) {
+        news_.wait(lock, [this] { return next_ || ends_; });
+        const std::shared_ptr<const LivePictureShown> next = std::exchange(next_, nullptr);
+        const double seconds = seconds_;
+        ends = ends_;
+        if (before) {
+            lock.unlock();
+            const Result<> done = write(*before, static_cast<std::uint64_t>(std::llround(seconds * kFilmRate)));
+            lock.lock();
+            result_ = done;
+        }
+        before = next ? next : before;
+        if (ends && before && written_ == 0 && result_) result_ = write(*before, 1);
+    }
+}
+
+/// Writes this picture for all frames from the last written one up to this number.
+Result<> WindowFilm::write(const LivePictureShown& picture, std::uint64_t until) {
+    if (until <= written_) return {};
+    if (auto ok = writer_.add(enlarged(picture, width_, height_)); !ok) return ok;
+    if (auto ok = until > written_ + 1 ? writer_.hold(until - written_ - 1) : Result<>(); !ok) return ok;
+    written_ = until;
+    return {};
+}
+
+ViewRecorder::~ViewRecorder() {
+    (void)finish();
+}
+
+void ViewRecorder::toggleLog(Scene& scene) {
+    if (log_) {
+        const Result<> done = std::exchange(log_, nullptr)->stop();
+        done ? context_.note(said(logFile_, "log written")) : static_cast<void>(context_.report(done.error()));
+        return;
+    }
+    logFile_ = freeName(".rlog");
+    auto log = LogRecorder::start(scene, logFile_);
+    if (!log) return static_cast<void>(context_.report(log.error()));
+    log_ = std::move(*log);
+    context_.note(said(logFile_, "log begun"));
+}
+
+void ViewRecorder::toggleFilm(const SceneWindow& window, double seconds) {
+    if (film_) {
+        const Result<> done = std::exchange(film_, nullptr)->finish(seconds - begun_);
+        done ? context_.note(said(filmFile_, "film written")) : static_cast<void>(context_.report(done.error()));
+        return;
+    }
+    filmFile_ = freeName(".mp4");
+    const auto [width, height] = window.size();
+    auto film = WindowFilm::start(filmFile_, width, height);
+    if (!film) return static_cast<void>(context_.report(film.error()));
+    film_ = std::move(*film);
+    begun_ = seconds;
+    context_.note(said(filmFile_, "film begun"));
+}
+
+void ViewRecorder::show(const SceneWindow& window, double seconds) {
+    now_ = seconds;
+    if (film_) film_->show(window.shown(), seconds - begun_);
+}
+
+std::string ViewRecorder::status() const {
+    std::string text = log_ ? "log " + logFile_ : std::string();
+    if (film_) text += (text.empty() ? "film " : ", film ") + filmFile_;
+    return text;
+}
+
+Result<> ViewRecorder::finish() {
+    Result<> result;
+    if (log_) result = std::exchange(log_, nullptr)->stop();
+    if (film_)
+        if (const Result<> done = std::exchange(film_, nullptr)->finish(now_ - begun_); result && !done) result = done;
+    return result;
+}
+
+}  // namespace rtsg
