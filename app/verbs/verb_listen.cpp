@@ -23,7 +23,7 @@ namespace rtsg::app {
 namespace {
 
 struct ListenArguments {
-    std::string scene, out, duration = "5s", ir, report;
+    std::string scene, out, duration = "5s", ir, irLength, report;
     std::vector<std::string> places, maps;
     std::string noise, voice = "male", grid, figure = "STI";
     double speechLevel = SpeechOptions().level;
@@ -34,6 +34,7 @@ struct ListenArguments {
     std::string device;
     bool metrics = false, json = false, live = false;
 
+    double irSeconds() const { return irLength.empty() ? 0 : parseSeconds(irLength); }
     SpeechOptions speech() const {
         SpeechOptions options{voice == "female", speechLevel, std::nullopt};
         if (noise.empty()) return options;
@@ -46,8 +47,8 @@ struct ListenArguments {
 
 /// Plays the sound while the scene runs in real time.
 int listenLive(const ListenArguments& options) {
-    if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
-        !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
+    if (!options.out.empty() || !options.ir.empty() || !options.irLength.empty() || !options.report.empty() ||
+        options.metrics || !options.grid.empty() || !options.maps.empty() || !options.sent.given.empty())
         throw UsageError("--live plays sound; make files and figures without it");
     if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is for files: a device plays two channels");
     options.sound.given.check({options.scene});
@@ -119,7 +120,7 @@ Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
     const std::string scene = std::filesystem::path(options.scene).filename().string();
     if (isSofa(options.ir)) {
         report->title = "Impulse responses of " + scene;
-        RoomResponses responses = sound.responses(*report);
+        RoomResponses responses = sound.responses(*report, 48000, options.irSeconds());
         responses.scene = scene;
         responses.application = "rtsg";
         responses.applicationVersion = RTSG_VERSION;
@@ -208,6 +209,9 @@ void checkListening(const ListenArguments& options) {
     // All of the sound is kept in memory until its end.
     constexpr double kLongest = 24 * 3600;
     if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
+    if (!options.irLength.empty() && options.ir.empty()) throw UsageError("--ir-length is of --ir");
+    if (!options.irLength.empty() && !(options.irSeconds() >= 0.001 && options.irSeconds() <= 60))
+        throw UsageError("--ir-length", options.irLength + ": it is 1ms to 60s");
 }
 
 int listenTo(const ListenArguments& options) {
@@ -256,7 +260,8 @@ int listenTo(const ListenArguments& options) {
     if (auto ok = options.sent.write(report->streams); !ok) return printError(ok.error()), kBad;
     // A response at one metre may exceed full scale, so it is written in floating point.
     if (!options.ir.empty() && !isSofa(options.ir))
-        if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
+        if (auto ok = writeWav(options.ir, report->impulseResponses(48000, options.irSeconds()), WavFormat::float32);
+            !ok)
             return printError(ok.error()), kBad;
     if (!options.report.empty() || isSofa(options.ir))
         if (auto ok = writeSurvey(options, sound); !ok) return printError(ok.error()), kBad;
@@ -290,6 +295,8 @@ Verb addListen(Command& program) {
             "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
             "listener, source "
             "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
+        command->addOption("--ir-length", options->irLength,
+                           "the length of impulse responses (default: until they fade)");
         command
             ->addOption("--place", options->places, "\"X Y Z\": a listening place for --report and .sofa (repeatable)")
             ->repeatable();

@@ -140,12 +140,14 @@ void addSound(py::module_& module) {
             "gain", [](const Sound& s) { return s.report.gain; }, "By which the sound was scaled lest it clip; 1: not.")
         .def(
             "impulse_responses",
-            [](const Sound& s, int sampleRate) {
-                const SoundBuffer made = unlocked([&] { return s.report.impulseResponses(sampleRate); });
+            [](const Sound& s, int sampleRate, double seconds) {
+                if (!(seconds >= 0 && seconds <= 60)) throw py::value_error("seconds is up to 60");
+                const SoundBuffer made = unlocked([&] { return s.report.impulseResponses(sampleRate, seconds); });
                 return samplesOf(made, {});
             },
-            py::arg("sample_rate") = 48000,
-            "n x channels floats: pressure, 1 at 1 m; the channels of the first source, then those of the second.")
+            py::arg("sample_rate") = 48000, py::arg("seconds") = 0.,
+            "n x channels floats: pressure, 1 at 1 m; the channels of the first source, then those of the second. "
+            "`seconds`: their length; 0: until they fade.")
         .def(
             "json", [](const Sound& s) { return s.report.toJson(); }, "What `rtsg listen --json` prints.")
         .def(

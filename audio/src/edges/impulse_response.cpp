@@ -1,6 +1,7 @@
 // Turns energy over time into pressure: sharp arrivals, shaped noise, filtered in octave bands; and back.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -16,6 +17,7 @@
 #include "signal/band_noise.h"
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
+#include "signal/random.h"
 #include "signal/sphere_ear.h"
 
 namespace rtsg {
@@ -216,7 +218,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     result.sampleRate = options.sampleRate;
     result.channels.assign(static_cast<std::size_t>(channelCount), std::vector<float>(frames));
     addPulses(pulses, heads, options, 2 * SincTable::kHalf + 64 + farEar + throughEars, result.channels);
-    const auto noise = BandNoise::kept(options.sampleRate, frames);
+    const auto noise = options.sharedNoise ? BandNoise::kept(options.sampleRate, frames)
+                                           : BandNoise::of(options.seed, options.sampleRate, frames, channelCount);
     for (int channel = 0; channel < channelCount; ++channel) {
         // In a diffuse field a channel of degree l carries 1 / (2 l + 1) of the pressure's energy.
         const double diffuseShare = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
@@ -225,7 +228,17 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                    options.seed, c, result.channels[c]);
     }
     addEdgeWaves(echogram, options, result.channels);
+    if (options.seconds > 0)
+        for (auto& channel : result.channels)
+            channel.resize(static_cast<std::size_t>(std::llround(options.seconds * rate)));
     return result;
+}
+
+std::uint64_t noiseSeed(std::uint64_t seed, const glm::dvec3& source, const glm::dvec3& listener) {
+    for (const glm::dvec3& point : {source, listener})
+        for (int axis = 0; axis < 3; ++axis)
+            seed = Random::mix(seed, std::bit_cast<std::uint64_t>(point[axis] + 0.0));  // no -0
+    return seed;
 }
 
 EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {

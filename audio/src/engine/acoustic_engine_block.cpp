@@ -165,8 +165,7 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
     for (std::size_t ch = 0; ch < channels; ++ch)
         state.late[ch].process(state.reflected[apart ? ch : 0], block.out[ch]);
     const double start = static_cast<double>(samples), end = start + static_cast<double>(size);
-    const ImpulseResponseOptions response =
-        responseFor(emitter ? emitter->id : InstanceId{}, state.reflectedBy, block.listener);
+    const ImpulseResponseOptions response = responseFor(emitter, state.reflectedBy, block.listener);
     const auto find = [&](const FollowedImage& image, int step, double& delay, double& slope) {
         if (!emitter && step >= 0) {  // it is where it was
             slope = 0;

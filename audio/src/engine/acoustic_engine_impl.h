@@ -138,7 +138,7 @@ struct AcousticEngine::Impl {
                  const ListenerPose& listener) const;
     void renew(const SoundEmitter& emitter, EmitterState& state);
     void renewLongestDue();
-    ImpulseResponseOptions responseFor(InstanceId emitter, HeardBy by, const ListenerPose& listener) const;
+    ImpulseResponseOptions responseFor(const SoundEmitter* emitter, HeardBy by, const ListenerPose& listener) const;
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);

@@ -159,7 +159,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
         job.kept = state.kept;
     job.longest = longest;
     job.block = options.blockSize;
-    job.response = responseFor(emitter.id, state.reflectedBy, listener);
+    job.response = responseFor(&emitter, state.reflectedBy, listener);
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedAim = emitter.aim();
@@ -176,7 +176,7 @@ void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter
     TraceJob job;
     job.emitter = emitter.id;
     job.block = options.blockSize;
-    job.response = responseFor(emitter.id, state.reflectedBy, listener);
+    job.response = responseFor(&emitter, state.reflectedBy, listener);
     job.traced = state.traced;
     job.images = state.tracedImages;
     if (why == Renewal::setOff) {
@@ -193,7 +193,7 @@ void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter
     submit(state, std::move(job), listener);
 }
 
-ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, HeardBy by,
+ImpulseResponseOptions AcousticEngine::Impl::responseFor(const SoundEmitter* emitter, HeardBy by,
                                                          const ListenerPose& listener) const {
     using Channels = ImpulseResponseOptions::Channels;
     ImpulseResponseOptions response;
@@ -210,8 +210,11 @@ ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, Hea
     response.firstOrder = 1;
     response.cutShare = 1e-6;
     response.speedOfSound = air.speedOfSound;
-    // The same noise each time, another for each emitter: crossfades then do not rustle.
-    response.seed = emitter.slot + 1;
+    // The same noise each time, wherever its ends are, another for each emitter: crossfades then do not rustle.
+    response.sharedNoise = true;
+    response.seed = options.trace.seed;
+    if (emitter)
+        for (const char c : emitter->name) response.seed = Random::mix(response.seed, static_cast<unsigned char>(c));
     return response;
 }
 

@@ -44,7 +44,7 @@ std::string ListenReport::toJson() const {
     return text;
 }
 
-SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
+SoundBuffer ListenReport::impulseResponses(int sampleRate, double seconds) const {
     std::vector<ImpulseResponse> parts;
     std::size_t frames = 1, channels = 0;
     for (const Source& source : sources) {
@@ -58,6 +58,8 @@ SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
         options.listenerBack = listener.back;
         options.speedOfSound = air.speedOfSound;
         options.headRadius = listener.headRadius();
+        options.seed = noiseSeed(seed, source.position, listener.position);
+        options.seconds = seconds;
         parts.push_back(makeImpulseResponse((source.directed ? *source.directed : source.trace).echogram(), options));
         frames = std::max(frames, parts.back().frames());
         channels += parts.back().channels.size();

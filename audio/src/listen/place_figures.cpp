@@ -11,6 +11,9 @@ void setFigures(ListenReport::Source& source, const EarCorrelation& ears, const 
     constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
     /// The share of the radiated energy that may still be to come; if it is more, figures of all energy are not known.
     constexpr double kMostTruncated = 1e-2;
+    /// Where more than this share escapes, what comes back may be single reflections: T20 and T30 are then figures of a
+    /// decay only if rays agree about it within so much of them.
+    constexpr double kMostEscaped = 0.5, kWidest = 0.25;
     const TraceResult& trace = source.trace;
     source.metrics = trace.metrics();
     const InterauralEstimate interaural = ears.estimate(trace.arrivals, trace.batches, trace.across);
@@ -18,6 +21,11 @@ void setFigures(ListenReport::Source& source, const EarCorrelation& ears, const 
     source.metrics.value.iaccLate = interaural.value.late;
     source.metrics.ci95.iaccEarly = interaural.ci95.early;
     source.metrics.ci95.iaccLate = interaural.ci95.late;
+    RoomMetrics &value = source.metrics.value, &width = source.metrics.ci95;
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        for (Bands RoomMetrics::* time : {&RoomMetrics::t20, &RoomMetrics::t30})
+            if (trace.escaped[b] > kMostEscaped && !((width.*time)[b] <= kWidest * (value.*time)[b]))
+                (value.*time)[b] = (width.*time)[b] = kNan;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         if (std::isfinite(source.metrics.ci95.lf[b])) continue;
         for (RoomMetrics* m : {&source.metrics.value, &source.metrics.ci95})

@@ -317,6 +317,7 @@ Result<> SoundRenderer::measure() {
     s.report.air = s.renderer->air();
     s.report.speech = s.options.speech;
     s.report.responses = s.options.responses;
+    s.report.seed = s.options.trace.seed;
     s.report.hrtf = s.options.render.hrtf;
     s.report.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
     for (const SoundEmitter& emitter : sounds.emitters()) {
@@ -442,7 +443,7 @@ Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPlace>& pl
     return report;
 }
 
-RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate) {
+RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate, double seconds) {
     Impl& s = *impl_;
     RoomResponses room;
     room.title = report.title;
@@ -473,6 +474,8 @@ RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate)
         options.listenerBack = room.pairs[i].listenerAxes[2];
         options.speedOfSound = room.air.speedOfSound;
         options.headRadius = room.pairs[i].headRadius;
+        options.seed = noiseSeed(s.options.trace.seed, room.pairs[i].sourceAt, room.pairs[i].listenerAt);
+        options.seconds = seconds;
         room.pairs[i].response =
             makeImpulseResponse(report.pairs[i].directed.value_or(report.pairs[i].echogram), options);
     });

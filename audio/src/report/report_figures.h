@@ -51,6 +51,9 @@ std::string bandsText(const RoomReport& report);
 /// The bands that decay with more than one slope, in words; empty if there are none.
 std::string slopesText(const MetricsEstimate& metrics);
 
+/// Why a pair has no reverberation time at 1 kHz; empty if it has one, or for other reasons.
+std::string escapeText(const RoomReport::Pair& pair);
+
 /// How loud speech is, and what noise there is, in words.
 std::string speechText(const SpeechOptions& speech);
 

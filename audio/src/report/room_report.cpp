@@ -89,6 +89,13 @@ std::string slopesText(const MetricsEstimate& metrics) {
     return bands.empty() ? bands : "more than one slope, as of coupled rooms, at " + bands;
 }
 
+std::string escapeText(const RoomReport::Pair& pair) {
+    const double share = pair.escaped[kBand1k];
+    if (share < 0.5 || std::isfinite(pair.metrics.value.t20[kBand1k])) return "";
+    return fmt::format("no reverberation time: {} of the sound leaves, and what comes back is no decay",
+                       percentText(share));
+}
+
 namespace {
 
 std::string bandsLine(std::string_view name, const Bands& values, int digits) {
@@ -165,7 +172,8 @@ std::string RoomReport::toText() const {
         text += fmt::format("  {:<12}{:>9} +- {} {}\n", "STI", reportNumber(pair.speech.sti, 3),
                             reportNumber(pair.speech.ci95, 3), speechRating(pair.speech.sti));
         text += bandsLine("curvature, %", curvature(pair.metrics.value), 1);
-        if (const std::string slopes = slopesText(pair.metrics); !slopes.empty()) text += "  " + slopes + "\n";
+        for (const std::string& note : {slopesText(pair.metrics), escapeText(pair)})
+            if (!note.empty()) text += "  " + note + "\n";
     }
     return text;
 }

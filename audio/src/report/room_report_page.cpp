@@ -257,6 +257,7 @@ std::string pairSection(const RoomReport::Pair& pair) {
         text += fmt::format("<span class=\"low\">below {:.0f} Hz (Schroeder)</span>", pair.schroederHz);
     text += "</p>\n" + figuresTable(pair.metrics.value, pair.metrics.ci95, pair.schroederHz, Around::interval);
     if (!slopes.empty()) text += "<p>Decays with " + slopes + ".</p>\n";
+    if (const std::string escapes = escapeText(pair); !escapes.empty()) text += "<p>There is " + escapes + ".</p>\n";
     return text +
            "<h3>Decay curves, dB over s, with what was fitted: <span class=\"soft\">EDT dotted, T20 dashed, T30 dash "
            "and dot" +

@@ -1,5 +1,6 @@
 // Reads the sounds of clips once, and plays voices from them.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -19,8 +20,25 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::silence() {
 
 namespace {
 
-/// Times that a clip is played faster than it was made and nothing of it aliases: work and reach grow with it.
-constexpr double kFastest = 16;
+/// Samples of a clip for each that is heard without aliasing: work and reach grow with it.
+constexpr double kFastest = 32;
+/// It passes .92 of half the clip's rate, and errs by some millionths.
+using ClipSinc = BasicSinc<48, 1024, 11>;
+
+const ClipSinc& clipSinc() {
+    static const ClipSinc sinc;
+    return sinc;
+}
+
+/// The sum of weighted samples of one channel, `stride` apart.
+float weightedSum(std::span<const float> weights, const float* samples, std::size_t stride) {
+    std::array<float, 8> sums{};  // side by side
+    std::size_t i = 0;
+    for (; i + 8 <= weights.size(); i += 8)
+        for (std::size_t k = 0; k < 8; ++k) sums[k] += weights[i + k] * samples[(i + k) * stride];
+    for (; i < weights.size(); ++i) sums[i % 8] += weights[i] * samples[i * stride];
+    return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
+}
 
 /// Reads sound files by libsndfile; films, and files that libsndfile does not know, by FFmpeg. Ogg files may be either.
 Result<SoundBuffer> readResource(Resource& file, std::uint64_t room, std::string& damage) {
@@ -49,7 +67,6 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     const std::uint64_t room = resources_.policy().maximumSamples - samplesRead_;
     std::string damage;
     auto sound = readResource(*resource, room, damage);
-    if (sound) sound = converted(*sound, room);
     if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
     samplesRead_ += sound->samples.size();
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
@@ -57,16 +74,6 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
         diagnostics_.warningAt(voice.place,
                                fmt::format("{}: {} is damaged or cut short: {}", voice.name, resource->name(), damage));
     return sound;
-}
-
-/// At the library's rate. A rate that is said to be low would make much of little.
-Result<SoundBuffer> ClipLibrary::converted(const SoundBuffer& sound, std::uint64_t room) const {
-    const double samples = static_cast<double>(sound.samples.size()) * sampleRate_ / sound.sampleRate;
-    if (samples <= static_cast<double>(room)) {
-        auto result = resample(sound, sampleRate_);
-        if (!result || result->samples.size() <= room) return result;
-    }
-    return fail(fmt::format("at {} Hz it has more than {} samples; --limit samples=N raises this", sampleRate_, room));
 }
 
 std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
@@ -105,10 +112,8 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice)
     const auto* buffer = one ? std::get_if<std::shared_ptr<const SoundBuffer>>(one) : nullptr;
     std::string why = fmt::format("nobody has said what microphone '{}' hears", voice.urls.front());
     if (buffer && *buffer) {
-        auto sound = converted(**buffer, resources_.policy().maximumSamples);
-        if (sound && !sound->samples.empty())
-            return at->second = std::make_shared<const SoundBuffer>(std::move(*sound));
-        why = sound ? "it is empty" : sound.error().text;
+        if (!(*buffer)->samples.empty()) return at->second = *buffer;
+        why = "it is empty";
     }
     diagnostics_.warningAt(voice.place, fmt::format("{} is silent: {}", voice.name, why));
     return at->second = silence();
@@ -140,10 +145,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
                                                             "numbers: 0 counts",
                                                             voice.name, none, frames * channels));
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
-        auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
-        if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));
-        diagnostics_.warningAt(voice.place, fmt::format("{} is silent: {}", voice.name, fitting.error().text));
-        return silence();
+        return std::make_shared<const SoundBuffer>(std::move(sound));
     }
     const auto [at, fresh] = clips_.try_emplace(Key(voice.urls, voice.folders));
     if (fresh) {
@@ -166,6 +168,7 @@ void VoicePlayer::load(const SoundVoice& voice, ClipLibrary& clips) {
     folders_ = voice.folders;
     buffer_ = voice.buffer;
     format_ = format;
+    seam_ = {};
 }
 
 std::size_t VoicePlayer::channels(const SoundVoice& voice, ClipLibrary& clips) {
@@ -195,15 +198,16 @@ void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t f
 }
 
 /// The length of the part of the clip that is used, in samples.
-double VoicePlayer::lengthOf(const SoundVoice& voice, double rate) const {
-    return std::min(static_cast<double>(clip_->frames()), std::max(1.0, std::round(voice.duration * rate)));
+double VoicePlayer::lengthOf(const SoundVoice& voice) const {
+    return std::min(static_cast<double>(clip_->frames()),
+                    std::max(1.0, std::round(voice.duration * clip_->sampleRate)));
 }
 
-VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) const {
-    const double length = lengthOf(voice, rate);
+VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice) const {
+    const double length = lengthOf(voice);
     // Seconds in single precision are whole samples where they nearly are.
     const auto sample = [&](double seconds) {
-        const double at = seconds * rate, whole = std::round(at);
+        const double at = seconds * clip_->sampleRate, whole = std::round(at);
         return std::abs(at - whole) < 1e-6 * (1 + whole) ? whole : at;
     };
     const Loop loop{sample(voice.loopStart), std::min(length, sample(voice.loopEnd))};
@@ -211,40 +215,88 @@ VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) cons
     return region ? loop : Loop{0, length};
 }
 
-/// After the end of a loop comes its beginning; before that its end, once it was there.
-double VoicePlayer::inLoop(const Loop* loop, double at) const {
-    if (!loop || (at < loop->end && (at >= loop->begin || !repeated_))) return at;
-    const double span = loop->end - loop->begin;
-    return std::round(at - std::floor((at - loop->begin) / span) * span);
+/// Which samples of the clip its value at the phase is made of, by the sinc. If more of them come than are heard,
+/// frequencies above half the rate heard are left out: the sinc is wider by that factor.
+void VoicePlayer::weigh(double faster) {
+    const ClipSinc& sinc = clipSinc();
+    constexpr int kTaps = 2 * ClipSinc::kHalf;
+    const double whole = std::floor(phase_), fraction = phase_ - whole;
+    first_ = static_cast<std::ptrdiff_t>(whole);
+    if (faster > 1) {
+        const double reach = ClipSinc::kHalf * faster, from = std::ceil(phase_ - reach);
+        first_ = static_cast<std::ptrdiff_t>(from);
+        weights_.clear();
+        for (double at = from; at <= phase_ + reach; ++at) {
+            const double x = (at - phase_) / faster, above = std::ceil(x);
+            const int k = static_cast<int>(above) + ClipSinc::kHalf - 1;
+            weights_.push_back(k >= 0 && k < kTaps ? sinc.tap(above - x, k) / static_cast<float>(faster) : 0);
+        }
+    } else if (fraction == 0) {
+        weights_.assign(1, 1);
+    } else {
+        first_ -= ClipSinc::kHalf - 1;
+        weights_.resize(kTaps);
+        for (int k = 0; k < kTaps; ++k) weights_[static_cast<std::size_t>(k)] = sinc.tap(fraction, k);
+    }
 }
 
-/// The clip's sample at a position, interpolated by the sinc. If the clip plays faster than it was made, frequencies
-/// above half the sample rate are left out: the sinc is wider by that factor.
-float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel, double faster) const {
-    static const SincTable sinc;
-    constexpr int kTaps = 2 * SincTable::kHalf;
+/// After the end of a loop comes its beginning, and before that its end; of a loop whose length is no whole number of
+/// samples these lie between samples.
+void VoicePlayer::unrollLoop(const Loop& loop, double length, double faster) {
+    const ClipSinc& sinc = clipSinc();
+    const auto reach = static_cast<std::size_t>(std::ceil(ClipSinc::kHalf * faster)) + 1;
+    const double span = loop.end - loop.begin;
+    const bool known = seam_.loop == loop && seam_.length == length && seam_.reach >= reach;
+    if (span < 1 || known) return;
     const auto count = static_cast<std::size_t>(clip_->channels);
-    const auto clip = [&](double place) {
-        const double at = inLoop(loop, place);
-        // A place that is no number has no sample, as in a loop that is too short.
-        return at >= 0 && at < length ? clip_->samples[static_cast<std::size_t>(at) * count + channel] : 0.0f;
-    };
-    const double whole = std::floor(phase_), fraction = phase_ - whole;
-    double sample = 0;
-    if (faster > 1) {
-        const double reach = SincTable::kHalf * faster;
-        for (double at = std::ceil(phase_ - reach); at <= phase_ + reach; ++at) {
-            const double x = (at - phase_) / faster, above = std::ceil(x);
-            const int k = static_cast<int>(above) + SincTable::kHalf - 1;
-            if (k >= 0 && k < kTaps) sample += static_cast<double>(clip(at) * sinc.tap(above - x, k));
+    seam_ = {loop, length, reach, {}, {}};
+    const auto add = [&](std::vector<float>& to, double frame) {
+        const double periods = std::floor((frame - loop.begin) / span), at = frame - periods * span;
+        const double whole = std::floor(at), fraction = at - whole;
+        const int half = fraction == 0 ? 0 : ClipSinc::kHalf;
+        for (std::size_t c = 0; c < count; ++c) {
+            float sample = 0;
+            for (int k = half == 0 ? 0 : 1 - half; k <= half; ++k) {
+                const double near = whole + k;
+                if (near < 0 || near >= length) continue;
+                const float weight = half == 0 ? 1 : sinc.tap(fraction, k + half - 1);
+                sample += weight * clip_->samples[static_cast<std::size_t>(near) * count + c];
+            }
+            to.push_back(sample);
         }
-        return static_cast<float>(sample / faster);
+    };
+    for (std::size_t i = 0; i < reach; ++i) {
+        add(seam_.after, std::ceil(loop.end) + static_cast<double>(i));
+        add(seam_.before, std::ceil(loop.begin) - 1 - static_cast<double>(i));
     }
-    // Turned round at its end it is past that.
-    if (fraction == 0) return clip(whole);
-    for (int k = 0; k < kTaps; ++k)
-        sample += static_cast<double>(clip(whole + k - (SincTable::kHalf - 1)) * sinc.tap(fraction, k));
-    return static_cast<float>(sample);
+}
+
+/// The sum of the weighted samples. A loop is left by its end when it was entered, and by its beginning when it has
+/// been repeated.
+float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel) const {
+    const auto count = static_cast<std::size_t>(clip_->channels);
+    const bool entered = loop && phase_ < loop->end && loop->end - loop->begin >= 1;
+    const auto low = static_cast<std::ptrdiff_t>(entered && repeated_ ? std::ceil(loop->begin) : 0);
+    const auto high = static_cast<std::ptrdiff_t>(entered ? std::ceil(loop->end) : length);
+    const auto beyond = [&](const std::vector<float>& frames, std::ptrdiff_t frame) {
+        const std::size_t at = static_cast<std::size_t>(frame) * count + channel;
+        return at < frames.size() ? frames[at] : 0.0f;
+    };
+    const auto weights = [&](std::ptrdiff_t from, std::ptrdiff_t to) {
+        return std::span(weights_).subspan(static_cast<std::size_t>(from - first_),
+                                           static_cast<std::size_t>(to - from));
+    };
+    const std::ptrdiff_t end = first_ + std::ssize(weights_), from = std::clamp(low, first_, end),
+                         to = std::clamp(high, from, end);
+    float sample = 0;
+    if (to > from)
+        sample =
+            weightedSum(weights(from, to), &clip_->samples[static_cast<std::size_t>(from) * count + channel], count);
+    for (std::ptrdiff_t i = first_; entered && repeated_ && i < from; ++i)
+        sample += weights_[static_cast<std::size_t>(i - first_)] * beyond(seam_.before, low - 1 - i);
+    for (std::ptrdiff_t i = to; entered && i < end; ++i)
+        sample += weights_[static_cast<std::size_t>(i - first_)] * beyond(seam_.after, i - high);
+    return sample;
 }
 
 /// Whether there is something of the clip where it has got to: backwards it ends where it began, but for a loop, to
@@ -269,11 +321,13 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
     load(voice, clips);
     if (input_ && !oscillator) return playInput(voice, rate, first, out);
-    const double length = oscillator ? 0 : lengthOf(voice, rate);
-    const Loop loop = oscillator ? Loop{} : loopOf(voice, rate);
+    const double length = oscillator ? 0 : lengthOf(voice);
+    const Loop loop = oscillator ? Loop{} : loopOf(voice);
+    const Loop* const repeats = voice.loop ? &loop : nullptr;
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
-    const double step = oscillator ? voice.frequency / rate : voice.pitch;
+    const double step = oscillator ? voice.frequency / rate : voice.pitch * clip_->sampleRate / rate;
     const double faster = std::clamp(std::abs(step), 1.0, kFastest);
+    if (!oscillator && repeats) unrollLoop(loop, length, faster);
     // Below half the sample rate.
     const auto harmonics =
         static_cast<std::size_t>(std::min(1e6, step != 0 ? std::max(0.0, std::ceil(0.5 / std::abs(step)) - 1) : 1e6));
@@ -297,7 +351,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;
-        if (!oscillator && !goOn(voice.loop ? &loop : nullptr, step, length)) {
+        if (!oscillator && !goOn(repeats, step, length)) {
             playing_ = false;
             finished_ = true;
             continue;
@@ -306,11 +360,12 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
         const double tone = !oscillator || harmonics == 0 ? 0
                             : voice.wave                  ? voice.wave->at(phase_, harmonics)
                                                           : std::sin(2 * std::numbers::pi * phase_);
+        if (!oscillator) weigh(faster);
         for (std::size_t c = 0; c < out.size(); ++c) {
             if (oscillator)
                 out[c][i] += static_cast<float>(voice.gain * tone);
             else if (channels == 1 || c < channels)
-                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, length, channels == 1 ? 0 : c, faster);
+                out[c][i] += gain * sampleAt(repeats, length, channels == 1 ? 0 : c);
         }
         phase_ += step;
         if (oscillator) phase_ -= std::floor(phase_);

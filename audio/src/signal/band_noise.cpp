@@ -14,7 +14,7 @@
 namespace rtsg {
 namespace {
 
-/// The least in which noise goes round, milliseconds; a power of two, for the transform.
+/// The least in which noise of many beginnings goes round, milliseconds; a power of two, for the transform.
 constexpr std::size_t kLeastSize = 4096;
 
 std::size_t millisecondOf(int sampleRate) {
@@ -51,8 +51,8 @@ std::vector<float> smoothed(const EnergySteps& late, std::size_t band, double fa
 
 }  // namespace
 
-BandNoise::BandNoise(int sampleRate, std::size_t size) : rate_(sampleRate), size_(size) {
-    Random random(Random::mix(static_cast<std::uint64_t>(sampleRate), size));
+BandNoise::BandNoise(int sampleRate, std::size_t size, std::uint64_t seed) : rate_(sampleRate), size_(size) {
+    Random random(Random::mix(seed, Random::mix(static_cast<std::uint64_t>(sampleRate), size)));
     std::vector<float> noise(size);
     const std::size_t millisecond = millisecondOf(sampleRate);
     for (std::size_t from = 0; from < size; from += millisecond) {
@@ -66,14 +66,20 @@ BandNoise::BandNoise(int sampleRate, std::size_t size) : rate_(sampleRate), size
         for (std::size_t i = from; i < end; ++i) noise[i] *= scale;
     }
     const auto fft = RealFft::kept(size);
-    const BandFilters filters(size, sampleRate, BandFilters::apart());
+    const auto filters = BandFilters::kept(size, sampleRate, BandFilters::apart());
     RealFft::Spectrum all, filtered(fft->bins());
     fft->forward(noise, all);
     for (std::size_t b = 0; b < kBandCount; ++b) {
-        for (std::size_t i = 0; i < fft->bins(); ++i) filtered[i] = all[i] * filters[b][i];
+        for (std::size_t i = 0; i < fft->bins(); ++i) filtered[i] = all[i] * (*filters)[b][i];
         bands_[b].resize(size);
         fft->inverse(filtered, bands_[b]);
     }
+}
+
+std::shared_ptr<const BandNoise> BandNoise::of(std::uint64_t seed, int sampleRate, std::size_t frames, int channels) {
+    const std::size_t millisecond = millisecondOf(sampleRate), whole = RealFft::sizeFor(frames / millisecond + 1);
+    return std::make_shared<const BandNoise>(sampleRate,
+                                             millisecond * (channels > 2 ? std::max(kLeastSize, whole) : whole), seed);
 }
 
 std::shared_ptr<const BandNoise> BandNoise::kept(int sampleRate, std::size_t frames) {
@@ -87,7 +93,7 @@ std::shared_ptr<const BandNoise> BandNoise::kept(int sampleRate, std::size_t fra
         std::ranges::find_if(all, [&](const auto& one) { return one->rate_ == sampleRate && one->size_ == size; });
     if (found == all.end()) {
         if (all.size() == kMost) all.erase(all.begin());
-        all.push_back(std::make_shared<BandNoise>(sampleRate, size));
+        all.push_back(std::make_shared<BandNoise>(sampleRate, size, 0));
         found = std::prev(all.end());
     }
     std::rotate(found, std::next(found), all.end());  // the last one used is the last to go

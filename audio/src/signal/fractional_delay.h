@@ -1,4 +1,4 @@
-// Band-limited reading between samples: a Kaiser-windowed sinc of 32 taps, exact at whole samples.
+// Band-limited reading between samples: Kaiser-windowed sincs, exact at whole samples.
 #pragma once
 
 #include <array>
@@ -10,17 +10,20 @@
 
 namespace rtsg {
 
-class SincTable {
+/// `Half`: taps on either side. `Shape`: of the Kaiser window.
+template <int Half, int Phases, int Shape>
+class BasicSinc {
   public:
-    static constexpr int kHalf = 16;  // taps on either side
-    static constexpr int kPhases = 512;
+    static constexpr int kHalf = Half;
+    static constexpr int kPhases = Phases;
 
-    SincTable() : taps_(static_cast<std::size_t>((kPhases + 1) * 2 * kHalf)) {
+    BasicSinc() : taps_(static_cast<std::size_t>((kPhases + 1) * 2 * kHalf)) {
+        const double top = bessel(Shape);
         for (int phase = 0; phase <= kPhases; ++phase)
             for (int k = 0; k < 2 * kHalf; ++k) {
                 const double x = k - (kHalf - 1) - static_cast<double>(phase) / kPhases;
                 const double window =
-                    std::abs(x) < kHalf ? bessel(9 * std::sqrt(1 - x * x / (kHalf * kHalf))) / bessel(9) : 0;
+                    std::abs(x) < kHalf ? bessel(Shape * std::sqrt(1 - x * x / (kHalf * kHalf))) / top : 0;
                 const double sinc = std::abs(x) < 1e-12 ? 1 : std::sin(std::numbers::pi * x) / (std::numbers::pi * x);
                 // Exact zeros where the sinc has them, so that whole delays copy samples bit for bit.
                 taps_[static_cast<std::size_t>(phase) * 2 * kHalf + static_cast<std::size_t>(k)] =
@@ -86,7 +89,7 @@ class SincTable {
 
     static double bessel(double x) {  // I0
         double sum = 1, term = 1;
-        for (int k = 1; k < 60; ++k) {
+        for (int k = 1; k < 60 && term > 1e-18 * sum; ++k) {
             term *= (x / (2 * k)) * (x / (2 * k));
             sum += term;
         }
@@ -94,5 +97,7 @@ class SincTable {
     }
     std::vector<float> taps_;
 };
+
+using SincTable = BasicSinc<16, 512, 9>;
 
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// Reads sound files by libsndfile, MPEG audio by libmpg123; writes WAV; resamples whole sounds by libsoxr.
+// Reads sound files by libsndfile, MPEG audio by libmpg123; writes WAV.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 #include <sndfile.h>
-#include <soxr.h>
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
@@ -222,48 +221,6 @@ SoundBuffer spread(const SoundBuffer& sound, int channels) {
         for (std::size_t c = 0; c < all; ++c)
             if (own == 1 || c < own) wide.samples[i * all + c] = sound.samples[i * own + (own == 1 ? 0 : c)];
     return wide;
-}
-
-Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
-    if (sound.sampleRate == sampleRate || sound.samples.empty()) {
-        SoundBuffer same = sound;
-        same.sampleRate = sampleRate;
-        return same;
-    }
-    // Beyond, the converter's filters grow without end.
-    constexpr double kMostRatio = 256;
-    const double ratio = static_cast<double>(sampleRate) / sound.sampleRate;
-    const auto cannot = [&](const std::string& why) {
-        return fail(fmt::format("cannot convert from {} to {} Hz{}", sound.sampleRate, sampleRate, why));
-    };
-    if (!(ratio <= kMostRatio && ratio >= 1 / kMostRatio)) return cannot("");
-    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
-    const soxr_io_spec_t floats = soxr_io_spec(SOXR_FLOAT32_I, SOXR_FLOAT32_I);
-    const soxr_quality_spec_t best = soxr_quality_spec(SOXR_VHQ, 0);
-    const char* error = nullptr;
-    const std::unique_ptr<soxr, void (*)(soxr_t)> converter(
-        soxr_create(sound.sampleRate, sampleRate, static_cast<unsigned>(sound.channels), &error, &floats, &best,
-                    nullptr),
-        soxr_delete);
-    if (!converter || error) return cannot(fmt::format(": {}", error ? error : "no memory"));
-    const auto channels = static_cast<std::size_t>(sound.channels);
-    SoundBuffer result{sampleRate, sound.channels, {}};
-    result.samples.resize((static_cast<std::size_t>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1) *
-                          channels);
-    // In pieces, because the converter copies each input as a whole. After the last piece it gives the rest that it
-    // holds back.
-    constexpr std::size_t kPiece = 1 << 16;
-    std::size_t taken = 0, made = 0, used = 0, some = 0;
-    do {
-        const std::size_t piece = std::min(kPiece, sound.frames() - taken);
-        error =
-            soxr_process(converter.get(), piece > 0 ? sound.samples.data() + taken * channels : nullptr, piece, &used,
-                         result.samples.data() + made * channels, result.samples.size() / channels - made, &some);
-        if (error) return cannot(fmt::format(": {}", error));
-        taken += used, made += some;
-    } while (used > 0 || some > 0);
-    result.samples.resize(made * channels);
-    return result;
 }
 
 float normalise(SoundBuffer& sound, float limit) {

@@ -160,6 +160,29 @@ TouchSurface NearTriangles::surfaceOf(const NearTriangle& triangle, const TouchS
     return found == now_.tables->surfaces->end() ? otherwise : found->second;
 }
 
+Vec3d NearTriangles::smoothNormal(const Touching& contact) const {
+    // Facets that are farther from what they stand for are meant to be felt.
+    constexpr double kMostOff = 0.9, kFlat = 1e-6;
+    const NearTriangle& t = all_[contact.triangle];
+    const RayInstance* instance = instanceAt(now_, t.slot);
+    if (!instance || !instance->mesh->normals.present()) return contact.normal;
+    const Vec3d ab = t.corners[1] - t.corners[0], ac = t.corners[2] - t.corners[0], ap = contact.place - t.corners[0];
+    const Vec3d face = glm::cross(ab, ac);
+    const double squared = glm::dot(face, face);
+    if (!(squared > 0)) return contact.normal;
+    const double u = glm::dot(glm::cross(ap, ac), face) / squared, v = glm::dot(glm::cross(ab, ap), face) / squared;
+    const glm::dmat3 linear(instance->info.worldFromLocal);
+    const glm::dmat3 cofactors(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]),
+                               glm::cross(linear[0], linear[1]));
+    Vec3d smooth =
+        cofactors * Vec3d(instance->mesh->shadingNormal(t.triangle, static_cast<float>(u), static_cast<float>(v)));
+    const double length = glm::length(smooth);
+    if (!(length > 0)) return contact.normal;
+    smooth *= (glm::dot(smooth, contact.normal) < 0 ? -1 : 1) / length;
+    const bool isFlat = std::abs(glm::dot(smooth, face)) > (1 - kFlat) * std::sqrt(squared);
+    return isFlat || glm::dot(smooth, contact.normal) < kMostOff ? contact.normal : smooth;
+}
+
 NodeId NearTriangles::shapeOf(const NearTriangle& triangle) const {
     const RayInstance* instance = instanceAt(now_, triangle.slot);
     return instance ? instance->info.shape : NodeId();

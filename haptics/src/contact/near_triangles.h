@@ -60,6 +60,9 @@ class NearTriangles {
     /// Preconditions: of a triangle of find().
     TouchSurface surfaceOf(const NearTriangle& triangle, const TouchSurface& otherwise) const;
     NodeId shapeOf(const NearTriangle& triangle) const;
+    /// Where a surface of facets stands for a smooth one, that one's normal at the point that is touched; otherwise the
+    /// contact's own.
+    Vec3d smoothNormal(const Touching& contact) const;
 
   private:
     struct Surface {

@@ -174,14 +174,14 @@ void Touch::press(HapticTick& tick) {
     const Vec3d spring = proxy_ - hand_, change = spring - std::exchange(spring_, spring);
     const std::vector<Touching> contacts = touched(proxy_, options_.radius, near_.all(), 1e-6);
     double most = kNoDepth;
+    Touching strongest;
     pressed_.reset();
     for (const Touching& t : contacts) {
         const double pressing = squeezed_ ? glm::length(spring) : glm::dot(t.normal, spring);
         if (pressing <= most) continue;
         most = pressing;
         pressed_ = near_.all()[t.triangle];
-        tick.place = t.place;
-        tick.normal = t.normal;
+        strongest = t;
     }
     if (!pressed_) {
         rateBefore_.reset();
@@ -190,6 +190,8 @@ void Touch::press(HapticTick& tick) {
         return;
     }
     tick.touching = true;
+    tick.place = strongest.place;
+    tick.normal = strongest.normal;
     tick.shape = near_.shapeOf(*pressed_);
     tick.velocity = wayOf(*pressed_) / step_;
     const TouchSurface surface = near_.surfaceOf(*pressed_, options_.surface);
@@ -208,6 +210,7 @@ void Touch::press(HapticTick& tick) {
     surplus_ += glm::dot(0.5 * (elastic_ + elastic) - force_, change);
     elastic_ = elastic;
     if (options_.passive) tick.force = passive(tick, change, surface, contacts);
+    tick.force += glm::dot(tick.force, tick.normal) * (near_.smoothNormal(strongest) - tick.normal);
     tick.force = shortened(tick.force, options_.maxForce);
 }
 

@@ -77,6 +77,18 @@ TEST(RoomReport, SaysWhichBandsDecayWithTwoSlopes) {
     EXPECT_EQ(json["pairs"][0]["late_slope_s"][kBand1k - 1].get<double>(), 5.6);
 }
 
+TEST(RoomReport, SaysWhereMostSoundLeavesThatThereIsNoReverberationTime) {
+    RoomReport report;
+    report.pairs = {pair("A", kNan, 3)};
+    EXPECT_EQ(report.toText().find("no reverberation"), std::string::npos) << "for another reason";
+    report.pairs[0].escaped = allBands(.87);
+    const std::string said = "no reverberation time: 87 % of the sound leaves, and what comes back is no decay";
+    EXPECT_NE(report.toText().find("  " + said + "\n"), std::string::npos) << report.toText();
+    EXPECT_NE(report.toHtml().find("<p>There is " + said + ".</p>"), std::string::npos);
+    report.pairs[0].metrics.value.t20 = allBands(1.1);
+    EXPECT_EQ(report.toText().find("no reverberation"), std::string::npos) << "one that is known";
+}
+
 TEST(RoomReport, DrawsTheDecayInClosedForm) {
     const std::vector<double> curve = decayCurveDb(exponentialDecay(.8, .01), 2, .01);
     ASSERT_GT(curve.size(), 80u);

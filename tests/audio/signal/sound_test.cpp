@@ -392,58 +392,6 @@ TEST(Panning, KeepsTheEnergyAndLeavesNoEarWithout) {
     EXPECT_NEAR(std::pow(stereoGains({1, 0, 0})[0], 2), 2 / 20., 1e-12);
 }
 
-TEST(SoundFile, ResamplingKeepsATone) {
-    SoundBuffer tone{44100, 1, {}};
-    for (int i = 0; i < 44100; ++i)
-        tone.samples.push_back(static_cast<float>(0.5 * std::sin(2 * M_PI * 1000 * i / 44100.0)));
-    const auto out = resample(tone, 48000);
-    ASSERT_TRUE(out);
-    EXPECT_NEAR(static_cast<double>(out->frames()), 48000, 2);
-    for (std::size_t i = 2000; i < 40000; i += 7)
-        ASSERT_NEAR(out->samples[i], 0.5 * std::sin(2 * M_PI * 1000 * static_cast<double>(i) / 48000), 2e-3);
-}
-
-TEST(SoundFile, ResamplingIsTrueToAMillionth) {
-    // Tones at .2 and .3 of the lower rate, one a channel, against sines at the other rate's instants.
-    const std::pair<int, int> rates[] = {{44100, 48000}, {48000, 44100}, {11025, 48000},
-                                         {8000, 192000}, {96000, 48000}, {48000, 8000}};
-    for (const auto& [from, to] : rates) {
-        const double lower = std::min(from, to);
-        const auto toneAt = [&](int channel, double seconds) {
-            return .5 * std::sin(2 * std::numbers::pi * (channel == 0 ? .2 : .3) * lower * seconds + channel);
-        };
-        const std::size_t frames = 150'001;  // several pieces, the last one short
-        SoundBuffer tones{from, 2, std::vector<float>(2 * frames)};
-        for (std::size_t i = 0; i < frames; ++i)
-            for (int c = 0; c < 2; ++c)
-                tones.samples[2 * i + static_cast<std::size_t>(c)] =
-                    static_cast<float>(toneAt(c, static_cast<double>(i) / from));
-        const auto out = resample(tones, to);
-        ASSERT_TRUE(out) << out.error().text;
-        EXPECT_EQ(out->sampleRate, to);
-        EXPECT_EQ(out->channels, 2);
-        EXPECT_NEAR(static_cast<double>(out->frames()), static_cast<double>(frames) * to / from, 1);
-        for (std::size_t i = out->frames() / 20; i < out->frames() * 19 / 20; ++i)
-            for (int c = 0; c < 2; ++c)
-                ASSERT_NEAR(out->samples[2 * i + static_cast<std::size_t>(c)], toneAt(c, static_cast<double>(i) / to),
-                            1e-6)
-                    << from << " to " << to << ", frame " << i;
-    }
-}
-
-TEST(SoundFile, ResamplingTakesShortSoundsAndRefusesRatesTooFarApart) {
-    for (const std::size_t frames : {1, 2, 7}) {
-        const auto out = resample(SoundBuffer{8000, 1, std::vector<float>(frames, .25f)}, 48000);
-        ASSERT_TRUE(out);
-        EXPECT_NEAR(static_cast<double>(out->frames()), 6. * static_cast<double>(frames), 1);
-    }
-    EXPECT_TRUE(resample(SoundBuffer{1000, 1, std::vector<float>(100)}, 256'000));
-    const auto far = resample(SoundBuffer{1000, 1, std::vector<float>(100)}, 256'001);
-    ASSERT_FALSE(far);
-    EXPECT_EQ(far.error().text, "cannot convert from 1000 to 256001 Hz");
-    EXPECT_FALSE(resample(SoundBuffer{256'001, 1, std::vector<float>(100)}, 1000));
-}
-
 /// The library is loaded within the first call, whose arguments are in registers meanwhile.
 TEST(SoundLibraryDeathTest, TheFirstCallGetsItsArguments) {
     GTEST_FLAG_SET(death_test_style, "threadsafe");

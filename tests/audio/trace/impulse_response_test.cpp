@@ -226,24 +226,73 @@ TEST(ImpulseResponse, NoiseHasTheEnergyOfEachOctaveAndLeaksNone) {
     }
 }
 
-/// Responses begin elsewhere in noise that is made once.
+double correlation(std::span<const float> a, std::span<const float> b) {
+    double both = 0, as = 0, bs = 0;
+    for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
+        const auto x = static_cast<double>(a[i]), y = static_cast<double>(b[i]);
+        both += x * y, as += x * x, bs += y * y;
+    }
+    return both / std::sqrt(as * bs);
+}
+
 TEST(ImpulseResponse, NoiseOfSourcesAndChannelsIsUnlike) {
     const Echogram late = unevenDecay(1, 1);
     ImpulseResponseOptions options;
     options.channels = ImpulseResponseOptions::Channels::ambisonic;
-    std::vector<std::vector<float>> all;
-    for (const std::uint64_t seed : {1, 2, 3}) {
-        options.seed = seed;
-        const ImpulseResponse response = makeImpulseResponse(late, options);
-        all.insert(all.end(), response.channels.begin(), response.channels.end());
-    }
-    for (std::size_t a = 0; a < all.size(); ++a)
-        for (std::size_t b = 0; b < a; ++b) {
-            double both = 0;
-            for (std::size_t i = 0; i < std::min(all[a].size(), all[b].size()); ++i)
-                both += static_cast<double>(all[a][i]) * static_cast<double>(all[b][i]);
-            EXPECT_LT(std::abs(both) / std::sqrt(energyOf(all[a]) * energyOf(all[b])), .15) << a << " and " << b;
+    for (const bool shared : {false, true}) {
+        options.sharedNoise = shared;
+        std::vector<std::vector<float>> all;
+        for (const std::uint64_t seed : {1, 2, 3}) {
+            options.seed = seed;
+            const ImpulseResponse response = makeImpulseResponse(late, options);
+            all.insert(all.end(), response.channels.begin(), response.channels.end());
         }
+        for (std::size_t a = 0; a < all.size(); ++a)
+            for (std::size_t b = 0; b < a; ++b)
+                EXPECT_LT(std::abs(correlation(all[a], all[b])), .15) << a << " and " << b;
+    }
+}
+
+/// Whatever delay one has: responses of two seeds are not parts of one noise.
+TEST(ImpulseResponse, NoiseOfOneSeedIsNowhereInThatOfAnother) {
+    Echogram late;
+    for (int i = 20; i < 1000; ++i) late.late.add((i + .5) * .001, allBands(1e-5));
+    ImpulseResponseOptions options;
+    options.sampleRate = 16'000;
+    std::vector<std::vector<float>> all;
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+        options.seed = seed;
+        all.push_back(makeImpulseResponse(late, options).channels[0]);
+        EXPECT_EQ(makeImpulseResponse(late, options).channels[0], all.back()) << "equal seeds";
+    }
+    // A tenth of a second of each, at all delays of the others that are whole milliseconds, and some that are not.
+    for (const auto& a : all)
+        for (const auto& b : all)
+            for (std::size_t delay = 400; &a != &b && delay + 1600 < b.size(); delay += delay % 3 ? 16 : 15)
+                ASSERT_LT(std::abs(correlation(std::span(a).subspan(8000, 1600), std::span(b).subspan(delay, 1600))),
+                          .35)
+                    << delay;
+}
+
+TEST(ImpulseResponse, SeedsOfNoiseDependOnTheSeedAndOnBothPoints) {
+    const glm::dvec3 source(1, 2, 3), listener(4, 0, 6);
+    const std::uint64_t seed = noiseSeed(1, source, listener);
+    EXPECT_EQ(noiseSeed(1, source, {4, -0.0, 6}), seed);
+    for (const std::uint64_t other : {noiseSeed(2, source, listener), noiseSeed(1, {1, 2, 3.001}, listener),
+                                      noiseSeed(1, source, {4, 1e-9, 6}), noiseSeed(1, listener, source)})
+        EXPECT_NE(other, seed);
+}
+
+TEST(ImpulseResponse, HasTheLengthThatIsAskedFor) {
+    const Echogram late = unevenDecay(1, 1);
+    ImpulseResponseOptions options;
+    const std::vector<float> whole = makeImpulseResponse(late, options).channels[0];
+    for (const double seconds : {.25, 3.0}) {
+        options.seconds = seconds;
+        const std::vector<float> cut = makeImpulseResponse(late, options).channels[0];
+        ASSERT_EQ(cut.size(), static_cast<std::size_t>(seconds * 48'000));
+        for (std::size_t i = 0; i < cut.size(); ++i) ASSERT_EQ(cut[i], i < whole.size() ? whole[i] : 0) << i;
+    }
 }
 
 }  // namespace

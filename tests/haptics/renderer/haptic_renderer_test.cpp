@@ -101,6 +101,37 @@ TEST(HapticRenderer, APlaneIsASpring) {
     expectWithin(soft.go({0, .1, 0}, {0, 0, 0}, 200).force, {0, 120 * kProxy, 0}, 1e-3);
 }
 
+/// Its facets are up to 6 degrees wide, and the force turns with the hand all the same; a box keeps its edges.
+TEST(HapticRenderer, ASphereOfFacetsIsFeltAsASphere) {
+    for (const std::string geometry : {"Sphere { radius .1 }", "Sphere { radius 1 }"}) {
+        const double radius = geometry.contains(".1") ? .1 : 1;
+        Touched ball((radius == 1 ? "Transform { scale .1 .1 .1 children " : "Group { children ") +
+                     ("Shape { geometry " + geometry + " } }"));
+        Vec3d before(0);
+        for (int i = 0; i <= 2000; ++i) {
+            const double angle = .3 + i * 5e-4, up = .2 + i * 3e-4;
+            const Vec3d out(std::cos(angle) * std::cos(up), std::sin(up), std::sin(angle) * std::cos(up));
+            const Vec3d force = ball.tick((i == 0 ? .12 : .097) * out).force;
+            if (i < 10) continue;
+            const double outwards = glm::dot(force, out);
+            EXPECT_GT(outwards, 2.5);
+            EXPECT_LT(glm::length(force - outwards * out), .02 * outwards) << "beside the normal, step " << i;
+            if (i > 10) {
+                EXPECT_LT(glm::length(force - before), .06) << "in a step of .05 mm, " << i;
+            }
+            before = force;
+        }
+    }
+    Touched box("Shape { geometry Box { size 1 1 1 } }");
+    for (int degrees = 10; degrees <= 80; degrees += 10) {
+        const double angle = degrees * 3.14159265358979 / 180;
+        const Vec3d out(std::sin(angle), std::cos(angle), 0);
+        box.go(Vec3d(.5, .5, 0) + .02 * out, Vec3d(.5, .5, 0) - .001 * out, 50);
+        expectWithin(glm::normalize(box.last.force), out, 1e-3);
+        box.go(Vec3d(.5, .5, 0) - .001 * out, Vec3d(.5, .5, 0) + .02 * out, 50);
+    }
+}
+
 TEST(HapticRenderer, ForcesAreBounded) {
     Touched table(kTable);
     table.go({0, .1, 0}, {0, -.3, 0}, 400);

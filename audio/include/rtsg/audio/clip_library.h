@@ -1,9 +1,9 @@
-// ClipLibrary: reads the sounds of AudioClips once, converts them to one sample rate, and plays voices from them.
+// ClipLibrary: reads the sounds of AudioClips once, and plays voices from them.
 //
 // A clip that cannot be read is silent, with a warning. core/resource.h describes which urls may be opened; its policy
-// limits the samples of each clip before conversion, and of all clips together after it. A clip that plays faster than
-// it was recorded loses the content above half the sample rate; more than 16 times as fast, some of that content is
-// aliased.
+// limits the samples of all clips together. Clips keep their own sample rates, so that loops have periods of whole
+// samples; voices read them between samples, across the seams of loops. A clip that has more samples a second than are
+// heard loses the content above half the rate heard; if they are more than 32 times as many, some of it is aliased.
 // Threading: one thread.
 #pragma once
 
@@ -25,8 +25,8 @@ namespace rtsg {
 
 class ClipLibrary {
   public:
-    /// A sound that is complete, or one that arrives while it is heard. It has the library's rate and belongs to one
-    /// library.
+    /// A sound that is complete, or one that arrives while it is heard. The latter has the library's rate and belongs
+    /// to one library.
     using Given = std::variant<std::shared_ptr<const SoundBuffer>, std::shared_ptr<SoundInput>>;
     using GivenSounds = std::map<std::string, Given, std::less<>>;
     /// The sounds that the user gives.
@@ -41,7 +41,7 @@ class ClipLibrary {
     ClipLibrary(int sampleRate, Resources resources, UsersSounds given = {})
         : sampleRate_(sampleRate), resources_(std::move(resources)), given_(std::move(given)) {}
 
-    /// At the library's rate, with its own channels; never null.
+    /// With its own sample rate and channels; never null.
     std::shared_ptr<const SoundBuffer> get(const SoundVoice& voice);
     /// Whether the user has given the sound of this voice. Such a sound begins when it is first heard, whenever its
     /// node began.
@@ -60,7 +60,6 @@ class ClipLibrary {
     Result<SoundBuffer> read(const SoundVoice& voice, const std::string& url);
     const Given* given(const SoundVoice& voice) const;
     std::shared_ptr<const SoundBuffer> heardBy(const SoundVoice& voice);
-    Result<SoundBuffer> converted(const SoundBuffer& sound, std::uint64_t room) const;
     std::shared_ptr<const SoundBuffer> silence();
 
     int sampleRate_;
@@ -90,13 +89,22 @@ class VoicePlayer {
     void playInput(const SoundVoice& voice, double rate, std::int64_t first, std::span<std::vector<float>> out) const;
     /// The part that repeats, in samples: the whole clip unless the voice sets a loop.
     struct Loop {
-        double begin, end;
+        double begin = 0, end = 0;
+        bool operator==(const Loop&) const = default;
     };
-    double lengthOf(const SoundVoice& voice, double rate) const;
-    Loop loopOf(const SoundVoice& voice, double rate) const;
-    double inLoop(const Loop* loop, double at) const;
+    /// What a loop has beyond its ends, frame by frame away from them, as far as voices reach.
+    struct Seam {
+        Loop loop;
+        double length = 0;
+        std::size_t reach = 0;
+        std::vector<float> before, after;
+    };
+    double lengthOf(const SoundVoice& voice) const;
+    Loop loopOf(const SoundVoice& voice) const;
     bool goOn(const Loop* loop, double step, double length);
-    float sampleAt(const Loop* loop, double length, std::size_t channel, double faster) const;
+    void weigh(double faster);
+    void unrollLoop(const Loop& loop, double length, double faster);
+    float sampleAt(const Loop* loop, double length, std::size_t channel) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
     std::shared_ptr<SoundInput> input_;  // instead of a clip
@@ -105,10 +113,13 @@ class VoicePlayer {
     std::vector<std::filesystem::path> folders_;
     Array<float> buffer_;
     std::pair<double, int> format_;  // of the buffer: sample rate and channels
-    double phase_ = 0;               // clip: samples; oscillator: turns
+    double phase_ = 0;               // clip: its samples; oscillator: turns
     double start_ = 0;               // the startTime that it plays from
     bool playing_ = false, finished_ = false;
-    bool repeated_ = false;  // whether the loop has been repeated
+    bool repeated_ = false;       // whether the loop has been repeated
+    std::vector<float> weights_;  // of the samples around the phase
+    std::ptrdiff_t first_ = 0;    // the first of these samples
+    Seam seam_;
 };
 
 }  // namespace rtsg

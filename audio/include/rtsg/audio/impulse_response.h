@@ -3,10 +3,10 @@
 // Pressure 1 is the pressure of the source at 1 m in a free field: direct sound at distance d has amplitude 1 / d, and
 // a band's energy E (see Echogram) becomes a squared pressure of 4 pi E. Arrivals become band-limited impulses at
 // fractional sample times. The rest becomes Gaussian noise, the same in all bands, with the energy of each bin in the
-// mean. Diffracted waves are left out if together they are 40 dB below the total in every octave. Bands are weighted by
-// zero-phase filters that add up to 1, so a signal that is equal in all bands passes unchanged. Filters of high order
-// ring for some milliseconds before an impulse where bands differ.
-// Threading: pure functions.
+// mean; it is the same for the same seed, and channels of one response are uncorrelated. Diffracted waves are left out
+// if together they are 40 dB below the total in every octave. Bands are weighted by zero-phase filters that add up to
+// 1, so a signal that is equal in all bands passes unchanged. Filters of high order ring for some milliseconds before
+// an impulse where bands differ. Threading: pure functions.
 #pragma once
 
 #include <cstdint>
@@ -51,8 +51,16 @@ struct ImpulseResponseOptions {
     /// stereo, with the delay of each ear (Woodworth's sphere). Null: a rigid sphere.
     std::shared_ptr<const Hrtf> hrtf;
     double hrtfSeconds = 0.08;
+    /// Of the noise, which is another for each seed.
     std::uint64_t seed = 1;
+    /// Seeds only choose where it begins in noise that all responses share: for sound that is made anew all the time.
+    bool sharedNoise = false;
+    /// The length of the response, which is cut or filled up with silence; 0: `cutShare` says where it ends.
+    double seconds = 0;
 };
+
+/// A seed for the noise between two points in the world, unlike for other points and other seeds.
+std::uint64_t noiseSeed(std::uint64_t seed, const glm::dvec3& source, const glm::dvec3& listener);
 
 ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options);
 

@@ -74,6 +74,7 @@ struct ListenReport {
     ImpulseResponseOptions::Channels responses = ImpulseResponseOptions::Channels::mono;
     int ambisonicOrder = 1;
     std::shared_ptr<const Hrtf> hrtf;  // of binaural responses at its sample rate
+    std::uint64_t seed = 1;            // of the noise in responses
     std::uint64_t rays = 0;
     double seconds = 0;  // of computation, for figures and sound
     double escaped = 0;  // share of the emitted energy that escaped, mean over bands and sources
@@ -89,8 +90,8 @@ struct ListenReport {
     std::string toJson() const;
     /// Impulse responses with pressure 1 at 1 m, in the order of `sources`, each with the channels of `responses`. For
     /// a source with cones this is the level inside the inner cone; for one with ellipsoids (render.levels x3d) it is
-    /// the level towards the listener.
-    SoundBuffer impulseResponses(int sampleRate = 48000) const;
+    /// the level towards the listener. Their length is `seconds`, or else that of the longest.
+    SoundBuffer impulseResponses(int sampleRate = 48000, double seconds = 0) const;
 };
 
 class SoundRenderer;

@@ -50,8 +50,6 @@ SoundBuffer mixToMono(const SoundBuffer& sound);
 /// Converts to the same or a larger number of channels: mono goes to all of them, other channels keep their numbers
 /// (ISO/IEC 19775-1 V4.0, 16.2).
 SoundBuffer spread(const SoundBuffer& sound, int channels);
-/// Band-limited conversion. Error: the rates differ by a factor of more than 256.
-Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
 /// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: unchanged).
 float normalise(SoundBuffer& sound, float limit = 0.891251f /* -1 dB */);
 

@@ -79,7 +79,7 @@ class SoundFeed {
     void put(std::span<const float> samples);
 
     SoundInput& input_;
-    void* converter_ = nullptr;  // libsamplerate's, which holds back less than libsoxr does
+    void* converter_ = nullptr;  // libsamplerate's
     double ratio_ = 1;
     std::vector<float> converted_;
 };

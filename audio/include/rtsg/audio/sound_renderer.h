@@ -73,7 +73,7 @@ class SoundRenderer final : public WorldRenderer {
     Result<RoomMap> map(double height, double step);
     /// Impulse responses for the pairs of a survey() in the present state, with the channels that the options ask for.
     /// They equal those of impulseResponses() for the same listener and source.
-    RoomResponses responses(const RoomReport& report, int sampleRate = 48000);
+    RoomResponses responses(const RoomReport& report, int sampleRate = 48000, double seconds = 0);
     /// The report so far, with its sound scaled so that it does not clip. Ends the sound. Diagnostics are about sound
     /// only.
     ListenReport finish();
