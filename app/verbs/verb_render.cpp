@@ -127,6 +127,7 @@ class PictureMaker {
 /// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const Content& content, const std::optional<Flattener::Cuts>& cuts) {
+    if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
     if (options.json) {
         std::string more;
         if (settings.error > 0)
