@@ -214,7 +214,7 @@ TEST(Adaptive, EdgesOfWhittedsMethodToo) {
         const Picture truth = s.picture();
         s.options.settings.error = 0.02f;
         const Picture p = s.picture();
-        EXPECT_LT(s.stats.samples, 1100);
+        EXPECT_LT(s.stats.samples, s.options.settings.samplesPerPixel);
         EXPECT_EQ(s.stats.unreached, 0);
         double squares = 0;
         for (std::size_t i = 0; i < p.pixels.size(); ++i) {
