@@ -17,6 +17,7 @@
 
 #include "extensions.h"
 #include "say.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 

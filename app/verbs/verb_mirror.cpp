@@ -24,9 +24,11 @@
 #include "cli.h"
 #include "extensions.h"
 #include "nats.h"
+#include "output_arguments.h"
 #include "request_arguments.h"
 #include "say.h"
 #include "service_manager.h"
+#include "viewer_arguments.h"
 
 namespace rtsg::app {
 

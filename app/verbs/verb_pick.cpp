@@ -11,6 +11,11 @@
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/running_scene.h>
 
+#include "cli.h"
+#include "command.h"
+#include "output_arguments.h"
+#include "start_time.h"
+
 namespace rtsg::app {
 
 namespace {

@@ -9,9 +9,12 @@
 #include <rtsg/session/output_maker.h>
 #include <rtsg/session/running_scene.h>
 
+#include "cli.h"
 #include "extensions.h"
 #include "files.h"
+#include "output_arguments.h"
 #include "say.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 

@@ -28,6 +28,7 @@
 #include "say.h"
 #include "serve_log.h"
 #include "service_manager.h"
+#include "start_time.h"
 #include "web.h"
 
 namespace rtsg::app {

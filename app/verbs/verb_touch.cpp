@@ -14,9 +14,11 @@
 #include <rtsg/session/running_scene.h>
 #include <rtsg/sync/log_recorder.h>
 
+#include "cli.h"
 #include "files.h"
 #include "hand.h"
 #include "say.h"
+#include "start_time.h"
 #include "touch_plot.h"
 
 namespace rtsg::app {

@@ -18,9 +18,12 @@
 #include <rtsg/session/view_source.h>
 #include <rtsg/window/scene_window.h>
 
+#include "cli.h"
 #include "extensions.h"
 #include "hand.h"
+#include "output_arguments.h"
 #include "say.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 
