@@ -7,7 +7,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     const std::string_view packed(reinterpret_cast<const char*>(data), size);
     constexpr std::size_t limit = 1 << 20;
-    const auto feed = rtsg::detail::TextFeed::ofPacked(packed, limit);
+    const auto feed = rtsg::detail::TextFeed::ofMemory(packed, limit);
     const rtsg::Diagnostics none;
     rtsg::fuzz::require(feed.has_value(), "no addresses", "", none);
     (*feed)->fill();
