@@ -70,7 +70,7 @@ LogOptions logOptions(const RecordArguments& options) {
     if (result.mode.mode == Mode::lossy) result.mode.maxError = options.error;
     result.inputs = options.inputs;
     options.keyframes.setIn(result);
-    options.rotate.setIn(result, true);
+    options.rotate.setIn(result);
     result.existing = existing(options.force);
     return result;
 }
@@ -133,6 +133,7 @@ int recordFile(const RecordArguments& options) {
 }
 
 int record(RecordArguments options) {
+    options.rotate.check(options.out);
     auto stored = StoredLog::start("-o", options.out, options.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
     if (!stored) return printError(stored.error()), kBad;
     return stored->finish(recordFile(options));

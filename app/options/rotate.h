@@ -10,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/nats/nats_address.h>
 #include <rtsg/sync/log.h>
 
 #include "cli.h"
@@ -31,10 +32,15 @@ struct RotateArguments {
                           "keep only the newest files, so that this share of the disk stays free, such as 5%; with "
                           "--rotate or --keep");
     }
+    /// Throws UsageError unless a log of that name can be divided; empty: there is none.
+    void check(const std::string& log) const {
+        if (!wanted()) return;
+        const char* const option = rotate.empty() ? "--keep" : "--rotate";
+        if (log.empty()) throw UsageError(option, "needs --record: there is no log");
+        if (isNatsAddress(log)) throw UsageError(option, "a log at a NATS server cannot be divided into pieces");
+    }
     /// Throws UsageError.
-    void setIn(LogOptions& options, bool writes) const {
-        if (!rotate.empty() && !writes) throw UsageError("--rotate", "needs --record: there is no log");
-        if (!keep.empty() && !writes) throw UsageError("--keep", "needs --record: there is no log");
+    void setIn(LogOptions& options) const {
         const std::optional<double> most = keep.empty() ? std::nullopt : bytesIn("--keep", keep);
         if (!keep.empty() && !most && rotate.empty())
             throw UsageError("--keep", "a time needs --rotate: whole files are let go");

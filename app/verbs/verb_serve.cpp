@@ -297,7 +297,7 @@ int Session::startLog() {
     if (resumed_) logOptions.sessionStart = resumed_->start;
     logOptions.epoch = lossy_ ? 0 : server_->epoch();
     options_.keyframes.setIn(logOptions);
-    options_.rotate.setIn(logOptions, true);
+    options_.rotate.setIn(logOptions);
     if (lossy_) {
         auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
         if (!created) return printError(created.error()), kBad;
@@ -491,11 +491,9 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
     options.resources.inBackground = true;
     checkResume(options);
+    options.rotate.check(options.record.empty() ? options.resume : options.record);
     LogOptions ignored;
-    options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
-    const bool rotates = ignored.rotateBytes > 0 || ignored.rotateSeconds > 0;
-    if (rotates && (isNatsAddress(options.record) || isNatsAddress(options.resume)))
-        throw UsageError("--rotate", "a log at a NATS server cannot be divided into pieces");
+    options.rotate.setIn(ignored);  // throws before anything runs
     auto resumed = StoredLog::start("--resume", options.resume, NatsLog::Begin::goOn);
     if (!resumed) return printError(resumed.error()), kBad;
     auto recorded =

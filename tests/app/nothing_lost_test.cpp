@@ -328,6 +328,20 @@ TEST_F(NothingIsLost, PicturesThatCannotBeWrittenAreMissing) {
     EXPECT_EQ(json::parse(lastLine(outcome.out)).at("pictures"), 0);
 }
 
+/// A NATS server takes one log; of several pieces it would store one.
+TEST_F(NothingIsLost, ALogAtANatsServerIsNotDivided) {
+    const std::string stored = "nats://127.0.0.1:1/log";
+    for (const auto& [option, value] : {std::pair{"--rotate", "1s"}, std::pair{"--keep", "1GB"}})
+        for (std::vector<std::string> verb : std::vector<std::vector<std::string>>{
+                 {"record", file, "-o", stored}, {"serve", file, "--record", stored}, {"serve", "--resume", stored}}) {
+            verb.insert(verb.end(), {"--for", "1s", option, value});
+            const Outcome outcome = rtsg(verb);
+            EXPECT_EQ(outcome.status, 2) << verb[0] << ' ' << option;
+            EXPECT_THAT(outcome.err, HasSubstr(std::string(option)));
+            EXPECT_THAT(outcome.err, HasSubstr("a log at a NATS server cannot be divided into pieces"));
+        }
+}
+
 /// The file of the log's name is still the piece before.
 TEST_F(NothingIsLost, APieceThatCannotBeBegunLeavesTheOneBeforeAndSaysHowMuchThatHolds) {
     const std::string longest = folder / (std::string(248, 'x') + ".rlog");  // with a number it would be too long
