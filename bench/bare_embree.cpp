@@ -34,9 +34,9 @@ struct Triangles {
     std::vector<Vec3f> points;
     std::vector<std::uint32_t> indices;
 
-    void add(const Mesh& mesh, const glm::mat4x3& place) {
+    void add(const Mesh& mesh, const glm::mat4x3& worldFromLocal) {
         const auto base = static_cast<std::uint32_t>(points.size());
-        for (const Vec3f& p : mesh.positions) points.push_back(place * glm::vec4(p, 1));
+        for (const Vec3f& p : mesh.positions) points.push_back(worldFromLocal * glm::vec4(p, 1));
         for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
             for (std::uint32_t c = 0; c < 3; ++c) indices.push_back(base + mesh.vertexIndex(t, c));
     }
@@ -183,15 +183,15 @@ std::size_t FlatScene::triangles() const {
     return impl_->triangles.indices.size() / 3;
 }
 
-MetPlace::MetPlace(const RayWorld& world, const RayPacket16& rays, int lane) {
+MetPosition::MetPosition(const RayWorld& world, const RayPacket16& rays, int lane) {
     constexpr float kOff = 1e-4f;  // m
     const Hit hit = world.hit(rays, lane);
     const Ray ray = rays.ray(lane);
     normal = glm::dot(hit.normal, ray.direction) < 0 ? hit.normal : -hit.normal;
-    place = ray.origin + hit.t * ray.direction + kOff * normal;
+    position = ray.origin + hit.t * ray.direction + kOff * normal;
 }
 
-double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any) {
+double minPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any) {
     std::vector<AskedRay> single;
     for (const AskedPacket& p : packets)
         for (int lane = 0; lane < 16; ++lane)
@@ -203,12 +203,12 @@ double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets,
         together.push_back(scene.trace(packets, false, any));
         if (!any) coherent.push_back(scene.trace(packets, true, any));
     }
-    double least = std::min(median(alone), median(together));
-    if (!any) least = std::min(least, median(coherent));
-    return least / static_cast<double>(single.size());
+    double minimum = std::min(median(alone), median(together));
+    if (!any) minimum = std::min(minimum, median(coherent));
+    return minimum / static_cast<double>(single.size());
 }
 
-struct LeastUpdate::Impl {
+struct SmallestUpdate::Impl {
     struct Moving {
         RTCGeometry geometry = nullptr;  // the top scene's
         RTCScene scene = nullptr;
@@ -234,7 +234,7 @@ struct LeastUpdate::Impl {
         scenes.push_back(scene);
         return scene;
     }
-    RTCGeometry place(RTCScene scene, const glm::mat4x3& transform) {
+    RTCGeometry attachMoving(RTCScene scene, const glm::mat4x3& transform) {
         RTCGeometry instance = rtcNewGeometry(device.device, RTC_GEOMETRY_TYPE_INSTANCE);
         rtcSetGeometryInstancedScene(instance, scene);
         rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &transform);
@@ -244,7 +244,7 @@ struct LeastUpdate::Impl {
     }
 };
 
-LeastUpdate::LeastUpdate(const RayWorld& world, const InstanceDelta& delta) : impl_(std::make_unique<Impl>()) {
+SmallestUpdate::SmallestUpdate(const RayWorld& world, const InstanceDelta& delta) : impl_(std::make_unique<Impl>()) {
     Impl& i = *impl_;
     i.top = rtcNewScene(i.device.device);
     std::unordered_set<std::uint32_t> moved, deformed;
@@ -265,23 +265,23 @@ LeastUpdate::LeastUpdate(const RayWorld& world, const InstanceDelta& delta) : im
             Triangles& mesh = i.meshes.emplace_back();
             mesh.add(*instance.mesh, glm::mat4x3(1));
             const RTCScene scene = i.sceneOf(mesh.geometry(i.device.device, RTC_BUILD_QUALITY_MEDIUM), false);
-            i.moving[instance.info.id.slot] = {i.place(scene, instance.rayFromLocal), scene};
+            i.moving[instance.info.id.slot] = {i.attachMoving(scene, instance.rayFromLocal), scene};
         } else {
             rest.add(*instance.mesh, instance.rayFromLocal);
         }
     }
     if (i.deforming.empty()) {
         if (!rest.indices.empty())
-            i.place(i.sceneOf(rest.geometry(i.device.device, RTC_BUILD_QUALITY_MEDIUM), false), glm::mat4x3(1));
+            i.attachMoving(i.sceneOf(rest.geometry(i.device.device, RTC_BUILD_QUALITY_MEDIUM), false), glm::mat4x3(1));
         rtcCommitScene(i.top);
     }
 }
-LeastUpdate::~LeastUpdate() {
+SmallestUpdate::~SmallestUpdate() {
     rtcReleaseScene(impl_->top);
     for (RTCScene scene : impl_->scenes) rtcReleaseScene(scene);
 }
 
-double LeastUpdate::follow(const RayWorld& world, const InstanceDelta& delta) {
+double SmallestUpdate::follow(const RayWorld& world, const InstanceDelta& delta) {
     Impl& i = *impl_;
     const double start = threadSeconds();
     for (const InstanceDelta::Moved& m : delta.moved) {

@@ -59,24 +59,24 @@ class FlatScene {
 };
 
 /// Where a lane of a packet has met something: a little off it, on the side that the ray came from.
-struct MetPlace {
-    Vec3f place{0}, normal{0};
-    MetPlace(const RayWorld& world, const RayPacket16& rays, int lane);
+struct MetPosition {
+    Vec3f position{0}, normal{0};
+    MetPosition(const RayWorld& world, const RayPacket16& rays, int lane);
 };
 
 /// CPU seconds a ray at best: single or in packets, and of those that ask for the closest hit with Embree's hint that
 /// they run side by side or without. 0: there is none.
-double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any);
+double minPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any);
 
 /// The least that can follow a frame: one Embree instance for each thing that moves, the rest in one; and the deforming
 /// meshes alone, refitted.
-class LeastUpdate {
+class SmallestUpdate {
   public:
     /// `delta`: what a typical frame moves and deforms.
-    LeastUpdate(const RayWorld& world, const InstanceDelta& delta);
-    ~LeastUpdate();
-    LeastUpdate(const LeastUpdate&) = delete;
-    LeastUpdate& operator=(const LeastUpdate&) = delete;
+    SmallestUpdate(const RayWorld& world, const InstanceDelta& delta);
+    ~SmallestUpdate();
+    SmallestUpdate(const SmallestUpdate&) = delete;
+    SmallestUpdate& operator=(const SmallestUpdate&) = delete;
 
     /// CPU seconds to set the transforms, to hand over the points, and to commit.
     double follow(const RayWorld& world, const InstanceDelta& delta);

@@ -41,8 +41,8 @@ struct Stage {
     /// CPU seconds. `inSeries`: what cannot have changed is taken from the one before.
     double picture(bool inSeries = false) {
         const double start = cpuSeconds();
-        const auto made = inSeries ? light->nextPicture(options, &stats) : light->picture(options, &stats);
-        if (made) keep(made->pixels.data());
+        const auto created = inSeries ? light->nextPicture(options, &stats) : light->picture(options, &stats);
+        if (created) keep(created->pixels.data());
         return cpuSeconds() - start;
     }
 };
@@ -53,12 +53,12 @@ std::string room() {
         "Viewpoint { position 0 0 8 } NavigationInfo { headlight FALSE } PointLight { location 0 3 4 }\n"
         "Shape { appearance Appearance { material Material { } } geometry Box { size 18 8 26 solid FALSE } }\n";
     std::mt19937 random(7);
-    std::uniform_real_distribution<double> place(-6, 6);
+    std::uniform_real_distribution<double> coordinate(-6, 6);
     for (int i = 0; i < 60; ++i)
         text += fmt::format(
             "Transform {{ translation {} {} {} children Shape {{ appearance Appearance {{ material Material "
             "{{ specularColor .5 .5 .5 }} }} geometry Sphere {{ radius .7 }} }} }}\n",
-            place(random), .4 * place(random), place(random) - 6);
+            coordinate(random), .4 * coordinate(random), coordinate(random) - 6);
     return text;
 }
 
@@ -176,14 +176,14 @@ void text(const Report& report, bool quick) {
 /// `corner(random)` makes the text of one thing's corners; all are of one node.
 std::string many(int count, const char* head, const char* index, int corners, float size) {
     std::mt19937 random(5);
-    std::uniform_real_distribution<float> place(-4, 4), step(-size, size);
+    std::uniform_real_distribution<float> coordinate(-4, 4), step(-size, size);
     std::string text =
         "Viewpoint { position 0 0 10 } Shape { appearance Appearance { material UnlitMaterial { } } geometry ";
     text += head;
     std::string points;
     std::string indices;
     for (int i = 0; i < count; ++i) {
-        const Vec3f at(place(random), place(random), place(random));
+        const Vec3f at(coordinate(random), coordinate(random), coordinate(random));
         for (int k = 0; k < corners; ++k) {
             const Vec3f p = k == 0 ? at : at + Vec3f(step(random), step(random), step(random));
             points += fmt::format("{} {} {},", p.x, p.y, p.z);
@@ -253,12 +253,12 @@ void strokes(const Report& report, bool quick) {
                 .5 * reference});
     StrokeParams params;
     std::mt19937 random(5);
-    std::uniform_real_distribution<float> place(-4, 4);
+    std::uniform_real_distribution<float> coordinate(-4, 4);
     params.coord = Array<Vec3f>::ofSize(2 * static_cast<std::size_t>(count));
     Vec3f* out = params.coord.mutableData();
     for (int i = 0; i < count; ++i) {
-        const Vec3f at(place(random), place(random), place(random));
-        *out++ = at, *out++ = at + .01f * Vec3f(place(random), place(random), place(random));
+        const Vec3f at(coordinate(random), coordinate(random), coordinate(random));
+        *out++ = at, *out++ = at + .01f * Vec3f(coordinate(random), coordinate(random), coordinate(random));
         params.vertexCount.push_back(2);
     }
     const Mesh mesh = tessellate(params);
@@ -326,9 +326,9 @@ void cuts(const Report& report, bool quick) {
 }
 
 /// The flight of a cone of particles and nothing else: no scene, no lives, no colours.
-double bareFlight(std::size_t count, double now, std::vector<Vec3f>& places) {
+double bareFlight(std::size_t count, double now, std::vector<Vec3f>& positions) {
     const double start = cpuSeconds();
-    places.resize(count);
+    positions.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
         std::uint64_t state = i * 0x9E3779B97F4A7C15ull;
         const auto draw = [&] {
@@ -338,12 +338,12 @@ double bareFlight(std::size_t count, double now, std::vector<Vec3f>& places) {
             return static_cast<double>((x ^ x >> 31) >> 11) * 0x1p-53;
         };
         const double age = std::fmod(now + draw() * 5, 5.0), speed = 3 * (.75 + .5 * draw());
-        const double along = 1 - .3 * draw(), turn = 6.283185307179586 * draw();
+        const double along = 1 - .3 * draw(), angle = 6.283185307179586 * draw();
         const double across = std::sqrt(1 - along * along);
-        const Vec3d v = Vec3d(across * std::cos(turn), along, across * std::sin(turn)) * speed;
-        places[i] = Vec3f(v * age + Vec3d(0, -9.8, 0) * (.5 * age * age));
+        const Vec3d v = Vec3d(across * std::cos(angle), along, across * std::sin(angle)) * speed;
+        positions[i] = Vec3f(v * age + Vec3d(0, -9.8, 0) * (.5 * age * age));
     }
-    keep(places.data());
+    keep(positions.data());
     return cpuSeconds() - start;
 }
 
@@ -357,7 +357,7 @@ void particles(const Report& report, bool quick) {
                                count),
                    diagnostics);
     std::vector<double> events, points, trees, bare;
-    std::vector<Vec3f> places;
+    std::vector<Vec3f> positions;
     Tessellator tessellator;
     RayWorld world;
     InstanceDelta delta;
@@ -377,7 +377,7 @@ void particles(const Report& report, bool quick) {
         world.apply(delta);
         trees.push_back(cpuSeconds() - start);
         delta.clear();
-        bare.push_back(bareFlight(count, time, places));
+        bare.push_back(bareFlight(count, time, positions));
     }
     const std::string name = fmt::format("{} particles, a frame", count);
     const double loop = median(bare) * 1e3;

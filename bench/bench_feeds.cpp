@@ -21,8 +21,8 @@
 #include <rtsg/renderers/world_queries.h>
 
 #include "bench.h"
+#include "sockets/endpoint.h"
 #include "sockets/mqtt.h"
-#include "sockets/place.h"
 #include "support/mosquitto.h"
 
 namespace rtsg::bench {
@@ -75,8 +75,8 @@ class LineReader {
 };
 
 feeds::Descriptor connectedTo(const std::string& text) {
-    const auto place = feeds::Place::parse(text);
-    const auto at = place ? feeds::findAddress(*place) : Result<feeds::SocketAddress>(fail(""));
+    const auto endpoint = feeds::Endpoint::parse(text);
+    const auto at = endpoint ? feeds::findAddress(*endpoint) : Result<feeds::SocketAddress>(fail(""));
     feeds::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (at) (void)::connect(socket.get(), at->get(), at->length);
     return socket;
@@ -155,16 +155,16 @@ std::vector<double> alone(int count, const Arrivals& arrivals, const std::functi
     return seconds;
 }
 
-double shareOf(const std::vector<double>& sorted, double q) {
+double fractionOf(const std::vector<double>& sorted, double q) {
     return sorted.empty() ? 0 : sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1))];
 }
 
-void sayClicks(const Report& report, const char* way, const std::vector<double>& ours, const char* baseline,
+void sayClicks(const Report& report, const char* variant, const std::vector<double>& ours, const char* baseline,
                const std::vector<double>& bare) {
-    const std::string name = fmt::format("a click, {}", way);
+    const std::string name = fmt::format("a click, {}", variant);
     for (const auto& [metric, q] :
          {std::pair("to the user's code, median", .5), std::pair("to the user's code, p99", .99)})
-        report({"feeds", name, metric, "ms", 1e3 * shareOf(ours, q), baseline, 1e3 * shareOf(bare, q), "", 0});
+        report({"feeds", name, metric, "ms", 1e3 * fractionOf(ours, q), baseline, 1e3 * fractionOf(bare, q), "", 0});
 }
 
 std::vector<double> calledBack(int count) {
@@ -187,17 +187,17 @@ bool byBroker(const Report& report, int count) {
         feeds::MqttSettings settings;
         settings.note = [](const std::string&) {};
         settings.take = [&into](std::string_view) { into.note("\n"); };
-        return feeds::startMqtt(*feeds::Place::parse(broker.place(topic)), std::move(settings));
+        return feeds::startMqtt(*feeds::Endpoint::parse(broker.endpoint(topic)), std::move(settings));
     };
     const auto reader = heard(ours, "ours"), other = heard(bare, "bare");
     feeds::MqttSettings settings;
     settings.note = [](const std::string&) {};
-    const auto sender = feeds::startMqtt(*feeds::Place::parse(broker.place("bare")), std::move(settings));
+    const auto sender = feeds::startMqtt(*feeds::Endpoint::parse(broker.endpoint("bare")), std::move(settings));
     if (!reader || !other || !sender) {
         fmt::print(stderr, "not measured: {}\n", (!reader ? reader : !other ? other : sender).error().format());
         return true;
     }
-    const auto clicked = published(count, broker.place("ours"), ours);
+    const auto clicked = published(count, broker.endpoint("ours"), ours);
     const auto sent = alone(count, bare, [&](const std::string& line) { (void)(*sender)->publish(line); });
     sayClicks(report, "a message by MQTT", clicked, "the broker alone", sent);
     return !clicked.empty() && !sent.empty();
@@ -210,10 +210,10 @@ bool feedsLatency(const Report& report, bool quick) {
     const auto called = calledBack(count);
     Arrivals ours, bare;
     const auto clicked = published(count, "tcp://127.0.0.1:0", ours);
-    feeds::Place place = *feeds::Place::parse("tcp://127.0.0.1:0");
-    const auto listener = feeds::listenAt(place, false);
+    feeds::Endpoint endpoint = *feeds::Endpoint::parse("tcp://127.0.0.1:0");
+    const auto listener = feeds::listenAt(endpoint, false);
     if (!listener) return false;
-    const LineReader reader(connectedTo(place.text), bare);
+    const LineReader reader(connectedTo(endpoint.text), bare);
     const feeds::Descriptor socket(::accept4(listener->get(), nullptr, nullptr, SOCK_CLOEXEC));
     const auto sent = alone(count, bare, [&](const std::string& line) {
         (void)::send(socket.get(), line.data(), line.size(), MSG_NOSIGNAL);

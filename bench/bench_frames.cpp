@@ -34,7 +34,7 @@ struct Folder {
 };
 
 struct Samples {
-    std::vector<double> sceneWork, flatten, traversal, fullUpdate, least;
+    std::vector<double> sceneWork, flatten, traversal, fullUpdate, minimum;
     std::array<std::vector<double>, 3> update;
 };
 
@@ -84,7 +84,7 @@ class Measurement {
 
   private:
     double newFrame();
-    void follow(Contest& contest, std::size_t mapping, int frames, LeastUpdate* least, Samples& out);
+    void follow(Contest& contest, std::size_t mapping, int frames, SmallestUpdate* minimum, Samples& out);
     Result<> traverse(Contest& contest, int frames, Samples& out);
     void trace(const Contest& contest);
 
@@ -170,7 +170,7 @@ double Measurement::newFrame() {
     return threadSeconds() - start - cpuClockSeconds();
 }
 
-void Measurement::follow(Contest& contest, std::size_t mapping, int frames, LeastUpdate* least, Samples& out) {
+void Measurement::follow(Contest& contest, std::size_t mapping, int frames, SmallestUpdate* minimum, Samples& out) {
     SharedWorld& world = *contest.worlds[mapping];
     contest.poll(mapping);  // what went by while others were measured
     for (int i = 0; i < frames; ++i) {
@@ -180,7 +180,7 @@ void Measurement::follow(Contest& contest, std::size_t mapping, int frames, Leas
         if (mapping == 0)
             out.flatten.push_back(changed ? std::max(0., world.times().flattening - cpuClockSeconds()) : 0);
         out.update[mapping].push_back(changed ? std::max(0., world.times().rays - cpuClockSeconds()) : 0);
-        if (changed && least) out.least.push_back(least->follow(world.rays(), world.delta()));
+        if (changed && minimum) out.minimum.push_back(minimum->follow(world.rays(), world.delta()));
     }
 }
 
@@ -190,8 +190,8 @@ Result<> Measurement::traverse(Contest& contest, int frames, Samples& out) {
         const double start = threadSeconds(), wall = wallSeconds();
         if (auto ok = contest.full.renderFrame(); !ok) return ok;
         const double all = threadSeconds() - start;
-        const double share = contest.full.stats().traverseSeconds / std::max(1e-9, wallSeconds() - wall);
-        out.traversal.push_back(all * std::min(1.0, share));
+        const double fraction = contest.full.stats().traverseSeconds / std::max(1e-9, wallSeconds() - wall);
+        out.traversal.push_back(all * std::min(1.0, fraction));
         out.fullUpdate.push_back(all);
     }
     return {};
@@ -228,7 +228,7 @@ void Measurement::trace(const Contest& contest) {
     const auto whole = contest.tracer.camera(first, static_cast<double>(kFrameWidth) / kFrameHeight);
     if (!whole) return;
     const FrameRays frame(first, *whole, kFrameWidth, kFrameHeight, lampsOf(*scene_));
-    figures_.bareFrame = frame.leastSeconds(first, frameRays_) / cores_;
+    figures_.bareFrame = frame.minSeconds(first, frameRays_) / cores_;
     figures_.flatTrace = median(bare);
     figures_.flatBuild = flat->buildSeconds();
     figures_.flatBytes = static_cast<double>(flat->bvhBytes());
@@ -250,9 +250,9 @@ Result<> Measurement::frames() {
                                 figures_.memory[0].instancedTriangles));
     figures_.uniqueTriangles = figures_.memory[0].triangles;
     figures_.instances = figures_.memory[0].instances;
-    std::unique_ptr<LeastUpdate> least;
+    std::unique_ptr<SmallestUpdate> minimum;
     if ((figures_.moved > 0 || figures_.deformed > 0) && figures_.triangles <= options_.flatTriangles)
-        least = std::make_unique<LeastUpdate>(contest.world(0), delta);
+        minimum = std::make_unique<SmallestUpdate>(contest.world(0), delta);
     // In turn, a few frames each, as frames follow each other in use; who takes long gets few.
     Samples samples;
     const double start = cpuSeconds();
@@ -260,19 +260,19 @@ Result<> Measurement::frames() {
         for (std::size_t i = 0; i < 3; ++i) {
             if (!contest.worlds[i]) continue;
             const bool slow = median(samples.update[i]) > options_.budget / 200;
-            if (round == 0 || !slow) follow(contest, i, round == 0 ? 2 : 10, i == 0 ? least.get() : nullptr, samples);
+            if (round == 0 || !slow) follow(contest, i, round == 0 ? 2 : 10, i == 0 ? minimum.get() : nullptr, samples);
         }
         const bool slow = median(samples.traversal) > options_.budget / 200;
         if (auto ok = traverse(contest, slow || round == 0 ? 1 : 5, samples); !ok) return ok;
     }
     contest.catchUp();
-    least.reset();
+    minimum.reset();
     trace(contest);
     figures_.sceneWork = median(samples.sceneWork);
     figures_.flatten = median(samples.flatten);
     figures_.fullTraversal = median(samples.traversal);
     figures_.fullUpdate = median(samples.fullUpdate);
-    figures_.leastUpdate = median(samples.least);
+    figures_.smallestUpdate = median(samples.minimum);
     for (std::size_t i = 0; i < 3; ++i) figures_.update[i] = median(samples.update[i]);
     return {};
 }
@@ -302,11 +302,11 @@ void reportFrames(const FrameFigures& f, const Report& report) {
     line("flattener, per frame", "us", f.flatten * 1e6, "full traversal", f.fullTraversal * 1e6);
     for (std::size_t i = 0; i < 3; ++i) {
         if (f.trace[i] == 0) continue;  // merged, where that is too large
-        line(
-            fmt::format("RayWorld's update, {}", kMappingNames[i]), "us", f.update[i] * 1e6,
-            "full traversal and its update", f.fullUpdate * 1e6,
-            f.leastUpdate > 0 ? (f.deformed > 0 ? "bare refit" : "bare rtcCommitScene of what moves and the rest") : "",
-            f.leastUpdate * 1e6);
+        line(fmt::format("RayWorld's update, {}", kMappingNames[i]), "us", f.update[i] * 1e6,
+             "full traversal and its update", f.fullUpdate * 1e6,
+             f.smallestUpdate > 0 ? (f.deformed > 0 ? "bare refit" : "bare rtcCommitScene of what moves and the rest")
+                                  : "",
+             f.smallestUpdate * 1e6);
         line(fmt::format("primary rays, {}", kMappingNames[i]), "ms", f.trace[i] * 1e3, "", 0,
              flat ? "rtcIntersect16, one flat scene" : "", f.flatTrace * 1e3);
         line(fmt::format("rays that hit otherwise, {}", kMappingNames[i]), "ppm", f.differing[i] * 1e6);
@@ -373,7 +373,7 @@ bool frames(const FrameOptions& options, const Report& report) {
         }
         reportFrames(*figures, report);
         // A few rays graze edges, where rounding decides.
-        for (const double share : figures->differing) good = good && share < 1e-3;
+        for (const double fraction : figures->differing) good = good && fraction < 1e-3;
     }
     return good;
 }

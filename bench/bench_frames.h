@@ -36,7 +36,7 @@ struct FrameFigures {
     std::uint64_t triangles = 0, uniqueTriangles = 0, nodes = 0, instances = 0, moved = 0, deformed = 0;
     std::size_t errors = 0;  // diagnostics of loading
     double fileBytes = 0, load = 0, loadLimit = 0, firstPicture = 0, flatBuild = 0;
-    double sceneWork = 0, flatten = 0, fullTraversal = 0, fullUpdate = 0, leastUpdate = 0;
+    double sceneWork = 0, flatten = 0, fullTraversal = 0, fullUpdate = 0, smallestUpdate = 0;
     std::array<double, 3> update{}, trace{},
         differing{};  // by kMappings; share of rays that hit otherwise than in flat
     double flatTrace = 0, picture = 0;

@@ -16,14 +16,14 @@ namespace rtsg::bench {
 
 namespace {
 
-Instance sphereAt(std::uint32_t slot, Vec3d place, double radius, bool moving) {
+Instance sphereAt(std::uint32_t slot, Vec3d position, double radius, bool moving) {
     Instance instance;
     instance.id = {slot, 1};
     instance.shape = NodeId{slot + 10};
     instance.geometry = NodeId{moving ? 1u : 2u};
     instance.motion = moving ? rtsg::Motion::moving : rtsg::Motion::unknown;
     for (int i = 0; i < 3; ++i) instance.worldFromLocal[i][i] = radius;
-    instance.worldFromLocal[3] = place;
+    instance.worldFromLocal[3] = position;
     return instance;
 }
 

@@ -74,7 +74,7 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     auto server = MirrorServer::start(origin.scene, kAnyPort, options);
     if (!server) return {};
     std::unique_ptr<NatsPublisher> publisher;
-    std::vector<std::unique_ptr<NatsSubscriber>> ways;
+    std::vector<std::unique_ptr<NatsSubscriber>> clients;
     if (nats) {
         NatsPublisherOptions to;
         to.address = nats->address();
@@ -87,10 +87,10 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
     for (int i = 0; i < peers; ++i) {
         std::string endpoint = (*server)->endpoint();
         if (nats) {
-            auto way = NatsSubscriber::start(nats->address(), 5s);
-            if (!way) return {};
-            endpoint = (*way)->endpoint();
-            ways.push_back(std::move(*way));
+            auto variant = NatsSubscriber::start(nats->address(), 5s);
+            if (!variant) return {};
+            endpoint = (*variant)->endpoint();
+            clients.push_back(std::move(*variant));
         }
         all.push_back(std::make_unique<Follower>(endpoint));
     }
@@ -108,11 +108,11 @@ Deliveries mirrored(int peers, int frames, const test::NatsServer* nats) {
             before = spent();
             bytes = publisher ? publisher->statistics().bytes : (*server)->statistics().bytes;
         }
-        const std::int64_t made = std::chrono::steady_clock::now().time_since_epoch().count();
+        const std::int64_t created = std::chrono::steady_clock::now().time_since_epoch().count();
         origin.frame(i);
         if (!arrived()) return {};
         for (const auto& f : all)
-            if (counts) result.seconds.push_back(static_cast<double>(f->reachedAt() - made) * 1e-9);
+            if (counts) result.seconds.push_back(static_cast<double>(f->reachedAt() - created) * 1e-9);
     }
     result.cpuSeconds = (spent() - before) / frames / peers;
     const std::uint64_t after = publisher ? publisher->statistics().bytes : (*server)->statistics().bytes;
@@ -181,18 +181,18 @@ Delays bareNats(std::size_t size, int peers, int messages, const test::NatsServe
             std::this_thread::sleep_for(500ms);
             before = spent();
         }
-        const std::int64_t made = std::chrono::steady_clock::now().time_since_epoch().count();
+        const std::int64_t created = std::chrono::steady_clock::now().time_since_epoch().count();
         if (!(*publisher)->publish("bare", "", payload).empty()) return {};
         if (!waitForEach(all, [&](const BareSubscription& s) { return s.received() >= i; })) return {};
         for (const auto& s : all)
-            if (i > kUnmeasured) result.seconds.push_back(static_cast<double>(s->receivedAt() - made) * 1e-9);
+            if (i > kUnmeasured) result.seconds.push_back(static_cast<double>(s->receivedAt() - created) * 1e-9);
     }
     result.cpuSeconds = (spent() - before) / messages / peers;
     std::ranges::sort(result.seconds);
     return result;
 }
 
-double atShare(const std::vector<double>& sorted, double q) {
+double atFraction(const std::vector<double>& sorted, double q) {
     return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1))];
 }
 
@@ -220,8 +220,8 @@ bool natsCrowd(const SyncSizes& sizes, const Report& report) {
                 "", 0});
         for (const auto& [which, q] :
              {std::pair("a frame's delay, median", .5), std::pair("a frame's delay, p99", .99)})
-            report({"sync", text, which, "ms", 1e3 * atShare(ours.seconds, q), baseline,
-                    1e3 * atShare(alone.seconds, q), "", 0});
+            report({"sync", text, which, "ms", 1e3 * atFraction(ours.seconds, q), baseline,
+                    1e3 * atFraction(alone.seconds, q), "", 0});
     };
     say("by NATS", over, "bare NATS, same bytes", bare);
     say("by ZeroMQ", direct, "bare PUB, same bytes", socket);

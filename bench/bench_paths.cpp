@@ -34,14 +34,14 @@ struct Known {
 };
 
 /// The picture of a room sampled until `error` or `most` samples a pixel.
-Known picture(int lamps, bool mirrors, int side, double error, int most, bool seen = true) {
+Known picture(int lamps, bool mirrors, int side, double error, int maximum, bool seen = true) {
     Scene scene;
     Diagnostics diagnostics;
     loadText(scene, panelRoom(lamps, mirrors, seen), diagnostics);
     SharedWorld world(scene);
     LightRenderer light(world);
     scene.newFrame(0);
-    const ImageOptions options = pathOptions(side, error, most);
+    const ImageOptions options = pathOptions(side, error, maximum);
     RenderStats stats;
     const double start = cpuSeconds();
     keep(light.picture(options, &stats));
@@ -58,10 +58,10 @@ double raysAlone(int lamps, int side, const PathRayCounts& counts, bool seen = t
     loadText(scene, panelRoom(lamps, false, seen), diagnostics);
     SharedWorld world(scene);
     scene.newFrame(0);
-    PathRays::Lamps places{lampMiddles(lamps), static_cast<float>(lampHalf(lamps))};
+    PathRays::Lamps positions{lampMiddles(lamps), static_cast<float>(lampHalf(lamps))};
     // Any direction of view has rays like another's in it.
-    const PathRays rays(world.rays(), {{0, 0, 1.9f}, seen ? 1.0f : .8f}, places, side, 4, counts);
-    return rays.leastSeconds(world.rays(), counts);
+    const PathRays rays(world.rays(), {{0, 0, 1.9f}, seen ? 1.0f : .8f}, positions, side, 4, counts);
+    return rays.minSeconds(world.rays(), counts);
 }
 
 /// The same room by Cycles: from what some samples reach, as all of its pixels get the same number.
@@ -159,14 +159,14 @@ void addOther(Chart& chart, Series series, const char* program) {
 }
 
 void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
-    const int side = quick ? 24 : 96, most = quick ? 16 : 256;
+    const int side = quick ? 24 : 96, maximum = quick ? 16 : 256;
     const UnderSky scene(one.name, one.scale * (quick ? .1 : 1));
     Chart chart = lightChart(
         one.file, fmt::format("{} under a white sky, {} triangles: error against time", one.name, scene.triangles()),
         side);
     chart.note += " With flattening and BVH; whitted, which follows no light between things, is off from the truth.";
     Picture truth;
-    for (int samples = 4; samples <= most; samples *= 4) {
+    for (int samples = 4; samples <= maximum; samples *= 4) {
         UnderSky::Known known = scene.picture(side, 0, samples);
         chart.series[0].points.push_back({known.seconds, known.error, std::to_string(samples)});
         truth = std::move(known.picture);
@@ -180,10 +180,10 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
     if (!quick && hasCycles()) {
         Series cycles{"Cycles, all pixels alike", {}};
         const SceneForCycles given(scene);
-        for (int samples = 4; samples <= most; samples *= 4)
-            if (const auto made = cyclesScene(given.file, side, samples)) {
-                cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
-                cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
+        for (int samples = 4; samples <= maximum; samples *= 4)
+            if (const auto created = cyclesScene(given.file, side, samples)) {
+                cycles.name = "Cycles of Blender " + created->version + ", all pixels alike";
+                cycles.points.push_back({created->seconds, created->error, std::to_string(samples)});
             }
         addOther(chart, std::move(cycles), "Cycles");
     } else if (!quick) {
@@ -194,10 +194,10 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
         const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg_under_sky_{}.pov", ::getpid());
         scene.writePov(file);
         for (const int rays : {20, 100})
-            if (const auto made = povRayScene(file, side, rays)) {
-                povRay.name = "POV-Ray " + made->version + ", radiosity";
-                const double error = UnderSky::errorFrom(made->picture, truth);
-                povRay.points.push_back({made->seconds, error, std::to_string(rays)});
+            if (const auto created = povRayScene(file, side, rays)) {
+                povRay.name = "POV-Ray " + created->version + ", radiosity";
+                const double error = UnderSky::errorFrom(created->picture, truth);
+                povRay.points.push_back({created->seconds, error, std::to_string(rays)});
             }
         std::filesystem::remove(file);
         addOther(chart, std::move(povRay), "POV-Ray");
@@ -210,9 +210,9 @@ void chartUnderSky(const ChartSink& sink, const Outdoors& one, bool quick) {
 }  // namespace
 
 bool chartLight(const ChartSink& sink, bool quick) {
-    const int side = quick ? 24 : 96, most = quick ? 64 : 1024;
+    const int side = quick ? 24 : 96, maximum = quick ? 64 : 1024;
     Chart chart = lightChart("room", "A room lit by two panels: error against time", side);
-    for (int samples = 16; samples <= most; samples *= 4) {
+    for (int samples = 16; samples <= maximum; samples *= 4) {
         const Known known = picture(2, false, side, 1e-6, samples);
         chart.series[0].points.push_back({known.seconds, known.error, std::to_string(samples)});
     }
@@ -222,17 +222,17 @@ bool chartLight(const ChartSink& sink, bool quick) {
     }
     // Panels that only a bounce may find.
     Series bounces{"path without asking for lights", {}};
-    for (int samples = 16; samples <= most; samples *= 4) {
+    for (int samples = 16; samples <= maximum; samples *= 4) {
         const Known known = picture(2, true, side, 1e-6, samples);
         bounces.points.push_back({known.seconds, known.error, std::to_string(samples)});
     }
     chart.series.push_back(std::move(bounces));
     if (!quick && hasCycles()) {
         Series cycles{"Cycles, all pixels alike", {}};
-        for (int samples = 16; samples <= most; samples *= 4)
-            if (const auto made = cyclesRoom(side, samples)) {
-                cycles.name = "Cycles of Blender " + made->version + ", all pixels alike";
-                cycles.points.push_back({made->seconds, made->error, std::to_string(samples)});
+        for (int samples = 16; samples <= maximum; samples *= 4)
+            if (const auto created = cyclesRoom(side, samples)) {
+                cycles.name = "Cycles of Blender " + created->version + ", all pixels alike";
+                cycles.points.push_back({created->seconds, created->error, std::to_string(samples)});
             }
         addOther(chart, std::move(cycles), "Cycles");
     } else if (!quick) {

@@ -109,7 +109,7 @@ class RasterRace {
   private:
     static void compare(const Picture& a, const Picture& b, RasterFigures& out) {
         const auto shown = [](const Vec4f& pixel) { return glm::clamp(Vec3f(pixel), Vec3f(0), Vec3f(1)) * 255.0f; };
-        const auto isThing = [&](const Vec3f& color) {
+        const auto isObject = [&](const Vec3f& color) {
             const Vec3f d = glm::abs(color - shown(a.pixels[0]));
             return std::max({d.x, d.y, d.z}) > 4;
         };
@@ -117,7 +117,7 @@ class RasterRace {
         for (std::size_t i = 0; i < a.pixels.size(); ++i) {
             const Vec3f x = shown(a.pixels[i]), y = shown(b.pixels[i]), d = glm::abs(x - y);
             sum += static_cast<double>(d.x) + d.y + d.z;
-            both += isThing(x) && isThing(y), any += isThing(x) || isThing(y);
+            both += isObject(x) && isObject(y), any += isObject(x) || isObject(y);
         }
         out.difference = std::max(out.difference, sum / (3 * static_cast<double>(a.pixels.size())));
         if (any > 0) out.overlap = std::min(out.overlap, both / any);
@@ -156,7 +156,7 @@ Result<> rasterFrames(const std::filesystem::path& file, int frames, RasterFigur
     return race.whole(out);
 }
 
-void tellRaster(const Report& report, const std::string& what, const RasterFigures& figures) {
+void reportRaster(const Report& report, const std::string& what, const RasterFigures& figures) {
     const auto rate = [](const std::vector<double>& seconds) { return 1 / std::max(1e-9, median(seconds)); };
     report({"raster", what, "frames a second by OGRE, deltas", "1/s", rate(figures.byDeltas), "by full traversal",
             rate(figures.byTraversal), "by rays", rate(figures.byRays)});
@@ -189,7 +189,7 @@ bool raster(const Report& report, bool quick) {
             ok = false;
             break;
         }
-        tellRaster(report, fmt::format("{}, {} triangles", name, *triangles), figures);
+        reportRaster(report, fmt::format("{}, {} triangles", name, *triangles), figures);
     }
     std::error_code ignored;
     std::filesystem::remove_all(folder, ignored);

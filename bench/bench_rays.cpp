@@ -64,9 +64,9 @@ RoomTriangles spheresRoom(int triangles) {
     const int objects = 40;
     const int rings = std::max(4, static_cast<int>(std::sqrt(triangles / objects / 4)));
     std::mt19937 random(7);
-    std::uniform_real_distribution<float> place(-6, 6);
+    std::uniform_real_distribution<float> coordinate(-6, 6);
     for (int object = 0; object < objects; ++object) {
-        const Vec3f centre(place(random), place(random) * .4f, place(random) - 6);
+        const Vec3f centre(coordinate(random), coordinate(random) * .4f, coordinate(random) - 6);
         const auto base = static_cast<std::int32_t>(result.points.size());
         for (int i = 0; i <= rings; ++i)
             for (int k = 0; k <= 2 * rings; ++k) {
@@ -385,7 +385,7 @@ struct Limit {
     }
     std::size_t best() const { return bestOf(seconds); }
     /// The least of all flags for these, told to be coherent or not.
-    double least(const Followers& rays, bool occlusion, int rounds) const {
+    double minimum(const Followers& rays, bool occlusion, int rounds) const {
         std::vector<double> times[2 * std::size(kChoices)];
         for (int round = 0; round < rounds; ++round)
             for (std::size_t i = 0; i < std::size(times); ++i)
@@ -442,19 +442,19 @@ bool measureRays(const Report& report, const char* what, const RoomTriangles& tr
     const double count = kRaysWidth * kHeight / 1e6, mirroredCount = static_cast<double>(mirrored.count) / 1e6;
     const std::string name = fmt::format("{}{} triangles, {} x {}", what, mesh->triangleCount, kRaysWidth, kHeight);
     const std::size_t best = bare.best();
-    const double least = median(bare.seconds[best]);
+    const double minimum = median(bare.seconds[best]);
     const std::string limitName = fmt::format("{}, {}", embreesCall("rtcIntersect"), Limit::kChoices[best].name);
     const auto line = [&](const char* metric, const char* unit, const std::vector<double>& seconds) {
-        report({"rays", name, metric, unit, count / median(seconds), "", 0, limitName, count / least});
+        report({"rays", name, metric, unit, count / median(seconds), "", 0, limitName, count / minimum});
     };
     line("RayWorld, hits only", "Mrays/s", intersect);
     line("shaded primary rays", "Mrays/s", shade);
     report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0,
             fmt::format("{}, and {} of the same shadow rays", limitName, embreesCall("rtcOccluded")),
-            count / (least + bare.least(shadowRays, true, rounds))});
+            count / (minimum + bare.minimum(shadowRays, true, rounds))});
     report({"rays", name, "reflections in packets", "Mrays/s", mirroredCount / median(batched), "one by one",
             mirroredCount / median(single), embreesCall("rtcIntersect") + " of the same rays",
-            mirroredCount / bare.least(mirrored, false, rounds)});
+            mirroredCount / bare.minimum(mirrored, false, rounds)});
     report({"rays", name, "the scene's triangles made ready", "ms", 1e3 * building, "", 0,
             fmt::format("rtcCommitScene, {}", Limit::kChoices[best].name), 1e3 * bare.scenes[best]->building()});
     return median(shade) >= 0;

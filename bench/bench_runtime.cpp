@@ -76,7 +76,7 @@ void marching(const Report& report, bool quick) {
         joints += node.is(x3d::OrientationInterpolator::type);
     });
     scene.newFrame(0);
-    const auto turn = [](float x) {
+    const auto rotation = [](float x) {
         const glm::dvec3 axis(1, 0, 0);
         const glm::dquat from = glm::angleAxis(.1, axis), to = glm::angleAxis(.4 + x * 1e-4, axis);
         const glm::dquat between = glm::slerp(from, to, .3);
@@ -84,7 +84,7 @@ void marching(const Report& report, bool quick) {
     };
     report({"runtime", fmt::format("{} Troopers, {} joints", figures, joints), "a frame", "ms",
             1e3 * runtimeFrameSeconds(scene, 1000, [](int) {}), "", 0, "the turns between the keys alone",
-            1e3 * bareRuntimeSeconds(joints, turn)});
+            1e3 * bareRuntimeSeconds(joints, rotation)});
 }
 
 /// Seconds that the engine takes for a call of such a function, by one program that has `count` of them and no fields.
@@ -136,13 +136,13 @@ void scripts(const Report& report, bool quick) {
 
 void pushes(const Report& report, bool quick) {
     const int count = quick ? 100'000 : 1'000'000;
-    const auto seconds = [&](std::string_view made, std::string_view element, std::string_view put) {
+    const auto seconds = [&](std::string_view created, std::string_view element, std::string_view put) {
         Scene scene;
         const std::string_view field = element == "i" ? "MFFloat" : "MFVec3f";
         load(scene,
              fmt::format("Script {{ inputOutput {0} kept [] url \"ecmascript: function initialize() {{ var a = {1}; "
                          "for (var i = 0; i < {2}; ++i) {3}; kept = a; }}\" }}",
-                         field, made, count,
+                         field, created, count,
                          fmt::format(fmt::runtime(put == "push" ? "a.push({})" : "a[i] = {}"), element)));
         const double start = cpuSeconds();
         scene.newFrame(0);
@@ -190,13 +190,13 @@ void followers(const Report& report, bool quick) {
     for (const auto& [name, body] : {std::pair{"PositionDamper", "tau 100 tolerance 0"},
                                      {"PositionChaser", "duration 100"},
                                      {"OrientationDamper", "tau 100 tolerance 0"}}) {
-        const bool turns = std::string_view(name).starts_with("O");
+        const bool rotations = std::string_view(name).starts_with("O");
         std::string text;
         for (int i = 0; i < count; ++i)
             text += fmt::format(
                 "DEF F{0} {1} {{ {2} initialDestination {3} }} DEF T{0} Transform {{ }} ROUTE "
                 "F{0}.value_changed TO T{0}.{4}\n",
-                i, name, body, turns ? "0 0 1 2" : "1 2 3", turns ? "rotation" : "translation");
+                i, name, body, rotations ? "0 0 1 2" : "1 2 3", rotations ? "rotation" : "translation");
         Scene scene;
         load(scene, text);
         scene.newFrame(0);
@@ -256,9 +256,9 @@ std::array<double, 2> bareThreadSeconds(std::size_t count) {
         times[0].push_back(wallSeconds() - start);
         start = wallSeconds();
         for (std::size_t part = 0; part < kMeetings; ++part) {
-            const std::uint32_t turn = ++begun;
+            const std::uint32_t round = ++begun;
             run(part * half / kMeetings, (part + 1) * half / kMeetings);
-            while (done != turn) std::this_thread::yield();
+            while (done != round) std::this_thread::yield();
         }
         times[1].push_back(wallSeconds() - start);
     }
@@ -275,11 +275,11 @@ void threads(const Report& report, bool quick) {
         std::vector<double> times[2];
         load(scene, chains(count, oneSensor));
         // Threads begin, and routes are divided, in the first frames of a turn.
-        constexpr int kTurn = 30, kWarm = 10;
-        for (int turn = 0; turn < (quick ? 4 : 40); ++turn)
+        constexpr int kRotation = 30, kWarm = 10;
+        for (int round = 0; round < (quick ? 4 : 40); ++round)
             for (std::size_t i = 0; i < 2; ++i) {
                 scene.setThreads(i == 0 ? 1 : 2);
-                for (int frame = 0; frame < kTurn; ++frame) {
+                for (int frame = 0; frame < kRotation; ++frame) {
                     const double start = wallSeconds();
                     scene.newFrame(scene.now() + 1 / 60.0);
                     if (frame >= kWarm) times[i].push_back(wallSeconds() - start);

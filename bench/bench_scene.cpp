@@ -188,16 +188,16 @@ void changes(const Report& report, bool quick) {
     std::vector<Vec3f> array(nodes);
     std::vector<std::unique_ptr<Listener>> listeners;
     for (int i = 0; i < 3; ++i) listeners.push_back(std::make_unique<Counter>());
-    std::vector<std::size_t> places(perFrame);
+    std::vector<std::size_t> indices(perFrame);
     std::vector<NodeId> ids(perFrame);
     std::vector<Vec3f> values(perFrame);
     int tick = 0;
     const auto measure = [&](const std::string& name, int writes, bool together, auto pick) {
-        std::vector<double> all, deliver, bare, told;
+        std::vector<double> all, deliver, bare, reported;
         for (int frame = 0; frame < 60; ++frame) {
             for (std::size_t i = 0; i < perFrame; ++i) {
-                places[i] = pick(i, ++tick);
-                ids[i] = transforms[places[i]];
+                indices[i] = pick(i, ++tick);
+                ids[i] = transforms[indices[i]];
             }
             const double start = cpuSeconds();
             for (int w = 0; w < writes; ++w) {
@@ -216,16 +216,16 @@ void changes(const Report& report, bool quick) {
             deliver.push_back(end - stored);
             const Vec3f value(static_cast<float>(tick), 2, 3);
             double before = cpuSeconds();
-            for (const std::size_t place : places) array[place] = value;
+            for (const std::size_t index : indices) array[index] = value;
             keep(array.data());
             bare.push_back(cpuSeconds() - before);
             before = cpuSeconds();
-            for (const std::size_t place : places) {
-                array[place] = value;
-                for (const auto& listener : listeners) listener->changed(static_cast<std::uint32_t>(place), value);
+            for (const std::size_t index : indices) {
+                array[index] = value;
+                for (const auto& listener : listeners) listener->changed(static_cast<std::uint32_t>(index), value);
             }
             keep(array.data());
-            told.push_back(cpuSeconds() - before);
+            reported.push_back(cpuSeconds() - before);
         }
         const auto nanoseconds = [&](const std::vector<double>& times, int each) {
             return median(times) / static_cast<double>(perFrame) / each * 1e9;
@@ -233,7 +233,7 @@ void changes(const Report& report, bool quick) {
         const std::string what = fmt::format("{}, {} of {} Transforms a frame", name, perFrame, nodes);
         const auto line = [&](const char* metric, double value) {
             report({"changes", what, metric, "ns", value, "an array, a virtual call to each of three listeners",
-                    nanoseconds(told, 1), "a write to an array", nanoseconds(bare, 1)});
+                    nanoseconds(reported, 1), "a write to an array", nanoseconds(bare, 1)});
         };
         if (writes == 1) line("deliver: hash, seal, three subscribers", nanoseconds(deliver, 1));
         line("all in: set, hash, seal, three subscribers", nanoseconds(all, writes));

@@ -71,12 +71,12 @@ class RayList final : public AcousticGeometry {
     void visitRoundBodies(const RoundVisitor& visit) const override { geometry_->visitRoundBodies(visit); }
 
   private:
-    void note(const glm::dvec3& origin, const glm::dvec3& direction, double most, bool any) const {
+    void note(const glm::dvec3& origin, const glm::dvec3& direction, double maximum, bool any) const {
         Ray ray;
         ray.origin = rays_->fromWorld(origin);
         ray.direction = Vec3f(direction);
         ray.tMin = 1e-5f;
-        ray.tMax = static_cast<float>(std::min(most, 1e9));
+        ray.tMax = static_cast<float>(std::min(maximum, 1e9));
         asked.push_back({ray, any});
     }
     const AcousticGeometry* geometry_;
@@ -140,11 +140,11 @@ void rayRatios(const Report& report, SoundRoom& hall, bool connected, bool quick
 
 /// CPU time of a result for each of five listeners beside that for one, and what sharing costs their intervals.
 void severalListeners(const Report& report, const SoundRoom& hall, bool quick) {
-    const auto share = [&](double a, double b, double c) {
+    const auto fraction = [&](double a, double b, double c) {
         return glm::mix(hall.source, hall.listener, .5) + glm::dvec3(a, b, c) * (hall.listener - hall.source);
     };
-    const std::vector<glm::dvec3> five{hall.listener, share(-.3, .4, 0), share(.4, -.3, .1), share(.1, .2, -.1),
-                                       share(.5, .3, .2)};
+    const std::vector<glm::dvec3> five{hall.listener, fraction(-.3, .4, 0), fraction(.4, -.3, .1),
+                                       fraction(.1, .2, -.1), fraction(.5, .3, .2)};
     TraceOptions options;
     options.rays = quick ? 1600 : 10'000;
     options.air.absorbs = false;
@@ -155,8 +155,8 @@ void severalListeners(const Report& report, const SoundRoom& hall, bool quick) {
             options.seed = static_cast<std::uint64_t>(run) + 1;
             double start = cpuSeconds();
             std::vector<TraceResult> apart;
-            for (const glm::dvec3& place : five) {
-                apart.push_back(tracer.trace(hall.source, place, options));
+            for (const glm::dvec3& position : five) {
+                apart.push_back(tracer.trace(hall.source, position, options));
                 if (apart.size() == 1) one.push_back(cpuSeconds() - start);
             }
             separate.push_back(cpuSeconds() - start);
@@ -251,13 +251,13 @@ bool live(const Report& report, bool quick) {
         scene.newFrame(t);
         std::this_thread::sleep_for(std::chrono::milliseconds(16));
     }
-    const LiveReport told = (*heard)->stop();
+    const LiveReport reported = (*heard)->stop();
     const std::string name = "live, every core busy";
-    report({"sound", name, "latency, the largest", "ms", 1e3 * told.latencySeconds, "", 0, "asked for", 50});
-    report({"sound", name, "underruns", "1", static_cast<double>(told.underruns), kStolen,
+    report({"sound", name, "latency, the largest", "ms", 1e3 * reported.latencySeconds, "", 0, "asked for", 50});
+    report({"sound", name, "underruns", "1", static_cast<double>(reported.underruns), kStolen,
             1e3 * (stolenSeconds() - stolen), "asked for", 0});
-    report({"sound", name, "share of a core that its thread takes", "1", told.busy, "", 0, "all of it", 1});
-    return told.failure.empty();
+    report({"sound", name, "share of a core that its thread takes", "1", reported.busy, "", 0, "all of it", 1});
+    return reported.failure.empty();
 }
 
 /// What a response of 2 s takes of a core, a channel.
@@ -271,15 +271,15 @@ void convolution(const Report& report, bool quick) {
     Convolver convolver(kBlock);
     convolver.setResponse(response);
     for (int i = 0; i < 4; ++i) convolver.process(input, output);  // it fades in
-    std::vector<double> shares;
+    std::vector<double> fractions;
     for (int run = 0; run < (quick ? 1 : 9); ++run) {
         const int blocks = quick ? 20 : 500;
         const double start = cpuSeconds();
         for (int i = 0; i < blocks; ++i) convolver.process(input, output);
-        shares.push_back((cpuSeconds() - start) * kRate / (blocks * static_cast<double>(kBlock)));
+        fractions.push_back((cpuSeconds() - start) * kRate / (blocks * static_cast<double>(kBlock)));
         keep(output[0]);
     }
-    report({"sound", "one channel", "share of a core that a response of 2 s takes", "1", median(shares), "", 0,
+    report({"sound", "one channel", "share of a core that a response of 2 s takes", "1", median(fractions), "", 0,
             "asked for", .01});
 }
 
@@ -293,9 +293,9 @@ bool movingSources(const Report& report, bool quick) {
         {"sound", "32 moving sources, live", "cores that all of it takes", "1", moved->cores, "", 0, "asked for", 1});
     report({"sound", "32 moving sources, live", "frame of the scene's thread, the longest, CPU time", "ms",
             1e3 * *std::max_element(frames.begin(), frames.end()), "median", 1e3 * median(frames), "asked for", 2});
-    report({"sound", "32 moving sources, live", "underruns", "1", static_cast<double>(moved->told.underruns), kStolen,
-            1e3 * moved->stolen, "asked for", 0});
-    return moved->told.failure.empty();
+    report({"sound", "32 moving sources, live", "underruns", "1", static_cast<double>(moved->reported.underruns),
+            kStolen, 1e3 * moved->stolen, "asked for", 0});
+    return moved->reported.failure.empty();
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ class Boxes {
             instance.id = {i, 0};
             instance.shape = NodeId{100 + i};
             instance.geometry = NodeId{1};
-            instance.worldFromLocal = placeOf(i);
+            instance.worldFromLocal = transformOf(i);
             delta_.added.push_back(instance);
         }
         world_.apply(delta_);
@@ -48,7 +48,7 @@ class Boxes {
 
     void move(std::uint32_t box, double by) {
         delta_.clear();
-        WorldFromLocal m = placeOf(box);
+        WorldFromLocal m = transformOf(box);
         m[3] += glm::dvec3(by, .7 * by, .4 * by);
         delta_.moved.push_back({InstanceId{box, 0}, m});
         const double start = threadSeconds();
@@ -56,11 +56,11 @@ class Boxes {
         const double traced = threadSeconds();
         walls_.apply(delta_);
         const WallsVersion version = walls_.freeze();
-        const double told = threadSeconds();
+        const double reported = threadSeconds();
         geometry_.follow(version, world_);
         world.push_back(traced - start);
-        tables.push_back(told - traced);
-        planes.push_back(threadSeconds() - told);
+        tables.push_back(reported - traced);
+        planes.push_back(threadSeconds() - reported);
     }
     /// Seconds to find all planes.
     double scratch() const { return scratch_; }
@@ -68,7 +68,7 @@ class Boxes {
     std::vector<double> world, tables, planes;  // seconds, by move
 
   private:
-    WorldFromLocal placeOf(std::uint32_t i) const {
+    WorldFromLocal transformOf(std::uint32_t i) const {
         WorldFromLocal m = identityTransform();
         m[3] = 2.0 * glm::dvec3(i % side_, i / side_ % side_, i / side_ / side_);
         return m;

@@ -65,9 +65,9 @@ struct Moving {
     void frame() {
         const NodeId mover = movers[static_cast<std::size_t>(frames) % movers.size()];
         const double t = ++frames / 60.0;
-        Vec3f place = scene.node(mover).get(x3d::Transform::translation);
-        place.x += .01f * static_cast<float>(frames % 7 - 3);
-        (void)scene.set(mover, x3d::Transform::translation, place);
+        Vec3f position = scene.node(mover).get(x3d::Transform::translation);
+        position.x += .01f * static_cast<float>(frames % 7 - 3);
+        (void)scene.set(mover, x3d::Transform::translation, position);
         scene.newFrame(t);
     }
     int count, frames = 0;
@@ -78,9 +78,9 @@ struct Moving {
     std::vector<NodeId> movers;
 };
 
-double quantile(std::vector<double> values, double share) {
+double quantile(std::vector<double> values, double fraction) {
     std::ranges::sort(values);
-    return values.empty() ? 0 : values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+    return values.empty() ? 0 : values[static_cast<std::size_t>(fraction * static_cast<double>(values.size() - 1))];
 }
 
 void handingOver(const Report& report, int count, int moves) {
@@ -110,7 +110,7 @@ void handingOver(const Report& report, int count, int moves) {
     const double plain = threadSeconds() - start;
     const double from = threadSeconds();
     for (int i = 0; i < 1000; ++i) keep(std::make_shared<WorldState>());
-    const double least = (threadSeconds() - from) * 1e3;
+    const double minimum = (threadSeconds() - from) * 1e3;
     const double anew = threadSeconds();
     {
         SharedWorld other(boxes.scene);
@@ -127,9 +127,9 @@ void handingOver(const Report& report, int count, int moves) {
     report({"stage", which, "light and sound together, with a reader of every state", "us",
             (median(beside) - 3 * clock) * 1e6, "all anew", scratch, "the BVH alone", bvh});
     report({"stage", which, "handing over a state, on the scene's thread", "us", (median(handed) - clock) * 1e6,
-            "a copy of all instances", plain * 1e6, "a shared object", least});
+            "a copy of all instances", plain * 1e6, "a shared object", minimum});
     report({"stage", which, "taking a state, on the reader's thread", "us", (median(taken) - clock) * 1e6,
-            "a copy of all instances", plain * 1e6, "a shared object", least});
+            "a copy of all instances", plain * 1e6, "a shared object", minimum});
 }
 
 /// Threads that trace, as long as this lives. Some of them take every state of a world; the others trace in a world
@@ -163,16 +163,16 @@ class Tracing {
 
 /// The scene's thread beside three threads that trace, of which some take every state.
 void manyReaders(const Report& report, int count, int moves) {
-    constexpr int kMost = 3, kMovesOfARound = 10, kSettling = 2;
+    constexpr int kMax = 3, kMovesOfARound = 10, kSettling = 2;
     Moving boxes(count), resting(count);
     for (int i = 0; i < 150; ++i) boxes.frame(), resting.frame();
     (void)resting.world->present();
-    Tracing tracing(*boxes.world, *resting.world, kMost);
-    std::array<std::vector<double>, kMost + 1> seconds;
+    Tracing tracing(*boxes.world, *resting.world, kMax);
+    std::array<std::vector<double>, kMax + 1> seconds;
     // In turns, so that what else the machine does meets all alike.
     for (int round = 0; round * kMovesOfARound < moves; ++round)
-        for (int turn = 0; turn <= kMost; ++turn) {
-            const int readers = (turn + round) % (kMost + 1);
+        for (int order = 0; order <= kMax; ++order) {
+            const int readers = (order + round) % (kMax + 1);
             tracing.setReaders(readers);
             for (int i = 0; i < kSettling + kMovesOfARound; ++i) {
                 std::this_thread::sleep_for(std::chrono::milliseconds(4));  // all of them have the last state by then
@@ -180,7 +180,7 @@ void manyReaders(const Report& report, int count, int moves) {
                 if (i >= kSettling) seconds[static_cast<std::size_t>(readers)].push_back(boxes.world->times().all());
             }
         }
-    for (std::size_t readers = 2; readers <= kMost; ++readers)
+    for (std::size_t readers = 2; readers <= kMax; ++readers)
         report({"stage", fmt::format("one box of {} moves", count), fmt::format("update with {} readers", readers),
                 "us", median(seconds[readers]) * 1e6, "one reader", median(seconds[1]) * 1e6, "no reader",
                 median(seconds[0]) * 1e6});
@@ -237,9 +237,10 @@ void waitForPictures(const Report& report, bool quick) {
     const std::vector<double> states = waits(boxes, frames, picture), machine = waits(boxes, frames, burn),
                               locked = waits(boxes, frames / 10 + 1, locking, &mutex);
     const char* const which = "a picture of 1280x720 is always under way";
-    const auto line = [&](const char* metric, double share) {
-        report({"stage", which, metric, "ms", quantile(states, share) * 1e3, "a lock for each picture",
-                quantile(locked, share) * 1e3, "beside work that shares nothing", quantile(machine, share) * 1e3});
+    const auto line = [&](const char* metric, double fraction) {
+        report({"stage", which, metric, "ms", quantile(states, fraction) * 1e3, "a lock for each picture",
+                quantile(locked, fraction) * 1e3, "beside work that shares nothing",
+                quantile(machine, fraction) * 1e3});
     };
     line("the scene's wait, p50", .5);
     line("the scene's wait, p99", .99);

@@ -74,10 +74,10 @@ void edits(const Report& report, std::size_t count) {
         "a Shape added",
         editSeconds(scene, [&](int) { (void)scene.insertChild(big, G::children, scene.createNode(x3d::Shape::type)); }),
         [&](int) { bare.push_back({}); });
-    const auto place = [&](int i) { return (static_cast<std::size_t>(i) * 7919 + count / 2) % (count / 2); };
+    const auto indexOf = [&](int i) { return (static_cast<std::size_t>(i) * 7919 + count / 2) % (count / 2); };
     line("one removed from the middle",
-         editSeconds(scene, [&](int i) { (void)scene.removeChild(big, G::children.index, place(i)); }),
-         [&](int i) { bare.erase(bare.begin() + static_cast<std::ptrdiff_t>(place(i))); });
+         editSeconds(scene, [&](int i) { (void)scene.removeChild(big, G::children.index, indexOf(i)); }),
+         [&](int i) { bare.erase(bare.begin() + static_cast<std::ptrdiff_t>(indexOf(i))); });
     line("the last one moved to another parent",
          editSeconds(scene,
                      [&](int) {
@@ -90,9 +90,9 @@ void edits(const Report& report, std::size_t count) {
          editSeconds(scene,
                      [&](int i) {
                          const auto& all = scene.node(big).get(G::children);
-                         (void)scene.destroyNode(all[place(i) % all.size()]);
+                         (void)scene.destroyNode(all[indexOf(i) % all.size()]);
                      }),
-         [&](int i) { bare.erase(bare.begin() + static_cast<std::ptrdiff_t>(place(i))); });
+         [&](int i) { bare.erase(bare.begin() + static_cast<std::ptrdiff_t>(indexOf(i))); });
     // One node below so many parents (DEF/USE).
     const NodeId used = scene.createNode(x3d::Shape::type);
     for (std::size_t i = 0; i < count / 10; ++i) {

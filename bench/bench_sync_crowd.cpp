@@ -64,10 +64,10 @@ Crowd crowdOf(int peers) {
     const std::uint64_t before = (*server)->statistics().bytes;
     const double cpuBefore = cpuSeconds();
     for (int i = 1; i <= kOneAtATime; ++i) {
-        const std::int64_t made = std::chrono::steady_clock::now().time_since_epoch().count();
+        const std::int64_t created = std::chrono::steady_clock::now().time_since_epoch().count();
         origin.frame(kBefore + i);
         if (!arrived(origin.scene.sequence())) return {};
-        for (const auto& f : all) result.seconds.push_back(static_cast<double>(f->reachedAt() - made) * 1e-9);
+        for (const auto& f : all) result.seconds.push_back(static_cast<double>(f->reachedAt() - created) * 1e-9);
     }
     result.cpuSeconds = (cpuSeconds() - cpuBefore) / kOneAtATime / peers;
     result.bytesPerFrame = double((*server)->statistics().bytes - before) / kOneAtATime / peers;

@@ -194,19 +194,19 @@ bool seeking(const SyncSizes& sizes, int changes, const Report& report) {
 bool recording(const SyncSizes& sizes, const Report& report) {
     const TemporaryLog file("record.rlog");
     double worst[3] = {}, mean[3] = {};
-    for (int way = 0; way < 3; ++way) {
+    for (int mode = 0; mode < 3; ++mode) {
         Moving origin(sizes.transforms);
         std::unique_ptr<LogWriter> writer;
         std::unique_ptr<LogRecorder> recorder;
         Attachment attachment;
         LogOptions options;
         options.keyframeBytes = 1 << 18;
-        if (way == 1) {
+        if (mode == 1) {
             auto log = LogWriter::create(file.path, builtinTypes(), options);
             if (!log) return false;
             writer = std::move(*log);
             attachment = origin.scene.bus().attach(*writer);
-        } else if (way == 2) {
+        } else if (mode == 2) {
             auto log = LogRecorder::start(origin.scene, file.path, options);
             if (!log) return false;
             recorder = std::move(*log);
@@ -216,8 +216,8 @@ bool recording(const SyncSizes& sizes, const Report& report) {
             const double start = threadSeconds();
             origin.frame(i);
             const double time = (threadSeconds() - start) * 1e6;
-            worst[way] = std::max(worst[way], time);
-            mean[way] += time / frames;
+            worst[mode] = std::max(worst[mode], time);
+            mean[mode] += time / frames;
             if (recorder && !recorder->waitFor(origin.scene.sequence(), std::chrono::seconds(60))) return false;
         }
     }

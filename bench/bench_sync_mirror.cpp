@@ -93,23 +93,23 @@ bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
          {std::pair("mirror tcp", std::string(kAnyPort)), std::pair("mirror ipc", ipcEndpoint())}) {
         Flow best;
         double raw = 0, cpu = 1e9;
-        std::vector<double> shares;  // of neighbouring measurements: the machine may be busy with other things
+        std::vector<double> fractions;  // of neighbouring measurements: the machine may be busy with other things
         for (int round = 0; round < 5; ++round) {
             const double before = changesAlone();
             const Flow now = flow(endpoint, sizes.transforms, sizes.frames, 1);
             if (!now.good) return false;
             const double after = changesAlone();
-            shares.push_back(now.changesPerSecond / ((before + after) / 2));
+            fractions.push_back(now.changesPerSecond / ((before + after) / 2));
             fastestAlone = std::max({fastestAlone, before, after});
             cpu = std::min(cpu, now.cpuSeconds);
             if (now.changesPerSecond > best.changesPerSecond) best = now;
             raw = std::max(raw, rawThroughput(endpoint, static_cast<std::size_t>(now.bytesPerFrame), sizes.frames));
         }
-        std::ranges::sort(shares);
+        std::ranges::sort(fractions);
         report({"sync", name, "verified transforms", "1/s", best.changesPerSecond, "the whole scene copied each frame",
                 sizes.transforms / copying, "raw ZeroMQ, same bytes", raw / best.bytesPerFrame * sizes.transforms});
-        report({"sync", name, "the same as a share of the scene alone, median of pairs", "1", shares[shares.size() / 2],
-                "asked for", .6, "nothing sent", 1});
+        report({"sync", name, "the same as a share of the scene alone, median of pairs", "1",
+                fractions[fractions.size() / 2], "asked for", .6, "nothing sent", 1});
         report({"sync", name, "CPU time of a frame, both ends", "us", cpu * 1e6, "", 0, "the scene alone",
                 cpuAlone * 1e6});
     }

@@ -185,7 +185,7 @@ Delays rawPublishing(std::size_t size, int peers, int messages) {
     return result;
 }
 
-double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underWay) {
+double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underway) {
     Pair pair(endpoint);
     const std::vector<char> payload(size, 'x');
     std::atomic<int> received{0};
@@ -199,7 +199,7 @@ double rawThroughput(const std::string& endpoint, std::size_t size, int messages
     const auto start = Clock::now();
     for (int i = 0; i < messages; ++i) {
         pair.send(payload);
-        while (i - received > underWay) std::this_thread::yield();
+        while (i - received > underway) std::this_thread::yield();
     }
     receiver.join();
     return double(size) * messages / since(start);

@@ -9,8 +9,8 @@
 namespace rtsg::bench {
 
 /// Bytes per second in messages of `size`, each in a buffer of its own that is written before and read after, with at
-/// most `underWay` of them not yet received; between two threads.
-double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underWay = 16);
+/// most `underway` of them not yet received; between two threads.
+double rawThroughput(const std::string& endpoint, std::size_t size, int messages, int underway = 16);
 /// Seconds until each of many had a frame, sorted, and the CPU time of it all for each of them.
 struct Delays {
     std::vector<double> seconds;

@@ -27,7 +27,7 @@ constexpr int kRounds = 3;
 /// Boxes on a square, of which a tenth moves in every frame, and viewpoints that walk over it.
 struct Square {
     Scene scene;
-    std::vector<NodeId> places, eyes;
+    std::vector<NodeId> positions, eyes;
     double side = 0;
     int frame = 0;
 
@@ -37,14 +37,14 @@ struct Square {
         Array<NodeId> children;
         const NodeId box = scene.createNode(x3d::Box::type);
         for (int i = 0; i < shapes; ++i) {
-            const NodeId place = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
+            const NodeId transform = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
             (void)scene.set(shape, x3d::Shape::geometry, box);
-            (void)scene.set(place, x3d::Transform::children, Array<NodeId>{shape});
+            (void)scene.set(transform, x3d::Transform::children, Array<NodeId>{shape});
             (void)scene.set(
-                place, x3d::Transform::translation,
+                transform, x3d::Transform::translation,
                 Vec3f(float(kSpacing) * float(i % row), 0, float(kSpacing) * std::floor(float(i) / float(row))));
-            places.push_back(place);
-            children.push_back(place);
+            positions.push_back(transform);
+            children.push_back(transform);
         }
         for (int i = 0; i < viewpoints; ++i) {
             eyes.push_back(scene.createNode(x3d::Viewpoint::type));
@@ -57,10 +57,10 @@ struct Square {
     /// A tenth of a metre for each viewpoint, as one goes in a frame.
     void step() {
         ++frame;
-        for (std::size_t i = static_cast<std::size_t>(frame % 10); i < places.size(); i += 10) {
-            Vec3f at = scene.node(places[i]).get(x3d::Transform::translation);
+        for (std::size_t i = static_cast<std::size_t>(frame % 10); i < positions.size(); i += 10) {
+            Vec3f at = scene.node(positions[i]).get(x3d::Transform::translation);
             at.y = .01f * float(frame % 100);
-            (void)scene.set(places[i], x3d::Transform::translation, at);
+            (void)scene.set(positions[i], x3d::Transform::translation, at);
         }
         for (std::size_t i = 0; i < eyes.size(); ++i) {
             const double along = .1 * frame, other = side * double(i + 1) / double(eyes.size() + 1);
@@ -71,25 +71,25 @@ struct Square {
 };
 
 /// Who follows: the whole scene, or the region of one of the viewpoints, several each.
-struct Crew {
+struct ThreadTeam {
     int wholes = 1, regions = 0, each = 1;
 };
 
 /// CPU seconds a frame of all that the process does, the best of some rounds; negative when a replica differed.
-double costOf(int shapes, const Crew& crew, int frames) {
-    Square square(shapes, std::max(1, crew.regions));
+double costOf(int shapes, const ThreadTeam& team, int frames) {
+    Square square(shapes, std::max(1, team.regions));
     MirrorServerOptions options;
-    const int peers = crew.wholes + crew.regions * crew.each;
+    const int peers = team.wholes + team.regions * team.each;
     options.maximumPeers = static_cast<std::size_t>(peers);
-    options.maximumParts = static_cast<std::size_t>(std::max(1, crew.regions));
+    options.maximumParts = static_cast<std::size_t>(std::max(1, team.regions));
     options.peerTimeout = 60s;
     const auto server = MirrorServer::start(square.scene, kAnyPort, options);
     if (!server) return -1;
     std::vector<std::unique_ptr<Follower>> all;
-    for (int i = 0; i < crew.wholes; ++i) all.push_back(std::make_unique<Follower>((*server)->endpoint()));
-    for (int i = 0; i < crew.regions * crew.each; ++i) {
+    for (int i = 0; i < team.wholes; ++i) all.push_back(std::make_unique<Follower>((*server)->endpoint()));
+    for (int i = 0; i < team.regions * team.each; ++i) {
         MirrorClientOptions region;
-        region.parts = {fmt::format("region:EYE{},{}", i % crew.regions, kRadius)};
+        region.parts = {fmt::format("region:EYE{},{}", i % team.regions, kRadius)};
         all.push_back(std::make_unique<Follower>((*server)->endpoint(), region));
     }
     const auto arrived = [&] {
@@ -124,12 +124,12 @@ double costOf(int shapes, const Crew& crew, int frames) {
 }  // namespace
 
 bool mirrorRegions(const SyncSizes& sizes, const Report& report) {
-    const int frames = std::clamp(sizes.frames / 10, 5, 40), most = sizes.transforms * 10;
+    const int frames = std::clamp(sizes.frames / 10, 5, 40), maximum = sizes.transforms * 10;
     // For a region, a scene that holds only the near part would cost the same.
     const double alone = costOf(kNear, {1, 0}, frames), nine = costOf(kNear, {9, 0}, frames);
     if (alone < 0 || nine < 0) return false;
     const double limit = std::max((nine - alone) / 8, 1e-9);
-    for (const int shapes : {most / 100, most / 10, most}) {
+    for (const int shapes : {maximum / 100, maximum / 10, maximum}) {
         const double one = costOf(shapes, {1, 0}, frames), whole = costOf(shapes, {2, 0}, frames);
         const double region = costOf(shapes, {1, 1}, frames), eight = costOf(shapes, {1, 8}, frames),
                      many = costOf(shapes, {1, 8, 4}, frames);

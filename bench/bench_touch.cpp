@@ -35,7 +35,7 @@ class Ground {
     Ground(bool isWavy, const HapticOptions& options) {
         using G = x3d::ElevationGrid;
         const NodeId grid = scene.createNode(G::type), shape = scene.createNode(x3d::Shape::type);
-        place_ = scene.createNode(x3d::Transform::type);
+        position_ = scene.createNode(x3d::Transform::type);
         const int points = isWavy ? kSide + 1 : 2;
         const auto spacing = static_cast<float>(isWavy ? kSpacing : 1);
         std::vector<float> heights;
@@ -48,8 +48,8 @@ class Ground {
         (void)scene.set(grid, G::zSpacing, spacing);
         (void)scene.set(grid, G::height, Array<float>(std::move(heights)));
         (void)scene.set(shape, x3d::Shape::geometry, grid);
-        (void)scene.insertChild(place_, x3d::Transform::children, shape);
-        (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, place_);
+        (void)scene.insertChild(position_, x3d::Transform::children, shape);
+        (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, position_);
         world.emplace(scene);
         scene.newFrame(0);
         renderer.emplace(*world, options);
@@ -58,7 +58,7 @@ class Ground {
         (void)world->present();
     }
     void move(double seconds, float x) {
-        (void)scene.set(place_, x3d::Transform::translation, Vec3f(x, 0, 0));
+        (void)scene.set(position_, x3d::Transform::translation, Vec3f(x, 0, 0));
         scene.newFrame(seconds);
     }
     void frame(double seconds, float x) {
@@ -71,11 +71,11 @@ class Ground {
     std::optional<HapticRenderer> renderer;
 
   private:
-    NodeId place_;
+    NodeId position_;
 };
 
-double percentile(std::vector<double>& values, double share) {
-    const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+double percentile(std::vector<double>& values, double fraction) {
+    const auto at = static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
     std::ranges::nth_element(values, values.begin() + at);
     return values[static_cast<std::size_t>(at)];
 }
@@ -98,14 +98,14 @@ void ticks(const Report& report, bool moves, int count) {
     }
     const std::string name = moves ? "100,352 triangles that move" : "100,352 triangles at rest";
     const double bare = percentile(alone, .5);
-    for (const auto& [share, metric] :
+    for (const auto& [fraction, metric] :
          {std::pair{.5, "a tick, median"}, {.999, "a tick, 1 in 1,000"}, {1., "a tick, worst"}})
-        report({"touch", name, metric, "us", percentile(times, share), "the clock's millisecond", 1000,
+        report({"touch", name, metric, "us", percentile(times, fraction), "the clock's millisecond", 1000,
                 "finding the triangles", bare});
 }
 
 /// CPU time of the scene's thread for a frame, with a hand on the ground or without one.
-double frameTime(bool touched, double share) {
+double frameTime(bool touched, double fraction) {
     Ground ground(true, {});
     if (touched) {
         SimulatedHand hand;
@@ -121,7 +121,7 @@ double frameTime(bool touched, double share) {
         std::this_thread::sleep_for(std::chrono::milliseconds(4));
     }
     (void)ground.renderer->stop();
-    return percentile(times, share);
+    return percentile(times, fraction);
 }
 
 /// Whether a mass that a hand presses to a wall comes to rest there.
@@ -179,10 +179,10 @@ double holdError(double rate, double speed) {
 void touch(const Report& report, bool quick) {
     ticks(report, false, quick ? 5'000 : 100'000);
     ticks(report, true, quick ? 5'000 : 100'000);
-    for (const auto& [share, metric] :
+    for (const auto& [fraction, metric] :
          {std::pair{.5, "a frame of the scene's thread, median"}, {.99, "a frame of the scene's thread, 1 in 100"}})
-        report({"touch", "one thing of 100,352 triangles moves", metric, "us", frameTime(true, share), "without touch",
-                frameTime(false, share), "", 0});
+        report({"touch", "one thing of 100,352 triangles moves", metric, "us", frameTime(true, fraction),
+                "without touch", frameTime(false, fraction), "", 0});
 }
 
 bool chartTouch(const ChartSink& sink, bool quick) {

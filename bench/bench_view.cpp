@@ -37,7 +37,7 @@ const char* const kSeenHall = "examples/demo/hall.x3dv";
 double passedSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
-double share(std::vector<double> values, double of) {
+double valueAtQuantile(std::vector<double> values, double of) {
     if (values.empty()) return 0;
     std::ranges::sort(values);
     return values[static_cast<std::size_t>(of * static_cast<double>(values.size() - 1))];
@@ -73,10 +73,10 @@ class Viewer {
     }
     void key(const char* name, bool down) { (void)sendKey(scene_, *KeyInput::named(name, down)); }
     /// A frame, and what is shown until the next one is due.
-    void turn() {
+    void poll() {
         const double now = passedSince(start_);
         scene_.newFrame(now);
-        window_->turn(std::chrono::ceil<std::chrono::milliseconds>(
+        window_->poll(std::chrono::ceil<std::chrono::milliseconds>(
             std::chrono::duration<double>(std::max(0., 1 / 60.0 - (passedSince(start_) - now)))));
         if (const auto shown = window_->shown(); shown && shown != last_) {
             last_ = shown;
@@ -86,16 +86,16 @@ class Viewer {
     template <class Wanted>
     double until(const Wanted& wanted) {
         const Clock::time_point begun = Clock::now();
-        while (!wanted() && passedSince(begun) < 20) turn();
+        while (!wanted() && passedSince(begun) < 20) poll();
         return passedSince(begun);
     }
     void walk(double seconds) {
-        const char* const ways[] = {"UP", "LEFT", "DOWN", "RIGHT"};
+        const char* const clients[] = {"UP", "LEFT", "DOWN", "RIGHT"};
         for (const double end = passedSince(start_) + seconds; passedSince(start_) < end;) {
-            const char* way = ways[steps_++ % 4];
-            key(way, true);
-            for (const double turned = passedSince(start_) + .7; passedSince(start_) < turned;) turn();
-            key(way, false);
+            const char* variant = clients[steps_++ % 4];
+            key(variant, true);
+            for (const double turned = passedSince(start_) + .7; passedSince(start_) < turned;) poll();
+            key(variant, false);
         }
     }
     /// Seconds from a key to the first picture of a state in which it has moved the viewer.
@@ -109,18 +109,18 @@ class Viewer {
             return moved != 0 && last_ && last_->sequence >= moved;
         });
         key("LEFT", false), key("RIGHT", false);
-        for (int i = 0; i < 20; ++i) turn();
+        for (int i = 0; i < 20; ++i) poll();
         return took;
     }
     /// Seconds from the frame in which the scene and the viewer stand still to the whole picture.
     double restToWhole() {
         key("LEFT", true);
-        for (int i = 0; i < 20; ++i) turn();
+        for (int i = 0; i < 20; ++i) poll();
         key("LEFT", false);
-        turn();
+        poll();
         // Its clocks stop with it.
         const Clock::time_point begun = Clock::now();
-        while (!(window_->shown() && window_->shown()->whole) && passedSince(begun) < 20) window_->turn(5ms);
+        while (!(window_->shown() && window_->shown()->whole) && passedSince(begun) < 20) window_->poll(5ms);
         return passedSince(begun);
     }
 
@@ -146,25 +146,24 @@ bool walked(const Report& report, const std::string& name, const std::string& fi
         report({"view", name + ", " + ok.error().text, "window", "0/1", 0, "", 0, "", 0});
         return false;
     }
-    const auto line = [&](const char* what, const char* unit, double value, const char* limit = "", double most = 0) {
-        report({"view", name, what, unit, value, "", 0, limit, most});
-    };
+    const auto line = [&](const char* what, const char* unit, double value, const char* limit = "",
+                          double maximum = 0) { report({"view", name, what, unit, value, "", 0, limit, maximum}); };
     viewer.until([&] { return viewer.window().statistics().presented > 0; });
     viewer.walk(quick ? 1 : 8);
     const std::vector<double> intervals = viewer.window().statistics().intervals;
     double sum = 0;
     for (const double one : intervals) sum += one;
     line("pictures a second, walking", "1/s", sum > 0 ? static_cast<double>(intervals.size()) / sum : 0, "budget", 30);
-    line("from picture to picture, half", "ms", 1e3 * share(intervals, .5), "budget", 1e3 / 30);
-    line("from picture to picture, 95 %", "ms", 1e3 * share(intervals, .95), "budget", 1e3 / 30);
-    line("width of the picture, half", "pixels", share(viewer.widths(), .5), "whole", 1280);
+    line("from picture to picture, half", "ms", 1e3 * valueAtQuantile(intervals, .5), "budget", 1e3 / 30);
+    line("from picture to picture, 95 %", "ms", 1e3 * valueAtQuantile(intervals, .95), "budget", 1e3 / 30);
+    line("width of the picture, half", "pixels", valueAtQuantile(viewer.widths(), .5), "whole", 1280);
     std::vector<double> keys, rests;
     for (int i = 0; i < (quick ? 2 : 40); ++i) keys.push_back(viewer.keyToPicture());
     for (int i = 0; i < (quick ? 1 : 10); ++i) rests.push_back(viewer.restToWhole());
-    line("key to picture, half", "ms", 1e3 * share(keys, .5));
-    line("key to picture, 95 %", "ms", 1e3 * share(keys, .95), "asked", 80);
-    line("standing still to the whole picture, half", "ms", 1e3 * share(rests, .5));
-    line("standing still to the whole picture, most", "ms", 1e3 * share(rests, 1), "asked", 400);
+    line("key to picture, half", "ms", 1e3 * valueAtQuantile(keys, .5));
+    line("key to picture, 95 %", "ms", 1e3 * valueAtQuantile(keys, .95), "asked", 80);
+    line("standing still to the whole picture, half", "ms", 1e3 * valueAtQuantile(rests, .5));
+    line("standing still to the whole picture, most", "ms", 1e3 * valueAtQuantile(rests, 1), "asked", 400);
     return true;
 }
 
@@ -173,7 +172,7 @@ struct Noisy {
     double seconds = 0, noise = 0, denoised = 0;
     int samples = 0;
 };
-Result<std::vector<Noisy>> standStill(double most, int width, int height) {
+Result<std::vector<Noisy>> standStill(double maximum, int width, int height) {
     Scene scene;
     Diagnostics diagnostics;
     if (!loadFile(scene, kSeenHall, diagnostics)) return fail("the scene cannot be read");
@@ -183,13 +182,13 @@ Result<std::vector<Noisy>> standStill(double most, int width, int height) {
     options.settings.integrator = Integrator::path;
     options.settings.width = width, options.settings.height = height, options.settings.samplesPerPixel = 4;
     options.resources = Resources::ofFile(kSeenHall);
-    options.mostSamples = 1 << 14;
+    options.maxSamples = 1 << 14;
     std::vector<Noisy> all;
     LivePicture pictures(world, std::move(options));
     const Clock::time_point start = Clock::now();
     if (auto ok = pictures.show(); !ok) return std::unexpected(ok.error());
     constexpr double kPatience = 120;  // a busy machine needs longer for the first two
-    while (passedSince(start) < most || (all.size() < 2 && passedSince(start) < kPatience)) {
+    while (passedSince(start) < maximum || (all.size() < 2 && passedSince(start) < kPatience)) {
         std::this_thread::sleep_for(5ms);
         const auto shown = pictures.take();
         if (shown && shown->noise > 0)
@@ -214,9 +213,8 @@ bool rested(const Report& report, bool quick) {
         report({"view", name + ", " + all.error().text, "pictures", "0/1", 0, "", 0, "", 0});
         return false;
     }
-    const auto line = [&](const char* what, const char* unit, double value, const char* limit = "", double most = 0) {
-        report({"view", name, what, unit, value, "", 0, limit, most});
-    };
+    const auto line = [&](const char* what, const char* unit, double value, const char* limit = "",
+                          double maximum = 0) { report({"view", name, what, unit, value, "", 0, limit, maximum}); };
     for (const double wanted : {.1, .05}) {
         const auto found = std::ranges::find_if(*all, [&](const Noisy& one) { return one.noise <= wanted; });
         if (found == all->end()) continue;  // it takes longer than this looked on
@@ -293,15 +291,16 @@ struct SeenHall {
         image.settings.width = width / divisor, image.settings.height = height / divisor;
         image.settings.samplesPerPixel = samples;
         std::vector<double> seconds;
-        Picture made;
+        Picture created;
         for (int run = 0; run < (samples > 2 ? 1 : 3); ++run) {
             const double start = cpuSeconds();
             auto picture = draw(image);
             if (!picture) return std::unexpected(picture.error());
-            made = std::move(*picture);
+            created = std::move(*picture);
             seconds.push_back(cpuSeconds() - start);
         }
-        return ChartPoint{1e3 * median(seconds), errorBeside(enlarged(made, width, height), truth), std::move(label)};
+        return ChartPoint{1e3 * median(seconds), errorBeside(enlarged(created, width, height), truth),
+                          std::move(label)};
     }
 
     /// Coarser pictures, and whole ones with more samples.

@@ -73,8 +73,8 @@ class Scale {
     Scale(const Axis& axis, std::vector<double> values) : axis_(axis) {
         std::erase_if(values, [&](double v) { return !shows(v); });
         if (values.empty()) values = {1, 10};
-        const auto [least, most] = std::ranges::minmax(values);
-        low_ = least, high_ = most;
+        const auto [minimum, maximum] = std::ranges::minmax(values);
+        low_ = minimum, high_ = maximum;
         if (axis.logarithmic) {
             spreadDecades();
         } else {
@@ -83,13 +83,13 @@ class Scale {
             spreadSteps();
         }
     }
-    void place(double first, double last) { first_ = first, last_ = last; }
+    void setRange(double first, double last) { first_ = first, last_ = last; }
 
     bool shows(double v) const { return std::isfinite(v) && (!axis_.logarithmic || v > 0); }
     double operator()(double v) const {
-        const double share = axis_.logarithmic ? (std::log(v) - std::log(low_)) / (std::log(high_) - std::log(low_))
-                                               : (v - low_) / (high_ - low_);
-        return first_ + share * (last_ - first_);
+        const double fraction = axis_.logarithmic ? (std::log(v) - std::log(low_)) / (std::log(high_) - std::log(low_))
+                                                  : (v - low_) / (high_ - low_);
+        return first_ + fraction * (last_ - first_);
     }
     const std::vector<double>& ticks() const { return ticks_; }
 
@@ -231,7 +231,7 @@ class Drawing {
         for (const double v : y_.ticks()) ticks = std::max(ticks, widthOf(figure(v)));
         left_ = 44 + ticks, right_ = kWidth - std::min(320.0, widest) - 46;
         const double bottom = top_ + 360;
-        x_.place(left_, right_), y_.place(bottom, top_);
+        x_.setRange(left_, right_), y_.setRange(bottom, top_);
         xAxis(bottom);
         for (const double v : y_.ticks()) {
             line(left_, y_(v), right_, y_(v), "#e6e6e6");
@@ -302,7 +302,7 @@ class Drawing {
         }
         top_ += 14;
         const double gap = 30, bottom = top_ + gap * static_cast<double>(chart_.rows.size());
-        x_.place(left_, right_);
+        x_.setRange(left_, right_);
         xAxis(bottom);
         const auto height = [&](double row) { return top_ + gap * (row + .5); };
         for (std::size_t r = 0; r < chart_.rows.size(); ++r) {

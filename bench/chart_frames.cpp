@@ -70,7 +70,7 @@ bool chartFrames(const ChartSink& sink, bool quick) {
         if (f->flatTrace > 0) rays.rows.push_back(f->scene);
         if (!moves) return;
         update.series[3].points.push_back({(f->sceneWork + f->fullUpdate) * 1e6, moving, {}});
-        if (f->leastUpdate > 0) update.series[4].points.push_back({f->leastUpdate * 1e6, moving, {}});
+        if (f->smallestUpdate > 0) update.series[4].points.push_back({f->smallestUpdate * 1e6, moving, {}});
         update.rows.push_back(f->scene);
     };
     for (const SceneInfo& s : benchScenes()) {

@@ -82,9 +82,9 @@ struct HeardErrors {
         constexpr double kHeardRange = 1e-3;  // of the loudest window of a band
         for (std::size_t third = 0; third < kThirds; ++third) {
             const std::vector<double>&is = heard.windows[third], &right = truth.windows[third];
-            const double least = kHeardRange * *std::ranges::max_element(right);
+            const double minimum = kHeardRange * *std::ranges::max_element(right);
             for (std::size_t w = 0; w < std::min(is.size(), right.size()); ++w) {
-                if (!(right[w] > least && is[w] > 0)) continue;
+                if (!(right[w] > minimum && is[w] > 0)) continue;
                 level += std::pow(10 * std::log10(is[w] / right[w]), 2);
                 ++levels;
             }
@@ -118,9 +118,9 @@ struct Hearing {
         AcousticOptions options;
         options.trace = AcousticOptions::heardTrace(quality);
         options.trace.diffractionOrder = diffraction;
-        auto made = AcousticEngine::create(options);
-        if (made) engine = std::move(*made);
-        return made.has_value();
+        auto created = AcousticEngine::create(options);
+        if (created) engine = std::move(*created);
+        return created.has_value();
     }
     bool render(const SoundRoom& room, double time) {
         const double before = cpuSeconds();
@@ -138,8 +138,8 @@ bool hearRoom(SoundRoom& room, std::vector<Hearing>& all, int clicks) {
     const int frames = static_cast<int>(kFramesPerSecond) * (clicks + 1);
     for (int frame = 0; frame <= frames; ++frame) {
         const double time = frame / kFramesPerSecond, angle = kWalk / kCircle * time;
-        const glm::dvec3 place = room.source + kCircle * glm::dvec3(std::cos(angle), 0, std::sin(angle));
-        if (!room.scene.set(voice, x3d::Transform::translation, Vec3f(place))) return false;
+        const glm::dvec3 position = room.source + kCircle * glm::dvec3(std::cos(angle), 0, std::sin(angle));
+        if (!room.scene.set(voice, x3d::Transform::translation, Vec3f(position))) return false;
         room.scene.newFrame(time);
         room.world->finishBackgroundWork();
         for (Hearing& one : all)

@@ -145,7 +145,7 @@ float exposureOf(const Picture& picture) {
 
 /// The sizes and settings of a scene's series.
 struct PartsSizes {
-    int side, most, truth;
+    int side, maximum, truth;
 };
 
 class PartsChart {
@@ -189,9 +189,9 @@ class PartsChart {
         chart_.series.push_back(std::move(series));
     }
     template <class Take>
-    void bySamples(const std::string& name, int least, const Take& take) {
+    void bySamples(const std::string& name, int minimum, const Take& take) {
         std::vector<std::pair<Taken, std::string>> all;
-        for (int samples = least; samples <= sizes_.most; samples *= 4)
+        for (int samples = minimum; samples <= sizes_.maximum; samples *= 4)
             all.emplace_back(take(samples), std::to_string(samples));
         add({name, {}}, all);
     }
@@ -201,7 +201,7 @@ class PartsChart {
     }
     void byError() {
         std::vector<std::pair<Taken, std::string>> all;
-        for (double error = .2; error > 12.0 / (sizes_.most + 64); error /= 2)
+        for (double error = .2; error > 12.0 / (sizes_.maximum + 64); error /= 2)
             all.emplace_back(stage_.take(pathOptions(side(), error, 1 << 14)), fmt::format("{:g}", error));
         add({"path with --error", {}}, all);
     }

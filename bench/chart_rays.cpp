@@ -86,14 +86,14 @@ double rmsError(const Picture& picture, const Picture& truth) {
 }  // namespace
 
 bool chartRays(const ChartSink& sink, bool quick) {
-    const int most = quick ? 64 : 1024;
+    const int maximum = quick ? 64 : 1024;
     Chart chart{
         "rays-error",
         "Path tracing: error against time",
         fmt::format("64 x 64 pixels, 1 to {} samples each (labelled); CPU time of one thread. Furnace: RMS "
                     "distance from the closed form L = Le / (1 - rho) = 1. Room (panel light, mirror ball): from "
                     "{} samples with another seed.",
-                    most, most * 8),
+                    maximum, maximum * 8),
         {"time (ms)", true},
         {"RMS error of a pixel", true},
         {{"glowing furnace", {}}, {"room, path", {}}, {"room, Whitted", {}}, {"1 / √time", {}, true}},
@@ -101,8 +101,8 @@ bool chartRays(const ChartSink& sink, bool quick) {
     Subject furnace(kFurnace), room(kRoom);
     if (!furnace.good() || !room.good()) return false;
     const Picture one(64, 64, Vec4f(1));
-    const Picture truth = room.run(Integrator::path, most * 8, 99).picture;
-    for (int samples = 1; samples <= most; samples *= 4) {
+    const Picture truth = room.run(Integrator::path, maximum * 8, 99).picture;
+    for (int samples = 1; samples <= maximum; samples *= 4) {
         const std::string label = std::to_string(samples);
         const Run f = furnace.run(Integrator::path, samples, 1), r = room.run(Integrator::path, samples, 1),
                   w = room.run(Integrator::whitted, samples, 1);

@@ -27,17 +27,17 @@ class Lattice {
     }
 
     /// A new shape under a Transform, nobody's child yet.
-    NodeId shapeAt(int place) {
+    NodeId shapeAt(int index) {
         const NodeId transform = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
         (void)scene.set(shape, x3d::Shape::geometry, box_);
         (void)scene.set(shape, x3d::Shape::appearance, appearance_);
-        (void)scene.set(transform, x3d::Transform::translation, at(place, 0));
+        (void)scene.set(transform, x3d::Transform::translation, at(index, 0));
         (void)scene.insertChild(transform, x3d::Transform::children, shape);
         last = transform;
         return transform;
     }
-    Vec3f at(int place, float height) const {
-        return {static_cast<float>(3 * (place % side_)), height, static_cast<float>(3 * (place / side_))};
+    Vec3f at(int index, float height) const {
+        return {static_cast<float>(3 * (index % side_)), height, static_cast<float>(3 * (index / side_))};
     }
     NodeId group() const { return group_; }
 

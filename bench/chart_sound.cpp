@@ -40,8 +40,8 @@ double firstArrivals(const Echogram& echogram, double seconds) {
     for (const Arrival& arrival : echogram.arrivals)
         if (&arrival != &direct && arrival.seconds <= end) energy += arrival.energy[0];
     for (std::size_t k = 0; k < echogram.late.bins.size() && echogram.late.startOf(k) < end; ++k) {
-        const double share = (end - echogram.late.startOf(k)) * echogram.late.binsPerSecond;
-        energy += std::min(1.0, share) * echogram.late.bins[k][0];
+        const double fraction = (end - echogram.late.startOf(k)) * echogram.late.binsPerSecond;
+        energy += std::min(1.0, fraction) * echogram.late.bins[k][0];
     }
     return 10 * std::log10(energy / direct.energy[0]);
 }
@@ -148,12 +148,12 @@ class Method {
     }
     /// Traces as `rtsg listen --error` does.
     TraceResult traceTo(double error, std::uint64_t seed) const {
-        constexpr std::uint64_t kMost = 4'000'000;
+        constexpr std::uint64_t kMax = 4'000'000;
         TraceOptions options = geometricOptions(seed);
         options.rays = ListenOptions::kFirstRays;
         const AcousticTracer tracer(room_.geometry);
         TraceResult result = tracer.trace(room_.source, room_.listener, options);
-        static_cast<void>(tracer.refineTo(result, room_.source, room_.listener, options, error, kMost));
+        static_cast<void>(tracer.refineTo(result, room_.source, room_.listener, options, error, kMax));
         return result;
     }
 
@@ -170,7 +170,7 @@ class Method {
 
 std::vector<Method> tryMethods(const SoundRoom& room, const Truth& truth, bool quick) {
     const int runs = quick ? 2 : 8;
-    const std::uint64_t most = quick ? 1000 : 16'000;
+    const std::uint64_t maximum = quick ? 1000 : 16'000;
     Method images("image sources alone", room, truth), rays("rays alone", room, truth),
         both("images and rays", room, truth), asked("--error", room, truth);
     for (const int order : {1, 2, 3, 5, 8, 12, 18, 26}) {
@@ -185,7 +185,7 @@ std::vector<Method> tryMethods(const SoundRoom& room, const Truth& truth, bool q
         });
         if (!whole || !quickEnough || (quick && order > 2)) break;
     }
-    for (std::uint64_t count = 250; count <= most; count *= 4) {
+    for (std::uint64_t count = 250; count <= maximum; count *= 4) {
         static_cast<void>(rays.add(std::to_string(count), runs, [&](std::uint64_t seed) {
             TraceOptions options = geometricOptions(seed);
             options.rays = count;
@@ -259,11 +259,12 @@ bool chartSources(const ChartSink& sink, bool quick) {
                 {}};
     for (int sources = 1; sources <= (quick ? 4 : 64); sources *= 2) {
         const std::optional<MovingSound> moved = moveSources(sources, quick ? .3 : 16);
-        if (!moved || !moved->told.failure.empty()) return false;
+        if (!moved || !moved->reported.failure.empty()) return false;
         const double x = sources;
-        const std::string label = moved->told.underruns ? fmt::format("{} underruns", moved->told.underruns) : "";
+        const std::string label =
+            moved->reported.underruns ? fmt::format("{} underruns", moved->reported.underruns) : "";
         chart.series[0].points.push_back({x, moved->cores * kFrame, label});
-        chart.series[1].points.push_back({x, moved->told.busy * kFrame, {}});
+        chart.series[1].points.push_back({x, moved->reported.busy * kFrame, {}});
         chart.series[2].points.push_back({x, 1e3 * *std::max_element(moved->frames.begin(), moved->frames.end()), {}});
         chart.series[3].points.push_back({x, 1e3 * median(moved->frames), {}});
         chart.series[4].points.push_back({x, kFrame, {}});

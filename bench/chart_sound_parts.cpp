@@ -81,17 +81,18 @@ struct LineImage {
     std::vector<Closed> outlines;
 };
 std::function<std::vector<double>(std::size_t)> linesReference(const std::vector<LineImage>& images,
-                                                               const std::vector<glm::dvec2>& places) {
+                                                               const std::vector<glm::dvec2>& positions) {
     return [=](std::size_t tone) {
         const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / kPartsSpeed;
-        std::vector<double> energies(places.size());
+        std::vector<double> energies(positions.size());
         for (const LineImage& image : images) {
             const test::RigidOutline outline(image.outlines, insideOf(image.outlines), k,
                                              std::min(.12, 2 * M_PI / k / 7));
-            for (std::size_t p = 0; p < places.size(); ++p)
+            for (std::size_t p = 0; p < positions.size(); ++p)
                 // A way of w metres counts as one of a point source, times w / d.
-                energies[p] += std::norm(outline.beside(image.source, places[p])) /
-                               (glm::distance(image.source, places[p]) * glm::distance(images[0].source, places[p]));
+                energies[p] +=
+                    std::norm(outline.beside(image.source, positions[p])) /
+                    (glm::distance(image.source, positions[p]) * glm::distance(images[0].source, positions[p]));
         }
         return energies;
     };
@@ -104,16 +105,16 @@ ListenedScene screenScene(double ceiling) {
     scene.level(0);
     if (ceiling > 0) scene.level(ceiling);
     scene.box({-kFar + 1, -kHalf, 0}, {kFar - 1, kHalf, kHigh});
-    std::vector<glm::dvec2> places;
+    std::vector<glm::dvec2> positions;
     for (const double y : {.7, 2.0, 4.0})
         for (const double z : {1.1, 1.3, 1.6, 1.75, 2.0}) {
             scene.listeners.emplace_back(0, y, z);
-            places.emplace_back(y, z);
+            positions.emplace_back(y, z);
         }
     const auto both = [&](double middle) { return rectangleOf(-kHalf, middle - kHigh, kHalf, middle + kHigh); };
     std::vector<LineImage> images{{{-2, 1.2}, {both(0)}}, {{-2, -1.2}, {both(0)}}};
     if (ceiling > 0) images.push_back({{-2, 2 * ceiling - 1.2}, {both(0), both(2 * ceiling)}});
-    scene.reference = linesReference(images, places);
+    scene.reference = linesReference(images, positions);
     scene.lastBand = 5;
     scene.line = true;
     return scene;
@@ -123,13 +124,13 @@ ListenedScene screenScene(double ceiling) {
 ListenedScene cornerScene() {
     ListenedScene scene{"corner of a building", {}, {-1.5, .8, 0}, {}};
     scene.box({-5, -5, -kFar}, {0, 0, kFar});
-    std::vector<glm::dvec2> places;
+    std::vector<glm::dvec2> positions;
     for (const double x : {.4, 1.2, 3.0})
         for (const double y : {.5, -.5, -1.5, -3.0}) {
             scene.listeners.emplace_back(x, y, 0);
-            places.emplace_back(x, y);
+            positions.emplace_back(x, y);
         }
-    scene.reference = linesReference({{{-1.5, .8}, {rectangleOf(-5, -5, 0, 0)}}}, places);
+    scene.reference = linesReference({{{-1.5, .8}, {rectangleOf(-5, -5, 0, 0)}}}, positions);
     scene.lastBand = 4;
     scene.line = true;
     return scene;
@@ -154,13 +155,13 @@ ListenedScene doorScene(double degrees) {
         wall.addQuad(n, n + 1, n + 2, n + 3);
         scene.add(wall, {0, 0, -kFar});
     }
-    std::vector<glm::dvec2> places;
+    std::vector<glm::dvec2> positions;
     for (const double y : {1.2, 2.0, 3.0})
         for (const double x : {-1.6, -.8, -.2, .5, 1.3}) {
             scene.listeners.emplace_back(x, y, 0);
-            places.emplace_back(x, y);
+            positions.emplace_back(x, y);
         }
-    scene.reference = linesReference({{{.1, -2}, outlines}}, places);
+    scene.reference = linesReference({{{.1, -2}, outlines}}, positions);
     scene.lastBand = 5;
     scene.line = true;
     return scene;
@@ -237,13 +238,13 @@ ListenedScene slabsScene() {
         outlines.push_back(rectangleOf(y - .4, .7, y + .4, .74));
         outlines.push_back(rectangleOf(y - .4, -.74, y + .4, -.7));
     }
-    std::vector<glm::dvec2> places;
+    std::vector<glm::dvec2> positions;
     for (const double y : {3.9, 4.4, 5.2})
         for (const double z : {1.1, 1.3, 1.6}) {
             scene.listeners.emplace_back(0, y, z);
-            places.emplace_back(y, z);
+            positions.emplace_back(y, z);
         }
-    scene.reference = linesReference({{{-1, 1.2}, outlines}, {{-1, -1.2}, outlines}}, places);
+    scene.reference = linesReference({{{-1, 1.2}, outlines}, {{-1, -1.2}, outlines}}, positions);
     scene.lastBand = 4;
     scene.line = true;
     return scene;
@@ -315,14 +316,14 @@ ListenedScene screensScene(bool ends) {
         scene.box({-half, y - .03, 0}, {half, y + .03, 1.5});
         outlines.push_back(rectangleOf(y - .03, -1.5, y + .03, 1.5));
     }
-    std::vector<glm::dvec2> places;
+    std::vector<glm::dvec2> positions;
     for (const double y : {2.4, 4.0})
         for (const double z : {1.1, 1.3, 1.48, 1.6, 1.8}) {
             scene.listeners.emplace_back(ends ? -.2 : 0, y, z);
-            places.emplace_back(y, z);
+            positions.emplace_back(y, z);
         }
     if (ends) return scene;
-    scene.reference = linesReference({{{-1.2, 1.2}, outlines}, {{-1.2, -1.2}, outlines}}, places);
+    scene.reference = linesReference({{{-1.2, 1.2}, outlines}, {{-1.2, -1.2}, outlines}}, positions);
     scene.lastBand = 4;
     scene.line = true;
     return scene;
@@ -396,10 +397,10 @@ PartsHeard heardWith(const ListenedScene& scene, const PartLeftOut& part) {
         const TraceResult traced = walls.traced(scene.source, listener, part.order);
         auto& levels = heard.levels.emplace_back();
         for (const Arrival& arrival : traced.arrivals) {
-            const double way = arrival.seconds * kPartsSpeed, distance = glm::distance(scene.source, listener);
-            if (scene.line && way > 6 * distance) continue;
+            const double length = arrival.seconds * kPartsSpeed, distance = glm::distance(scene.source, listener);
+            if (scene.line && length > 6 * distance) continue;
             for (std::size_t b = 0; b < kBandCount; ++b)
-                levels[b] += 4 * M_PI * arrival.energy[b] * (scene.line ? way / distance : 1);
+                levels[b] += 4 * M_PI * arrival.energy[b] * (scene.line ? length / distance : 1);
         }
     }
     heard.seconds = (cpuSeconds() - start) / static_cast<double>(scene.listeners.size());
@@ -424,14 +425,14 @@ PartLevels truthOf(const ListenedScene& scene) {
 }
 
 struct PartsOff {
-    double most = 0, rms = 0, worst = 0;  // dB; `most` beside all mechanisms, the others beside the truth
+    double maximum = 0, rms = 0, worst = 0;  // dB; `most` beside all mechanisms, the others beside the truth
 };
 PartsOff offOf(const ListenedScene& scene, const PartLevels& heard, const PartLevels& all, const PartLevels& truth) {
     PartsOff off;
     int count = 0;
     for (std::size_t p = 0; p < heard.size(); ++p)
         for (std::size_t b = kFirstBand; b <= kLastBand; ++b) {
-            off.most = std::max(off.most, std::abs(10 * std::log10(heard[p][b] / all[p][b])));
+            off.maximum = std::max(off.maximum, std::abs(10 * std::log10(heard[p][b] / all[p][b])));
             if (truth.empty() || b > scene.lastBand) continue;
             const double one = 10 * std::log10(heard[p][b] / truth[p][b]);
             off.rms += one * one;
@@ -476,7 +477,7 @@ bool chartSoundParts(const ChartSink& sink, bool quick) {
             const PartsHeard heard = i == 0 ? all : heardWith(scene, parts[i]);
             const PartsOff off = offOf(scene, heard.levels, all.levels, truth);
             changes.series[i].points.push_back(
-                {std::min(off.most, kNothing), row, fmt::format("{:.2g} ms", 1e3 * heard.seconds)});
+                {std::min(off.maximum, kNothing), row, fmt::format("{:.2g} ms", 1e3 * heard.seconds)});
             if (!truth.empty())
                 errors.series[i].points.push_back({std::min(off.rms, kNothing), known,
                                                    fmt::format("at worst {:.1f}", std::min(off.worst, kNothing))});

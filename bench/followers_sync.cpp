@@ -75,9 +75,9 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
         if (!f->waitFor(origin.scene.sequence())) return {};
     for (int i = followers; i < followers + stopped; ++i) all[static_cast<std::size_t>(i)]->pause(true);
     const auto slowest = [&] {
-        std::uint64_t least = UINT64_MAX;
-        for (int i = 0; i < followers; ++i) least = std::min(least, all[static_cast<std::size_t>(i)]->reached());
-        return least;
+        std::uint64_t minimum = UINT64_MAX;
+        for (int i = 0; i < followers; ++i) minimum = std::min(minimum, all[static_cast<std::size_t>(i)]->reached());
+        return minimum;
     };
     const auto end = Clock::now() + 120s;
     const std::uint64_t bytesBefore = (*server)->statistics().bytes;

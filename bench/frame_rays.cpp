@@ -55,12 +55,13 @@ void FrameRays::follow(const RayWorld& world, const std::vector<FrameLamp>& lamp
         mirrored.skip(lane);
         for (RayPacket16& packet : asked) packet.skip(lane);
         if (!(hits >> lane & 1u)) continue;
-        const auto [place, normal] = MetPlace(world, rays, lane);
-        mirrored.set(lane, {.origin = place, .direction = glm::reflect(rays.ray(lane).direction, normal)});
+        const auto [position, normal] = MetPosition(world, rays, lane);
+        mirrored.set(lane, {.origin = position, .direction = glm::reflect(rays.ray(lane).direction, normal)});
         for (std::size_t i = 0; i < lamps.size(); ++i) {
-            const Vec3f way = lamps[i].far ? lamps[i].place : world.fromWorld(Vec3d(lamps[i].place)) - place;
-            if (!(glm::dot(way, normal) > 0)) continue;
-            asked[i].set(lane, {place, 0, way, lamps[i].far ? std::numeric_limits<float>::infinity() : 1});
+            const Vec3f displacement =
+                lamps[i].far ? lamps[i].position : world.fromWorld(Vec3d(lamps[i].position)) - position;
+            if (!(glm::dot(displacement, normal) > 0)) continue;
+            asked[i].set(lane, {position, 0, displacement, lamps[i].far ? std::numeric_limits<float>::infinity() : 1});
             any[i] = true;
         }
     }
@@ -69,13 +70,13 @@ void FrameRays::follow(const RayWorld& world, const std::vector<FrameLamp>& lamp
         if (any[i]) toLamps_.emplace_back(asked[i]);
 }
 
-double FrameRays::leastSeconds(const RayWorld& world, const RenderStats& counts) const {
+double FrameRays::minSeconds(const RayWorld& world, const RenderStats& counts) const {
     double fromEye = std::numeric_limits<double>::infinity(), mirrored = fromEye, toLamps = fromEye;
     for (const bool robust : {false, true}) {
         const FlatScene bare(world, robust);
-        fromEye = std::min(fromEye, leastPerRay(bare, fromEye_, false));
-        mirrored = std::min(mirrored, leastPerRay(bare, mirrored_, false));
-        toLamps = std::min(toLamps, leastPerRay(bare, toLamps_, true));
+        fromEye = std::min(fromEye, minPerRay(bare, fromEye_, false));
+        mirrored = std::min(mirrored, minPerRay(bare, mirrored_, false));
+        toLamps = std::min(toLamps, minPerRay(bare, toLamps_, true));
     }
     return static_cast<double>(counts.primaryRays) * fromEye + static_cast<double>(counts.secondaryRays) * mirrored +
            static_cast<double>(counts.shadowRays) * toLamps;

@@ -18,7 +18,7 @@
 namespace rtsg::bench {
 
 struct FrameLamp {
-    Vec3f place{0};  // world; of a DirectionalLight the direction to it
+    Vec3f position{0};  // world; of a DirectionalLight the direction to it
     bool far = false;
 };
 /// The lamps of a scene whose lights stand below no Transform.
@@ -30,7 +30,7 @@ class FrameRays {
 
     /// The least CPU seconds that Embree alone takes for as many rays of each kind as `counts` tells: of each kind the
     /// quickest of single rays and packets, with and without its flag for robustness, all in one flat scene.
-    double leastSeconds(const RayWorld& world, const RenderStats& counts) const;
+    double minSeconds(const RayWorld& world, const RenderStats& counts) const;
 
   private:
     void follow(const RayWorld& world, const std::vector<FrameLamp>& lamps, RayPacket16& rays);

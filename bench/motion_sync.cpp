@@ -32,13 +32,13 @@ glm::dvec3 Motion::somewhere(double size) {
     const double x = along(random_), y = along(random_), z = along(random_);
     return {x, y, z};
 }
-glm::dquat Motion::someTurn() {
+glm::dquat Motion::someRotation() {
     std::normal_distribution<double> n;
     const double w = n(random_), x = n(random_), y = n(random_), z = n(random_);
     return glm::normalize(glm::dquat(w, x, y, z));
 }
 
-glm::dquat Motion::turnFrom(const glm::dquat& before) {
+glm::dquat Motion::rotationFrom(const glm::dquat& before) {
     const glm::dvec3 axis = glm::normalize(somewhere(1));
     const double angle = std::uniform_real_distribution<double>(0, 1.05)(random_);
     return glm::angleAxis(angle, axis) * before;
@@ -52,12 +52,12 @@ Motion::Motion(Movement movement, std::size_t bodies, std::uint64_t seed) : rand
         b.position = somewhere(10) + glm::dvec3(0, 10, 0);
         b.velocity = somewhere(3);
         b.spin = somewhere(5);
-        b.turn = someTurn();
+        b.rotation = someRotation();
         b.knots[0] = b.position;
-        b.turns[0] = b.turn;
+        b.rotations[0] = b.rotation;
         for (int k = 1; k < 4; ++k) {
             b.knots[k] = b.knots[k - 1] + somewhere(2);
-            b.turns[k] = turnFrom(b.turns[k - 1]);
+            b.rotations[k] = rotationFrom(b.rotations[k - 1]);
         }
         b.phase = part(random_);
         b.still = 1 + part(random_);
@@ -70,22 +70,22 @@ void Motion::glide(Body& b) {
         b.phase -= 1;
         for (int k = 0; k < 3; ++k) {
             b.knots[k] = b.knots[k + 1];
-            b.turns[k] = b.turns[k + 1];
+            b.rotations[k] = b.rotations[k + 1];
         }
         b.knots[3] = b.knots[2] + somewhere(2);
-        b.turns[3] = turnFrom(b.turns[2]);
+        b.rotations[3] = rotationFrom(b.rotations[2]);
     }
     for (int k = 1; k < 4; ++k)
-        if (glm::dot(b.turns[k - 1], b.turns[k]) < 0) b.turns[k] = -b.turns[k];
+        if (glm::dot(b.rotations[k - 1], b.rotations[k]) < 0) b.rotations[k] = -b.rotations[k];
     b.position = spline(b.knots, b.phase);
-    b.turn = glm::normalize(spline(b.turns, b.phase));
+    b.rotation = glm::normalize(spline(b.rotations, b.phase));
 }
 
 void Motion::tumble(Body& b) {
     b.velocity.y -= 9.81 * kStep;
     b.position += b.velocity * kStep;
     const glm::dquat spin(0, b.spin.x, b.spin.y, b.spin.z);
-    b.turn = glm::normalize(b.turn + (spin * b.turn) * (.5 * kStep));
+    b.rotation = glm::normalize(b.rotation + (spin * b.rotation) * (.5 * kStep));
     std::normal_distribution<double> n(0, .3);
     for (int axis = 0; axis < 3; ++axis) {
         const double low = axis == 1 ? .5 : -10, high = 10;
@@ -101,7 +101,7 @@ void Motion::tumble(Body& b) {
     b.position = glm::dvec3(glm::vec3(b.position));
     b.velocity = glm::dvec3(glm::vec3(b.velocity));
     b.spin = glm::dvec3(glm::vec3(b.spin));
-    b.turn = glm::dquat(glm::quat(b.turn));
+    b.rotation = glm::dquat(glm::quat(b.rotation));
     if (glm::length(b.velocity) < .6 && b.position.y < .6) b.velocity += somewhere(3) + glm::dvec3(0, 5, 0);
 }
 
@@ -110,7 +110,7 @@ void Motion::travel(Body& b) {
     if (b.still > 0) return;  // at rest
     b.position += b.velocity * kStep;
     const glm::dquat spin(0, b.spin.x, b.spin.y, b.spin.z);
-    b.turn = glm::normalize(b.turn + (spin * b.turn) * (.5 * kStep));
+    b.rotation = glm::normalize(b.rotation + (spin * b.rotation) * (.5 * kStep));
     if (b.still < -1) {
         b.still = 2;
         b.velocity = somewhere(3);
@@ -143,7 +143,7 @@ ChangeSet Motion::next() {
                 break;
         }
         const Vec3f position(b.position);
-        const Rotation rotation = asRotation(b.turn);
+        const Rotation rotation = asRotation(b.rotation);
         if (position != b.shownPosition) add(i, x3d::Transform::translation.index, b.shownPosition = position);
         if (!(rotation == b.shownRotation)) add(i, x3d::Transform::rotation.index, b.shownRotation = rotation);
     }

@@ -34,16 +34,16 @@ class Motion {
     struct Body {
         Movement movement;
         glm::dvec3 position{}, velocity{}, spin{};
-        glm::dquat turn{1, 0, 0, 0};
+        glm::dquat rotation{1, 0, 0, 0};
         glm::dvec3 knots[4];
-        glm::dquat turns[4];
+        glm::dquat rotations[4];
         double phase = 0, still = 0;
         Vec3f shownPosition{};
         Rotation shownRotation{};
     };
     glm::dvec3 somewhere(double size);
-    glm::dquat someTurn();
-    glm::dquat turnFrom(const glm::dquat& before);
+    glm::dquat someRotation();
+    glm::dquat rotationFrom(const glm::dquat& before);
     void glide(Body& body);
     void tumble(Body& body);
     void travel(Body& body);

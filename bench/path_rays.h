@@ -21,7 +21,7 @@ struct PathRayCounts {
 class PathRays {
   public:
     struct Eye {
-        Vec3f place{0};  // looking along -z
+        Vec3f position{0};  // looking along -z
         float fieldOfView = 1;
     };
     /// Rectangles across y, looking down: their middles, and half a side.
@@ -35,13 +35,14 @@ class PathRays {
 
     /// The least CPU seconds that Embree alone takes for so many: of each kind the quickest of single rays and packets,
     /// with and without its flag for robustness.
-    double leastSeconds(const RayWorld& world, const PathRayCounts& counts) const;
+    double minSeconds(const RayWorld& world, const PathRayCounts& counts) const;
 
   private:
-    struct Way {
+    struct Segment {
         Vec3f origin, direction;
     };
-    void follow(const RayWorld& world, const Lamps& lamps, RayPacket16& rays, double goesOn, std::vector<Way>& next);
+    void follow(const RayWorld& world, const Lamps& lamps, RayPacket16& rays, double goesOn,
+                std::vector<Segment>& next);
 
     std::mt19937 random_{5};
     std::vector<AskedPacket> fromEye_, bounced_, toLamps_;

@@ -33,14 +33,14 @@ double secondsOfChildren() {
 std::optional<Picture> readPpm(const std::filesystem::path& file) {
     std::ifstream in(file, std::ios::binary);
     std::string kind;
-    int width = 0, height = 0, most = 0;
+    int width = 0, height = 0, maximum = 0;
     std::string header;
     for (std::string line; header.empty() || std::count(header.begin(), header.end(), '\n') < 3;) {
         if (!std::getline(in, line)) return std::nullopt;
         if (!line.starts_with('#')) header += line + '\n';
     }
     std::istringstream words(header);
-    if (!(words >> kind >> width >> height >> most) || kind != "P6" || most != 65535) return std::nullopt;
+    if (!(words >> kind >> width >> height >> maximum) || kind != "P6" || maximum != 65535) return std::nullopt;
     std::vector<unsigned char> bytes(std::size_t{6} * static_cast<std::size_t>(width) *
                                      static_cast<std::size_t>(height));
     if (!in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size())))
@@ -69,13 +69,13 @@ std::optional<PovRayPicture> povRayScene(const std::filesystem::path& scene, int
         "'{}'",
         scene.string(), image.string(), side, side, count, log.string());
     const double before = secondsOfChildren();
-    const bool made = std::system(command.c_str()) == 0;
+    const bool created = std::system(command.c_str()) == 0;
     PovRayPicture result;
     result.seconds = secondsOfChildren() - before;
     std::ifstream words(log);
     for (std::string word; words >> word && result.version.empty();)
         if (word == "Version") words >> result.version;
-    std::optional<Picture> picture = made ? readPpm(image) : std::nullopt;
+    std::optional<Picture> picture = created ? readPpm(image) : std::nullopt;
     std::filesystem::remove(image);
     std::filesystem::remove(log);
     if (!picture) return std::nullopt;

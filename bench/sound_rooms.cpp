@@ -59,14 +59,14 @@ std::string quadShape(const std::vector<glm::dvec3>& corners, double absorption,
         points, faces, heardAs(absorption, scattering));
 }
 
-std::string clickingVoice(const glm::dvec3& place) {
+std::string clickingVoice(const glm::dvec3& position) {
     constexpr int kRate = 48'000, kClick = kRate / 20;
     std::string samples;
     for (int i = 0; i < kRate; ++i) samples += i == kClick ? "1 " : "0 ";
     return fmt::format(
         "DEF Voice Transform {{ translation {} {} {} children SpatialSound {{ dopplerEnabled TRUE children "
         "BufferAudioSource {{ loop TRUE sampleRate {} numberOfChannels 1 buffer [ {} ] }} }} }}\n",
-        place.x, place.y, place.z, kRate, samples);
+        position.x, position.y, position.z, kRate, samples);
 }
 
 std::unique_ptr<SoundRoom> roomOf(const std::string& name, const std::string& shapes, const glm::dvec3& source,
@@ -235,7 +235,7 @@ std::optional<MovingSound> moveSources(int sources, double seconds) {
     }
     result.cores = (cpuSeconds() - before) / (wallSeconds() - middle);
     result.stolen = stolenSeconds() - stolen;
-    result.told = (*heard)->stop();
+    result.reported = (*heard)->stop();
     return result;
 }
 

@@ -48,7 +48,7 @@ struct MovingSound {
     std::vector<double> frames;  // CPU seconds of each frame of the scene's thread
     double cores = 0;            // that all of it takes in the second half, when all sources have reflections
     double stolen = 0;           // core seconds that the machine's host took meanwhile
-    LiveReport told;
+    LiveReport reported;
 };
 /// Sources that all move at 60 Hz, in real time, heard for so long on OpenAL's silent device. Nothing: it cannot be
 /// heard.

@@ -125,18 +125,18 @@ UnderSky::Known UnderSky::take(const ImageOptions& options) const {
     return known;
 }
 
-ImageOptions pathOptions(int side, double error, int most) {
+ImageOptions pathOptions(int side, double error, int maximum) {
     ImageOptions options;
     options.settings.integrator = Integrator::path;
     options.settings.width = options.settings.height = side;
     options.settings.threads = 1;
     options.settings.error = static_cast<float>(error);
-    options.settings.samplesPerPixel = most;
+    options.settings.samplesPerPixel = maximum;
     return options;
 }
 
-UnderSky::Known UnderSky::picture(int side, double error, int most) const {
-    ImageOptions options = pathOptions(side, error, most);
+UnderSky::Known UnderSky::picture(int side, double error, int maximum) const {
+    ImageOptions options = pathOptions(side, error, maximum);
     Known known = take(options);
     options.settings.seed = 2;
     const Known other = take(options);
@@ -173,7 +173,7 @@ UnderSky::Content UnderSky::content() const {
         if (!instance.info.id || !instance.mesh || instance.mesh->empty() || !instance.info.seen) continue;
         const auto [known, isNew] = numbers.emplace(instance.mesh.get(), content.meshes.size());
         if (isNew) content.meshes.push_back(instance.mesh.get());
-        content.things.push_back(
+        content.items.push_back(
             {known->second, colorOf(*scene_, instance.info.appearance), instance.info.worldFromLocal});
     }
     return content;
@@ -192,11 +192,11 @@ void UnderSky::write(const std::filesystem::path& file) const {
         for (std::uint32_t t = 0; t < mesh->triangleCount; ++t)
             for (std::uint32_t c = 0; c < 3; ++c) put(out, mesh->vertexIndex(t, c));
     }
-    put(out, content.things.size());
-    for (const Thing& thing : content.things) {
-        put(out, thing.mesh);
-        put(out, &thing.color.r, 3);
-        for (int k = 0; k < 4; ++k) put(out, &thing.worldFromLocal[k].x, 3);
+    put(out, content.items.size());
+    for (const Item& item : content.items) {
+        put(out, item.mesh);
+        put(out, &item.color.r, 3);
+        for (int k = 0; k < 4; ++k) put(out, &item.worldFromLocal[k].x, 3);
     }
     if (!out.flush()) throw std::runtime_error("cannot write " + file.string());
 }
@@ -220,12 +220,12 @@ void UnderSky::writePov(const std::filesystem::path& file) const {
             out << fmt::format(",<{}, {}, {}>", mesh.vertexIndex(t, 0), mesh.vertexIndex(t, 1), mesh.vertexIndex(t, 2));
         out << " } }\n";
     }
-    for (const Thing& thing : content.things) {
-        out << fmt::format("object {{ M{} matrix <", thing.mesh);
+    for (const Item& item : content.items) {
+        out << fmt::format("object {{ M{} matrix <", item.mesh);
         for (int k = 0; k < 4; ++k)
-            out << fmt::format("{}{}, {}, {}", k ? ", " : "", thing.worldFromLocal[k].x, thing.worldFromLocal[k].y,
-                               thing.worldFromLocal[k].z);
-        const Vec3f c = linearFromSrgb(Vec3f(thing.color.r, thing.color.g, thing.color.b));
+            out << fmt::format("{}{}, {}, {}", k ? ", " : "", item.worldFromLocal[k].x, item.worldFromLocal[k].y,
+                               item.worldFromLocal[k].z);
+        const Vec3f c = linearFromSrgb(Vec3f(item.color.r, item.color.g, item.color.b));
         out << fmt::format("> pigment {{ rgb {} }} }}\n", vector(Vec3d(c)));
     }
     if (!out.flush()) throw std::runtime_error("cannot write " + file.string());

@@ -16,7 +16,7 @@
 namespace rtsg::bench {
 
 /// A square picture by paths on one thread, sampled until `error` or, of each pixel if that is 0, with `most` samples.
-ImageOptions pathOptions(int side, double error, int most);
+ImageOptions pathOptions(int side, double error, int maximum);
 
 class UnderSky {
   public:
@@ -31,7 +31,7 @@ class UnderSky {
         Picture picture;
     };
     /// A square picture by paths, sampled until `error` or, of each pixel if that is 0, with `most` samples.
-    Known picture(int side, double error, int most) const;
+    Known picture(int side, double error, int maximum) const;
     /// The same by the method that follows no diffuse light; its error is that from `truth`, measured alike.
     Known whitted(int side, const Picture& truth) const;
     std::size_t triangles() const { return triangles_; }
@@ -44,7 +44,7 @@ class UnderSky {
     static double errorFrom(const Picture& picture, const Picture& truth);
 
   private:
-    struct Thing {
+    struct Item {
         std::size_t mesh = 0;  // its number
         Color color{1, 1, 1};  // display value
         WorldFromLocal worldFromLocal{1.0};
@@ -53,7 +53,7 @@ class UnderSky {
         std::unique_ptr<SharedWorld> world;  // keeps the meshes
         Camera eye;
         std::vector<const Mesh*> meshes;
-        std::vector<Thing> things;
+        std::vector<Item> items;
     };
     Content content() const;
     Known take(const ImageOptions& options) const;

@@ -5,7 +5,7 @@ Each .cpp opens with a comment: a sentence that says what is in it; each header 
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
 from nothing compile several sources at once. Who uses gmock's matchers or algorithms on ranges includes them, as builds without precompiled headers have no others.
 What reaches the state of a scene is computed with the functions of rtsg/core/portable_math.h, not with those of the C library.
-Tables that functions keep in core, documents, scripts and sync are lasting() (rtsg/core/lasting.h), as threads read them until the process is gone.
+Tables that functions keep in core, documents, scripts and sync are neverDestroyed() (rtsg/core/never_destroyed.h), as threads read them until the process is gone.
 What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
 Exit status 1 and a line for each file or function that breaks one.
 """
@@ -148,7 +148,7 @@ def main():
                 problems.append(f"{name}:1: {uses.search(text)[0]}…) without {header}")
         problems += inexact(name, text)
         for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) and "/src/" in name else ():
-            problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see lasting()")
+            problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see neverDestroyed()")
         for function, first, lines in functions(text):
             count += 1
             if lines > MOST:

@@ -83,8 +83,8 @@ int blame(const std::string& log, const std::string& path, bool json) {
     const double start = logStart(log);
     json ? printJson(*steps, path, start, !lacks, piece.value_or(LaterPiece{})) : printTable(*steps, path, start);
     if (piece)
-        tellError("{}: note: it begins {} s into its session: {}\n", terminalText(log),
-                  std::round(piece->begins * 1e6) / 1e6, piece->format());
+        reportError("{}: note: it begins {} s into its session: {}\n", terminalText(log),
+                    std::round(piece->begins * 1e6) / 1e6, piece->format());
     if (!lacks) return kDone;
     printError(fmt::format("{}: this is not all of it: {}", log, fromStart(lacks, start)->format()));
     return kBad;

@@ -127,14 +127,14 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
     for (const ReplayCheck& check : outcome.checks)
         if (!check.failure.empty()) printError(check.failure);
     if (json) return;
-    constexpr std::size_t kMost = 10;
-    for (std::size_t i = 1; i < std::min(report.differences.size(), kMost); ++i) {
+    constexpr std::size_t kMax = 10;
+    for (std::size_t i = 1; i < std::min(report.differences.size(), kMax); ++i) {
         const FieldDifference& d = report.differences[i];
-        tellError("  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
+        reportError("  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
     }
-    if (report.differences.size() <= kMost) return;
-    const std::size_t more = report.differences.size() - kMost;
-    tellError("  and {} more field{}\n", more, more == 1 ? "" : "s");
+    if (report.differences.size() <= kMax) return;
+    const std::size_t more = report.differences.size() - kMax;
+    reportError("  and {} more field{}\n", more, more == 1 ? "" : "s");
 }
 
 /// Requests the outputs that are compared. Throws UsageError if arguments contradict each other.
@@ -179,7 +179,7 @@ int runReplayTestVerb(const std::string& log, const ReplayTestArguments& argumen
     if (!std::filesystem::exists(log)) {
         const std::string why = log + ": there is no log yet", advice = howToRecord(log, arguments.rerun);
         printError(why);
-        tellError("{}", advice);
+        reportError("{}", advice);
         return reportFailed(arguments, failedOutcome(log, arguments, why, advice));
     }
     const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? firstFileOf(log) : arguments.rerun);

@@ -81,8 +81,8 @@ class Playing {
             service();
             const auto now = Clock::now();
             if (auto ok = player_.advance(std::chrono::duration<double>(now - last).count()); !ok && !lacks_)
-                tellOfLack(ok.error());
-            tellOfLacks();
+                reportOfLack(ok.error());
+            reportOfLacks();
             last = now;
             for (const Diagnostic& d : server_.takeDiagnostics()) say(d);
             const double left = seconds - std::chrono::duration<double>(now - start).count();
@@ -108,28 +108,28 @@ class Playing {
     /// Until the next state, or until mirrors or lines ask for something.
     void wait(double seconds, int lines) const {
         const std::chrono::duration<double> shortest = kShortestRest, longest = kLongestRest;
-        const auto most = std::clamp(std::chrono::duration<double>(seconds), shortest, longest);
+        const auto maximum = std::clamp(std::chrono::duration<double>(seconds), shortest, longest);
         pollfd items[] = {{server_.callDescriptor(), POLLIN, 0}, {lines, POLLIN, 0}};
         (void)::poll(items, std::size(items),
-                     static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(most).count()));
+                     static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(maximum).count()));
     }
-    void tellOfLack(const Diagnostic& what) {
+    void reportOfLack(const Diagnostic& what) {
         say(what);
         lacks_ = true;
     }
     /// Reports each damaged place once, even if the log loops; of missing frames only the first.
-    void tellOfLacks() {
+    void reportOfLacks() {
         const Replayer& replayer = player_.replayer();
         const std::string file = replayer.log().file().string();
         const std::vector<LogDamage>& damage = replayer.log().damage();
-        for (; damageTold_ < damage.size(); ++damageTold_) {
-            const LogDamage& d = damage[damageTold_];
-            tellOfLack(
+        for (; damageReported_ < damage.size(); ++damageReported_) {
+            const LogDamage& d = damage[damageReported_];
+            reportOfLack(
                 fail(fmt::format("bytes {} to {} are damaged: {}", d.offset, d.offset + d.length, d.text), {}, file)
                     .error());
         }
-        if (replayer.gaps() > 0 && !std::exchange(gapsTold_, true))
-            tellOfLack(fail("frames are missing: rtsg replay --verify names them", {}, file).error());
+        if (replayer.gaps() > 0 && !std::exchange(gapsReported_, true))
+            reportOfLack(fail("frames are missing: rtsg replay --verify names them", {}, file).error());
     }
     std::string obey(std::string_view text) {
         ++commands_;
@@ -140,9 +140,9 @@ class Playing {
     LogPlayer& player_;
     MirrorServer& server_;
     std::uint64_t commands_ = 0;
-    std::size_t damageTold_ = 0;
+    std::size_t damageReported_ = 0;
     double played_ = 0;
-    bool json_, gapsTold_ = false, lacks_ = false;
+    bool json_, gapsReported_ = false, lacks_ = false;
 };
 
 }  // namespace

@@ -17,7 +17,7 @@ namespace {
 struct DiffArguments {
     std::string a, b;
     FieldSelection selection;
-    std::uint64_t most = 20;
+    std::uint64_t maximum = 20;
     ResourceArguments resources;
     bool json = false;
 };
@@ -25,7 +25,7 @@ struct DiffArguments {
 /// Prints one line for each difference, or one JSON object with `counts` as its last members.
 int report(const DiffArguments& options, const std::vector<Divergence>& found, const std::string& compared,
            const std::string& counts = {}) {
-    const std::size_t shown = std::min<std::size_t>(found.size(), options.most);
+    const std::size_t shown = std::min<std::size_t>(found.size(), options.maximum);
     if (options.json) {
         std::string list;
         for (std::size_t i = 0; i < shown; ++i) list += (i ? "," : "") + toJson(std::optional(found[i]));
@@ -34,9 +34,9 @@ int report(const DiffArguments& options, const std::vector<Divergence>& found, c
     }
     for (std::size_t i = 0; i < shown; ++i) {
         const Divergence& d = found[i];
-        const std::string place = d.node.empty() || d.field.empty() ? d.node + d.field : d.node + "." + d.field;
+        const std::string location = d.node.empty() || d.field.empty() ? d.node + d.field : d.node + "." + d.field;
         const std::string when = d.frame > 0 ? fmt::format("frame {} (t = {} s), ", d.frame, d.time) : "";
-        fmt::print("{}{}{}{}\n", when, place, place.empty() ? "" : ": ", d.text);
+        fmt::print("{}{}{}{}\n", when, location, location.empty() ? "" : ": ", d.text);
     }
     if (shown < found.size()) fmt::print("and {} more\n", found.size() - shown);
     if (found.empty()) fmt::print("{} and {} are equal{}\n", options.a, options.b, compared);
@@ -116,7 +116,9 @@ Verb addDiff(Command& program) {
     command->addOption("A", options->a, "log or scene")->required();
     command->addOption("B", options->b, "another of the same kind")->required();
     addFieldSelection(*command, options->selection);
-    command->addOption("--most", options->most, "differences to print")->preset()->range(std::uint64_t{1}, UINT64_MAX);
+    command->addOption("--most", options->maximum, "differences to print")
+        ->preset()
+        ->range(std::uint64_t{1}, UINT64_MAX);
     options->resources.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
     command->footer(

@@ -241,7 +241,7 @@ class Replaying {
             printError(ok.error());
             cut_ = true;
         }
-        tell(outputs.report(), wanted_);
+        printReport(outputs.report(), wanted_);
         return {};
     }
 
@@ -256,7 +256,7 @@ class Replaying {
     }
 
     /// Says what is missing, and which files lack it.
-    void tell(OutputReport report, const OutputArguments& wanted) {
+    void printReport(OutputReport report, const OutputArguments& wanted) {
         const std::string ofLog =
             options_.duration.empty() || cut_ ? std::string() : missingOfLog(time() - begun_, length_, time());
         if (!ofLog.empty()) {
@@ -270,7 +270,7 @@ class Replaying {
             cut_ = true;
         }
         if (!ofLog.empty()) report.missing = ofLog + (report.missing.empty() ? "" : ", " + report.missing);
-        made_ = report.json();
+        outputs_ = report.json();
     }
 
     /// Null if no export was asked for.
@@ -369,7 +369,7 @@ class Replaying {
                 replayer_.frames(), replayer_.verified(), toJson(first()), time(), microseconds(piece.begins),
                 microseconds(piece.letGo), hash, replayer_.gaps(), log.damage().size(), replayer_.unclosedSessions(),
                 log.size(), log.closed(), log.goesOn(), log.beingWritten(), replayer_.head().formatVersion,
-                replayer_.losses().changes, made_);
+                replayer_.losses().changes, outputs_);
         if (first()) printError(first()->format());
     }
 
@@ -383,7 +383,7 @@ class Replaying {
     const Resources resources_;
     std::optional<FollowedFetches> fetches_;
     bool more_ = false, cut_ = false;
-    std::string made_;
+    std::string outputs_;
 };
 
 using OptionNames = std::vector<std::string_view>;
@@ -532,7 +532,7 @@ int replay(const Command& command, ReplayArguments options) {
     (void)seekOf(options, 0);  // checked before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
-    tellOfPieces(options.log);
+    reportOfPieces(options.log);
     return Replaying(options, **opened).run();
 }
 

@@ -29,7 +29,7 @@ namespace rtsg::app {
 void print(const Diagnostics& diagnostics, std::string_view said) {
     // The part that reported each text first. A picture need not repeat what the reader of a file has said about a
     // value.
-    static std::unordered_map<std::string, DiagnosticCode> toldBy;
+    static std::unordered_map<std::string, DiagnosticCode> reportedBy;
     std::unordered_map<std::string, std::size_t> times;
     std::vector<std::pair<const std::string*, const Diagnostic*>> lines;  // in their order
     for (const Diagnostic& d : diagnostics.all()) {
@@ -39,7 +39,7 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
             continue;
         Diagnostic anybodys = d;
         anybodys.code = DiagnosticCode("application");
-        if (toldBy.try_emplace(anybodys.format(), d.code).first->second != d.code) continue;
+        if (reportedBy.try_emplace(anybodys.format(), d.code).first->second != d.code) continue;
         const auto [line, fresh] = times.try_emplace(terminalText(d.format()), 0);
         if (fresh) lines.emplace_back(&line->first, &d);
         ++line->second;
@@ -117,8 +117,8 @@ void sleepUntil(std::chrono::steady_clock::time_point until) {
     while (!interrupted() && Clock::now() < until) {
         const auto left = std::min<Clock::duration>(until - Clock::now(), kLongest);
         const auto whole = std::chrono::floor<std::chrono::seconds>(left);
-        const timespec most = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
-        (void)::nanosleep(&most, nullptr);
+        const timespec maximum = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
+        (void)::nanosleep(&maximum, nullptr);
     }
 }
 
@@ -137,14 +137,14 @@ Progress progressBar(std::string label) {
         const auto now = Clock::now();
         const double elapsed = std::chrono::duration<double>(now - state->start).count();
         const bool last = total != 0 && done >= total;
-        if (last && std::exchange(state->visible, false)) tellError("\r\033[K");
+        if (last && std::exchange(state->visible, false)) reportError("\r\033[K");
         if (last || elapsed < 1 || total == 0 || now - state->shown < std::chrono::milliseconds(100)) return;
         state->shown = now;
         state->visible = true;
         const double part = static_cast<double>(done) / static_cast<double>(total);
         const auto width = static_cast<int>(part * 30);
-        tellError("\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "", 30 - width,
-                  part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
+        reportError("\r{} [{:#<{}}{:.<{}}] {:3.0f} %, {:.0f} s left\033[K", state->label, "", width, "", 30 - width,
+                    part * 100, part > 0 ? elapsed * (1 - part) / part : 0);
         std::fflush(stderr);
     };
 }

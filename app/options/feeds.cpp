@@ -125,7 +125,7 @@ void Feeds::printNews() {
     for (const auto& publisher : publishers_) print(publisher->takeDiagnostics());
 }
 
-std::string Feeds::sayPlaces() const {
+std::string Feeds::sayEndpoints() const {
     std::string from, to;
     for (const auto& feed : feeds_) {
         say("events from " + feed->source());

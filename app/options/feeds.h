@@ -52,7 +52,7 @@ class Feeds {
     bool any() const { return !feeds_.empty() || !publishers_.empty() || !foxglove_.address().empty(); }
     /// Says on standard error what is open, and where. Returns
     /// `,"feeds":["…"],"published":["…"],"foxglove":"…"`.
-    std::string sayPlaces() const;
+    std::string sayEndpoints() const;
     /// The end: says what was left out. Lines of the user's own pipe or file that were faulty make the status 1.
     void end();
     /// `,"feeds":[…],"published":[…],"foxglove":{…}`; empty if there are none.

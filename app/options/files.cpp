@@ -225,17 +225,17 @@ static std::string asOne(const std::string& log, const std::vector<fs::path>& pi
     return list + log;
 }
 
-void tellOfPieces(const std::string& log) {
+void reportOfPieces(const std::string& log) {
     for (const std::string& gap : gapsBetweenFiles(log))
-        tellError("{}: warning: {}\n", terminalText(log), terminalText(gap));
+        reportError("{}: warning: {}\n", terminalText(log), terminalText(gap));
     if (!isOutputFile(log)) return;
     const std::vector<std::filesystem::path> pieces = earlierPieces(log);
     if (pieces.empty() || beginsItsSession(log)) return;
-    tellError("{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
-              terminalText(pieces.front().string()),
-              pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
+    reportError("{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
+                terminalText(pieces.front().string()),
+                pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
     if (const std::string all = asOne(log, pieces); !all.empty()) {
-        tellError("  to have it as one: {}\n", terminalText(all));
+        reportError("  to have it as one: {}\n", terminalText(all));
         return;
     }
     const std::string extension = std::filesystem::path(log).extension().string();
@@ -246,7 +246,7 @@ void tellOfPieces(const std::string& log) {
     std::string all;
     for (std::size_t digits = kDigits; digits <= longest; ++digits)
         all += fmt::format("{}.{}{} ", name, std::string(digits, '?'), extension);
-    tellError("  to have it as one: cat {}{} > all{}\n", all, terminalText(log), extension);
+    reportError("  to have it as one: cat {}{} > all{}\n", all, terminalText(log), extension);
 }
 
 }  // namespace rtsg::app

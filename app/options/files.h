@@ -39,7 +39,7 @@ std::string firstFileOf(const std::string& log);
 
 /// Says on standard error what is missing between the files of a log, or, if it is the last of several pieces, where
 /// the earlier states are.
-void tellOfPieces(const std::string& log);
+void reportOfPieces(const std::string& log);
 
 /// Throw UsageError if an output is one of the used files, or of those that urls of the scene open. Call the latter
 /// when the scene is loaded.

@@ -99,7 +99,7 @@ int StoredLog::finish(int status) {
         folder_.keep();
         return kBad;
     }
-    tellError("stored {} messages, {} bytes, at {}\n", log_->storedMessages(), log_->storedBytes(), log_->address());
+    reportError("stored {} messages, {} bytes, at {}\n", log_->storedMessages(), log_->storedBytes(), log_->address());
     return status;
 }
 

@@ -25,11 +25,11 @@ PictureSize PictureSize::parse(std::string_view text) {
 }
 
 PictureRange parsePictureRange(const std::string& text) {
-    constexpr std::uint64_t kMost = INT32_MAX - 1;  // numbers in names
+    constexpr std::uint64_t kMax = INT32_MAX - 1;  // numbers in names
     const std::size_t dash = std::min(text.find('-'), text.size());
     const auto number = [](std::string_view digits, std::uint64_t& value) {
         const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-        return problem == std::errc() && end == digits.data() + digits.size() && value <= kMost;
+        return problem == std::errc() && end == digits.data() + digits.size() && value <= kMax;
     };
     PictureRange range;
     const std::string_view all = text;
@@ -41,7 +41,7 @@ PictureRange parsePictureRange(const std::string& text) {
 
 namespace {
 
-constexpr int kMostTiles = 4096;  // a side of the largest picture has no more blocks of 16 pixels
+constexpr int kMaxTiles = 4096;  // a side of the largest picture has no more blocks of 16 pixels
 
 /// Numbers between `marks`; false unless all of them are there.
 bool parseNumbers(std::string_view text, std::string_view marks, std::initializer_list<int*> values) {
@@ -50,7 +50,7 @@ bool parseNumbers(std::string_view text, std::string_view marks, std::initialize
         const std::size_t end = mark < marks.size() ? text.find(marks[mark]) : text.size();
         if (end == text.npos) return false;
         const auto [stop, problem] = std::from_chars(text.data(), text.data() + end, *value);
-        if (problem != std::errc() || stop != text.data() + end || *value < 0 || *value > kMostTiles) return false;
+        if (problem != std::errc() || stop != text.data() + end || *value < 0 || *value > kMaxTiles) return false;
         text.remove_prefix(std::min(end + 1, text.size()));
         ++mark;
     }

@@ -41,18 +41,18 @@ struct RotateArguments {
     }
     /// Throws UsageError.
     void setIn(LogOptions& options) const {
-        const std::optional<double> most = keep.empty() ? std::nullopt : bytesIn("--keep", keep);
-        if (!keep.empty() && !most && rotate.empty())
+        const std::optional<double> maximum = keep.empty() ? std::nullopt : bytesIn("--keep", keep);
+        if (!keep.empty() && !maximum && rotate.empty())
             throw UsageError("--keep", "a time needs --rotate: whole files are let go");
-        if (most) {
+        if (maximum) {
             constexpr double kFiles = 20;
-            options.keepBytes = static_cast<std::uint64_t>(std::max(1.0, *most));
-            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, *most / kFiles));
+            options.keepBytes = static_cast<std::uint64_t>(std::max(1.0, *maximum));
+            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, *maximum / kFiles));
         } else if (!keep.empty()) {
             options.keepSeconds = seconds("--keep", keep, "a size or a time, as 100GB or 1h");
         }
         if (!free.empty()) {
-            if (rotate.empty() && !most) throw UsageError("--free", "needs --rotate: whole files are let go");
+            if (rotate.empty() && !maximum) throw UsageError("--free", "needs --rotate: whole files are let go");
             if (!free.ends_with('%')) throw UsageError("--free", free + ": expected a share of the disk, as 5%");
             options.keepFree = number("--free", free, 1, "a share of the disk, as 5%") / 100;
             if (options.keepFree >= 1) throw UsageError("--free", free + ": less than all of it");

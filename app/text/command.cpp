@@ -73,16 +73,16 @@ Option* Option::preset() {
     parsed_->capture_default_str();
     return this;
 }
-Option* Option::range(int least, int most) {
-    parsed_->check(CLI::Range(least, most));
+Option* Option::range(int minimum, int maximum) {
+    parsed_->check(CLI::Range(minimum, maximum));
     return this;
 }
-Option* Option::range(std::uint64_t least, std::uint64_t most) {
-    parsed_->check(CLI::Range(least, most));
+Option* Option::range(std::uint64_t minimum, std::uint64_t maximum) {
+    parsed_->check(CLI::Range(minimum, maximum));
     return this;
 }
-Option* Option::range(double least, double most) {
-    parsed_->check(CLI::Range(least, most));
+Option* Option::range(double minimum, double maximum) {
+    parsed_->check(CLI::Range(minimum, maximum));
     return this;
 }
 Option* Option::positive() {

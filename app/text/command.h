@@ -40,9 +40,9 @@ class Option {
     Option* required();
     /// Shows the variable's present value in the help.
     Option* preset();
-    Option* range(int least, int most);
-    Option* range(std::uint64_t least, std::uint64_t most);
-    Option* range(double least, double most);
+    Option* range(int minimum, int maximum);
+    Option* range(std::uint64_t minimum, std::uint64_t maximum);
+    Option* range(double minimum, double maximum);
     Option* positive();
     /// A number of bytes, such as 64MB.
     Option* bytes();

@@ -74,12 +74,12 @@ std::vector<VerbRow> commandTable(const Command& program) {
 
 std::string nearest(const std::string& typed, const std::vector<std::string>& known) {
     std::string best;
-    std::size_t least = std::max<std::size_t>(1, typed.size() / 3) + 1;
+    std::size_t minimum = std::max<std::size_t>(1, typed.size() / 3) + 1;
     for (const std::string& name : known) {
         // The beginning of a word counts like one wrong letter.
         const bool begins = typed.size() >= 3 && name.starts_with(typed);
-        if (const std::size_t distance = begins ? 1 : editDistance(typed, name); distance < least) {
-            least = distance;
+        if (const std::size_t distance = begins ? 1 : editDistance(typed, name); distance < minimum) {
+            minimum = distance;
             best = name;
         }
     }

@@ -18,7 +18,7 @@ namespace {
 /// How the whole process says things; needed wherever something is said.
 struct Manner {
     bool json = false;
-    Severity least = Severity::note;
+    Severity minimum = Severity::note;
 } manner;
 
 constexpr std::string_view kLevels[] = {"note", "warning", "error"};  // in the order of Severity
@@ -49,19 +49,19 @@ void SayArguments::addTo(Command& command) {
 
 void SayArguments::apply() const {
     manner.json = form == "json";
-    manner.least = level == "error" ? Severity::error : level == "warning" ? Severity::warning : Severity::note;
+    manner.minimum = level == "error" ? Severity::error : level == "warning" ? Severity::warning : Severity::note;
 }
 
 void say(const Diagnostic& diagnostic, std::string_view text) {
-    if (diagnostic.severity < manner.least) return;
-    if (!manner.json) return tellError("{}\n", text);
+    if (diagnostic.severity < manner.minimum) return;
+    if (!manner.json) return reportError("{}\n", text);
     std::string line =
         fmt::format("{{\"time\":\"{}\",\"level\":\"{}\",\"code\":{}", timeText(),
                     kLevels[static_cast<std::size_t>(diagnostic.severity)], jsonString(diagnostic.code.text()));
     if (!diagnostic.file.empty()) line += fmt::format(",\"file\":{}", jsonString(diagnostic.file));
     if (diagnostic.where.line > 0) line += fmt::format(",\"line\":{}", diagnostic.where.line);
     if (diagnostic.where.column > 0) line += fmt::format(",\"column\":{}", diagnostic.where.column);
-    tellError("{},\"text\":{}}}\n", line, jsonString(diagnostic.text));
+    reportError("{},\"text\":{}}}\n", line, jsonString(diagnostic.text));
 }
 
 void say(const Diagnostic& diagnostic) {
@@ -69,10 +69,10 @@ void say(const Diagnostic& diagnostic) {
 }
 
 void say(std::string_view text, Severity level) {
-    if (level < manner.least) return;
-    if (!manner.json) return tellError("{}\n", terminalText(text));
-    tellError("{{\"time\":\"{}\",\"level\":\"{}\",\"text\":{}}}\n", timeText(),
-              kLevels[static_cast<std::size_t>(level)], jsonString(text));
+    if (level < manner.minimum) return;
+    if (!manner.json) return reportError("{}\n", terminalText(text));
+    reportError("{{\"time\":\"{}\",\"level\":\"{}\",\"text\":{}}}\n", timeText(),
+                kLevels[static_cast<std::size_t>(level)], jsonString(text));
 }
 
 }  // namespace rtsg::app

@@ -18,7 +18,7 @@ namespace rtsg::app {
 /// Writes on standard error. If that takes nothing, such as a file on a full disk, the program goes on all the same.
 void writeError(std::string_view text);
 template <class... Arguments>
-void tellError(fmt::format_string<Arguments...> text, Arguments&&... arguments) {
+void reportError(fmt::format_string<Arguments...> text, Arguments&&... arguments) {
     writeError(fmt::format(text, std::forward<Arguments>(arguments)...));
 }
 

@@ -11,7 +11,7 @@
 
 namespace rtsg::app {
 
-void tellServiceManager(std::string_view lines) {
+void notifyServiceManager(std::string_view lines) {
     const char* const given = std::getenv("NOTIFY_SOCKET");
     const std::string_view path = given ? given : "";
     sockaddr_un address{};
@@ -35,7 +35,7 @@ void feedWatchdog() {
     static Clock::time_point last{};
     if (every.count() <= 0 || Clock::now() - last < every) return;
     last = Clock::now();
-    tellServiceManager("WATCHDOG=1");
+    notifyServiceManager("WATCHDOG=1");
 }
 
 }  // namespace rtsg::app

@@ -6,7 +6,7 @@
 namespace rtsg::app {
 
 /// Sends such lines as "READY=1" to the socket that the environment names; does nothing without one.
-void tellServiceManager(std::string_view lines);
+void notifyServiceManager(std::string_view lines);
 /// Call it often: sends "WATCHDOG=1" as often as the manager asks for, and never if it does not.
 void feedWatchdog();
 

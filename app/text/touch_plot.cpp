@@ -15,22 +15,22 @@ namespace {
 constexpr double kWidth = 800, kHeight = 200, kLeft = 60, kTop = 24, kGap = 50;
 
 /// 1, 2 or 5 times a power of ten, at least `most`.
-double roundUp(double most) {
-    if (!(most > 0)) return 1;
-    const double power = std::pow(10.0, std::floor(std::log10(most)));
+double roundUp(double maximum) {
+    if (!(maximum > 0)) return 1;
+    const double power = std::pow(10.0, std::floor(std::log10(maximum)));
     for (const double factor : {1.0, 2.0, 5.0, 10.0})
-        if (factor * power >= most) return factor * power;
-    return most;
+        if (factor * power >= maximum) return factor * power;
+    return maximum;
 }
 
 /// One diagram; `unit` stands at its axis. A point for each pixel: the largest value in it.
-std::string diagram(const std::vector<HapticTick>& ticks, int place, const std::string& title,
+std::string diagram(const std::vector<HapticTick>& ticks, int row, const std::string& title,
                     const std::function<double(const HapticTick&)>& value) {
     const double first = ticks.front().seconds, last = std::max(ticks.back().seconds, first + 1e-9);
-    double most = 0;
-    for (const HapticTick& t : ticks) most = std::max(most, value(t));
-    const double scale = roundUp(most);
-    const double top = kTop + place * (kHeight + kGap), bottom = top + kHeight;
+    double maximum = 0;
+    for (const HapticTick& t : ticks) maximum = std::max(maximum, value(t));
+    const double scale = roundUp(maximum);
+    const double top = kTop + row * (kHeight + kGap), bottom = top + kHeight;
     std::vector<double> columns(static_cast<std::size_t>(kWidth) + 1, -1);
     for (const HapticTick& t : ticks) {
         double& column = columns[static_cast<std::size_t>(kWidth * (t.seconds - first) / (last - first))];

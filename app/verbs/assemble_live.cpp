@@ -50,10 +50,10 @@ class LiveAssembling {
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)) {}
 
     int run() {
-        tell(options_.json ? fmt::format("{{\"endpoint\":{}}}", jsonString(assembler_.address()))
-                           : "joins tiles at " + assembler_.address());
+        report(options_.json ? fmt::format("{{\"endpoint\":{}}}", jsonString(assembler_.address()))
+                             : "joins tiles at " + assembler_.address());
         while (!interrupted() && problem_ && !isOver()) {
-            const auto joined = assembler_.turn(untilDue());
+            const auto joined = assembler_.poll(untilDue());
             for (const std::string& why : assembler_.takeProblems()) printError(why);
             if (std::exchange(hears_, assembler_.counts().mirrors > 0) || hears_) heard_ = Clock::now();
             if (joined) problem_ = add(*joined);
@@ -62,29 +62,29 @@ class LiveAssembling {
         if (!problem_) printError(problem_.error());
         if (states_.empty() && problem_)
             printError("no picture was joined: no mirror drew tiles (rtsg mirror --tiles)");
-        tellCounts();
+        reportCounts();
         return problem_ && !states_.empty() ? kDone : kBad;
     }
 
   private:
     /// Seconds until the end if no mirror says anything.
     double left() const {
-        const double gone = (assembler_.counts().mostMirrors > 0 ? kGone : kPatience) - since(heard_);
+        const double gone = (assembler_.counts().maxMirrors > 0 ? kGone : kPatience) - since(heard_);
         const double end = states_.empty() ? INFINITY : duration_ - since(first_);
         return std::min(hears_ ? INFINITY : gone, end);
     }
     bool isOver() const { return left() <= 0; }
     std::chrono::milliseconds untilDue() const {
-        const std::chrono::duration<double> most = kLongestWait;
-        return std::chrono::ceil<std::chrono::milliseconds>(std::min(most, std::chrono::duration<double>(left())));
+        const std::chrono::duration<double> maximum = kLongestWait;
+        return std::chrono::ceil<std::chrono::milliseconds>(std::min(maximum, std::chrono::duration<double>(left())));
     }
     /// Pictures since the last one that was joined, which look as it does.
     std::uint64_t skippedBefore(std::uint64_t number) const {
         return number_ > 0 && number > number_ ? number - number_ - 1 : 0;
     }
     /// Pictures may be on standard output.
-    void tell(const std::string& line) const {
-        if (options_.out == "-") return tellError("{}\n", line);
+    void report(const std::string& line) const {
+        if (options_.out == "-") return reportError("{}\n", line);
         fmt::print("{}\n", line);
         std::fflush(stdout);
     }
@@ -101,21 +101,21 @@ class LiveAssembling {
         const std::vector<std::uint8_t> bytes(joined.pixels.begin(), joined.pixels.end());
         return files_->add(pictureOfBytes(bytes, joined.width, joined.height), skipped);
     }
-    void tellCounts() const {
+    void reportCounts() const {
         const TileAssembler::Counts& counts = assembler_.counts();
         const double seconds = std::chrono::duration<double>(last_ - first_).count();
         const auto pictures = static_cast<double>(states_.size());
         const double rate = pictures > 1 && seconds > 0 ? (pictures - 1) / seconds : 0;
         if (!options_.json)
-            return tell(
+            return report(
                 fmt::format("{} pictures by {} mirrors, {:.2f} a second, {:.0f} ms each; {} tiles asked again, {} "
                             "pictures given up",
-                            states_.size(), counts.mostMirrors, rate, 1e3 * delay_ / std::max(pictures, 1.0),
+                            states_.size(), counts.maxMirrors, rate, 1e3 * delay_ / std::max(pictures, 1.0),
                             counts.again, counts.given));
-        tell(fmt::format(
+        report(fmt::format(
             "{{\"pictures\":{},\"mirrors\":{},\"seconds\":{:.3f},\"fps\":{:.3f},\"delay_s\":{:.4f},"
             "\"tiles\":{},\"bytes\":{},\"again\":{},\"given_up\":{},\"states\":[{}],\"times\":[{}]}}",
-            states_.size(), counts.mostMirrors, seconds, rate, delay_ / std::max(pictures, 1.0), counts.tiles,
+            states_.size(), counts.maxMirrors, seconds, rate, delay_ / std::max(pictures, 1.0), counts.tiles,
             counts.bytes, counts.again, counts.given, fmt::join(states_, ","), fmt::join(times_, ",")));
     }
 

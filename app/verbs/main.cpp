@@ -50,18 +50,18 @@ bool isVerbOrOption(const Command& program, const std::string& word) {
     std::string meant = hintForVerb(word);
     if (meant.empty()) meant = nearest(word, names);
     printError(fmt::format("there is no verb {}", word));
-    tellError("{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
+    reportError("{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
     return false;
 }
 
 int wrongUsage(const Command& program, const UsageError& error) {
     printError(error.what());
-    if (const std::string meant = suggestion(program, error); !meant.empty()) tellError("did you mean {}?\n", meant);
+    if (const std::string meant = suggestion(program, error); !meant.empty()) reportError("did you mean {}?\n", meant);
     const Command* verb = program.parsedVerb();
     if (verb && verb->name() == "help")
-        tellError("rtsg help names the verbs\n");
+        reportError("rtsg help names the verbs\n");
     else
-        tellError("rtsg help{} says more\n", verb ? " " + verb->name() : "");
+        reportError("rtsg help{} says more\n", verb ? " " + verb->name() : "");
     return kUsage;
 }
 
@@ -112,7 +112,7 @@ int run(int argc, char** argv) {
                     RTSG_VERSION);
     const std::vector<Verb> verbs = addVerbs(program);
     if (argc < 2) {
-        tellError("{}", program.help());
+        reportError("{}", program.help());
         return kUsage;
     }
     if (!isVerbOrOption(program, argv[1])) return kUsage;

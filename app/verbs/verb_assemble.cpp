@@ -132,7 +132,7 @@ Result<SoundBuffer> wholeSound(const AssembleArguments& options, const std::stri
     ListenReport report;
     report.sound = std::move(joined->sound);
     report.gain = normalise(report.sound);
-    tellGain(report, programContext());
+    reportGain(report, programContext());
     return std::move(report.sound);
 }
 
@@ -212,8 +212,8 @@ PictureRange checkOptions(const AssembleArguments& options) {
 }
 
 /// Says what was joined and what is missing, and returns the status.
-int tellJoined(const AssembleArguments& options, const PictureRange& range, const JoinedTiles& tiles,
-               const Numbers& missing, const Result<>& joined) {
+int reportJoined(const AssembleArguments& options, const PictureRange& range, const JoinedTiles& tiles,
+                 const Numbers& missing, const Result<>& joined) {
     const bool whole = missing.count() == 0 && tiles.result && joined;
     if (options.json)
         fmt::print("{{\"pictures\":{},\"missing\":{},\"missing_numbers\":{},\"missing_tiles\":{},\"written\":{}}}\n",
@@ -252,7 +252,7 @@ int assemble(const AssembleArguments& options) {
     // Tiles that were joined just now have been read, and one picture is no film.
     const bool more = options.tiles.empty() || !options.out.empty() || !options.sound.empty();
     const bool reads = missing.count() == 0 && tiles.result && more;
-    return tellJoined(options, range, tiles, missing, reads ? join(options, range) : Result<>());
+    return reportJoined(options, range, tiles, missing, reads ? join(options, range) : Result<>());
 }
 
 }  // namespace

@@ -61,9 +61,9 @@ DocumentHandler* filtered(const ConvertArguments& options, const Resources& reso
     for (const std::string& name : options.filters | std::views::reverse) {
         if (name.starts_with(std::string(kTriangulate) + '='))
             throw UsageError("--filter", fmt::format("filter {} takes no argument", kTriangulate));
-        auto made = name == kTriangulate ? makeTriangulate(*first, diagnostics) : makeFilter(name, *first, context);
-        if (!made) throw UsageError("--filter", made.error().text);
-        first = chain.emplace_back(std::move(*made)).get();
+        auto created = name == kTriangulate ? makeTriangulate(*first, diagnostics) : makeFilter(name, *first, context);
+        if (!created) throw UsageError("--filter", created.error().text);
+        first = chain.emplace_back(std::move(*created)).get();
     }
     return first;
 }

@@ -146,7 +146,7 @@ int describeLog(const InfoArguments& options) {
             log->gaps, gapsText(*log), terminalText(log->mode), terminalText(log->coding), terminalText(log->creator),
             log->nodes);
         printCounts(log->types);
-        tellOfPieces(options.file);
+        reportOfPieces(options.file);
     }
     return log->damaged + log->gaps + log->framesBehind == 0 ? kDone : kBad;
 }

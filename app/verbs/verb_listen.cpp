@@ -28,7 +28,7 @@ namespace {
 
 struct ListenArguments {
     std::string scene, out, duration = "5s", ir, irLength, report;
-    std::vector<std::string> places, maps;
+    std::vector<std::string> positions, maps;
     std::string noise, voice = "male", grid, figure = "STI";
     double speechLevel = SpeechOptions().level;
     ResourceArguments resources;
@@ -93,16 +93,16 @@ int listenLive(const ListenArguments& options) {
 }
 
 /// Parses "X Y Z", with or without commas.
-ListeningPlace parsePlace(const std::string& text) {
-    ListeningPlace place{text, {}, {}};
+ListeningPosition parsePosition(const std::string& text) {
+    ListeningPosition listener{text, {}, {}};
     std::string plain = text;
     std::replace(plain.begin(), plain.end(), ',', ' ');
     std::istringstream in(plain);
     in.imbue(std::locale::classic());
     std::string rest;
-    if (!(in >> place.position.x >> place.position.y >> place.position.z) || in >> rest)
+    if (!(in >> listener.position.x >> listener.position.y >> listener.position.z) || in >> rest)
         throw UsageError(fmt::format("--place takes three numbers, metres, not '{}'", text));
-    return place;
+    return listener;
 }
 
 bool isSofa(const std::string& file) {
@@ -111,9 +111,9 @@ bool isSofa(const std::string& file) {
 
 /// Measures the room at many places, and writes the forms that the files' names ask for.
 Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
-    std::vector<ListeningPlace> places;
-    for (const std::string& text : options.places) places.push_back(parsePlace(text));
-    auto report = sound.survey(std::move(places));
+    std::vector<ListeningPosition> positions;
+    for (const std::string& text : options.positions) positions.push_back(parsePosition(text));
+    auto report = sound.survey(std::move(positions));
     if (interrupted())
         return fail(fmt::format("interrupted: {} not written", options.report.empty() ? options.ir + " was"
                                                                : isSofa(options.ir)
@@ -206,9 +206,9 @@ void checkListening(const ListenArguments& options) {
         options.grid.empty() && !options.metrics && !options.json && options.sent.given.empty())
         throw UsageError("-o, --ir, --report, --map, --stream-out or --metrics is required");
     options.sound.given.check({options.scene});
-    if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
+    if (!options.positions.empty() && options.report.empty() && !isSofa(options.ir))
         throw UsageError("--place is for --report and --ir FILE.sofa");
-    for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
+    for (const std::string& text : options.positions) static_cast<void>(parsePosition(text));
     checkMaps(options);
     // All of the sound is kept in memory until its end.
     constexpr double kLongest = 24 * 3600;
@@ -242,8 +242,8 @@ int listenTo(const ListenArguments& options) {
     listening.metrics = options.metrics || options.json || (!options.ir.empty() && !isSofa(options.ir));
     listening.impulseResponses = !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
-    listening.progress = [&](double share) {
-        if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
+    listening.progress = [&](double fraction) {
+        if (progress) progress(static_cast<std::uint64_t>(fraction * 1e6), 1'000'000);
         return !interrupted();
     };
     SharedWorld& world = running.world().get();
@@ -257,7 +257,7 @@ int listenTo(const ListenArguments& options) {
     keepResources(running.scene(), running.resources(), outputs);
     running.reportDiagnostics();
     print(report->diagnostics);
-    tellGain(*report, programContext());
+    reportGain(*report, programContext());
     print(world.diagnostics());
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
@@ -302,7 +302,8 @@ Verb addListen(Command& program) {
         command->addOption("--ir-length", options->irLength,
                            "the length of impulse responses (default: until they fade)");
         command
-            ->addOption("--place", options->places, "\"X Y Z\": a listening place for --report and .sofa (repeatable)")
+            ->addOption("--place", options->positions,
+                        "\"X Y Z\": a listening place for --report and .sofa (repeatable)")
             ->repeatable();
         command->addOption("--grid", options->grid,
                            "Y,STEP: for --map, measure at points STEP metres apart over the floor, at the height Y");

@@ -25,7 +25,7 @@ namespace {
 
 struct MeasureArguments {
     std::string scene, time = "0s", shadows = "auto";
-    std::vector<std::string> places;
+    std::vector<std::string> positions;
     ResourceArguments resources;
     StartTime start;
     double error = 0.01, candela = 0;
@@ -55,12 +55,12 @@ std::array<double, 6> parseProbe(const std::string& text) {
 /// lamps lose by it: at most a sixth for a lamp head-on (CurvedLamps in irradiance.cpp).
 struct Cut {
     double wanted;  // chordError
-    double made;    // that of the level that is used
+    double used;    // that of the level that is used
     explicit Cut(double error) : wanted(std::min(.0025, error / 32)) {
         int level = 0;
         const auto chordError = [&] { return double{Tessellator::levelOptions(level).chordError}; };
         while (level + 1 < Tessellator::kLevels && chordError() > wanted) ++level;
-        made = chordError();
+        used = chordError();
     }
 };
 
@@ -86,10 +86,10 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
 }
 
 /// Warns of lights that shine elsewhere.
-void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into) {
+void reportOfLights(const Scene& scene, const LightState& state, Diagnostics& into) {
     for (const NodeId id : lightsLeftOut(state)) {
         const std::string_view name = scene.name(id);
-        into.warningAt(scene.placeOf(id),
+        into.warningAt(scene.locationOf(id),
                        fmt::format("{}{}{} is of a group or a layer alone: it counts by what it lights there, and not "
                                    "as a light on the place itself",
                                    scene.node(id).type().name, name.empty() ? "" : " ", name));
@@ -97,29 +97,29 @@ void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into
 }
 
 /// Returns whether a value is complete, and warns of what it lacks.
-bool isWhole(const MeasureArguments& options, const std::string& place, const Irradiance& found) {
+bool isComplete(const MeasureArguments& options, const std::string& text, const Irradiance& found) {
     constexpr double kOfError = .1;
     if (found.missing > kOfError * options.error)
-        tellError(
+        reportError(
             "rtsg: warning: {}: ways of light were cut off after 10,000 bounces: up to {:.2g} % of what comes "
             "there is missing [picture]\n",
-            place, 100 * found.missing);
+            text, 100 * found.missing);
     if (found.reached) return true;
     if (found.luminousCut > options.error * found.luminous) {
         printError(
             fmt::format("missing: {}: curved lamps are cut too coarsely for the error {:g}: up to {:.2g} % of what "
                         "comes there may be missing by that",
-                        place, options.error, 100 * found.luminousCut / found.luminous));
+                        text, options.error, 100 * found.luminousCut / found.luminous));
         return false;
     }
-    printError(fmt::format("missing: {}: the error {:g} needs more than {} samples; --samples allows more", place,
+    printError(fmt::format("missing: {}: the error {:g} needs more than {} samples; --samples allows more", text,
                            options.error, found.samples));
     return false;
 }
 
 int measure(const MeasureArguments& options) {
-    std::vector<std::array<double, 6>> places;
-    for (const std::string& text : options.places) places.push_back(parseProbe(text));
+    std::vector<std::array<double, 6>> positions;
+    for (const std::string& text : options.positions) positions.push_back(parseProbe(text));
     const double time = parseMoment(options.time, options.start.seconds());
     RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
                          programContext());
@@ -138,11 +138,11 @@ int measure(const MeasureArguments& options) {
     found.append(tracer.diagnostics());
     found.setFile(options.scene);
     const auto state = tracer.latest();
-    tellOfLights(running.scene(), *state, found);
+    reportOfLights(running.scene(), *state, found);
     app::print(found);
     IrradianceSettings settings;
     settings.error = options.error, settings.samples = options.samples;
-    settings.chordError = cut.made;
+    settings.chordError = cut.used;
     settings.seed = options.seed, settings.threads = options.threads;
     settings.shadows = options.shadows == "none"       ? Shadows::none
                        : options.shadows == "authored" ? Shadows::authored
@@ -150,8 +150,8 @@ int measure(const MeasureArguments& options) {
                                                        : Shadows::automatic;
     settings.progress = [](std::uint64_t) { return !interrupted(); };
     bool whole = true;
-    for (std::size_t i = 0; i < places.size(); ++i) {
-        const std::array<double, 6>& at = places[i];
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+        const std::array<double, 6>& at = positions[i];
         const auto result =
             measureIrradiance(*state, world.rays(), {at[0], at[1], at[2]}, {at[3], at[4], at[5]}, settings);
         if (!result) return printError(result.error()), kBad;
@@ -159,7 +159,7 @@ int measure(const MeasureArguments& options) {
         if (interrupted()) return printError("interrupted"), kBad;
         const auto warning = hiddenLightWarning(options.scene, i == 0 ? result->hiddenLight : 0);
         if (warning) say(*warning);
-        if (!isWhole(options, options.places[i], *result)) whole = false;
+        if (!isComplete(options, options.positions[i], *result)) whole = false;
     }
     return whole ? kDone : kBad;
 }
@@ -172,7 +172,7 @@ Verb addMeasure(Command& program) {
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command
         ->addOption(
-            "--irradiance", options->places,
+            "--irradiance", options->positions,
             "X,Y,Z,NX,NY,NZ: at a place, in metres, on what faces there; pi under a light of intensity 1 head-on, "
             "all light between surfaces included, without the headlight")
         ->required();

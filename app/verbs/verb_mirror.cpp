@@ -80,16 +80,16 @@ double secondsSince(Clock::time_point start) {
 }
 
 /// At a lower rate the session's own messages would fill the link.
-constexpr std::uint64_t kLeastRate = 1000;
+constexpr std::uint64_t kMinRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     if (!options.maxLag.empty() && (options.whenSlow == "block" || options.whenSlow == "resync"))
         throw UsageError("--max-lag", fmt::format("is for --when-slow merge or near: with {} frames come however "
                                                   "late, until 8 MiB wait",
                                                   options.whenSlow));
-    if (options.maxRate > 0 && options.maxRate < kLeastRate)
+    if (options.maxRate > 0 && options.maxRate < kMinRate)
         throw UsageError("--max-rate",
-                         fmt::format("{} bytes a second: at least {}, or 0 for any", options.maxRate, kLeastRate));
+                         fmt::format("{} bytes a second: at least {}, or 0 for any", options.maxRate, kMinRate));
     if (parseSeconds(options.latency) > 3600) throw UsageError("--latency", options.latency + ": an hour at most");
     MirrorClientOptions result;
     if (!options.key.empty()) {
@@ -102,7 +102,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     result.latency = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options.latency)));
     result.framesPerSecond = options.fps;
     result.maxRecord = options.maxRecord;
-    result.mostBytesPerSecond = options.maxRate;
+    result.maxBytesPerSecond = options.maxRate;
     // Outputs of every frame need every frame, however late.
     const bool everyFrame = options.outputs.any() && !options.outputs.isLive();
     const std::string lag = !options.maxLag.empty() ? options.maxLag : everyFrame ? "0" : "250ms";
@@ -120,9 +120,9 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
 
 /// The outputs of the replica: a log of every frame, and pictures and sound of every frame on a thread of their own, or
 /// of the newest state with --live.
-class Made {
+class Created {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
+    Created(Scene& replica, const OutputArguments& arguments, const Resources& resources)
         : replica_(replica),
           world_(replica, resources, programContext()),
           makesMore_(!arguments.render.empty() || !arguments.tiles.empty() || !arguments.listen.empty() ||
@@ -162,9 +162,9 @@ class Made {
             logFailed_ = true;
             printError(log_->failure());
         }
-        const bool made = !outputsFailed_ && outputs_->frame() && !outputs_->failed();
-        outputsFailed_ = !made;
-        return (made && (!logFailed_ || makesMore_)) || (log_ && !logFailed_);
+        const bool created = !outputsFailed_ && outputs_->frame() && !outputs_->failed();
+        outputsFailed_ = !created;
+        return (created && (!logFailed_ || makesMore_)) || (log_ && !logFailed_);
     }
     Result<> finish() {
         const Result<> result = allOf(programContext(), {[&] { return problem_; }, [&] { return finishLog(); },
@@ -242,7 +242,7 @@ class Mirroring {
         const OutputArguments& outputs = options_.outputs;
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
     }
-    bool joined() const { return made_ != nullptr; }
+    bool joined() const { return outputs_ != nullptr; }
     const MirrorStatistics& statistics() const { return client_ ? client_->statistics() : last_; }
     /// Leaves in order, so that the server does not take us for lost while outputs are still being made.
     void leave() {
@@ -308,7 +308,7 @@ class Mirroring {
     std::unique_ptr<MirrorClient> client_;    // null after leaving
     MirrorStatistics last_;
     Extensions::Attached subscribers_;  // of plug-ins
-    std::unique_ptr<Made> made_;
+    std::unique_ptr<Created> outputs_;
     Call viewers_;  // of foxglove_
     Foxglove foxglove_;
     std::optional<std::uint64_t> firstState_;  // the state from which on it counts as joined
@@ -335,8 +335,8 @@ bool Mirroring::join() {
     if (!options_.duration.empty()) arguments.seconds = duration_;
     arguments.endsByInterruption = options_.duration.empty();
     subscribers_ = attachSubscribers(replica_, programContext());
-    made_ = std::make_unique<Made>(replica_, arguments, resources_);
-    auto foxglove = Foxglove::start(options_.foxglove.listen, options_.fields, made_->world(),
+    outputs_ = std::make_unique<Created>(replica_, arguments, resources_);
+    auto foxglove = Foxglove::start(options_.foxglove.listen, options_.fields, outputs_->world(),
                                     {options_.insecure, viewers_.descriptor()}, programContext());
     if (!foxglove) {
         printError(foxglove.error());
@@ -345,8 +345,8 @@ bool Mirroring::join() {
     }
     foxglove_ = std::move(*foxglove);
     if (options_.foxglove.wanted()) client_->wakeBy(viewers_.descriptor());
-    if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
-    tellServiceManager("READY=1");
+    if (outputs_->wantsSteps()) client_->onStep([this](const RecordStep& step) { outputs_->step(step); });
+    notifyServiceManager("READY=1");
     if (auto ok = refusingUsage(requests_.parse(replica_)); !ok) {
         printError(ok.error());
         status_ = kUsage;
@@ -370,7 +370,7 @@ bool Mirroring::mayJoin() {
 
 bool Mirroring::isOver(std::size_t applied) {
     MirrorClient& client = *client_;
-    if (joined() && !made_->frame()) return true;
+    if (joined() && !outputs_->frame()) return true;
     if (client.serverLeft() && applied == 0) return true;
     if (applied > 0 || client.inStep() || client.receiving()) heard_ = Clock::now();
     if (joined() && reached() >= duration_) return true;
@@ -412,7 +412,7 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
 /// How long to wait if the clock needs nothing: until something comes.
 std::chrono::milliseconds Mirroring::longestPoll() const {
     constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
-    const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || !made_->rests() ||
+    const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || !outputs_->rests() ||
                        controls_ < options_.control.size() || foxglove_.owes() || client_->originLost() ||
                        !client_->inStep();
     if (waits) return kOften;
@@ -442,7 +442,7 @@ void Mirroring::follow() {
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
         viewers_.clear();
         if (joined()) foxglove_.after();
-        if (joined()) requests_.turn(client, reached(), replica_.now());
+        if (joined()) requests_.poll(client, reached(), replica_.now());
         if (joined()) control(client);
         if (joined()) sayWhetherHeard();
         if (isOver(applied)) break;
@@ -463,13 +463,13 @@ void Mirroring::sayWhetherHeard() {
 
 /// Waits for records that are known to be missing. On a slow link they may take long, while the origin goes on.
 void Mirroring::catchUp() {
-    constexpr double kMost = 10;  // factor on the patience
+    constexpr double kMax = 10;  // factor on the patience
     MirrorClient& client = *client_;
     known_ = client.statistics().originSequence;
     const auto end = Clock::now();
     auto came = end;
     while (good_ && client.statistics().sequence < wanted() && !client.serverLeft() && !interrupted() &&
-           secondsSince(came) < patience_ && secondsSince(end) < kMost * patience_)
+           secondsSince(came) < patience_ && secondsSince(end) < kMax * patience_)
         if (client.poll(std::chrono::milliseconds(50)) > 0 || client.receiving()) came = Clock::now();
 }
 
@@ -512,8 +512,8 @@ void Mirroring::finish() {
     const MirrorStatistics& statistics = this->statistics();
     seconds_ = secondsSince(joinedAt_);
     if (joined()) {
-        if (auto ok = made_->finish(); !ok) fail(ok.error().format());
-        report_ = made_->report();
+        if (auto ok = outputs_->finish(); !ok) fail(ok.error().format());
+        report_ = outputs_->report();
         if (statistics.holes > 0 && hasLength())
             report_.addMissing(fmt::format("{:.2f} s of the session", statistics.missed));
         if (!report_.missing.empty()) fail("missing: " + report_.missing);
@@ -564,10 +564,10 @@ void Mirroring::printJson() const {
         "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"
         "\"accepted\":{},\"refused\":{},",
         framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
-        statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag, statistics.jitter,
+        statistics.clockOffset, statistics.delay, statistics.lag, statistics.maximumLag, statistics.jitter,
         statistics.late, requests_.sent, requests_.accepted, requests_.refused);
     fmt::print("\"inputs\":{},\"encoded\":{},\"holes\":{},\"missed_s\":{:.3f}{}}}\n", statistics.inputs,
-               joined() ? made_->encoded() : 0, statistics.holes, statistics.missed, report_.json());
+               joined() ? outputs_->encoded() : 0, statistics.holes, statistics.missed, report_.json());
 }
 
 int Mirroring::run() {

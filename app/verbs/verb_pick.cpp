@@ -80,7 +80,7 @@ int runPick(const PickArguments& options) {
         if (!camera) return std::unexpected(camera.error());
         const auto views = tracer.layers(world.rays(), *camera, width, height);
         if (auto ok =
-                world.setViewer(EyePlace(camera->position, camera->up), LightTracer::sights(views, width, height));
+                world.setViewer(EyePosition(camera->position, camera->up), LightTracer::sights(views, width, height));
             !ok)
             return std::unexpected(ok.error());
         return tracer.pick(picker, world.rays(), views, options.pixel[0], options.pixel[1]);

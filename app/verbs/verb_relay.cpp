@@ -55,7 +55,7 @@ class Relaying {
 
     int run() {
         if (auto ok = connect(); !ok) return printError(ok.error()), kBad;
-        while (!interrupted() && seconds(start_) < duration_ && !over_) turn();
+        while (!interrupted() && seconds(start_) < duration_ && !over_) poll();
         if (good_ && interrupted() && !over_ && !options_.duration.empty())
             fail(fmt::format("interrupted after {:.1f} of {} s", seconds(start_), duration_));
         else if (good_ && !relay_->server())
@@ -96,7 +96,7 @@ class Relaying {
         return {};
     }
 
-    void turn() {
+    void poll() {
         const bool before = relay_->server() != nullptr, heard = !relay_->client().originLost();
         if (const auto applied = relay_->poll(longest()); !applied) {
             serves_ = relay_->server() != nullptr;
@@ -117,8 +117,8 @@ class Relaying {
     }
     std::chrono::milliseconds longest() const {
         if (!relay_->server() || relay_->client().originLost()) return kWhileLost;
-        const std::chrono::duration<double> left(duration_ - seconds(start_)), most = kWhileHeard;
-        return std::chrono::ceil<std::chrono::milliseconds>(std::clamp(left, 0 * most, most));
+        const std::chrono::duration<double> left(duration_ - seconds(start_)), maximum = kWhileHeard;
+        return std::chrono::ceil<std::chrono::milliseconds>(std::clamp(left, 0 * maximum, maximum));
     }
     void sayEndpoint() const {
         if (options_.json)

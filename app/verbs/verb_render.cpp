@@ -128,8 +128,8 @@ class PictureMaker {
 };
 
 /// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
-void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
-                const Content& content, const std::optional<Flattener::Cuts>& cuts) {
+void reportResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
+                  const Content& content, const std::optional<Flattener::Cuts>& cuts) {
     if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
     if (options.json) {
         std::string more;
@@ -208,9 +208,10 @@ int render(RenderArguments options) {
         finished = done;
         return !interrupted();
     };
-    image.settings.progress = [&](double share) {
+    image.settings.progress = [&](double fraction) {
         if (progress)
-            progress(static_cast<std::uint64_t>((finished + std::min(share, 1.0)) / options.frames * 1e6), 1'000'000);
+            progress(static_cast<std::uint64_t>((finished + std::min(fraction, 1.0)) / options.frames * 1e6),
+                     1'000'000);
         return !interrupted();
     };
     RenderStats all;
@@ -235,7 +236,7 @@ int render(RenderArguments options) {
                                  : fmt::format("interrupted: {} of {} frames were written", *written, options.frames));
         return kBad;
     }
-    tellResult(options, image.settings, all, maker.content(), running.world().cuts());
+    reportResult(options, image.settings, all, maker.content(), running.world().cuts());
     if (const std::string missing = missingError(options.picture.error, all.error, all.unreached); !missing.empty())
         return printError("missing: " + missing), kBad;
     return kDone;

@@ -84,9 +84,9 @@ void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
 }
 
 /// Makes pictures, sound and the saved scene, from the first frame on.
-class RunMade {
+class RunOutputs {
   public:
-    RunMade(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
+    RunOutputs(RunningScene& running, const RunArguments& options) : running_(running), arguments_(options.outputs) {
         arguments_.picturesPerSecond = options.fps;
         arguments_.seconds = parseSeconds(options.duration);
     }
@@ -150,7 +150,7 @@ bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
     const std::string text = fmt::format("no viewpoint is called \"{}\"{}; there are: {}", name,
                                          mayCome ? " as yet" : "", all.empty() ? "none" : all);
     if (!mayCome) return printError(text), false;
-    tellError("note: {}\n", terminalText(text));
+    reportError("note: {}\n", terminalText(text));
     return true;
 }
 
@@ -172,7 +172,7 @@ int runScene(const RunArguments& options) {
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error()), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
-    RunMade made(running, options);
+    RunOutputs created(running, options);
     (void)interrupted();  // from here on an interruption ends the program in order and cuts no line
     auto feeds = Feeds::start(options.feeds, running.world(), {.start = running.start(), .timed = true});
     if (!feeds) return printError(feeds.error()), kBad;
@@ -180,16 +180,16 @@ int runScene(const RunArguments& options) {
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
         feeds->after(running.time());
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
-        return made.follow(k);
+        return created.follow(k);
     });
     running.beforeFrames({});
     running.reportDiagnostics();
     feeds->end();
-    const bool good = made.finish(frames == pace.frames());
+    const bool good = created.finish(frames == pace.frames());
     // Readers of the events do not want other text; a summary in JSON is one more line for them.
     if (options.json)
         fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}{}}}\n", frames, running.time(), scene.hash().hex(),
-                   made.json(), feeds->json());
+                   created.json(), feeds->json());
     else if (watches->empty() && !options.hash)
         fmt::print("{} to t = {} s, state {}\n", framesText(frames), running.time(), scene.hash().hex());
     return good ? kDone : kBad;

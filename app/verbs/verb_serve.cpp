@@ -39,7 +39,7 @@ using Clock = std::chrono::steady_clock;
 
 /// While a scene rests, mirrors get a frame after so many seconds. It tells them the time and that the server lives,
 /// slightly more often than the server would have to ping them.
-constexpr double kTimeIsTold = 1.4;
+constexpr double kTimeIsReported = 1.4;
 
 struct ServeArguments {
     std::string scene, resume, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
@@ -150,7 +150,7 @@ Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     result.upstream = *mirrorUpstreamFromName(options.upstream);
     result.maximumPeers = options.peers;
     result.maximumParts = options.parts;
-    result.mostBytesPerSecond = options.maxRate;
+    result.maxBytesPerSecond = options.maxRate;
     result.blockFor = millisecondsFrom(options.block);
     result.mode.coding = *codingFromName(options.coding);
     return result;
@@ -261,9 +261,9 @@ int Session::open() {
 }
 
 int Session::startServer() {
-    auto made = serverOptionsOf(options_);
-    if (!made) return printError(made.error()), kBad;
-    MirrorServerOptions how = std::move(*made);
+    auto created = serverOptionsOf(options_);
+    if (!created) return printError(created.error()), kBad;
+    MirrorServerOptions how = std::move(*created);
     if (options_.mode == nameOf(Mode::input)) how.mode.mode = Mode::input;
     if (options_.mode == nameOf(Mode::lossy)) {
         auto followed = LossyScene::follow(running_.scene(), options_.error);
@@ -344,8 +344,8 @@ void Session::run() {
     const std::string figures = health_.address();
     if (!figures.empty()) say("figures at http://" + figures + "/metrics");
     sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json, published_.address(),
-                feeds_->sayPlaces() + (figures.empty() ? "" : fmt::format(",\"metrics\":{}", jsonString(figures))));
-    tellServiceManager(fmt::format("READY=1\nSTATUS=serving {} at {}", name(), server_->endpoint()));
+                feeds_->sayEndpoints() + (figures.empty() ? "" : fmt::format(",\"metrics\":{}", jsonString(figures))));
+    notifyServiceManager(fmt::format("READY=1\nSTATUS=serving {} at {}", name(), server_->endpoint()));
     // The publisher counts as a peer, too.
     if (options_.await > 0) await(*server_, options_.await + (options_.nats.empty() ? 0 : 1));
 
@@ -397,8 +397,8 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
 /// through. The state before the sleep lasts until the frame before the one that ends it, so that frame is run, too.
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
     const double until = (std::min(running_.restsUntil(), feeds_->nextAt()) - from_) * options_.fps;
-    const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
-    const double end = std::min({until - 1, told, static_cast<double>(last)});
+    const double reported = static_cast<double>(slot) + std::floor(kTimeIsReported * options_.fps);
+    const double end = std::min({until - 1, reported, static_cast<double>(last)});
     if (!(end > static_cast<double>(slot))) return slot;
     const auto next = static_cast<std::uint64_t>(end);
     for (bool isAwake = false; !isAwake && !interrupted() && Clock::now() < dueAt(next);) {
@@ -421,17 +421,17 @@ void Session::print(const MirrorServerStatistics& statistics) const {
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
             "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"{}}}\n",
-            frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
+            frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.maxPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_.bytes(), log_.encoded(),
             scene.hash().hex(), counted_);
     else
         fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
-                   seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
+                   seconds_, fps, statistics.bytes, statistics.maxPeers, scene.hash().hex());
 }
 
 int Session::close() {
-    tellServiceManager("STOPPING=1");
+    notifyServiceManager("STOPPING=1");
     running_.reportDiagnostics(log_.failure());
     // Mirrors that are behind, say because of a picture, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);

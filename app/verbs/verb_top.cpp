@@ -58,7 +58,7 @@ Figures figuresFrom(std::string_view text) {
 }
 
 /// The time below which so large a share of frames was, from the histogram's counts; of those since `before`.
-double frameTime(const Figures& now, const Figures* before, double share) {
+double frameTime(const Figures& now, const Figures* before, double fraction) {
     constexpr std::string_view kBucket = "rtsg_frame_seconds_bucket{le=\"";
     std::vector<std::pair<double, double>> counts;  // bound and how many were below
     for (const auto& [name, value] : now.all) {
@@ -70,7 +70,7 @@ double frameTime(const Figures& now, const Figures* before, double share) {
     }
     if (counts.empty() || counts.back().second <= 0) return 0;
     for (const auto& [bound, count] : counts)
-        if (count >= share * counts.back().second) return bound;
+        if (count >= fraction * counts.back().second) return bound;
     return 0;
 }
 
@@ -112,11 +112,11 @@ std::string tableOf(const Figures& now, const Figures* before) {
     const double seconds = before ? std::chrono::duration<double>(now.at - before->at).count() : 1;
     text += fmt::format("{:<34} {:>14.6g} {:>14}\n", "frames", *frames,
                         earlier ? fmt::format("{:.4g}", (*frames - *earlier) / seconds) : "");
-    for (const double share : {.5, .99}) {
-        const double bound = 1000 * frameTime(now, before, share);
+    for (const double fraction : {.5, .99}) {
+        const double bound = 1000 * frameTime(now, before, fraction);
         if (bound > 0)
-            text += fmt::format("{:<34} {:>11}{:.3g} ms\n", fmt::format("frame time, {} of 100 below", 100 * share), "",
-                                bound);
+            text += fmt::format("{:<34} {:>11}{:.3g} ms\n", fmt::format("frame time, {} of 100 below", 100 * fraction),
+                                "", bound);
     }
     return text;
 }

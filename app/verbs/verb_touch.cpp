@@ -102,9 +102,9 @@ class Touching {
                 running_.frame(static_cast<double>(frame++) / arguments_.fps);
                 (void)world.present();
             }
-            const auto place = device.place(t);
+            const auto position = device.position(t);
             const Vec3d nowhere(std::nan(""));
-            device.push(renderer_.touch(place ? renderer_.inWorld(*place) : nowhere, t).force);
+            device.push(renderer_.touch(position ? renderer_.inWorld(*position) : nowhere, t).force);
         }
         finishFrames();
     }
@@ -157,11 +157,11 @@ Vec3d parseOrigin(const std::string& text) {
     std::ranges::replace(plain, ',', ' ');
     std::istringstream in(plain);
     in.imbue(std::locale::classic());
-    Vec3d place(0);
+    Vec3d position(0);
     std::string rest;
-    if (!(in >> place.x >> place.y >> place.z) || in >> rest)
+    if (!(in >> position.x >> position.y >> position.z) || in >> rest)
         throw UsageError(fmt::format("--origin takes three numbers, metres, not '{}'", text));
-    return place;
+    return position;
 }
 
 int touch(const TouchArguments& arguments) {
@@ -198,7 +198,7 @@ int touch(const TouchArguments& arguments) {
     Touching touching(arguments, running, *ticks, options);
     Result<> result = touching.attach();
     if (result && hand->port && !arguments.json)
-        tellError("a device may send its places to udp:127.0.0.1:{}\n", hand->port);
+        reportError("a device may send its places to udp:127.0.0.1:{}\n", hand->port);
     if (result && isLive) result = touching.live(std::move(hand->device), seconds);
     if (result && !isLive) touching.simulate(*hand->device, seconds);
     const HapticReport report = touching.renderer().report();
@@ -211,7 +211,7 @@ int touch(const TouchArguments& arguments) {
     if (!result) return printError(result.error()), kBad;
     printTouched(arguments, report, running);
     if (report.scheduling != "SCHED_FIFO" && !report.scheduling.empty())
-        tellError("note: touch runs on {}\n", report.scheduling);
+        reportError("note: touch runs on {}\n", report.scheduling);
     if (report.ticks == report.unknown) return printError("the device never said where the hand is"), kBad;
     if (!interrupted()) return kDone;
     printError(fmt::format("interrupted after {:.3f} s", running.time()));

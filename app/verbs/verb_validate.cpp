@@ -72,16 +72,16 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
         if (file != "-") options.file = file;
         extensions().registerWith(scene);
         SceneBuilder builder(scene, diagnostics, options);
-        UrlPlaces places(builder);
-        const auto check =
-            makeFilter("validate", places, {diagnostics, resources, file, ecmaScript().get(), extensions().dialect()});
+        UrlLocations locations(builder);
+        const auto check = makeFilter("validate", locations,
+                                      {diagnostics, resources, file, ecmaScript().get(), extensions().dialect()});
         const bool complete = check && readDocumentFile(file, **check, diagnostics,
                                                         {.dialect = extensions().dialect(), .resources = &resources});
         builder.finish();
         print(diagnostics);
         usable = complete || !builder.roots().empty();
         missing.setFile(diagnostics.file());
-        checkResources(scene, resources, missing, &places);
+        checkResources(scene, resources, missing, &locations);
     }
     print(missing);
     diagnostics.append(missing);

@@ -34,7 +34,7 @@ using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
 constexpr double kAnyAspect = 16. / 9;     // pictures take their own
-constexpr milliseconds kLongestTurn{500};  // Ctrl-C is noticed then, and a file that was edited sooner
+constexpr milliseconds kLongestWait{500};  // Ctrl-C is noticed then, and a file that was edited sooner
 constexpr double kStatusEvery = 0.1;       // seconds
 
 using Kind = ViewSourceOptions::Kind;
@@ -90,9 +90,9 @@ RenderSettings pictureSettings(const ViewArguments& options) {
     return pictures.parse(true).settings;
 }
 
-double percentile(std::vector<double> values, double share) {
+double percentile(std::vector<double> values, double fraction) {
     if (values.empty()) return 0;
-    const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+    const auto at = static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
     std::ranges::nth_element(values, values.begin() + at);
     return values[static_cast<std::size_t>(at)];
 }
@@ -134,7 +134,7 @@ class Viewing {
         options.picture.budget = 1 / options_.fps;
         options.picture.resources = source_->resources();
         options.picture.prepare = [](Renderer& renderer) { return extensions().registerWith(renderer); };
-        if (options.picture.settings.integrator == Integrator::path) options.picture.mostSamples = 1 << 14;
+        if (options.picture.settings.integrator == Integrator::path) options.picture.maxSamples = 1 << 14;
         options.overlay = overlay_;
         options.look = [this](NodeId viewpoint) { return source_->look(viewpoint); };
         options.change = [this](NodeId node, FieldIndex field, Value value) {
@@ -168,7 +168,7 @@ class Viewing {
         if (sound)
             sound_ = std::move(*sound);
         else
-            tellError("note: no sound: {}\n", terminalText(sound.error().text));
+            reportError("note: no sound: {}\n", terminalText(sound.error().text));
     }
     /// Lets the hand that --touch names feel the shown scene.
     Result<> touch() {
@@ -199,7 +199,7 @@ class Viewing {
         const double begun = clock();
         double due = 0;
         std::uint64_t events = 0;
-        time_ = told_ = 0;
+        time_ = reported_ = 0;
         for (;;) {
             const double t = clock() - begun;
             if (interrupted() || clock() >= duration_) return;
@@ -213,13 +213,14 @@ class Viewing {
             if (touch_) feel();
             say();
             window_->lookFrom(source_->eye(kAnyAspect));
-            tell();
+            report();
             // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
             const double rests = touch_ ? due : std::max(source_->restsUntil(), due);
             const double wait = std::min(rests - t, duration_ - clock());
-            const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
-            if (!window_->turn(std::min(most, shown_.reload ? RunningScene::kLookEvery : kLongestTurn))) return;
+            const auto maximum =
+                std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
+            if (!window_->poll(std::min(maximum, shown_.reload ? RunningScene::kLookEvery : kLongestWait))) return;
             recorder_.show(*window_, clock());
         }
     }
@@ -247,12 +248,12 @@ class Viewing {
                 default:
                     done = source_->answer(request);
             }
-            if (!done) tellError("note: {}\n", terminalText(done.error().text));
+            if (!done) reportError("note: {}\n", terminalText(done.error().text));
         }
     }
 
     /// The title, and the overlay's figures.
-    void tell() {
+    void report() {
         std::string status = source_->status();
         if (const std::string writes = recorder_.status(); !writes.empty())
             status += (status.empty() ? "" : ", ") + writes;
@@ -262,16 +263,16 @@ class Viewing {
         if (status != status_)
             window_->setTitle(fmt::format("{} - {}{}rtsg", shown_.name, status, status.empty() ? "" : " - "));
         status_ = status;
-        if (!window_->showsOverlay() || (told_ > 0 && time_ - told_ < kStatusEvery)) return;
-        told_ = time_;
+        if (!window_->showsOverlay() || (reported_ > 0 && time_ - reported_ < kStatusEvery)) return;
+        reported_ = time_;
         SceneWindowStatus all;
-        source_->tell(all);
-        if (sound_) tellSound(all);
+        source_->describe(all);
+        if (sound_) reportSound(all);
         if (const std::string writes = recorder_.status(); !writes.empty())
             all.lines.push_back({"writing", writes, false, {}});
         window_->setStatus(std::move(all));
     }
-    void tellSound(SceneWindowStatus& all) const {
+    void reportSound(SceneWindowStatus& all) const {
         constexpr double kSilent = 1e-5;
         const LiveReport heard = sound_->report();
         const std::string level =
@@ -302,7 +303,7 @@ class Viewing {
 
     void say() {
         const Diagnostics said = window_->takeDiagnostics();
-        for (const Diagnostic& d : said.all()) tellError("{}\n", terminalText(d.format()));
+        for (const Diagnostic& d : said.all()) reportError("{}\n", terminalText(d.format()));
     }
 
     int finish() {
@@ -348,7 +349,7 @@ class Viewing {
     ViewRecorder recorder_{programContext()};
     bool overlay_ = options_.overlay, knowsOverlay_ = false;
     std::string status_;
-    double time_ = 0, told_ = 0;
+    double time_ = 0, reported_ = 0;
     std::uint64_t frames_ = 0;
 };
 

@@ -8,12 +8,12 @@ extern "C" {
 namespace rtsg {
 namespace {
 
-bool make(std::size_t size, bool isInverse, float scale, QuickTransform& made) {
-    return av_tx_init(&made.context, &made.run, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size), &scale,
-                      AV_TX_UNALIGNED) >= 0;
+bool make(std::size_t size, bool isInverse, float scale, QuickTransform& created) {
+    return av_tx_init(&created.context, &created.run, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size),
+                      &scale, AV_TX_UNALIGNED) >= 0;
 }
-void destroy(QuickTransform& made) {
-    av_tx_uninit(&made.context);
+void destroy(QuickTransform& created) {
+    av_tx_uninit(&created.context);
 }
 
 }  // namespace

@@ -41,8 +41,8 @@ class LibraryWriter final : public NetcdfWriter {
 
     /// The library says "HDF error" for all failures. If writing failed, the system's last error is the reason.
     static std::string what(int error, int system) {
-        const bool tells = system == ENOSPC || system == EDQUOT || system == EFBIG || system == EIO;
-        return tells ? std::strerror(system) : nc_strerror(error);
+        const bool reports = system == ENOSPC || system == EDQUOT || system == EFBIG || system == EIO;
+        return reports ? std::strerror(system) : nc_strerror(error);
     }
 
     static int note(int id, int variable, const NetcdfAttributes& attributes) {

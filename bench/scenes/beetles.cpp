@@ -49,7 +49,7 @@ Surface window(int n, float u0, float u1, float v0, float v1) {
 }  // namespace
 
 BeetleCar beetleCar(const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     BeetleCar car;
     car.body = patch(n(200), n(84), bodyAt);
     car.body.add(patch(n(100), n(52), cabinAt));
@@ -102,14 +102,14 @@ void writeBeetles(SceneFile& file, const Detail& detail) {
     file.shape(boxAt({-8, 1.6f, -21}, {60, 3.2f, .4f}), "WALL");
 
     const BeetleCar car = beetleCar(half);
-    const int cars = half.things(35, 2);
+    const int cars = half.count(35, 2);
     Surface lines;
     for (int i = 0; i < cars; ++i) {
         const int row = i / 8, column = i % 8;
         const Vec3f at(static_cast<float>(5 - 6 * row), 0, static_cast<float>(5 - 3 * column));
         lines.add(boxAt(at + Vec3f(0, .005f, 1.5f), {4.6f, .01f, .1f}));
-        const float turn = row % 2 ? kPi : .05f * std::sin(7.0f * static_cast<float>(i));
-        file.open({.translation = at, .rotation = {0, 1, 0, turn}});
+        const float angle = row % 2 ? kPi : .05f * std::sin(7.0f * static_cast<float>(i));
+        file.open({.translation = at, .rotation = {0, 1, 0, angle}});
         const std::string paint = fmt::format("PAINT{}", (i * 5 + row) % 8);
         if (i == 0) {
             file.shape(car.body, paint, SceneFile::Shading::smooth, "BODY");

@@ -58,20 +58,20 @@ void building(SceneFile& file, Vec3f at, int wide, int deep, int floors, int sty
     file.shape(plant, "METAL");
     for (int side = 0; side < 4; ++side) {
         const int bays = side % 2 ? deep : wide;
-        const float distance = side % 2 ? w / 2 : d / 2, turn = kPi / 2 * static_cast<float>(side);
-        file.open({.rotation = {0, 1, 0, turn}});
+        const float distance = side % 2 ? w / 2 : d / 2, angle = kPi / 2 * static_cast<float>(side);
+        file.open({.rotation = {0, 1, 0, angle}});
         Surface glass;
         for (int floor = 0; floor < floors; ++floor)
             for (int i = 0; i < bays; ++i) {
-                const Vec3f place(3.2f * (static_cast<float>(i) - static_cast<float>(bays - 1) / 2),
-                                  3.2f * static_cast<float>(floor), distance);
+                const Vec3f position(3.2f * (static_cast<float>(i) - static_cast<float>(bays - 1) / 2),
+                                     3.2f * static_cast<float>(floor), distance);
                 const Bay b = bay(dice);
-                file.open({.translation = place});
+                file.open({.translation = position});
                 file.shape(b.wall, stone);
                 file.shape(b.frame, "FRAME");
                 file.close();
                 glass.add(patch(
-                    1, 1, [=](float u, float v) { return place + Vec3f(2.2f * u - 1.1f, .9f + 1.8f * v, -.17f); }));
+                    1, 1, [=](float u, float v) { return position + Vec3f(2.2f * u - 1.1f, .9f + 1.8f * v, -.17f); }));
             }
         file.shape(glass, "GLASS");
         file.close();
@@ -146,7 +146,7 @@ void writeCampus(SceneFile& file, const Detail& detail) {
         file.shape(boxAt({0, .01f, static_cast<float>(i) * 52 + 26}, {300, .06f, 6}), "PAVING");
     }
     // From the middle outwards, so that few of them still make a place.
-    const int buildings = detail.things(36, 2), trees = detail.things(455, 4);
+    const int buildings = detail.count(36, 2), trees = detail.count(455, 4);
     int built = 0;
     for (int ring = 0; ring < 4 && built < buildings; ++ring)
         for (int x = -ring; x <= ring; ++x)
@@ -188,7 +188,7 @@ Surface tower(int kind, int detail, Dice& dice) {
             for (int i = 0; i < 4; ++i) {
                 Surface pier = boxAt({half * (static_cast<float>(2 * i) - 3) / 4, y + h * .56f, half - .3f},
                                      {half * .42f, h * .88f, .3f - .1f * dice.in(0, 1)});
-                s.add(pier.turn(kPi / 2 * static_cast<float>(side)));
+                s.add(pier.rotate(kPi / 2 * static_cast<float>(side)));
             }
         if (kind % 2 == 0) s.add(rod({0, y, 0}, {0, y + h, 0}, half * .96f, 16));
     }

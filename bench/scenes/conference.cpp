@@ -16,7 +16,7 @@ struct Chair {
 
 /// Looks towards +z; about 9,600 triangles.
 Chair chair(const Detail& d) {
-    const auto n = [&](int full, int least = 4) { return d.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return d.lines(full, minimum); };
     Chair c;
     c.cushions = ellipsoid({0, .48f, 0}, {.27f, .07f, .26f}, n(40), n(20), .4f);
     Surface back = ellipsoid({0, 0, 0}, {.25f, .33f, .055f}, n(38), n(20), .45f);
@@ -74,7 +74,7 @@ void addLooks(SceneFile& file) {
 
 /// 12 x 3 x 8 m.
 void addRoom(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     file.shape(boxAt({0, -.05f, 0}, {12, .1f, 8}), "CARPET");
     file.shape(boxAt({0, 3.05f, 0}, {12, .1f, 8}), "CEILING");
     for (const float side : {-1.0f, 1.0f}) {
@@ -82,12 +82,12 @@ void addRoom(SceneFile& file, const Detail& detail) {
         file.shape(boxAt({side * 6.05f, 1.5f, 0}, {.1f, 3, 8}), "WALL");
         for (int i = 0; i < 12; ++i) {
             Surface p = panel(.86f, .9f, n(22));
-            p.move({-.43f, .12f, 0}).turn(side > 0 ? kPi : 0).move({-5.5f + static_cast<float>(i), 0, side * 3.985f});
+            p.move({-.43f, .12f, 0}).rotate(side > 0 ? kPi : 0).move({-5.5f + static_cast<float>(i), 0, side * 3.985f});
             file.shape(p, "WOOD");
         }
         for (int i = 0; i < 8; ++i) {
             Surface p = panel(.86f, .9f, n(22));
-            p.move({-.43f, .12f, 0}).turn(-side * kPi / 2).move({side * 5.985f, 0, -3.5f + static_cast<float>(i)});
+            p.move({-.43f, .12f, 0}).rotate(-side * kPi / 2).move({side * 5.985f, 0, -3.5f + static_cast<float>(i)});
             file.shape(p, "WOOD");
         }
     }
@@ -109,23 +109,23 @@ void addRoom(SceneFile& file, const Detail& detail) {
 
 /// The table, and who sits at it.
 void addTable(SceneFile& file, const Detail& detail, Dice& dice) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     file.shape(ellipsoid({0, .73f, 0}, {3.6f, .035f, 1.15f}, n(120), n(18), .5f), "TABLE", Shading::smooth);
     for (const float x : {-2.0f, 0.0f, 2.0f})
         file.shape(ellipsoid({x, .35f, 0}, {.35f, .36f, .45f}, n(48), n(24), .3f), "WOOD", Shading::smooth);
     for (int i = 0; i < 22; ++i) {
         const bool end = i >= 20;
-        const float side = i % 2 ? 1.0f : -1.0f, place = static_cast<float>(i / 2) * .62f - 2.8f;
-        const Vec3f at = end ? Vec3f(side * 4.15f, 0, 0) : Vec3f(place, 0, side * 1.6f);
+        const float side = i % 2 ? 1.0f : -1.0f, position = static_cast<float>(i / 2) * .62f - 2.8f;
+        const Vec3f at = end ? Vec3f(side * 4.15f, 0, 0) : Vec3f(position, 0, side * 1.6f);
         const float facing = end ? -side * kPi / 2 : side > 0 ? kPi : 0.0f;
         Chair c = chair(detail);
-        const float turn = facing + dice.in(-.35f, .35f);
-        for (Surface* s : {&c.cushions, &c.frame}) s->turn(turn).move(at);
+        const float angle = facing + dice.in(-.35f, .35f);
+        for (Surface* s : {&c.cushions, &c.frame}) s->rotate(angle).move(at);
         file.shape(c.cushions, "CUSHION", Shading::smooth);
         file.shape(c.frame, "FRAME", Shading::smooth);
-        const Vec3f desk = end ? Vec3f(side * 2.9f, .77f, 0) : Vec3f(place * .97f, .77f, side * .72f);
+        const Vec3f desk = end ? Vec3f(side * 2.9f, .77f, 0) : Vec3f(position * .97f, .77f, side * .72f);
         Surface sheet = boxAt({0, 0, 0}, {.21f, .004f, .3f});
-        file.shape(sheet.turn(dice.in(-.3f, .3f)).move(desk), "PAPER");
+        file.shape(sheet.rotate(dice.in(-.3f, .3f)).move(desk), "PAPER");
         const Vec3f cup = desk + Vec3f(.2f, -.005f, -side * .12f);
         Surface china =
             lathe({{.001f, 0}, {.025f, 0}, {.04f, .03f}, {.043f, .08f}, {.038f, .08f}, {.034f, .03f}, {.001f, .01f}},
@@ -136,12 +136,12 @@ void addTable(SceneFile& file, const Detail& detail, Dice& dice) {
 
 /// In the corners.
 void addPlants(SceneFile& file, const Detail& detail, Dice& dice) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     for (const float x : {-5.4f, 5.4f}) {
         Surface pot = lathe({{.001f, 0}, {.16f, 0}, {.22f, .4f}, {.2f, .4f}, {.001f, .34f}}, n(32), n(12));
         file.shape(pot.move({x, 0, -3.4f}), "CLAY", Shading::smooth);
         Surface leaves;
-        for (int i = 0; i < detail.things(90, 6); ++i) {
+        for (int i = 0; i < detail.count(90, 6); ++i) {
             const float a = dice.in(0, 2 * kPi), reach = dice.in(.2f, .55f), rise = dice.in(.3f, 1.1f);
             leaves.add(patch(6, 2, [=](float u, float v) {
                 const float r = reach * u, w = .06f * std::sin(kPi * u) * (2 * v - 1);

@@ -22,8 +22,8 @@ void front(Surface& wood, Surface& steel, Vec3f at, float w, float h, int n) {
     steel.add(ellipsoid(at + Vec3f(w * .5f, h * .85f, .045f), Vec3f(.018f), n, std::max(4, n / 2)));
 }
 
-void chair(SceneFile& file, Vec3f at, float turn, int n) {
-    file.open({.translation = at, .rotation = {0, 1, 0, turn}});
+void chair(SceneFile& file, Vec3f at, float angle, int n) {
+    file.open({.translation = at, .rotation = {0, 1, 0, angle}});
     Surface s = ellipsoid({0, .46f, 0}, {.21f, .02f, .21f}, n * 2, n, .5f);
     for (const float x : {-.17f, .17f})
         for (const float z : {-.17f, .17f}) s.add(rod({x, 0, z * 1.1f}, {x, z < 0 ? .95f : .46f, z}, .018f, n, 2));
@@ -78,7 +78,7 @@ void addRoom(SceneFile& file) {
 
 /// Along the far wall, below and above, with a worktop, a hob and a sink; pots of steel on the hob.
 void addCupboards(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     Surface wood, steel;
     wood.add(box({-2.5f, .1f, -3}, {1.5f, .88f, -2.42f})).add(box({-2.5f, 1.5f, -3}, {1.5f, 2.3f, -2.65f}));
     for (int i = 0; i < 8; ++i) {
@@ -118,13 +118,13 @@ void addCupboards(SceneFile& file, const Detail& detail) {
         const float size = .75f + .12f * static_cast<float>(i % 4);
         const Vec3f at = i < 2 ? Vec3f(-.85f + .28f * static_cast<float>(i), .95f, -2.55f)
                                : Vec3f(-2.2f + .38f * static_cast<float>(i - 2), .92f, -2.72f);
-        file.shape(pot.scale(Vec3f(size)).turn(.8f * static_cast<float>(i)).move(at), "STEEL", Shading::smooth);
+        file.shape(pot.scale(Vec3f(size)).rotate(.8f * static_cast<float>(i)).move(at), "STEEL", Shading::smooth);
     }
 }
 
 /// Glasses and a carafe, and fruit in a bowl of glass.
 void addTable(SceneFile& file, const Detail& detail, const Vec3f& table) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     file.shape(ellipsoid(table, {.62f, .025f, .95f}, n(72), n(16), .4f), "PINE", Shading::smooth);
     Surface legs;
     for (const float x : {-.48f, .48f})
@@ -165,12 +165,12 @@ void addToy(SceneFile& file, const Detail& detail) {
     file.shape(car.chrome, "CHROME", Shading::smooth);
     file.close();
     file.close();
-    std::string keys, places, turns;
+    std::string keys, positions, rotations;
     for (int i = 0; i <= 32; ++i) {
         const float t = static_cast<float>(i) / 32, a = 2 * kPi * t;
         keys += fmt::format("{} ", t);
-        places += fmt::format("{:.4f} 0 {:.4f} ", -.95f - .75f * std::cos(a), -.3f + 1.4f * std::sin(a));
-        turns += fmt::format("0 1 0 {:.4f} ", std::atan2(-1.4f * std::cos(a), .75f * std::sin(a)));
+        positions += fmt::format("{:.4f} 0 {:.4f} ", -.95f - .75f * std::cos(a), -.3f + 1.4f * std::sin(a));
+        rotations += fmt::format("0 1 0 {:.4f} ", std::atan2(-1.4f * std::cos(a), .75f * std::sin(a)));
     }
     file.raw(
         "DEF TOY_CLOCK TimeSensor {{ cycleInterval 8 loop TRUE }}\n"
@@ -180,13 +180,13 @@ void addToy(SceneFile& file, const Detail& detail) {
         "ROUTE TOY_CLOCK.fraction_changed TO TOY_TURN.set_fraction\n"
         "ROUTE TOY_PATH.value_changed TO TOY_CAR.translation\n"
         "ROUTE TOY_TURN.value_changed TO TOY_CAR.rotation\n",
-        keys, places, turns);
+        keys, positions, rotations);
 }
 
 }  // namespace
 
 void writeKitchen(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     addLooks(file);
     addRoom(file);
     addCupboards(file, detail);

@@ -12,10 +12,12 @@ namespace rtsg::bench {
 /// The wanted share of triangles, as resolutions of surfaces and as numbers of things.
 struct Detail {
     double scale = 1;
-    int lines(int full, int least = 4) const {
-        return std::max(least, static_cast<int>(std::lround(full * std::sqrt(scale))));
+    int lines(int full, int minimum = 4) const {
+        return std::max(minimum, static_cast<int>(std::lround(full * std::sqrt(scale))));
     }
-    int things(int full, int least = 1) const { return std::max(least, static_cast<int>(std::lround(full * scale))); }
+    int count(int full, int minimum = 1) const {
+        return std::max(minimum, static_cast<int>(std::lround(full * scale)));
+    }
 };
 
 void writeBeetles(SceneFile& file, const Detail& detail);

@@ -109,7 +109,7 @@ void writeTroopers(SceneFile& file, const Detail& detail) {
     const std::uint64_t before = file.counted();
     writeTrooper(file);
     const std::uint64_t figure = file.counted() - before;
-    const int figures = detail.things(48, 2);
+    const int figures = detail.count(48, 2);
     for (int i = 0; i < figures; ++i) {
         const int row = i / 8, column = i % 8;
         file.raw("Trooper {{ at {} 0 {} start {} }}\n", 1.15f * static_cast<float>(column) - 4,

@@ -29,8 +29,8 @@ Surface& Surface::add(const Surface& other) {
     for (const std::int32_t i : other.triangles) triangles.push_back(base + i);
     return *this;
 }
-Surface& Surface::transform(const std::function<Vec3f(Vec3f)>& place) {
-    for (Vec3f& p : points) p = place(p);
+Surface& Surface::transform(const std::function<Vec3f(Vec3f)>& transform) {
+    for (Vec3f& p : points) p = transform(p);
     return *this;
 }
 Surface& Surface::move(Vec3f by) {
@@ -41,7 +41,7 @@ Surface& Surface::scale(Vec3f by) {
     for (Vec3f& p : points) p *= by;
     return *this;
 }
-Surface& Surface::turn(float angle) {
+Surface& Surface::rotate(float angle) {
     const float c = std::cos(angle), s = std::sin(angle);
     for (Vec3f& p : points) p = {c * p.x + s * p.z, p.y, c * p.z - s * p.x};
     return *this;
@@ -128,9 +128,9 @@ Surface torus(Vec3f centre, float ring, float thickness, int nu, int nv) {
 
 Vec3f along(const std::vector<Vec3f>& points, float t) {
     const int last = static_cast<int>(points.size()) - 1;
-    const float place = std::clamp(t, 0.0f, 1.0f) * static_cast<float>(last);
-    const int i = std::min(static_cast<int>(place), last - 1);
-    const float f = place - static_cast<float>(i);
+    const float position = std::clamp(t, 0.0f, 1.0f) * static_cast<float>(last);
+    const int i = std::min(static_cast<int>(position), last - 1);
+    const float f = position - static_cast<float>(i);
     const auto at = [&](int k) { return points[static_cast<std::size_t>(std::clamp(k, 0, last))]; };
     const Vec3f a = at(i - 1), b = at(i), c = at(i + 1), d = at(i + 2);
     return b + .5f * f * (c - a + f * (2.0f * a - 5.0f * b + 4.0f * c - d + f * (3.0f * (b - c) + d - a)));

@@ -19,11 +19,11 @@ struct Surface {
 
     std::size_t triangleCount() const { return triangles.size() / 3; }
     Surface& add(const Surface& other);
-    Surface& transform(const std::function<Vec3f(Vec3f)>& place);
+    Surface& transform(const std::function<Vec3f(Vec3f)>& mapping);
     Surface& move(Vec3f by);
     Surface& scale(Vec3f by);
     /// About the y axis, counter-clockwise seen from above.
-    Surface& turn(float angle);
+    Surface& rotate(float angle);
 };
 
 using Patch = std::function<Vec3f(float u, float v)>;

@@ -82,7 +82,7 @@ struct Window {
     Surface frame, pane;
 };
 Window window(const Detail& d, bool balcony) {
-    const auto n = [&](int full, int least = 3) { return d.lines(full, least); };
+    const auto n = [&](int full, int minimum = 3) { return d.lines(full, minimum); };
     const auto rim = [](float t) {  // up, over and down
         if (t < .3f) return Vec3f(-.55f, 1.65f * t / .3f, 0);
         if (t > .7f) return Vec3f(.55f, 1.65f * (1 - t) / .3f, 0);
@@ -164,7 +164,7 @@ void addPalaces(SceneFile& file, const Detail& detail) {
 
 /// A bridge, boats and poles.
 void addCanal(SceneFile& file, const Detail& detail) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     Dice dice(12);
     Surface bridge = patch(
         n(60), 6, [](float u, float v) { return Vec3f(30 * u - 15, .6f + 3.6f * std::sin(kPi * u), -32 + 4 * v); });
@@ -201,7 +201,7 @@ void addCanal(SceneFile& file, const Detail& detail) {
 }  // namespace
 
 Result<> writeVenice(SceneFile& file, const Detail& detail, const std::filesystem::path& folder) {
-    const auto n = [&](int full, int least = 4) { return detail.lines(full, least); };
+    const auto n = [&](int full, int minimum = 4) { return detail.lines(full, minimum); };
     const int side = std::max(64, static_cast<int>(4096 * std::sqrt(detail.scale)));
     struct Texture {
         const char* file;

@@ -403,7 +403,7 @@ bool Model::isFieldType(const std::string& name) const {
 /// `fieldType SFQuantity float64 2`
 void Model::parseFieldType(const Position& where, const std::vector<Token>& found) {
     constexpr std::size_t kLongestName = 64;
-    constexpr int kMost = 1024;
+    constexpr int kMax = 1024;
     constexpr std::string_view kinds[] = {"float64", "float32", "int32", "bytes"};
     const auto word = [&](std::size_t i) { return i < found.size() ? found[i].text : std::string(); };
     const std::string name = word(1).starts_with("SF") ? word(1).substr(2) : std::string();
@@ -413,7 +413,7 @@ void Model::parseFieldType(const Position& where, const std::vector<Token>& foun
     int count = -1;
     const std::string number = word(3);
     const auto [end, code] = std::from_chars(number.data(), number.data() + number.size(), count);
-    const bool isCount = code == std::errc() && end == number.data() + number.size() && count <= kMost &&
+    const bool isCount = code == std::errc() && end == number.data() + number.size() && count <= kMax &&
                          count >= (word(2) == "bytes" ? 0 : 1);
     if (found.size() != 4 || std::ranges::find(kinds, word(2)) == std::end(kinds) || !isCount)
         return error(where,

@@ -53,8 +53,8 @@ class Faults final : public Assimp::LogStream {
   public:
     explicit Faults(std::string& to) : to_(to) {}
     void write(const char* message) override {
-        constexpr std::size_t most = 4096;  // bytes
-        if (to_.size() < most) to_ += message;
+        constexpr std::size_t maximum = 4096;  // bytes
+        if (to_.size() < maximum) to_ += message;
     }
 
   private:

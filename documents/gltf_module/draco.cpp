@@ -28,7 +28,7 @@ struct Bounds {
         return false;
     }
     bool may(std::uint64_t bytes) {
-        if (bytes <= limits.most && limits.mayHold(bytes)) return true;
+        if (bytes <= limits.maximum && limits.mayHold(bytes)) return true;
         return refuse("it takes more memory than may be had");
     }
     /// Connectivity: the tables of corners and vertices, and one more of corners for each set of seams.

@@ -17,9 +17,9 @@ using namespace rtsg;
 
 /// The behaviour of a Spinner: it is called each frame, since it asks for a time that has come by then.
 double spin(Cascade& cascade, const Node& node) {
-    const double turns = node.get(workshop::Spinner::turnsPerSecond) * cascade.now();
+    const double rotations = node.get(workshop::Spinner::turnsPerSecond) * cascade.now();
     const auto angle =
-        static_cast<float>((turns - static_cast<double>(static_cast<long long>(turns))) * 6.283185307179586);
+        static_cast<float>((rotations - static_cast<double>(static_cast<long long>(rotations))) * 6.283185307179586);
     cascade.emit(node, workshop::Spinner::rotation_changed, Rotation{0, 1, 0, angle});
     return cascade.now();
 }

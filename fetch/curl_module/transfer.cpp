@@ -15,8 +15,8 @@ namespace rtsg::fetch {
 
 namespace {
 
-constexpr std::size_t kMostHeaderBytes = std::size_t{64} << 10;  // of all answers of a transfer, 1xx too
-constexpr std::size_t kMostFieldBytes = 1000;                    // of a header field that is kept
+constexpr std::size_t kMaxHeaderBytes = std::size_t{64} << 10;  // of all answers of a transfer, 1xx too
+constexpr std::size_t kMaxFieldBytes = 1000;                    // of a header field that is kept
 
 struct Transfer {
     const TransferRequest& request;
@@ -41,7 +41,7 @@ std::size_t takeHeader(char* data, std::size_t size, std::size_t count, void* se
     Transfer& transfer = *static_cast<Transfer*>(self);
     const std::string_view line(data, size * count);
     transfer.headerBytes += line.size();
-    if (transfer.headerBytes > kMostHeaderBytes) {
+    if (transfer.headerBytes > kMaxHeaderBytes) {
         transfer.why = "the server's headers do not end";
         return 0;
     }
@@ -55,7 +55,7 @@ std::size_t takeHeader(char* data, std::size_t size, std::size_t count, void* se
     for (const auto& [name, field] : known) {
         if (!beginsWith(line, name)) continue;
         const std::string_view value = trimmed(line.substr(name.size()));
-        if (value.size() <= kMostFieldBytes || field == &answer.location) *field = value;
+        if (value.size() <= kMaxFieldBytes || field == &answer.location) *field = value;
     }
     return line.size();
 }

@@ -23,7 +23,7 @@ constexpr std::int64_t kJetStreamWithin = 2000;                                 
 constexpr int kReconnectBuffer = 4 << 20;                                                   // bytes
 constexpr int kPendingMessages = 1 << 20, kPendingBytes = 64 << 20;                         // of a subscription
 constexpr std::chrono::seconds kCallbacksWithin{2};
-constexpr std::size_t kMostNews = 100;
+constexpr std::size_t kMaxNews = 100;
 constexpr int kBatch = 256;                              // messages that are fetched at once
 constexpr int kNoStream = 10059, kLastSequence = 10071;  // JetStream's error codes
 
@@ -49,8 +49,7 @@ struct Owned {
 
 class Link final : public NatsLink {
   public:
-    explicit Link(std::size_t mostWaiting)
-        : mostWaiting_(mostWaiting), call_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
+    explicit Link(std::size_t maxWaiting) : maxWaiting_(maxWaiting), call_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
     ~Link() override {
         natsConnection_Close(connection_);
         for (auto& [subject, subscription] : subscriptions_) natsSubscription_Destroy(subscription);
@@ -146,8 +145,8 @@ class Link final : public NatsLink {
         natsSubscription_Destroy(found->second);
         subscriptions_.erase(found);
     }
-    std::string flush(std::chrono::milliseconds most) override {
-        const natsStatus status = natsConnection_FlushTimeout(connection_, most.count());
+    std::string flush(std::chrono::milliseconds maximum) override {
+        const natsStatus status = natsConnection_FlushTimeout(connection_, maximum.count());
         return status == NATS_OK ? std::string() : textOf(status);
     }
 
@@ -247,7 +246,7 @@ class Link final : public NatsLink {
         const auto size = static_cast<std::size_t>(natsMsg_GetDataLength(message));
         {
             const std::scoped_lock lock(link.mutex_);
-            if (link.bytes_ + size > link.mostWaiting_) {
+            if (link.bytes_ + size > link.maxWaiting_) {
                 ++link.dropped_;
             } else {
                 const char* reply = natsMsg_GetReply(message);
@@ -267,7 +266,7 @@ class Link final : public NatsLink {
             return;
         }
         const std::scoped_lock lock(link.mutex_);
-        if (link.news_.size() < kMostNews) link.news_.emplace_back(textOf(status));
+        if (link.news_.size() < kMaxNews) link.news_.emplace_back(textOf(status));
     }
 
     static void completed(void* closure) {
@@ -283,7 +282,7 @@ class Link final : public NatsLink {
         link.ended_.notify_all();
     }
 
-    const std::size_t mostWaiting_;
+    const std::size_t maxWaiting_;
     const int call_;  // eventfd
     natsOptions* options_ = nullptr;
     natsConnection* connection_ = nullptr;
@@ -301,7 +300,7 @@ class Link final : public NatsLink {
 };
 
 std::unique_ptr<NatsLink> openNats(const NatsSettings& settings, std::string& problem) {
-    auto link = std::make_unique<Link>(settings.mostWaiting);
+    auto link = std::make_unique<Link>(settings.maxWaiting);
     problem = link->open(settings);
     if (!problem.empty()) return nullptr;
     return link;

@@ -44,10 +44,10 @@ static_assert(std::size(kDrawNumbers) == static_cast<std::size_t>(DrawNumber::co
 Ogre::GpuProgramPtr program(const std::string& name, Ogre::GpuProgramType type, const std::string& source) {
     auto& programs = Ogre::HighLevelGpuProgramManager::getSingleton();
     if (auto known = programs.getByName(name, group())) return known;
-    auto made = programs.createProgram(name, group(), "glsl", type);
-    made->setSource(source);
-    made->load();
-    return made;
+    auto created = programs.createProgram(name, group(), "glsl", type);
+    created->setSource(source);
+    created->load();
+    return created;
 }
 
 /// Without `ignore` a number that a program does not use would be an error.
@@ -93,7 +93,7 @@ GpuLibrary::~GpuLibrary() {
 }
 
 std::string GpuLibrary::unique(const char* what) {
-    return prefix_ + what + std::to_string(++made_);
+    return prefix_ + what + std::to_string(++created_);
 }
 
 void GpuLibrary::setTexture(std::uint32_t number, const RasterTexture& texture) {
@@ -103,17 +103,17 @@ void GpuLibrary::setTexture(std::uint32_t number, const RasterTexture& texture) 
     const RasterTexture::Level& finest = texture.levels[0];
     const bool wide = !finest.floats.empty();
     const PixelFormat format = wide ? PF_FLOAT32_RGBA : PF_BYTE_RGBA;
-    TexturePtr made = TextureManager::getSingleton().createManual(
+    TexturePtr created = TextureManager::getSingleton().createManual(
         unique("texture"), group(), TEX_TYPE_2D, static_cast<uint>(finest.width), static_cast<uint>(finest.height),
         static_cast<int>(texture.levels.size()) - 1, format, TU_STATIC_WRITE_ONLY, nullptr, texture.decoded);
-    for (std::size_t i = 0; i < texture.levels.size() && i <= made->getNumMipmaps(); ++i) {
+    for (std::size_t i = 0; i < texture.levels.size() && i <= created->getNumMipmaps(); ++i) {
         const RasterTexture::Level& level = texture.levels[i];
         const void* pixels = wide ? static_cast<const void*>(level.floats.data()) : level.bytes.data();
         const PixelBox box(static_cast<uint32>(level.width), static_cast<uint32>(level.height), 1, format,
                            const_cast<void*>(pixels));
-        made->getBuffer(0, i)->blitFromMemory(box);
+        created->getBuffer(0, i)->blitFromMemory(box);
     }
-    textures_[number] = made;
+    textures_[number] = created;
 }
 
 void GpuLibrary::dropTexture(std::uint32_t number) {
@@ -206,9 +206,9 @@ void GpuLibrary::setUp(Ogre::Pass& pass, const RasterMaterial& material, bool nu
 }
 
 Ogre::MaterialPtr GpuLibrary::makeMaterial(const std::string& name, const RasterMaterial& material) {
-    Ogre::MaterialPtr made = Ogre::MaterialManager::getSingleton().create(unique(name.c_str()), group());
-    setUp(*made->getTechnique(0)->getPass(0), material, false);
-    return loaded(made);
+    Ogre::MaterialPtr created = Ogre::MaterialManager::getSingleton().create(unique(name.c_str()), group());
+    setUp(*created->getTechnique(0)->getPass(0), material, false);
+    return loaded(created);
 }
 
 void GpuLibrary::addNumbers(const Ogre::MaterialPtr& material, const RasterMaterial& from) {
@@ -221,8 +221,8 @@ void GpuLibrary::addNumbers(const Ogre::MaterialPtr& material, const RasterMater
 
 Ogre::MaterialPtr GpuLibrary::makeBackground(const std::string& name, const RasterSky& sky) {
     using namespace Ogre;
-    MaterialPtr made = MaterialManager::getSingleton().create(unique(name.c_str()), group());
-    Pass& pass = *made->getTechnique(0)->getPass(0);
+    MaterialPtr created = MaterialManager::getSingleton().create(unique(name.c_str()), group());
+    Pass& pass = *created->getTechnique(0)->getPass(0);
     pass.setCullingMode(CULL_NONE);
     pass.setLightingEnabled(false);
     pass.setDepthCheckEnabled(false);
@@ -251,7 +251,7 @@ Ogre::MaterialPtr GpuLibrary::makeBackground(const std::string& name, const Rast
     const glm::mat3& m = sky.localFromWorld;
     parameters.setNamedConstant("localFromWorld", Matrix4(m[0].x, m[1].x, m[2].x, 0, m[0].y, m[1].y, m[2].y, 0, m[0].z,
                                                           m[1].z, m[2].z, 0, 0, 0, 0, 1));
-    return loaded(made);
+    return loaded(created);
 }
 
 }  // namespace rtsg

@@ -20,11 +20,11 @@ namespace rtsg {
 /// The numbers that a thing's programs read besides its material's, each of four floats: of the thing, and of the view
 /// that is drawn now.
 enum class DrawNumber : std::uint8_t {
-    thing,
+    item,
     stroke,
     attenuation,
-    named,     // x: its number and 1
-    eyePlace,  // w: 1 if it is orthographic
+    named,        // x: its number and 1
+    eyePosition,  // w: 1 if it is orthographic
     eyeForward,
     eyeRight,  // w: whether it has a headlight
     eyeUp,
@@ -73,7 +73,7 @@ class GpuLibrary {
     void setNumbers(Ogre::Pass& pass, const RasterMaterial& material);
     void setUp(Ogre::Pass& pass, const RasterMaterial& material, bool numbers);
     std::string prefix_;
-    std::uint64_t made_ = 0;
+    std::uint64_t created_ = 0;
     std::map<std::uint32_t, Ogre::TexturePtr> textures_;
     Ogre::TexturePtr white_, table_;
 };

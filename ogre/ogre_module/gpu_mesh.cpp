@@ -29,8 +29,8 @@ void GpuMesh::declare(bool strokes) {
         add(offsetof(RasterStroke, corner), VET_FLOAT4, VES_TEXTURE_COORDINATES, 4);
     } else {
         // Apart, since a mesh that deforms fills the first alone.
-        add(offsetof(RasterPlace, position), VET_FLOAT3, VES_POSITION);
-        add(offsetof(RasterPlace, normal), VET_FLOAT3, VES_NORMAL);
+        add(offsetof(RasterVertex, position), VET_FLOAT3, VES_POSITION);
+        add(offsetof(RasterVertex, normal), VET_FLOAT3, VES_NORMAL);
         add(offsetof(RasterLook, coordinates), VET_FLOAT3, VES_TEXTURE_COORDINATES, 0, 1);
         add(offsetof(RasterLook, color), VET_FLOAT4, VES_TEXTURE_COORDINATES, 1, 1);
     }
@@ -50,8 +50,8 @@ void GpuMesh::fill(unsigned short stream, const void* data, std::size_t size, st
 
 void GpuMesh::set(const RasterMesh& mesh) {
     using namespace Ogre;
-    declare(mesh.places.empty() && !mesh.strokes.empty());
-    const std::size_t count = strokes_ ? mesh.strokes.size() : mesh.places.size();
+    declare(mesh.vertices.empty() && !mesh.strokes.empty());
+    const std::size_t count = strokes_ ? mesh.strokes.size() : mesh.vertices.size();
     if (count == 0 || mesh.indices.empty()) {
         indices_.indexCount = 0;
         return;
@@ -60,7 +60,7 @@ void GpuMesh::set(const RasterMesh& mesh) {
     if (strokes_) {
         fill(0, mesh.strokes.data(), sizeof(RasterStroke), count);
     } else {
-        fill(0, mesh.places.data(), sizeof(RasterPlace), count);
+        fill(0, mesh.vertices.data(), sizeof(RasterVertex), count);
         fill(1, mesh.looks.data(), sizeof(RasterLook), count);
     }
     if (mesh.indices.size() != indices_.indexCount || !indices_.indexBuffer)
@@ -72,7 +72,7 @@ void GpuMesh::set(const RasterMesh& mesh) {
 }
 
 void GpuMesh::bend(const RasterMesh& mesh) {
-    fill(0, mesh.places.data(), sizeof(RasterPlace), mesh.places.size());
+    fill(0, mesh.vertices.data(), sizeof(RasterVertex), mesh.vertices.size());
     if (!mesh.looks.empty()) fill(1, mesh.looks.data(), sizeof(RasterLook), mesh.looks.size());
     lower_ = mesh.lower, upper_ = mesh.upper;
 }

@@ -17,7 +17,7 @@ class GraphicsThread {
 
     void run(const std::function<void()>& work) {
         if (std::this_thread::get_id() == own_) return work();
-        const std::scoped_lock turn(turn_);
+        const std::scoped_lock turnLock(round_);
         std::unique_lock lock(mutex_);
         work_ = &work;
         news_.notify_all();
@@ -42,7 +42,7 @@ class GraphicsThread {
         }
     }
 
-    std::mutex turn_, mutex_;
+    std::mutex round_, mutex_;
     std::condition_variable news_;
     const std::function<void()>* work_ = nullptr;
     std::exception_ptr thrown_;

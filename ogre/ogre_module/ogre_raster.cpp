@@ -23,7 +23,7 @@
 #include <OgreTextureManager.h>
 #include <OgreViewport.h>
 
-#include "gpu_thing.h"
+#include "gpu_object.h"
 #include "graphics_thread.h"
 
 namespace rtsg {
@@ -41,15 +41,15 @@ Ogre::Root* rootOf(std::string& problem) {
     try {
         auto* log = new Ogre::LogManager;
         log->createLog("rtsg", true, false, true);
-        auto* made = new Ogre::Root("", "", "");
-        made->loadPlugin(RTSG_OGRE_PLUGINS "/RenderSystem_GL3Plus");
-        if (made->getAvailableRenderers().empty()) throw std::runtime_error("OGRE has no OpenGL 3 here");
-        made->setRenderSystem(made->getAvailableRenderers()[0]);
-        made->initialise(false);
+        auto* created = new Ogre::Root("", "", "");
+        created->loadPlugin(RTSG_OGRE_PLUGINS "/RenderSystem_GL3Plus");
+        if (created->getAvailableRenderers().empty()) throw std::runtime_error("OGRE has no OpenGL 3 here");
+        created->setRenderSystem(created->getAvailableRenderers()[0]);
+        created->initialise(false);
         Ogre::NameValuePairList parameters;
         parameters["hidden"] = "true";
-        made->createRenderWindow("rtsg", 1, 1, false, &parameters)->setAutoUpdated(false);
-        root = made;
+        created->createRenderWindow("rtsg", 1, 1, false, &parameters)->setAutoUpdated(false);
+        root = created;
     } catch (const Ogre::Exception& e) {
         failure = e.getDescription();
     } catch (const std::exception& e) {
@@ -77,17 +77,17 @@ class OgreRaster final : public RasterModule {
         camera_ = scene_->createCamera("eye");
         eyeNode_->attachObject(camera_);
         library_->setTable({});
-        const RasterPlace corners[3] = {{{-1, -1, 0}}, {{3, -1, 0}}, {{-1, 3, 0}}};
+        const RasterVertex corners[3] = {{{-1, -1, 0}}, {{3, -1, 0}}, {{-1, 3, 0}}};
         const RasterLook looks[3];
         const std::uint32_t indices[3] = {0, 1, 2};
         RasterMesh all;
-        all.places = corners, all.looks = looks, all.indices = indices;
+        all.vertices = corners, all.looks = looks, all.indices = indices;
         whole_.emplace().set(all);
         driver_ = root_.getRenderSystem()->getCapabilities()->getDeviceName();
     }
     ~OgreRaster() override {
         onGraphicsThread([this] {
-            things_.clear();
+            objects_.clear();
             backgrounds_.clear();
             for (auto& [number, material] : materials_) forget(material.material);
             meshes_.clear(), materials_.clear();
@@ -107,14 +107,14 @@ class OgreRaster final : public RasterModule {
             Mesh& held = meshes_[number];
             if (!held.mesh) held.mesh = std::make_unique<GpuMesh>();
             held.mesh->set(mesh);
-            for (GpuThing* user : held.users) user->show(*held.mesh);
+            for (GpuObject* user : held.users) user->show(*held.mesh);
         });
     }
     void bendMesh(std::uint32_t number, const RasterMesh& mesh) override {
         guarded([&] {
             Mesh& held = meshes_.at(number);
             held.mesh->bend(mesh);
-            for (GpuThing* user : held.users) user->show(*held.mesh);
+            for (GpuObject* user : held.users) user->show(*held.mesh);
         });
     }
     void dropMesh(std::uint32_t number) override { meshes_.erase(number); }
@@ -126,11 +126,11 @@ class OgreRaster final : public RasterModule {
     }
     void setMaterial(std::uint32_t number, const RasterMaterial& material) override {
         guarded([&] {
-            Ogre::MaterialPtr made = library_->makeMaterial("material", material);
+            Ogre::MaterialPtr created = library_->makeMaterial("material", material);
             Material& held = materials_[number];
-            for (GpuThing* user : held.users) user->setMaterial(made);
+            for (GpuObject* user : held.users) user->setMaterial(created);
             forget(held.material);
-            held.material = made, held.from = material, held.numbered = false;
+            held.material = created, held.from = material, held.numbered = false;
         });
     }
     void dropMaterial(std::uint32_t number) override {
@@ -140,36 +140,36 @@ class OgreRaster final : public RasterModule {
         });
     }
 
-    void setThing(std::uint32_t number, const RasterThing& thing) override {
+    void setItem(std::uint32_t number, const RasterObject& object) override {
         guarded([&] {
-            Placed& placed = things_[number];
+            Placed& placed = objects_[number];
             if (!placed.object) {
-                placed.object = std::make_unique<GpuThing>(view_);
+                placed.object = std::make_unique<GpuObject>(view_);
                 placed.scene = scene_;
                 placed.node = scene_->getRootSceneNode()->createChildSceneNode();
                 placed.node->attachObject(placed.object.get());
             }
             unlink(*placed.object);
-            placed.object->setThing(number, thing, recordOf(thing.place));
-            Mesh& mesh = meshes_.at(thing.mesh);
-            Material& material = materials_.at(thing.material);
+            placed.object->setItem(number, object, recordOf(object.surroundings));
+            Mesh& mesh = meshes_.at(object.mesh);
+            Material& material = materials_.at(object.material);
             placed.object->show(*mesh.mesh);
             placed.object->setMaterial(material.material);
             mesh.users.insert(placed.object.get()), material.users.insert(placed.object.get());
-            placed.node->setPosition(vector(thing.position));
+            placed.node->setPosition(vector(object.position));
         });
     }
-    void moveThing(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
-        const auto found = things_.find(number);
-        if (found == things_.end()) return;
+    void moveItem(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
+        const auto found = objects_.find(number);
+        if (found == objects_.end()) return;
         found->second.object->setLinear(linear, mirrored);
         found->second.node->setPosition(vector(position));
     }
-    void dropThing(std::uint32_t number) override {
-        const auto found = things_.find(number);
-        if (found == things_.end()) return;
+    void dropItem(std::uint32_t number) override {
+        const auto found = objects_.find(number);
+        if (found == objects_.end()) return;
         unlink(*found->second.object);
-        things_.erase(found);
+        objects_.erase(found);
     }
     void setTables(const RasterTables& tables) override {
         guarded([&] { layOut(tables); });
@@ -200,7 +200,7 @@ class OgreRaster final : public RasterModule {
 
   private:
     struct Placed {
-        std::unique_ptr<GpuThing> object;
+        std::unique_ptr<GpuObject> object;
         Ogre::SceneNode* node = nullptr;
         Ogre::SceneManager* scene = nullptr;
         Placed() = default;
@@ -214,18 +214,18 @@ class OgreRaster final : public RasterModule {
     };
     struct Mesh {
         std::unique_ptr<GpuMesh> mesh;
-        std::set<GpuThing*> users;
+        std::set<GpuObject*> users;
     };
     struct Material {
         Ogre::MaterialPtr material;
         RasterMaterial from;
         bool numbered = false;  // it shows numbers, too
-        std::set<GpuThing*> users;
+        std::set<GpuObject*> users;
     };
     struct Background {
         RasterSky sky;
         Ogre::MaterialPtr material;
-        Placed thing;
+        Placed item;
         Background() = default;
         Background(const Background&) = delete;
         Background& operator=(const Background&) = delete;
@@ -236,7 +236,7 @@ class OgreRaster final : public RasterModule {
     struct Target {
         Ogre::TexturePtr texture;
         Ogre::Viewport* viewport = nullptr;
-        int made = 0;
+        int created = 0;
         void drop() {
             if (texture) Ogre::TextureManager::getSingleton().remove(texture);
             texture.reset();
@@ -246,7 +246,7 @@ class OgreRaster final : public RasterModule {
             if (texture && texture->getWidth() == w && texture->getHeight() == h) return;
             drop();
             texture = Ogre::TextureManager::getSingleton().createManual(
-                name + std::to_string(++made), Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME,
+                name + std::to_string(++created), Ogre::ResourceGroupManager::DEFAULT_RESOURCE_GROUP_NAME,
                 Ogre::TEX_TYPE_2D, w, h, 0, format, Ogre::TU_RENDERTARGET);
             surface().setAutoUpdated(false);
             viewport = surface().addViewport(&camera);
@@ -262,8 +262,8 @@ class OgreRaster final : public RasterModule {
     };
 
     static int& count() {
-        static int made = 0;
-        return made;
+        static int created = 0;
+        return created;
     }
     static void forget(const Ogre::MaterialPtr& material) {
         if (material) Ogre::MaterialManager::getSingleton().remove(material);
@@ -273,22 +273,25 @@ class OgreRaster final : public RasterModule {
         try {
             act();
         } catch (const Ogre::Exception& e) {
-            tell(e.getDescription());
+            report(e.getDescription());
         } catch (const std::exception& e) {
-            tell(e.what());
+            report(e.what());
         }
     }
 
     /// Keeps only the first error, because the others follow from it.
-    void tell(const std::string& what) {
+    void report(const std::string& what) {
         if (problem_.empty()) problem_ = what;
     }
-    void unlink(GpuThing& thing) {
-        if (const auto mesh = meshes_.find(thing.thing().mesh); mesh != meshes_.end()) mesh->second.users.erase(&thing);
-        if (const auto material = materials_.find(thing.thing().material); material != materials_.end())
-            material->second.users.erase(&thing);
+    void unlink(GpuObject& object) {
+        if (const auto mesh = meshes_.find(object.item().mesh); mesh != meshes_.end())
+            mesh->second.users.erase(&object);
+        if (const auto material = materials_.find(object.item().material); material != materials_.end())
+            material->second.users.erase(&object);
     }
-    int recordOf(std::uint32_t place) const { return place < records_.size() ? records_[place] : 0; }
+    int recordOf(std::uint32_t surroundings) const {
+        return surroundings < records_.size() ? records_[surroundings] : 0;
+    }
 
     void layOut(const RasterTables& tables) {
         std::vector<glm::vec4> texels;
@@ -304,33 +307,34 @@ class OgreRaster final : public RasterModule {
                               {glm::vec4(l.position, 0), glm::vec4(l.direction, 0), glm::vec4(l.attenuation, 0)});
         }
         records_.clear();
-        for (const RasterSurroundings& place : tables.places) {
+        for (const RasterSurroundings& surroundings : tables.surroundings) {
             const auto first = texels.size();
-            for (const std::uint32_t light : place.lights)
+            for (const std::uint32_t light : surroundings.lights)
                 texels.emplace_back(static_cast<float>(lights.at(light)), 0, 0, 0);
             const auto cuts = texels.size();
-            texels.insert(texels.end(), place.cuts.begin(), place.cuts.end());
+            texels.insert(texels.end(), surroundings.cuts.begin(), surroundings.cuts.end());
             records_.push_back(static_cast<int>(texels.size()));
-            texels.insert(texels.end(), {glm::vec4(static_cast<float>(first), static_cast<float>(place.lights.size()),
-                                                   static_cast<float>(cuts), static_cast<float>(place.cuts.size())),
-                                         glm::vec4(place.fogType, place.fogRange, place.fogBegin, 0),
-                                         glm::vec4(place.fogColor, 0), glm::vec4(place.fogAlong, 0)});
+            texels.insert(texels.end(),
+                          {glm::vec4(static_cast<float>(first), static_cast<float>(surroundings.lights.size()),
+                                     static_cast<float>(cuts), static_cast<float>(surroundings.cuts.size())),
+                           glm::vec4(surroundings.fogType, surroundings.fogRange, surroundings.fogBegin, 0),
+                           glm::vec4(surroundings.fogColor, 0), glm::vec4(surroundings.fogAlong, 0)});
         }
-        if (!library_->setTable(std::move(texels))) tell("there are too many lights at too many places");
-        for (auto& [id, thing] : things_) thing.object->setRecord(recordOf(thing.object->thing().place));
+        if (!library_->setTable(std::move(texels))) report("there are too many lights at too many places");
+        for (auto& [id, item] : objects_) item.object->setRecord(recordOf(item.object->item().surroundings));
     }
 
     void setNumbers(const RasterView& v) {
         const auto set = [&](DrawNumber which, const Ogre::Vector4& value) {
             view_[static_cast<std::size_t>(which)] = value;
         };
-        set(DrawNumber::eyePlace, vector(v.eye, v.orthographic ? 1.0f : 0.0f));
+        set(DrawNumber::eyePosition, vector(v.eye, v.orthographic ? 1.0f : 0.0f));
         set(DrawNumber::eyeForward, vector(v.forward, v.upPixels.z));
         set(DrawNumber::eyeRight, vector(v.right, v.headlight ? 1.0f : 0.0f));
         set(DrawNumber::eyeUp, vector(v.up, v.upPixels.y));
         set(DrawNumber::eyeLimits, {v.nearDistance, v.farDistance, v.visibilityLimit, v.upPixels.x});
         set(DrawNumber::eyePixels, {v.pixelSpread, v.pixelSize, 0, 0});
-        set(DrawNumber::eyeMore, {v.sampleShare, v.acrossPixels.x, v.acrossPixels.y, v.acrossPixels.z});
+        set(DrawNumber::eyeMore, {v.sampleFraction, v.acrossPixels.x, v.acrossPixels.y, v.acrossPixels.z});
         set(DrawNumber::eyeEdges, {v.left, v.rightEdge, v.bottom, v.top});
         set(DrawNumber::squareX, vector(v.square[0], v.uneven ? 1.0f : 0.0f));
         set(DrawNumber::squareY, vector(v.square[1], 0)), set(DrawNumber::squareZ, vector(v.square[2], 0));
@@ -338,28 +342,28 @@ class OgreRaster final : public RasterModule {
     }
 
     void hideBackgrounds() {
-        for (auto& [id, other] : backgrounds_) other.thing.object->setVisible(false);
+        for (auto& [id, other] : backgrounds_) other.item.object->setVisible(false);
     }
     void showBackground(const RasterView& view, std::size_t number) {
         hideBackgrounds();
         if (view.sky.colors.empty()) return;
         Background& background = backgrounds_[number];
-        if (!background.thing.object) {
-            background.thing.object = std::make_unique<GpuThing>(view_);
-            background.thing.scene = scene_;
-            background.thing.node = scene_->getRootSceneNode()->createChildSceneNode();
-            background.thing.node->attachObject(background.thing.object.get());
-            background.thing.object->setRenderOperation(whole_->operation());
-            background.thing.object->setBackground();
+        if (!background.item.object) {
+            background.item.object = std::make_unique<GpuObject>(view_);
+            background.item.scene = scene_;
+            background.item.node = scene_->getRootSceneNode()->createChildSceneNode();
+            background.item.node->attachObject(background.item.object.get());
+            background.item.object->setRenderOperation(whole_->operation());
+            background.item.object->setBackground();
         }
         if (!background.material || background.sky != view.sky) {
             const Ogre::MaterialPtr before = background.material;
             background.material = library_->makeBackground("background", view.sky);
-            background.thing.object->setMaterial(background.material);
+            background.item.object->setMaterial(background.material);
             background.sky = view.sky;
             forget(before);
         }
-        background.thing.object->setVisible(true);
+        background.item.object->setVisible(true);
     }
 
     /// `number`: of the view; the first one begins the picture.
@@ -389,7 +393,7 @@ class OgreRaster final : public RasterModule {
     std::optional<GpuMesh> whole_;  // a triangle over the whole picture
     std::map<std::uint32_t, Mesh> meshes_;
     std::map<std::uint32_t, Material> materials_;
-    std::map<std::uint32_t, Placed> things_;
+    std::map<std::uint32_t, Placed> objects_;
     std::map<std::size_t, Background> backgrounds_;  // by the number of the view
     std::vector<int> records_;                       // by place
     std::string problem_;

@@ -57,9 +57,9 @@ class Log {
             policy.roots.emplace_back(base);
             options.resources = Resources(base, policy);
         }
-        const auto made = SceneHandle::borrow(replayer_->scene(), replayer_, std::move(options), true);
-        handle_ = made.get();
-        scene_ = py::cast(made);
+        const auto created = SceneHandle::borrow(replayer_->scene(), replayer_, std::move(options), true);
+        handle_ = created.get();
+        scene_ = py::cast(created);
         start_ = replayer_->keyframes().empty() ? 0 : replayer_->keyframes().front().time;
         if (!step()) raise(Diagnostic{Severity::error, file.string(), {}, "there is no intact state in it"});
     }
@@ -74,7 +74,7 @@ class Log {
         handle_->refuseFromWithin("a log does not go on");
         const auto more = handle_->work([&] { return check_->step(); });
         handle_->raisePending();
-        tell();
+        report();
         return take(more);
     }
     void seek(double seconds) {
@@ -117,9 +117,9 @@ class Log {
 
   private:
     /// Once, of the first thing that is not whole.
-    void tell() {
-        if (told_ || !check_->first()) return;
-        told_ = true;
+    void report() {
+        if (reported_ || !check_->first()) return;
+        reported_ = true;
         Divergence first = *check_->first();
         first.time = sinceStart(first.time, start_);
         warn(file_.string() + ": " + first.format());
@@ -131,7 +131,7 @@ class Log {
     py::object scene_;
     SceneHandle* handle_ = nullptr;
     double start_ = 0;
-    bool told_ = false;
+    bool reported_ = false;
 };
 
 // ---- tables --------------------------------------------------------------------------------------------------------
@@ -212,12 +212,12 @@ py::tuple table(const Log& log, const std::vector<std::string>& paths, double fr
     auto read = unlocked([&] { return readTable(log.file(), paths, options, &lacks); });
     if (interrupted) interruption.raise();
     if (!read && read.error().code == DiagnosticCode("no-such-field")) raise(read.error(), "NoSuchName");
-    const LogTable made = take(std::move(read));
+    const LogTable created = take(std::move(read));
     if (lacks) warn(log.file().string() + ": " + lacks->format());
     py::dict result, types, parts;
-    const std::vector<double>& times = made.times();
+    const std::vector<double>& times = created.times();
     result["time"] = py::array_t<double>(static_cast<py::ssize_t>(times.size()), times.data());
-    for (const LogTable::Column* const column : made.columns()) {
+    for (const LogTable::Column* const column : created.columns()) {
         result[py::str(column->name)] = arrayOf(*column, log.scene());
         types[py::str(column->name)] = column->now ? typeNameOf(*column->now) : fieldTypeName(column->type, nullptr);
         parts[py::str(column->name)] = py::cast(componentNames(column->type));

@@ -88,7 +88,7 @@ class Server final : public Dependent {
         handle_->work([&] { inside.wait(until); });
         if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
-    void tell() { warnOf(server().takeDiagnostics()); }
+    void report() { warnOf(server().takeDiagnostics()); }
 
   private:
     SceneHandle* handle_;  // good while there is a server
@@ -137,9 +137,9 @@ class Follower final : public Dependent {
             policy.roots.emplace_back(base);
             options.resources = Resources(base, policy);
         }
-        const auto made = SceneHandle::makeReplica(std::move(options));
-        handle_ = made.get();
-        scene_ = py::cast(made);
+        const auto created = SceneHandle::makeReplica(std::move(options));
+        handle_ = created.get();
+        scene_ = py::cast(created);
         MirrorClientOptions how;
         how.name = name;
         how.keys = keysFrom(keys);
@@ -217,9 +217,9 @@ class Follower final : public Dependent {
         const auto at = findField(replica, path);
         if (!at) raise(at.error(), "NoSuchName");
         const FieldDef& def = replica.node(at->node).type().fields[at->field];
-        Value made = fromPython(def, value, *handle_, path);
-        return take(asEvent ? inside.submitEvent(at->node, at->field, std::move(made))
-                            : inside.submitEdit(at->node, at->field, std::move(made)));
+        Value created = fromPython(def, value, *handle_, path);
+        return take(asEvent ? inside.submitEvent(at->node, at->field, std::move(created))
+                            : inside.submitEdit(at->node, at->field, std::move(created)));
     }
     std::uint64_t lock(const std::vector<std::string>& paths, double seconds) {
         std::vector<NodeId> nodes;
@@ -274,7 +274,7 @@ py::tuple waiting(const Follower& follower) {
     py::list descriptors;
     for (const int descriptor : waiting.descriptors)
         if (descriptor >= 0) descriptors.append(descriptor);
-    return py::make_tuple(descriptors, std::chrono::duration<double>(waiting.most).count());
+    return py::make_tuple(descriptors, std::chrono::duration<double>(waiting.maximum).count());
 }
 
 py::dict followerStatistics(const Follower& follower) {
@@ -302,7 +302,7 @@ void addServer(py::module_& module) {
                 MirrorServer& inside = s.server();
                 s.handle().work([&] { inside.service(); });
                 s.handle().raisePending();
-                s.tell();
+                s.report();
             },
             "Carries out what peers have asked for; Scene.frame() does it before each frame.")
         .def("wait", &Server::wait, py::arg("seconds"), "Sleeps so long, or until peers ask for something.")

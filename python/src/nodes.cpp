@@ -52,8 +52,8 @@ void setValue(const NodeObject& object, const std::string& name, const py::handl
     const FieldDef& def = node.type().fields[field];
     if (!def.readable())
         raise(DiagnosticCode("access"), pathOf(object, name) + " is an input: send_event() sends to it");
-    Value made = fromPython(def, value, *object.handle, pathOf(object, name));
-    take(scene.setField(object.id, field, std::move(made)));
+    Value created = fromPython(def, value, *object.handle, pathOf(object, name));
+    take(scene.setField(object.id, field, std::move(created)));
 }
 
 void sendEvent(const NodeObject& object, const std::string& name, const py::handle& value, const std::string& author) {

@@ -52,16 +52,16 @@ template <class... Arguments>
 py::object callFor(OwnBehaviour& own, const py::function& function, Cascade& cascade, const Node& node,
                    Arguments&&... arguments) {
     if (own.rests || !function) return py::none();
-    const py::object turn = py::cast(CascadeObject{&cascade, own.handle, node.id()});
+    const py::object rotation = py::cast(CascadeObject{&cascade, own.handle, node.id()});
     py::object result = py::none();
     try {
         const py::object scene = objectOf(*own.handle);
-        result = function(turn, nodeOrNone(scene, node.id()), std::forward<Arguments>(arguments)...);
+        result = function(rotation, nodeOrNone(scene, node.id()), std::forward<Arguments>(arguments)...);
     } catch (py::error_already_set& error) {
         own.rests = true;
         own.handle->keep(std::move(error));
     }
-    py::cast<CascadeObject&>(turn).cascade = nullptr;
+    py::cast<CascadeObject&>(rotation).cascade = nullptr;
     return result;
 }
 
@@ -159,8 +159,8 @@ void addOwnNodes(py::module_& module) {
             const auto found = std::ranges::find(kKinds, kind, &std::pair<std::string_view, CustomLayout::Of>::first);
             if (found == std::end(kKinds))
                 throw py::value_error(kind + " is no kind of numbers: float64, float32, int32 or bytes");
-            const auto made = registerFieldType(name, {found->second, count});
-            if (!made) throw py::value_error(made.error().text);
+            const auto created = registerFieldType(name, {found->second, count});
+            if (!created) throw py::value_error(created.error().text);
         },
         py::arg("name"), py::arg("kind"), py::arg("count") = 1,
         "Makes a field type known to the process, as \"SFQuantity\", which has \"MFQuantity\" beside it: each value "

@@ -171,7 +171,7 @@ py::dict renderLayers(SceneHandle& handle, const std::vector<std::string>& layer
 
 // ---- picking -------------------------------------------------------------------------------------------------------
 
-Vec3d placeFrom(const py::object& object, const char* what) {
+Vec3d positionFrom(const py::object& object, const char* what) {
     const Numbers numbers = numbersFrom(FieldType::SFVec3d, object, what);
     const auto* const at = static_cast<const double*>(numbers.array.data());
     return {at[0], at[1], at[2]};
@@ -204,17 +204,17 @@ py::object ask(const py::object& self, Ask how) {
 }
 
 py::object pick(const py::object& self, const py::object& origin, const py::object& direction, double maximum) {
-    const Vec3d from = placeFrom(origin, "origin"), to = placeFrom(direction, "direction");
+    const Vec3d from = positionFrom(origin, "origin"), to = positionFrom(direction, "direction");
     return ask(self, [&](const Picker& picker) { return picker.ray(from, to, maximum); });
 }
 
 py::object nearest(const py::object& self, const py::object& point, double maximum) {
-    const Vec3d at = placeFrom(point, "point");
+    const Vec3d at = positionFrom(point, "point");
     return ask(self, [&](const Picker& picker) { return picker.closest(at, maximum); });
 }
 
 py::object sweep(const py::object& self, const py::object& center, double radius, const py::object& displacement) {
-    const Vec3d at = placeFrom(center, "center"), by = placeFrom(displacement, "displacement");
+    const Vec3d at = positionFrom(center, "center"), by = positionFrom(displacement, "displacement");
     return ask(self, [&](const Picker& picker) { return picker.sweep(at, radius, by); });
 }
 
@@ -229,7 +229,7 @@ py::object pickPixel(const py::object& self, double x, double y, int width, int 
         if (!camera) return std::unexpected(camera.error());
         const auto views = tracer.layers(world.rays(), *camera, width, height);
         if (auto ok =
-                world.setViewer(EyePlace(camera->position, camera->up), LightTracer::sights(views, width, height));
+                world.setViewer(EyePosition(camera->position, camera->up), LightTracer::sights(views, width, height));
             !ok)
             return std::unexpected(ok.error());
         return tracer.pick(picker, world.rays(), views, x, y);
@@ -241,15 +241,15 @@ py::object pickPixel(const py::object& self, double x, double y, int width, int 
 /// The chordError of the level of detail whose lamps are fine enough for an error.
 double chordError(double wanted) {
     int level = 0;
-    const auto made = [&] { return double{Tessellator::levelOptions(level).chordError}; };
-    while (level + 1 < Tessellator::kLevels && made() > wanted) ++level;
-    return made();
+    const auto created = [&] { return double{Tessellator::levelOptions(level).chordError}; };
+    while (level + 1 < Tessellator::kLevels && created() > wanted) ++level;
+    return created();
 }
 
-py::object irradiance(SceneHandle& handle, const py::object& place, const py::object& normal, double error,
+py::object irradiance(SceneHandle& handle, const py::object& position, const py::object& normal, double error,
                       std::uint64_t samples, std::uint64_t seed, const std::string& shadows, unsigned threads) {
     (void)handle.between();
-    const Vec3d at = placeFrom(place, "place"), facing = placeFrom(normal, "normal");
+    const Vec3d at = positionFrom(position, "place"), facing = positionFrom(normal, "normal");
     if (!(error > 0)) throw py::value_error("an error to reach is positive");
     const double cut = std::min(.0025, error / 32);
     IrradianceSettings settings;

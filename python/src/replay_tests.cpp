@@ -97,19 +97,19 @@ py::object runTest(const fs::path& log, const py::object& scene, const py::objec
     if (auto ok = test.compared.check(); !ok) raise(ok.error());
     test.update = update;
     if (py::isinstance<py::function>(scene) || PyCallable_Check(scene.ptr())) {
-        test.build = [&](Scene& made) -> Result<> {
-            runScripts(made);
-            registerDocuments(made);
-            return calls.call(scene, made, false);
+        test.build = [&](Scene& created) -> Result<> {
+            runScripts(created);
+            registerDocuments(created);
+            return calls.call(scene, created, false);
         };
     } else if (!scene.is_none()) {
-        test.build = [file = py::cast<fs::path>(scene)](Scene& made) { return loadWhole(made, file); };
+        test.build = [file = py::cast<fs::path>(scene)](Scene& created) { return loadWhole(created, file); };
     }
     if (!application.is_none())
-        test.application = [&](Scene& made, double t) { return calls.call(application, made, false, t); };
+        test.application = [&](Scene& created, double t) { return calls.call(application, created, false, t); };
     Scene* running = nullptr;
-    test.attach = [&](Scene& made) -> Result<> {
-        running = &made;
+    test.attach = [&](Scene& created) -> Result<> {
+        running = &created;
         return {};
     };
     test.finish = [&]() -> Result<> {

@@ -47,7 +47,7 @@ void finishLoading(SceneHandle& handle, const Diagnostics& found, bool usable, b
     }
     handle.say(found);
     handle.follow();
-    handle.tell();
+    handle.report();
 }
 
 std::shared_ptr<SceneHandle> load(const fs::path& file, const std::vector<fs::path>& allow, bool partial, bool scripts,
@@ -179,16 +179,16 @@ py::list add(const py::object& self, const std::string& text, const py::object& 
             raise(d);
         }
     if (!piece) raise(Diagnostic{Severity::error, "text", {}, "nothing usable is in it"});
-    py::list made;
+    py::list created;
     const py::object to = parent.is_none() ? nodeOrNone(self, scene.root()) : parent;
     for (const NodeId root : piece->roots) {
         py::object node = nodeOrNone(self, root);
         to.attr("add_child")(node, field);
-        made.append(std::move(node));
+        created.append(std::move(node));
     }
     handle.say(found);
-    handle.tell();
-    return made;
+    handle.report();
+    return created;
 }
 
 /// With what hangs below it, and nowhere else.
@@ -304,7 +304,7 @@ void save(SceneHandle& handle, const fs::path& file, bool replace) {
     handle.raisePending();
     take(written);
     handle.say(found);
-    handle.tell();
+    handle.report();
 }
 
 py::list diagnostics(SceneHandle& handle) {

@@ -160,7 +160,7 @@ void SceneHandle::close() {
         unlocked([&] { endDependents(); });
     else
         endDependents();
-    tell();
+    report();
     end();
 }
 
@@ -224,8 +224,8 @@ void SceneHandle::follow() {
     BuildOptions build;
     build.resources = options_.resources;
     build.file = options_.file;
-    build.mediaLength = [most = options_.resources.policy().maximumSamples](const Resource& file) {
-        return mediaSeconds(file, most);
+    build.mediaLength = [maximum = options_.resources.policy().maximumSamples](const Resource& file) {
+        return mediaSeconds(file, maximum);
     };
     inlines_ = std::make_unique<InlineLoader>(*scene_, inlineDiagnostics_, build);
     inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
@@ -243,12 +243,12 @@ std::shared_ptr<const ChangeSet> SceneHandle::frame(double t) {
     ran_ = true;
     auto set = work([&] {
         for (std::size_t i = 0; i < dependents_.size(); ++i) dependents_[i]->beforeFrame();
-        auto made = s.newFrame(t);
+        auto created = s.newFrame(t);
         if (inlines_ && inlines_->update() > 0) s.seal();
-        return made;
+        return created;
     });
     raisePending();
-    tell();
+    report();
     if (set->to == 0)
         raise(DiagnosticCode("from-within"), "the frame was refused: too many came from within one delivery");
     return set;
@@ -258,7 +258,7 @@ std::shared_ptr<const ChangeSet> SceneHandle::seal() {
     Scene& s = edited();
     auto set = work([&] { return s.seal(); });
     raisePending();
-    tell();
+    report();
     return set;
 }
 
@@ -334,16 +334,16 @@ void SceneHandle::report() {
     for (Diagnostic& failure : failures) said_.add(std::move(failure));
 }
 
-void SceneHandle::tell() {
+void SceneHandle::report() {
     if (!scene_) return;
     report();
     const auto& ofScene = scene_->diagnostics().all();
-    for (; toldOfScene_ < ofScene.size(); ++toldOfScene_) said_.add(ofScene[toldOfScene_]);
+    for (; reportedOfScene_ < ofScene.size(); ++reportedOfScene_) said_.add(ofScene[reportedOfScene_]);
     if (!inlineDiagnostics_.all().empty()) {
         said_.append(inlineDiagnostics_);
         inlineDiagnostics_ = Diagnostics(options_.file.string());
     }
-    const std::size_t before = std::exchange(told_, said_.all().size());
+    const std::size_t before = std::exchange(reported_, said_.all().size());
     for (std::size_t i = before; i < said_.all().size(); ++i)
         if (said_.all()[i].severity != Severity::note) warn(said_.all()[i].format());
 }

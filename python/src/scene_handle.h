@@ -147,7 +147,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     void keep(pybind11::error_already_set error);
     void raisePending();
     /// Warns of what scene and loader have said since the last call.
-    void tell();
+    void report();
     const Diagnostics& said() const { return said_; }
     void say(const Diagnostics& more) { said_.append(more); }
     /// From any thread: told with the next frame, or at the end.
@@ -175,7 +175,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     bool readOnly_, ran_ = false;
     mutable int within_ = 0;
     Diagnostics said_;
-    std::size_t told_ = 0, toldOfScene_ = 0;
+    std::size_t reported_ = 0, reportedOfScene_ = 0;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;
     std::unique_ptr<RigidBodyPhysics> physics_;

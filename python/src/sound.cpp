@@ -114,7 +114,7 @@ std::shared_ptr<Sound> listenTo(SceneHandle& handle, double seconds, double fps,
     if (interrupted) interruption.raise();
     if (!report) raise(report.error());
     handle.say(report->diagnostics);
-    handle.tell();
+    handle.report();
     return std::make_shared<Sound>(Sound{std::move(*report)});
 }
 
@@ -142,8 +142,8 @@ void addSound(py::module_& module) {
             "impulse_responses",
             [](const Sound& s, int sampleRate, double seconds) {
                 if (!(seconds >= 0 && seconds <= 60)) throw py::value_error("seconds is up to 60");
-                const SoundBuffer made = unlocked([&] { return s.report.impulseResponses(sampleRate, seconds); });
-                return samplesOf(made, {});
+                const SoundBuffer created = unlocked([&] { return s.report.impulseResponses(sampleRate, seconds); });
+                return samplesOf(created, {});
             },
             py::arg("sample_rate") = 48000, py::arg("seconds") = 0.,
             "n x channels floats: pressure, 1 at 1 m; the channels of the first source, then those of the second. "

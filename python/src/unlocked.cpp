@@ -11,20 +11,20 @@ namespace rtsg::python {
 
 namespace {
 std::atomic<bool> ending = false;
-std::atomic<int> underWay = 0;
+std::atomic<int> underway = 0;
 constexpr std::chrono::milliseconds kLook{50};
 constexpr int kPatience = 500;  // of 10 ms
 }  // namespace
 
 Unlocked::Unlocked() {
     if (ending) raise(DiagnosticCode("application"), "the interpreter ends", "Closed");
-    ++underWay;
+    ++underway;
     released_.emplace();
 }
 
 Unlocked::~Unlocked() {
     released_.reset();
-    --underWay;
+    --underway;
 }
 
 bool Interruption::operator()() {
@@ -51,7 +51,7 @@ bool mayWork() {
 void endWork() {
     ending = true;
     const py::gil_scoped_release without;
-    for (int i = 0; i < kPatience && underWay > 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    for (int i = 0; i < kPatience && underway > 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
 }
 
 }  // namespace rtsg::python

@@ -86,15 +86,15 @@ py::object customOf(const CustomValue& value) {
     const std::span<const std::byte> bits = customBits(value);
     const auto* const first = reinterpret_cast<const char*>(bits.data());
     if (!type || type->layout().of == CustomLayout::Of::bytes) return py::bytes(first, bits.size());
-    const auto made = [&]<class S>(S) -> py::object {
+    const auto created = [&]<class S>(S) -> py::object {
         py::array_t<S> array(static_cast<py::ssize_t>(bits.size() / sizeof(S)));
         std::memcpy(array.mutable_data(), first, bits.size());
         if (type->layout().count == 1) return py::cast(array.data()[0]);
         makeReadOnly(array);
         return array;
     };
-    if (type->layout().of == CustomLayout::Of::int32) return made(std::int32_t());
-    return type->layout().of == CustomLayout::Of::float32 ? made(float()) : made(double());
+    if (type->layout().of == CustomLayout::Of::int32) return created(std::int32_t());
+    return type->layout().of == CustomLayout::Of::float32 ? created(float()) : created(double());
 }
 
 }  // namespace
@@ -199,9 +199,9 @@ bool suits(FieldType type, char kind) {
 
 void checkRange(FieldType type, const py::array& array, std::string_view what) {
     if (sf(type) != FieldType::SFInt32 || array.size() == 0 || array.itemsize() < 4) return;
-    const auto least = array.attr("min")(), most = array.attr("max")();
-    if (py::cast<bool>(most.attr("__gt__")(std::numeric_limits<std::int32_t>::max())) ||
-        py::cast<bool>(least.attr("__lt__")(std::numeric_limits<std::int32_t>::min())))
+    const auto minimum = array.attr("min")(), maximum = array.attr("max")();
+    if (py::cast<bool>(maximum.attr("__gt__")(std::numeric_limits<std::int32_t>::max())) ||
+        py::cast<bool>(minimum.attr("__lt__")(std::numeric_limits<std::int32_t>::min())))
         throw py::value_error(fmt::format("{} is {}: a number does not fit into 32 bits", what, info(type).name));
 }
 
@@ -284,7 +284,7 @@ Value listFrom(FieldType type, const py::handle& object, std::string_view what, 
 
 /// From a text, bytes, a number or several.
 CustomValue customFrom(const CustomType& type, const py::handle& object, std::string_view what) {
-    Result<CustomValue> made;
+    Result<CustomValue> created;
     if (PyUnicode_Check(object.ptr())) {
         auto parsed = parseFieldText(FieldType::SFCustom, py::cast<std::string>(object), TextSyntax::xml, &type);
         if (!parsed) throw py::value_error(fmt::format("{} is SF{}: {}", what, type.name(), parsed.error().text));
@@ -294,7 +294,7 @@ CustomValue customFrom(const CustomType& type, const py::handle& object, std::st
         if (type.layout().of != CustomLayout::Of::bytes)
             throw py::type_error(fmt::format("{} is SF{}: expected numbers, not bytes", what, type.name()));
         const auto bytes = py::cast<std::string>(object);
-        made = type.value(std::as_bytes(std::span(bytes)));
+        created = type.value(std::as_bytes(std::span(bytes)));
     } else {
         const py::array given = arrayFrom(object);
         const auto numbers = py::array_t < double, py::array::c_style | py::array::forcecast > ::ensure(given);
@@ -302,11 +302,11 @@ CustomValue customFrom(const CustomType& type, const py::handle& object, std::st
             PyErr_Clear();
             throw py::type_error(fmt::format("{} is SF{}: expected numbers, a text or bytes", what, type.name()));
         }
-        made = type.value(std::span(numbers.data(), static_cast<std::size_t>(numbers.size())));
+        created = type.value(std::span(numbers.data(), static_cast<std::size_t>(numbers.size())));
     }
-    if (made) made = normalisedCustom(type, std::move(*made));
-    if (!made) throw py::value_error(fmt::format("{}: {}", what, made.error().text));
-    return std::move(*made);
+    if (created) created = normalisedCustom(type, std::move(*created));
+    if (!created) throw py::value_error(fmt::format("{}: {}", what, created.error().text));
+    return std::move(*created);
 }
 
 Value builtinFrom(FieldType type, const py::handle& object, const SceneHandle& handle, std::string_view what);

@@ -9,7 +9,7 @@ namespace websocket = beast::websocket;
 
 namespace {
 
-constexpr std::size_t kMostQueued = std::size_t{1} << 20;
+constexpr std::size_t kMaxQueued = std::size_t{1} << 20;
 constexpr auto kFarewell = std::chrono::seconds(1);
 constexpr std::size_t kLongestIncoming = 10 << 10;  // the longest message is a part of a submission
 
@@ -68,7 +68,7 @@ void Browser::read() {
 void Browser::pump() {
     if (gone_ || !accepted_) return;  // end() may be called while the answer to the browser is still being written
     std::string message;
-    while (queued_ < kMostQueued && link_.receive(message)) {
+    while (queued_ < kMaxQueued && link_.receive(message)) {
         queued_ += message.size();
         queue_.push_back(std::move(message));
     }

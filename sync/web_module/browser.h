@@ -1,6 +1,6 @@
 // Browser: one browser that follows the scene, with its WebSocket and its messages.
 //
-// Invariant: of what the server sends, at most kMostQueued bytes and one message wait here. The rest waits at the
+// Invariant: of what the server sends, at most kMaxQueued bytes and one message wait here. The rest waits at the
 // server, within the client's window.
 // Threading: the gateway's thread.
 #pragma once

@@ -20,14 +20,14 @@ namespace rtsg::web {
 
 namespace {
 
-constexpr std::size_t kMostVisits = 256;           // connections without a WebSocket
-constexpr std::size_t kMostOfSource = 64;          // the same, for one address of another machine
+constexpr std::size_t kMaxVisits = 256;            // connections without a WebSocket
+constexpr std::size_t kMaxOfSource = 64;           // the same, for one address of another machine
 constexpr std::size_t kQuarters = 3;               // share of the WebSockets for such an address
 constexpr auto kSlow = std::chrono::seconds(5);    // answers that take longer may be cut off
 constexpr auto kSilent = std::chrono::seconds(2);  // a browser says at once who it is
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
-constexpr std::size_t kMostWishes = 64;                       // files that wait for the scene's thread
+constexpr std::size_t kMaxWishes = 64;                        // files that wait for the scene's thread
 constexpr std::size_t kWorthPacking = 1 << 10;
 
 /// Takes equally long wherever the first wrong letter is.
@@ -56,8 +56,8 @@ std::string pageFolder() {
     std::error_code ignored;
     if (::dladdr(reinterpret_cast<void*>(&pageFolder), &about) && about.dli_fname) {
         const auto module = std::filesystem::weakly_canonical(about.dli_fname, ignored);
-        for (const char* way : {"../../share/rtsg/web", "../../../share/rtsg/web"}) {
-            const auto folder = (module.parent_path() / way).lexically_normal();
+        for (const char* method : {"../../share/rtsg/web", "../../../share/rtsg/web"}) {
+            const auto folder = (module.parent_path() / method).lexically_normal();
             if (std::filesystem::exists(folder / "page" / "index.html", ignored)) return folder.string();
         }
     }
@@ -75,10 +75,10 @@ std::string Gateway::start() {
     const auto address = net::ip::make_address(settings_.address, error);
     if (error) return "'" + settings_.address + "' is no address of this machine's";
     if (std::string why = readCertificate(); !why.empty()) return why;
-    const Tcp::endpoint place(address, settings_.port);
-    (void)acceptor_.open(place.protocol(), error);
+    const Tcp::endpoint endpoint(address, settings_.port);
+    (void)acceptor_.open(endpoint.protocol(), error);
     if (!error) (void)acceptor_.set_option(net::socket_base::reuse_address(true), error);
-    if (!error) (void)acceptor_.bind(place, error);
+    if (!error) (void)acceptor_.bind(endpoint, error);
     if (!error) (void)acceptor_.listen(net::socket_base::max_listen_connections, error);
     if (error)
         return "cannot serve browsers at " + settings_.address + ":" + std::to_string(settings_.port) + ": " +
@@ -154,14 +154,14 @@ bool Gateway::isShared(const std::string& source) const {
 bool Gateway::makeRoomFor(const std::string& source) {
     std::map<std::string, std::size_t> bySource;
     for (const Visit* visit : visits_) ++bySource[visit->source()];
-    const bool hasShare = !isShared(source) && bySource[source] >= kMostOfSource;
-    if (visits_.size() < kMostVisits && !hasShare) return true;
+    const bool hasQuota = !isShared(source) && bySource[source] >= kMaxOfSource;
+    if (visits_.size() < kMaxVisits && !hasQuota) return true;
     const auto slow = std::chrono::steady_clock::now() - kSlow;
     for (const Visit::State state : {Visit::State::silent, Visit::State::idle, Visit::State::busy}) {
         Visit* found = nullptr;
         for (Visit* visit : visits_) {
             if (state == Visit::State::busy && visit->since() > slow) continue;
-            if (visit->state() != state || (hasShare && visit->source() != source)) continue;
+            if (visit->state() != state || (hasQuota && visit->source() != source)) continue;
             if (!found || bySource[visit->source()] > bySource[found->source()]) found = visit;
         }
         if (!found) continue;
@@ -211,7 +211,7 @@ WebCounts Gateway::counts() const {
 
 bool Gateway::wish(FileWish wish, std::weak_ptr<Visit> visit) {
     std::erase_if(wishing_, [](const auto& w) { return w.second.expired(); });
-    if (wishing_.size() >= kMostWishes) return false;
+    if (wishing_.size() >= kMaxWishes) return false;
     wish.number = ++wishNumber_;
     wishing_[wish.number] = std::move(visit);
     const std::scoped_lock lock(mutex_);

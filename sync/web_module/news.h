@@ -17,10 +17,10 @@ class News {
   public:
     /// Refused clients may ask again for ever.
     void add(std::string text) {
-        constexpr std::size_t kMost = 100;
+        constexpr std::size_t kMax = 100;
         const std::scoped_lock lock(mutex_);
-        auto told = mirror::toldOf(++count_, std::move(text));
-        if (told && texts_.size() < kMost) texts_.push_back(std::move(*told));
+        auto reported = mirror::reportedOf(++count_, std::move(text));
+        if (reported && texts_.size() < kMax) texts_.push_back(std::move(*reported));
     }
     std::vector<std::string> take() {
         const std::scoped_lock lock(mutex_);

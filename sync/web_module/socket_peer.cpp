@@ -74,7 +74,7 @@ void SocketPeer::read() {
                            const auto data = self->incoming_.data();
                            std::string text(static_cast<const char*>(data.data()), data.size());
                            self->incoming_.consume(data.size());
-                           using Kind = SocketNews::Kind;
+                           using Kind = SocketEvent::Kind;
                            self->server_.heard(self->number_, self->socket_.got_text() ? Kind::text : Kind::bytes,
                                                std::move(text));
                        }));

@@ -15,8 +15,8 @@ namespace rtsg::web {
 
 namespace {
 
-constexpr std::size_t kMostKnocking = 64;  // connections before their handshakes
-constexpr std::size_t kMostNewsWaiting = 1024;
+constexpr std::size_t kMaxKnocking = 64;  // connections before their handshakes
+constexpr std::size_t kMaxNewsWaiting = 1024;
 constexpr auto kSocketFarewell = std::chrono::milliseconds(500);
 constexpr auto kListenAgain = std::chrono::milliseconds(50);  // after the system had no descriptor left
 
@@ -50,7 +50,7 @@ void SocketServer::accept() {
             });
             return;
         }
-        if (peers_.size() - connections_ < kMostKnocking) {
+        if (peers_.size() - connections_ < kMaxKnocking) {
             const std::uint64_t number = ++last_;
             const auto peer = std::make_shared<SocketPeer>(*this, std::move(socket), number);
             peers_.emplace(number, peer);
@@ -95,7 +95,7 @@ std::optional<std::pair<http::status, std::string>> SocketServer::refusal(const 
 /// Clients come and go while nobody takes the news of that.
 bool SocketServer::isFarBehind() const {
     const std::scoped_lock lock(mutex_);
-    return news_.size() >= kMostNewsWaiting;
+    return news_.size() >= kMaxNewsWaiting;
 }
 
 void SocketServer::came(std::uint64_t number, std::shared_ptr<std::atomic<std::size_t>> queued) {
@@ -104,11 +104,11 @@ void SocketServer::came(std::uint64_t number, std::shared_ptr<std::atomic<std::s
         queued_.emplace(number, std::move(queued));
     }
     ++connections_;
-    tell({SocketNews::Kind::came, number, {}});
+    notify({SocketEvent::Kind::came, number, {}});
 }
 
-void SocketServer::heard(std::uint64_t number, SocketNews::Kind kind, std::string text) {
-    tell({kind, number, std::move(text)});
+void SocketServer::heard(std::uint64_t number, SocketEvent::Kind kind, std::string text) {
+    notify({kind, number, std::move(text)});
 }
 
 void SocketServer::refused(std::string why) {
@@ -125,12 +125,12 @@ void SocketServer::went(std::uint64_t number) {
     }
     if (had) {
         --connections_;
-        tell({SocketNews::Kind::left, number, {}});
+        notify({SocketEvent::Kind::left, number, {}});
     }
     if (stopping_ && peers_.empty()) io_.stop();
 }
 
-void SocketServer::tell(SocketNews news) {
+void SocketServer::notify(SocketEvent news) {
     {
         const std::scoped_lock lock(mutex_);
         news_.push_back(std::move(news));
@@ -138,18 +138,18 @@ void SocketServer::tell(SocketNews news) {
     if (settings_.call >= 0) ::eventfd_write(settings_.call, 1);
 }
 
-std::vector<SocketNews> SocketServer::takeNews() {
-    std::vector<SocketNews> news;
+std::vector<SocketEvent> SocketServer::takeNews() {
+    std::vector<SocketEvent> news;
     {
         const std::scoped_lock lock(mutex_);
         news.swap(news_);
     }
-    for (const SocketNews& one : news)
-        if (one.kind == SocketNews::Kind::text || one.kind == SocketNews::Kind::bytes)
+    for (const SocketEvent& one : news)
+        if (one.kind == SocketEvent::Kind::text || one.kind == SocketEvent::Kind::bytes)
             net::post(io_, [this, number = one.client] {
                 if (const auto found = peers_.find(number); found != peers_.end()) found->second->resume();
             });
-    for (std::string& why : refusals_.take()) news.push_back({SocketNews::Kind::refused, 0, std::move(why)});
+    for (std::string& why : refusals_.take()) news.push_back({SocketEvent::Kind::refused, 0, std::move(why)});
     return news;
 }
 
@@ -158,7 +158,7 @@ bool SocketServer::hasRoom(std::uint64_t client, std::size_t bytes) const {
     const auto found = queued_.find(client);
     if (found == queued_.end()) return false;
     const std::size_t waiting = *found->second;
-    return waiting == 0 || waiting + bytes <= settings_.mostQueued;
+    return waiting == 0 || waiting + bytes <= settings_.maxQueued;
 }
 
 bool SocketServer::send(std::uint64_t client, std::string head, std::shared_ptr<const std::string> body, bool bytes) {

@@ -29,7 +29,7 @@ class SocketServer : public SocketModule {
     std::string start();
 
     std::size_t connections() const override { return connections_; }
-    std::vector<SocketNews> takeNews() override;
+    std::vector<SocketEvent> takeNews() override;
     bool hasRoom(std::uint64_t client, std::size_t bytes) const override;
     bool send(std::uint64_t client, std::string head, std::shared_ptr<const std::string> body, bool bytes) override;
 
@@ -40,20 +40,20 @@ class SocketServer : public SocketModule {
     std::optional<std::pair<http::status, std::string>> refusal(const Request& request) const;
     /// The handshake is done; `queued` counts the bytes that wait.
     void came(std::uint64_t number, std::shared_ptr<std::atomic<std::size_t>> queued);
-    void heard(std::uint64_t number, SocketNews::Kind kind, std::string text);
+    void heard(std::uint64_t number, SocketEvent::Kind kind, std::string text);
     void refused(std::string why);
     void went(std::uint64_t number);
 
   private:
     void accept();
     void stop();
-    void tell(SocketNews news);
+    void notify(SocketEvent news);
     bool isFarBehind() const;
 
     const SocketSettings settings_;
     std::atomic<std::size_t> connections_{0};  // after their handshakes
     mutable std::mutex mutex_;
-    std::vector<SocketNews> news_;
+    std::vector<SocketEvent> news_;
     /// The bytes that wait for each client that has come.
     std::map<std::uint64_t, std::shared_ptr<std::atomic<std::size_t>>> queued_;
     News refusals_;

@@ -39,15 +39,15 @@ class Parts {
     template <class Buffers>
     explicit Parts(const Buffers& buffers) {
         const auto end = net::buffer_sequence_end(buffers);
-        for (auto at = net::buffer_sequence_begin(buffers); at != end && count_ < kMost; ++at)
+        for (auto at = net::buffer_sequence_begin(buffers); at != end && count_ < kMax; ++at)
             if (const Buffer one(*at); one.size() != 0) parts_[count_++] = one;
     }
     const_iterator begin() const { return parts_.data(); }
     const_iterator end() const { return parts_.data() + count_; }
 
   private:
-    static constexpr std::size_t kMost = 16;
-    std::array<Buffer, kMost> parts_;
+    static constexpr std::size_t kMax = 16;
+    std::array<Buffer, kMax> parts_;
     std::size_t count_ = 0;
 };
 

@@ -89,9 +89,9 @@ TEST_F(AcousticsOptions, MaterialsComeFromATable) {
     writeFile(table, "name,500\nplaster,.02\nfelt,.9\n");
     const auto time = [](const json& report) { return report.at("sources")[0].at("T20_s")[4].get<double>(); };
     EXPECT_GT(time(metricsOf({"--no-air", "--materials", table})), 5 * time(metricsOf({"--no-air"})));
-    const Outcome told = rtsg({"listen", file, "--metrics", "--rays", "100", "--for", "0s", "--materials", table});
-    EXPECT_EQ(told.status, 0);
-    EXPECT_THAT(told.err, HasSubstr("materials.csv:3:1: warning: nothing in the scene is made of 'felt'"));
+    const Outcome reported = rtsg({"listen", file, "--metrics", "--rays", "100", "--for", "0s", "--materials", table});
+    EXPECT_EQ(reported.status, 0);
+    EXPECT_THAT(reported.err, HasSubstr("materials.csv:3:1: warning: nothing in the scene is made of 'felt'"));
     writeFile(table, "name,500\nplaster,2\n");
     const Outcome wrong = rtsg({"listen", file, "--metrics", "--materials", table});
     EXPECT_EQ(wrong.status, 1);

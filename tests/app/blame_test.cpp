@@ -14,14 +14,14 @@ using BlameOption = CommandLine;
 
 TEST_F(BlameOption, ListsEachValueThatSomebodySet) {
     const std::string log = folder / "a.rlog";
-    const Outcome made = rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20", "--set", "BOX.scale=2 1 1@0.2",
-                               "--set", "BOX.scale=9 9 9@0.6"});
-    ASSERT_EQ(made.status, 0) << made.err;
-    const Outcome told = rtsg({"replay", log, "--blame", "BOX.scale"});
-    EXPECT_EQ(told.status, 0) << told.err;
-    EXPECT_THAT(told.out, ContainsRegex(" 0\\.2  2 1 1 +set from outside\n"));
-    EXPECT_THAT(told.out, ContainsRegex(" 0\\.6  9 9 9 +set from outside\n"));
-    EXPECT_THAT(told.out, Not(HasSubstr("changes)")));
+    const Outcome created = rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20", "--set",
+                                  "BOX.scale=2 1 1@0.2", "--set", "BOX.scale=9 9 9@0.6"});
+    ASSERT_EQ(created.status, 0) << created.err;
+    const Outcome reported = rtsg({"replay", log, "--blame", "BOX.scale"});
+    EXPECT_EQ(reported.status, 0) << reported.err;
+    EXPECT_THAT(reported.out, ContainsRegex(" 0\\.2  2 1 1 +set from outside\n"));
+    EXPECT_THAT(reported.out, ContainsRegex(" 0\\.6  9 9 9 +set from outside\n"));
+    EXPECT_THAT(reported.out, Not(HasSubstr("changes)")));
     // Changes that routes cause share one line.
     const Outcome driven = rtsg({"replay", log, "--blame", "BOX.translation"});
     EXPECT_THAT(driven.out, HasSubstr("changes)"));
@@ -32,9 +32,9 @@ TEST_F(BlameOption, NodesWithoutANameHaveTheirNumber) {
     const std::string named = folder / "slash.x3dv", log = folder / "c.rlog";
     writeFile(named, "#X3D V4.0 utf8\nPROFILE Full\nDEF A/B Transform { }\n");
     ASSERT_EQ(rtsg({"record", named, "-o", log, "--for", "0.2s", "--set", "A/B.scale=2 1 1@0.1"}).status, 0);
-    const Outcome told = rtsg({"replay", log, "--blame", "A/B.scale"});
-    EXPECT_EQ(told.status, 0) << told.err;
-    EXPECT_THAT(told.out, HasSubstr("set from outside"));
+    const Outcome reported = rtsg({"replay", log, "--blame", "A/B.scale"});
+    EXPECT_EQ(reported.status, 0) << reported.err;
+    EXPECT_THAT(reported.out, HasSubstr("set from outside"));
     int found = 0;
     for (int number = 1; number < 8; ++number) {
         const Outcome numbered = rtsg({"replay", log, "--blame", "#" + std::to_string(number) + ".scale"});
@@ -54,14 +54,14 @@ TEST_F(BlameOption, LeadsOutOfAPrototypeToWhatSetIt) {
         "#X3D V4.0 utf8\nPROFILE Full\nPROTO Lamp [ inputOutput SFBool on FALSE ] { DEF L PointLight { on IS on } }\n"
         "DEF LAMP Lamp { }\nDEF PRESSED BooleanFilter { }\nDEF SWITCH BooleanToggle { }\n"
         "ROUTE PRESSED.inputTrue TO SWITCH.set_boolean\nROUTE SWITCH.toggle TO LAMP.on\n");
-    const Outcome made =
+    const Outcome created =
         rtsg({"record", lamp, "-o", log, "--for", "1s", "--fps", "20", "--set", "PRESSED.set_boolean=TRUE@0.5"});
-    ASSERT_EQ(made.status, 0) << made.err;
-    const Outcome told = rtsg({"replay", log, "--blame", "LAMP.on"});
-    EXPECT_EQ(told.status, 0) << told.err;
-    EXPECT_THAT(told.out, HasSubstr("SWITCH.toggle > LAMP.on"));
-    EXPECT_THAT(told.out, HasSubstr("set from outside"));
-    EXPECT_THAT(told.out, Not(HasSubstr("LAMP.on > L.on")));
+    ASSERT_EQ(created.status, 0) << created.err;
+    const Outcome reported = rtsg({"replay", log, "--blame", "LAMP.on"});
+    EXPECT_EQ(reported.status, 0) << reported.err;
+    EXPECT_THAT(reported.out, HasSubstr("SWITCH.toggle > LAMP.on"));
+    EXPECT_THAT(reported.out, HasSubstr("set from outside"));
+    EXPECT_THAT(reported.out, Not(HasSubstr("LAMP.on > L.on")));
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ TEST_F(Clock, CountsFromTheStartWhatPeopleTypeAndRead) {
 }
 
 TEST_F(Clock, GivesTheSamePicturesSoundsAndPlacesWhereverItStands) {
-    const auto made = [&](const std::string& at, const std::string& name) {
+    const auto created = [&](const std::string& at, const std::string& name) {
         const Outcome outcome = rtsg({"run", file, "--at", at, "--for", "1s", "--fps", "10", "--set",
                                       "TICK.set_boolean=TRUE@0.2", "--render", folder / (name + "%d.png"), "--size",
                                       "16x9", "--listen", folder / (name + ".wav"), "--rays", "20", "--json"});
@@ -115,9 +115,9 @@ TEST_F(Clock, GivesTheSamePicturesSoundsAndPlacesWhereverItStands) {
         EXPECT_EQ(json::parse(outcome.out).at("pictures"), 10) << at;
         EXPECT_EQ(json::parse(outcome.out).at("t"), 1) << at;
     };
-    made("100", "a");
-    made(kSimulated, "b");
-    made("2026-11-20T12:34:56.7Z", "c");
+    created("100", "a");
+    created(kSimulated, "b");
+    created("2026-11-20T12:34:56.7Z", "c");
     for (int k = 0; k < 10; ++k)
         for (const char* other : {"b", "c"})
             EXPECT_EQ(readFile(folder / (other + std::to_string(k) + ".png")),
@@ -129,10 +129,10 @@ TEST_F(Clock, GivesTheSamePicturesSoundsAndPlacesWhereverItStands) {
 
 TEST_F(Clock, IsInLogsWhoseTimesAreTypedFromTheirStart) {
     const std::string log = folder / "a.rlog", shorter = folder / "b.rlog";
-    const Outcome made = rtsg({"record", file, "--at", kSimulated, "-o", log, "--for", "3s", "--fps", "10", "--set",
-                               "TICK.set_boolean=TRUE@0.5", "--json"});
-    ASSERT_EQ(made.status, 0) << made.err;
-    EXPECT_EQ(json::parse(made.out).at("t"), 3);
+    const Outcome created = rtsg({"record", file, "--at", kSimulated, "-o", log, "--for", "3s", "--fps", "10", "--set",
+                                  "TICK.set_boolean=TRUE@0.5", "--json"});
+    ASSERT_EQ(created.status, 0) << created.err;
+    EXPECT_EQ(json::parse(created.out).at("t"), 3);
     const json info = json::parse(rtsg({"info", log, "--json"}).out);
     EXPECT_EQ(info.at("t"), kSimulatedSeconds);
     EXPECT_EQ(info.at("duration_s"), 3);

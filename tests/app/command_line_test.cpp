@@ -188,7 +188,7 @@ TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
             EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
             EXPECT_THAT(outcome.err, HasSubstr(option)) << testing::PrintToString(arguments);
         }
-    for (const std::string& made : {png, wav, log}) EXPECT_FALSE(std::filesystem::exists(made)) << made;
+    for (const std::string& created : {png, wav, log}) EXPECT_FALSE(std::filesystem::exists(created)) << created;
 }
 
 TEST_F(Usage, WhatExcludesEachOtherIsRefused) {
@@ -445,7 +445,7 @@ Transform { translation 1.5 0 1 children Shape { appearance Appearance { materia
         EXPECT_EQ(outcome.status, 0) << outcome.err;
         return readFile(folder / "a.png");
     };
-    std::map<std::string, std::string> made{{picture({}), "none"}};
+    std::map<std::string, std::string> created{{picture({}), "none"}};
     for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
              {"--integrator", "path"},
              {"--integrator", "path", "--seed", "2"},
@@ -461,12 +461,12 @@ Transform { translation 1.5 0 1 children Shape { appearance Appearance { materia
          }) {
         const std::string name = testing::PrintToString(options), bytes = picture(options);
         EXPECT_EQ(bytes, picture(options)) << name;
-        const auto [there, isNew] = made.emplace(bytes, name);
+        const auto [there, isNew] = created.emplace(bytes, name);
         EXPECT_TRUE(isNew) << name << " made the picture of " << there->second;
     }
-    EXPECT_EQ(made.at(picture({"--shadows", "authored"})), "none") << "as a light says shadows TRUE";
-    EXPECT_EQ(made.at(picture({"--threads", "1"})), "none");
-    EXPECT_EQ(made.at(picture({"--integrator", "path", "--seed", "1"})),
+    EXPECT_EQ(created.at(picture({"--shadows", "authored"})), "none") << "as a light says shadows TRUE";
+    EXPECT_EQ(created.at(picture({"--threads", "1"})), "none");
+    EXPECT_EQ(created.at(picture({"--integrator", "path", "--seed", "1"})),
               testing::PrintToString(std::vector<std::string>{"--integrator", "path"}));
 }
 
@@ -534,9 +534,9 @@ TEST_F(Listen, ReportsRoomsOfManyPlaces) {
     ASSERT_EQ(drawn.status, 0) << drawn.err;
     EXPECT_THAT(readFile(page), testing::StartsWith("<!DOCTYPE html>"));
     EXPECT_THAT(readFile(page), HasSubstr("<h2>TONE heard from"));
-    const Outcome told =
+    const Outcome reported =
         rtsg({"listen", file, "--report", numbers, "--rays", "300", "--place", "0 1 2", "--place", "1,1,-2.5"});
-    ASSERT_EQ(told.status, 0) << told.err;
+    ASSERT_EQ(reported.status, 0) << reported.err;
     const json report = json::parse(readFile(numbers));
     ASSERT_EQ(report.at("pairs").size(), 2u);
     EXPECT_EQ(report.at("pairs")[1].at("listener_position"), json({1, 1, -2.5}));

@@ -12,13 +12,13 @@ namespace rtsg::test {
 namespace {
 
 /// Connects to "SCHEME://127.0.0.1:PORT".
-int connectTo(const std::string& place) {
+int connectTo(const std::string& endpoint) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(place.substr(place.rfind(':') + 1))));
-    const int socket = ::socket(AF_INET, place.starts_with("udp") ? SOCK_DGRAM : SOCK_STREAM, 0);
-    EXPECT_EQ(::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0) << place;
+    address.sin_port = htons(static_cast<std::uint16_t>(std::stoi(endpoint.substr(endpoint.rfind(':') + 1))));
+    const int socket = ::socket(AF_INET, endpoint.starts_with("udp") ? SOCK_DGRAM : SOCK_STREAM, 0);
+    EXPECT_EQ(::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0) << endpoint;
     const timeval patience = {60, 0};
     (void)::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     return socket;
@@ -145,11 +145,11 @@ TEST_F(FeedsOfProgram, ABrokerIsInBetween) {
     std::string text = scene();
     text.erase(text.find("ROUTE PATH"));
     writeFile(still, text);
-    Program follower({"serve", still, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", broker.place("scene/#"),
+    Program follower({"serve", still, "--bind", "tcp://127.0.0.1:*", "--json", "--feed", broker.endpoint("scene/#"),
                       "--publish", "tcp://127.0.0.1:0", "--fields", "BOX.translation"},
                      streams());
     const int out = connectTo(nlohmann::json::parse(follower.firstLine()).at("published").at(0));
-    serve({"--publish", broker.place("scene/box"), "--fields", "BOX.translation", "--publish-rate", "20"},
+    serve({"--publish", broker.endpoint("scene/box"), "--fields", "BOX.translation", "--publish-rate", "20"},
           "tcp://127.0.0.1:*");
     const std::string moved = lineFrom(out);
     EXPECT_NE(moved.find(R"("node":"BOX","field":"translation","value":[)"), std::string::npos) << moved;

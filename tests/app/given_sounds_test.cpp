@@ -255,13 +255,13 @@ TEST_F(GivenSounds, APipeIsHeardLiveAndNobodyWaitsForIt) {
     EXPECT_EQ(outcome.status, 0) << outcome.err;
     const std::vector<float> left = leftOf(played);
     // All of it, in a row, wherever it began.
-    std::size_t most = 0, row = 0;
+    std::size_t maximum = 0, row = 0;
     for (std::size_t i = 1; i < left.size(); ++i) {
         const float next = left[i - 1] + .005f > .4975f ? 0 : left[i - 1] + .005f;
         row = std::abs(left[i] - next) < 1e-3f ? row + 1 : 0;
-        most = std::max(most, row);
+        maximum = std::max(maximum, row);
     }
-    EXPECT_GE(most, 9500u);
+    EXPECT_GE(maximum, 9500u);
 }
 
 /// Before its first frame the source is where the listener is.

@@ -271,11 +271,11 @@ TEST_F(Tiles, OfOtherDivisionsAreNamed) {
 
 /// One state of a picture, with all data of an .exr; by render and by replay.
 TEST_F(Tiles, OfOnePictureHaveItsBits) {
-    for (const std::vector<std::string>& made :
+    for (const std::vector<std::string>& created :
          {std::vector<std::string>{"render", file, "--time", "0.5s", "--layers", "all", "--spp", "4", "-o"},
           std::vector<std::string>{"replay", log, "--seek", "0.5s", "--spp", "2", "--render"}}) {
         const auto make = [&](const std::string& name, const std::vector<std::string>& more) {
-            std::vector<std::string> arguments = made;
+            std::vector<std::string> arguments = created;
             arguments.insert(arguments.end(), {folder / name, "--size", "50x40"});
             arguments.insert(arguments.end(), more.begin(), more.end());
             const Outcome outcome = rtsg(arguments);
@@ -285,7 +285,7 @@ TEST_F(Tiles, OfOnePictureHaveItsBits) {
         for (const char* tile : {"0,0/2,2", "1,0/2,2", "0,1/2,2", "1,1/2,2"}) make("joined.exr", {"--tile", tile});
         const Outcome joined = rtsg({"assemble", folder / "joined.exr", "--tiles", "2,2"});
         EXPECT_EQ(joined.status, 0) << joined.err;
-        EXPECT_TRUE(readFile(folder / "whole.exr") == readFile(folder / "joined.exr")) << made[0];
+        EXPECT_TRUE(readFile(folder / "whole.exr") == readFile(folder / "joined.exr")) << created[0];
     }
 }
 

@@ -188,12 +188,12 @@ TEST_F(Manners, HelpBeginsWithExamplesAndHasSections) {
         EXPECT_LT(example, options) << verb;
         std::istringstream lines(help);
         std::string line;
-        int inSection = 0, most = 0;
+        int inSection = 0, maximum = 0;
         while (std::getline(lines, line)) {
             inSection = line.ends_with(":") && !line.starts_with(" ") ? 0 : inSection + line.starts_with("  -");
-            most = std::max(most, inSection);
+            maximum = std::max(maximum, inSection);
         }
-        EXPECT_LE(most, 20) << verb;
+        EXPECT_LE(maximum, 20) << verb;
     }
 }
 

@@ -50,7 +50,7 @@ class PortableMaterials : public CommandLine {
             {"Glass { refractiveIndex 1.4 absorption [ .5 .1 .2 ] }", "Mirror { reflectivity [ .9 .8 .7 ] }",
              "Polished { diffuseColor .6 .1 .1 reflectivity .2 }", "Metal { baseColor 1 .8 .3 roughness .3 }"});
     }
-    std::string made(const std::string& scene, const std::string& integrator) {
+    std::string rendered(const std::string& scene, const std::string& integrator) {
         const std::string out = folder / "out.pfm";
         const Outcome outcome =
             rtsg({"render", scene, "-o", out, "--size", "64x24", "--spp", "4", "--integrator", integrator});
@@ -78,10 +78,10 @@ TEST_F(PortableMaterials, APictureIsThatOfMetadataBitForBit) {
     const std::string xml = converted(externProtos, "portable.x3d"), json = converted(xml, "portable.json");
     const std::string back = converted(json, "back.x3dv");
     for (const char* integrator : {"whitted", "path"}) {
-        const std::string expected = made(metadata, integrator);
+        const std::string expected = rendered(metadata, integrator);
         EXPECT_GT(expected.size(), 64u * 24 * 12);
         for (const std::string& scene : {externProtos, xml, json, back})
-            EXPECT_TRUE(made(scene, integrator) == expected) << scene << ", " << integrator;
+            EXPECT_TRUE(rendered(scene, integrator) == expected) << scene << ", " << integrator;
     }
 }
 
@@ -94,9 +94,9 @@ TEST_F(PortableMaterials, TheFilterAndBackAgainShowTheSame) {
     EXPECT_EQ(readFile(there).find("Metadata"), std::string::npos);
     EXPECT_EQ(readFile(back).find("urn:"), std::string::npos);
     EXPECT_THAT(readFile(again), HasSubstr("urn:rtsg:material:Glass"));
-    const std::string expected = made(metadata, "whitted");
+    const std::string expected = rendered(metadata, "whitted");
     for (const std::string& scene : {there, back, again})
-        EXPECT_TRUE(made(scene, "whitted") == expected) << readFile(scene);
+        EXPECT_TRUE(rendered(scene, "whitted") == expected) << readFile(scene);
 }
 
 // A program that does not know the urn takes the file.
@@ -104,9 +104,9 @@ TEST_F(PortableMaterials, TheFileBehindThemShowsOtherMaterials) {
     writeFile(folder / "materials.x3dv", readFile(RTSG_SOURCE_DIR "/examples/materials/materials.x3dv"));
     const std::string known = written("portable.x3dv", portable("urn:rtsg:material:"));
     const std::string unknown = written("unknown.x3dv", portable("urn:another:material:"));
-    const std::string shown = made(unknown, "whitted");
+    const std::string shown = rendered(unknown, "whitted");
     EXPECT_GT(shown.size(), 64u * 24 * 12);
-    EXPECT_FALSE(shown == made(known, "whitted"));
+    EXPECT_FALSE(shown == rendered(known, "whitted"));
 }
 
 }  // namespace

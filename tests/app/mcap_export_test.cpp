@@ -28,8 +28,8 @@ class McapExport : public CommandLine {
         const std::string log = folder / "a.rlog", mcap = folder / "a.mcap", lines = folder / "lines";
         const Outcome recorded = rtsg(atZero({"record", file, "-o", log, "--for", duration, "--fps", "10"}));
         EXPECT_EQ(recorded.status, 0) << recorded.err;
-        const Outcome made = rtsg({"replay", "--json", log, "--export", mcap, "--export-plain"});
-        EXPECT_EQ(made.status, 0) << made.err;
+        const Outcome created = rtsg({"replay", "--json", log, "--export", mcap, "--export-plain"});
+        EXPECT_EQ(created.status, 0) << created.err;
         const std::string command =
             "python3 " RTSG_SOURCE_DIR "/tests/app/mcap_reader.py " + mcap + " > " + lines + " 2>&1";
         EXPECT_EQ(std::system(command.c_str()), 0) << readFile(lines);
@@ -263,8 +263,8 @@ TEST_P(Whereabouts, AreTheSameInExportAndPick) {
 TEST_P(Whereabouts, AreTheSameInExportAndPicture) {
     const int n = 64;
     const std::string out = folder / "p.pfm";
-    const Outcome made = rtsg({"render", file, "-o", out, "--size", "64x64", "--spp", "1"});
-    ASSERT_EQ(made.status, 0) << made.err;
+    const Outcome created = rtsg({"render", file, "-o", out, "--size", "64x64", "--spp", "1"});
+    ASSERT_EQ(created.status, 0) << created.err;
     const std::string bytes = readFile(out);
     const std::size_t size = std::size_t{n} * n * 3 * sizeof(float);
     ASSERT_GT(bytes.size(), size);

@@ -64,14 +64,14 @@ TEST_F(Measure, IntervalsHoldWhatCurvedLampsLackByTheirCut) {
     const Lamp horizon{"Sphere { radius 1 }", std::asin(s) - s * std::sqrt(1 - s * s)};
     const struct {
         Lamp lamp;
-        const char *place, *error;
+        const char *position, *error;
     } cases[] = {
         {kLamps[0], "0,0,0,0,1,0", "0.01"}, {kLamps[0], "0,0,0,0,1,0", "0.002"}, {horizon, "3,2,0,0,1,0", "0.01"}};
-    for (const auto& [lamp, place, error] : cases) {
+    for (const auto& [lamp, position, error] : cases) {
         int inside = 0;
         for (int seed = 1; seed <= 32; ++seed) {
-            const Outcome outcome = rtsg({"measure", sceneOf(lamp), "--irradiance", place, "--error", error, "--seed",
-                                          std::to_string(seed), "--json"});
+            const Outcome outcome = rtsg({"measure", sceneOf(lamp), "--irradiance", position, "--error", error,
+                                          "--seed", std::to_string(seed), "--json"});
             ASSERT_EQ(outcome.status, 0) << outcome.err;
             const json report = json::parse(outcome.out);
             inside += std::abs(report.at("luminous").get<double>() - lamp.irradiance) <=

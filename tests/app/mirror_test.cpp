@@ -116,12 +116,12 @@ TEST_F(Mirror, WhatItsUserAsksForIsTheirsInTheLog) {
     EXPECT_EQ(blame.status, 0) << blame.err;
     EXPECT_THAT(blame.out, HasSubstr("Ann (set from outside)"));
     EXPECT_THAT(blame.out, HasSubstr("B\\x1b[31mob (set from outside)")) << "a name is not the terminal's to obey";
-    const json told = json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out).at("steps");
-    ASSERT_EQ(told.size(), 3u) << told;
-    EXPECT_EQ(told[0].at("author"), "");
-    EXPECT_EQ(told[1].at("author"), "Ann");
-    EXPECT_EQ(told[1].at("value"), "1 2 3");
-    EXPECT_EQ(told[2].at("value"), "4 5 6");
+    const json reported = json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out).at("steps");
+    ASSERT_EQ(reported.size(), 3u) << reported;
+    EXPECT_EQ(reported[0].at("author"), "");
+    EXPECT_EQ(reported[1].at("author"), "Ann");
+    EXPECT_EQ(reported[1].at("value"), "1 2 3");
+    EXPECT_EQ(reported[2].at("value"), "4 5 6");
     for (const char* wrong : {"BOX.nothing", "NOBODY.scale", "BOX"}) {
         const Outcome none = rtsg({"replay", log, "--blame", wrong});
         EXPECT_EQ(none.status, 1) << none.out;
@@ -142,8 +142,8 @@ TEST_F(Mirror, OnASlowLinkJoinsAndCatchesUp) {
         many += fmt::format("DEF T{0} Transform {{ }}\nROUTE WAY.value_changed TO T{0}.translation\n", i);
     writeFile(file, many);
     serve({"--for", "120s"}, "tcp://127.0.0.1:*");
-    const TcpProxy way(endpoint, std::chrono::milliseconds(100), 20'000);
-    const Outcome followed = rtsg({"mirror", "--json", way.endpoint, "--for", "2s", "--wait", "3s"});
+    const TcpProxy proxy(endpoint, std::chrono::milliseconds(100), 20'000);
+    const Outcome followed = rtsg({"mirror", "--json", proxy.endpoint, "--for", "2s", "--wait", "3s"});
     EXPECT_EQ(followed.status, 0) << followed.err;
     const json report = json::parse(followed.out);
     expectEqual(report);
@@ -169,8 +169,8 @@ void emptyOfSense(std::string& bytes) {
 TEST_F(Mirror, EndsWithAnErrorWhereNothingThatComesCanBeApplied) {
     writeFile(file, "#X3D V4.0 utf8\nDEF CLOCK TimeSensor { loop TRUE }\n");  // whose records go in one piece each
     serve({"--for", "120s"}, "tcp://127.0.0.1:*");
-    const TcpProxy way(endpoint, {}, 0, emptyOfSense);
-    Program follower({"mirror", "--json", way.endpoint, "--for", "2s", "--wait", "4s"}, streams());
+    const TcpProxy proxy(endpoint, {}, 0, emptyOfSense);
+    Program follower({"mirror", "--json", proxy.endpoint, "--for", "2s", "--wait", "4s"}, streams());
     const Outcome followed = follower.wait();
     EXPECT_EQ(followed.status, 1) << followed.err;
     EXPECT_THAT(followed.err, HasSubstr("nothing of what the server sends could be applied for 4 s"));
@@ -181,11 +181,11 @@ TEST_F(Mirror, IsNotEqualWhereTheOriginHasGoneOn) {
     writeFile(file, "#X3D V4.0 utf8\nDEF CLOCK TimeSensor { loop TRUE }\n");
     serve({"--for", "120s"}, "tcp://127.0.0.1:*");
     std::atomic<bool> bends = false;
-    const TcpProxy way(endpoint, {}, 0, [&](std::string& bytes) {
+    const TcpProxy proxy(endpoint, {}, 0, [&](std::string& bytes) {
         if (bends) emptyOfSense(bytes);
     });
     const std::string log = folder / "mirrored.rlog";
-    Program mirror({"mirror", "--json", way.endpoint, "--record", log, "--wait", "2s"}, streams());
+    Program mirror({"mirror", "--json", proxy.endpoint, "--record", log, "--wait", "2s"}, streams());
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     while (readFile(log).size() < 1000 && std::chrono::steady_clock::now() < end)
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -509,9 +509,9 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
 
 TEST_F(Mirror, KeyFilesAreMadeForEachSide) {
     const std::string keys = folder / "hall.key", one = folder / "one.key", two = folder / "two.key";
-    const Outcome made = rtsg({"keys", keys, "--client", one});
-    EXPECT_EQ(made.status, 0) << made.err;
-    EXPECT_THAT(made.out, HasSubstr(one + ": for rtsg mirror --key"));
+    const Outcome created = rtsg({"keys", keys, "--client", one});
+    EXPECT_EQ(created.status, 0) << created.err;
+    EXPECT_THAT(created.out, HasSubstr(one + ": for rtsg mirror --key"));
     EXPECT_EQ(rtsg({"keys", keys, "--client", two, "--upstream", "events", "--name", "Kim Doe"}).status, 0);
     EXPECT_THAT(readFile(keys), testing::ContainsRegex("\nclient-public .{40} events Kim Doe\n"));
     EXPECT_THAT(readFile(one), testing::Not(HasSubstr("server-secret")));

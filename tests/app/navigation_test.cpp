@@ -41,16 +41,16 @@ Transform { translation 0 0 -1 children Shape { geometry Box { size 100 10 2 } }
 TEST_F(Wanderer, StopsBeforeTheWallThatRaysFind) {
     const Outcome outcome = with({"run", file, "--for", "10s", "--fps", "20", "--watch", "SENSOR.position_changed"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
-    std::vector<json> places;
+    std::vector<json> positions;
     std::istringstream lines(outcome.out);
-    for (std::string line; std::getline(lines, line);) places.push_back(json::parse(line));
-    ASSERT_FALSE(places.empty());
-    const auto half =
-        std::ranges::find_if(places, [](const json& one) { return std::abs(one.at("t").get<double>() - 2.5) < 1e-6; });
-    ASSERT_NE(half, places.end());
+    for (std::string line; std::getline(lines, line);) positions.push_back(json::parse(line));
+    ASSERT_FALSE(positions.empty());
+    const auto half = std::ranges::find_if(
+        positions, [](const json& one) { return std::abs(one.at("t").get<double>() - 2.5) < 1e-6; });
+    ASSERT_NE(half, positions.end());
     EXPECT_NEAR(half->at("value").at(2).get<double>(), 6, 1e-4) << "2 m/s for 2 s";
-    EXPECT_NEAR(places.back().at("value").at(1).get<double>(), 1.6, 1e-4);
-    EXPECT_NEAR(places.back().at("value").at(2).get<double>(), .25, 1e-4);
+    EXPECT_NEAR(positions.back().at("value").at(1).get<double>(), 1.6, 1e-4);
+    EXPECT_NEAR(positions.back().at("value").at(2).get<double>(), .25, 1e-4);
 }
 
 TEST_F(Wanderer, PicturesAreFromThere) {

@@ -285,38 +285,39 @@ int shell(const std::string& command) {
 }
 
 TEST_F(NothingIsLost, WhatCannotBeSaidDoesNotEndTheProgram) {
-    const std::string program = "'" RTSG_PROGRAM "' ", made = folder / "b.rlog";
+    const std::string program = "'" RTSG_PROGRAM "' ", created = folder / "b.rlog";
     EXPECT_EQ(shell(program + "info '" + folder.path().string() + "/none.x3dv' 2>/dev/full"), 1);
     EXPECT_EQ(shell(program + "no-verb 2>/dev/full"), 2);
-    EXPECT_EQ(shell(program + "serve '" + file + "' --bind 'tcp://127.0.0.1:*' --metrics-port 0 --record '" + made +
+    EXPECT_EQ(shell(program + "serve '" + file + "' --bind 'tcp://127.0.0.1:*' --metrics-port 0 --record '" + created +
                     "' --for 0.5s 2>/dev/full >/dev/null"),
               0);
-    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", created, "--verify"}).status, 0);
 }
 
 TEST_F(NothingIsLost, AClosedStandardStreamDoesNotBecomeALog) {
-    const std::string program = "'" RTSG_PROGRAM "' ", made = folder / "b.rlog";
+    const std::string program = "'" RTSG_PROGRAM "' ", created = folder / "b.rlog";
     const std::string scene = "'" + file + "' --for 0.1s --json ";
-    EXPECT_EQ(shell(program + "record " + scene + "-o '" + made + "' <&- >&- 2>&-"), 1) << "the report was not printed";
-    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
-    EXPECT_EQ(shell(program + "record " + scene + "--force -o '" + made + "' <&- >/dev/null 2>&-"), 0);
-    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
-    EXPECT_EQ(shell(program + "serve " + scene + "--record '" + made + "' --force <&- >&- 2>&-"), 1);
-    EXPECT_EQ(rtsg({"replay", made, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "record " + scene + "-o '" + created + "' <&- >&- 2>&-"), 1)
+        << "the report was not printed";
+    EXPECT_EQ(rtsg({"replay", created, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "record " + scene + "--force -o '" + created + "' <&- >/dev/null 2>&-"), 0);
+    EXPECT_EQ(rtsg({"replay", created, "--verify"}).status, 0);
+    EXPECT_EQ(shell(program + "serve " + scene + "--record '" + created + "' --force <&- >&- 2>&-"), 1);
+    EXPECT_EQ(rtsg({"replay", created, "--verify"}).status, 0);
     EXPECT_EQ(shell(program + "info - <&- >/dev/null"), 1);
 }
 
 TEST_F(NothingIsLost, TooFewFilesAreAnErrorAndNoCrash) {
     const std::string errors = streams();
-    for (const char* most : {"6", "8", "10", "12", "14", "16", "18", "32"}) {
+    for (const char* maximum : {"6", "8", "10", "12", "14", "16", "18", "32"}) {
         // Whoever runs the tests may have left files open.
         const int status =
-            shell("exec >/dev/null 2>'" + errors + "' 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit -n " + most +
+            shell("exec >/dev/null 2>'" + errors + "' 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit -n " + maximum +
                   "; exec '" RTSG_PROGRAM "' serve '" + file + "' --bind 'tcp://127.0.0.1:*' --for 0.1s");
         if (status == 0) continue;
-        EXPECT_EQ(status, 1) << most;
-        EXPECT_THAT(readFile(errors), HasSubstr("Too many open files")) << most;
-        EXPECT_NE(std::string(most), "32");
+        EXPECT_EQ(status, 1) << maximum;
+        EXPECT_THAT(readFile(errors), HasSubstr("Too many open files")) << maximum;
+        EXPECT_NE(std::string(maximum), "32");
     }
 }
 
@@ -567,8 +568,8 @@ TEST_F(Interrupted, AFilmASoundAndALastStateAreWholeOrNotThere) {
     const std::string big = folder / "big.rlog", film = folder / "a.gif", sound = folder / "a.wav",
                       saved = folder / "a.x3d", picture = folder / "a.png";
     ASSERT_EQ(rtsg({"record", file, "-o", big, "--for", "2000s", "--fps", "60"}).status, 0);
-    const std::vector<std::string> made{film, sound, saved, picture};
-    for (const std::string& one : made) writeFile(one, "old");
+    const std::vector<std::string> created{film, sound, saved, picture};
+    for (const std::string& one : created) writeFile(one, "old");
     const auto before = files();
     const auto later = [](int milliseconds) {
         return [milliseconds, start = std::chrono::steady_clock::now()] {
@@ -589,7 +590,7 @@ TEST_F(Interrupted, AFilmASoundAndALastStateAreWholeOrNotThere) {
                 EXPECT_THAT(outcome.err, HasSubstr(shown + ", " + sound + ", " + saved +
                                                    ": error: interrupted before its end: not written [output]"));
             }
-            for (const std::string& one : made)
+            for (const std::string& one : created)
                 EXPECT_EQ(readFile(one), "old") << one << testing::PrintToString(arguments);
             expectOnly(before, {});
         }

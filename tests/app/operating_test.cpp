@@ -13,12 +13,12 @@ TEST_F(Operating, FiguresOfAServerAndItsMirrorAreShown) {
                                                                 "--metrics-port", "0", "--await", "1"},
                                        streams());
     const auto first = nlohmann::json::parse(server->firstLine());
-    const std::string place = first.at("metrics");
+    const std::string endpoint = first.at("metrics");
     Program mirror({"mirror", first.at("endpoint"), "--json"}, streams());
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     nlohmann::json figures = nlohmann::json::object();
     while (figures.value("rtsg_peers", 0) < 1 || figures.value("rtsg_sent_bytes_total", 0) < 1000) {
-        const Outcome top = rtsg({"top", place, "--once", "--json"});
+        const Outcome top = rtsg({"top", endpoint, "--once", "--json"});
         ASSERT_EQ(top.status, 0) << top.err;
         figures = nlohmann::json::parse(top.out);
         ASSERT_LT(std::chrono::steady_clock::now(), end) << top.out;
@@ -26,17 +26,17 @@ TEST_F(Operating, FiguresOfAServerAndItsMirrorAreShown) {
     EXPECT_GT(figures.at("rtsg_memory_bytes"), 1e6);
     EXPECT_GT(figures.at("rtsg_frame_seconds_count"), 0);
     EXPECT_EQ(figures.at("rtsg_frame_seconds_bucket{le=\"+Inf\"}"), figures.at("rtsg_frame_seconds_count"));
-    const Outcome table = rtsg({"top", "http://" + place + "/metrics", "--once"});
+    const Outcome table = rtsg({"top", "http://" + endpoint + "/metrics", "--once"});
     EXPECT_NE(table.out.find("\npeers  "), std::string::npos) << table.out;
     EXPECT_EQ(table.out.find('\033'), std::string::npos);
     // It ends with the program that it looks at.
-    Program watching({"top", place, "--interval", "50ms"}, streams());
+    Program watching({"top", endpoint, "--interval", "50ms"}, streams());
     (void)watching.firstLine();
     server->signal(SIGINT);
     EXPECT_EQ(server->wait().status, 0);
     EXPECT_EQ(mirror.wait().status, 0);
     EXPECT_EQ(watching.wait().status, 0);
-    EXPECT_EQ(rtsg({"top", place, "--once"}).status, 1);
+    EXPECT_EQ(rtsg({"top", endpoint, "--once"}).status, 1);
 }
 
 TEST_F(Operating, WhatIsSaidIsLinesOfJsonFromALevelOn) {

@@ -17,7 +17,7 @@ using nlohmann::json;
 using testing::HasSubstr;
 
 /// A box that moves all the time, a tone, and at .5 s an Inline that puts another box and tone beside them.
-class MadeOutputs : public CommandLine {
+class OutputFiles : public CommandLine {
   protected:
     void SetUp() override {
         beginsAtZero = true;
@@ -86,12 +86,12 @@ ROUTE PATH.value_changed TO BOX.set_translation
 };
 
 // A picture of the end is the last of many, and nothing is made of what goes before it.
-TEST_F(MadeOutputs, OfTheEndTakeGeometryOfTheEndAlone) {
+TEST_F(OutputFiles, OfTheEndTakeGeometryOfTheEndAlone) {
     const auto run = [&](const std::string& duration, const std::string& picture) {
-        const Outcome made = rtsg(
+        const Outcome created = rtsg(
             {"run", file, "--for", duration, "--fps", "10", "--render", folder / picture, "--size", "16x9", "--json"});
-        EXPECT_EQ(made.status, 0) << made.err;
-        return json::parse(lastLine(made.out), nullptr, false);
+        EXPECT_EQ(created.status, 0) << created.err;
+        return json::parse(lastLine(created.out), nullptr, false);
     };
     const json many = run("1.1s", "many%d.png"), report = run("1s", "one.png");
     EXPECT_GT(many.at("commits"), 10);
@@ -101,7 +101,7 @@ TEST_F(MadeOutputs, OfTheEndTakeGeometryOfTheEndAlone) {
     EXPECT_NE(bytes("one.png"), bytes("many0.png"));
 }
 
-TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
+TEST_F(OutputFiles, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
     const json run = make({"run", file}, "a");
     ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "1s", "--fps", "10"}).status, 0);
     const json replay = make({"replay", folder / "s.rlog"}, "b");
@@ -124,7 +124,7 @@ TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
 }
 
 // States that no picture shows are not tessellated; pictures are the same as if they had been.
-TEST_F(MadeOutputs, APictureOfALaterTimeIsOfThatStateAlone) {
+TEST_F(OutputFiles, APictureOfALaterTimeIsOfThatStateAlone) {
     const std::string scene = folder / "later.x3dv";
     writeFile(scene,
               "#X3D V4.0 utf8\nPROFILE Full\nDEF T Transform { scale 1 0 0 children Shape { geometry Sphere { } } }\n"
@@ -144,7 +144,7 @@ TEST_F(MadeOutputs, APictureOfALaterTimeIsOfThatStateAlone) {
 }
 
 // The box goes .2 m between two pictures. The first one has none before it; a single one is told of a time before.
-TEST_F(MadeOutputs, AShutterBlursThemAlikeWhicheverVerbMakesThem) {
+TEST_F(OutputFiles, AShutterBlursThemAlikeWhicheverVerbMakesThem) {
     const std::vector<std::string> shutter{"--shutter", "1"};
     make({"run", file}, "sharp");
     make({"run", file}, "a", shutter);
@@ -169,7 +169,7 @@ TEST_F(MadeOutputs, AShutterBlursThemAlikeWhicheverVerbMakesThem) {
     EXPECT_NE(bytes("one.png"), "");
 }
 
-TEST_F(MadeOutputs, OfATestReplayAreThoseOfTheReplay) {
+TEST_F(OutputFiles, OfATestReplayAreThoseOfTheReplay) {
     const std::string log = folder / "s.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);
     ASSERT_EQ(rtsg({"replay", log, "--render", folder / "a%d.png", "--fps", "10", "--listen", folder / "a.wav",
@@ -182,7 +182,7 @@ TEST_F(MadeOutputs, OfATestReplayAreThoseOfTheReplay) {
     expectSameFiles("a", "b");
 }
 
-TEST_F(MadeOutputs, OfOneFrameAreMadeWhileTheNextRuns) {
+TEST_F(OutputFiles, OfOneFrameAreMadeWhileTheNextRuns) {
     // Each picture takes many times as long as a frame's cascade, so that is over long before.
     const auto slow = [&](std::vector<std::string> verb) {
         verb.insert(verb.end(),
@@ -196,7 +196,7 @@ TEST_F(MadeOutputs, OfOneFrameAreMadeWhileTheNextRuns) {
     EXPECT_GE(slow({"replay", folder / "s.rlog"}).at("overlapped"), 5);
 }
 
-TEST_F(MadeOutputs, SayBySoMuchThatLoudSoundIsSofter) {
+TEST_F(OutputFiles, SayBySoMuchThatLoudSoundIsSofter) {
     writeFile(file,
               "#X3D V4.0 utf8\nPROFILE Full\nDEF OUT AudioDestination { gain 2 children OscillatorSource { } }\n");
     const std::string wav = folder / "loud.wav", said = "note: the sound exceeded -1 dBFS: all of it is 7.0 dB softer";
@@ -205,15 +205,15 @@ TEST_F(MadeOutputs, SayBySoMuchThatLoudSoundIsSofter) {
     EXPECT_EQ(rtsg({"run", file, "--listen", wav, "--for", ".1s", "--set", "OUT.gain=.8@0"}).err, "");
 }
 
-TEST_F(MadeOutputs, AFilmHasTheSoundThatGoesIntoIt) {
+TEST_F(OutputFiles, AFilmHasTheSoundThatGoesIntoIt) {
     const std::string film = folder / "film.mp4";
     for (const bool live : {false, true}) {
         std::vector<std::string> run{"run",      file, "--for",  "1s",   "--fps",  "10", "--render", film,
                                      "--listen", film, "--size", "16x8", "--rays", "50", "--json"};
         if (live) run.push_back("--live");
-        const Outcome made = rtsg(run);
-        ASSERT_EQ(made.status, 0) << made.err;
-        EXPECT_DOUBLE_EQ(json::parse(lastLine(made.out)).at("sound_seconds").get<double>(), 1);
+        const Outcome created = rtsg(run);
+        ASSERT_EQ(created.status, 0) << created.err;
+        EXPECT_DOUBLE_EQ(json::parse(lastLine(created.out)).at("sound_seconds").get<double>(), 1);
         const std::string player = folder / "player.x3dv";
         writeFile(
             player,
@@ -231,7 +231,7 @@ TEST_F(MadeOutputs, AFilmHasTheSoundThatGoesIntoIt) {
     }
 }
 
-TEST_F(MadeOutputs, SoundGoesIntoNoFilmButThatOfThePictures) {
+TEST_F(OutputFiles, SoundGoesIntoNoFilmButThatOfThePictures) {
     const std::string film = folder / "film.mp4";
     const auto refused = [&](std::vector<std::string> more) {
         std::vector<std::string> run{"run", file, "--for", "1s", "--fps", "10", "--listen", film, "--size", "16x8"};
@@ -248,20 +248,20 @@ TEST_F(MadeOutputs, SoundGoesIntoNoFilmButThatOfThePictures) {
 }
 
 /// Files are told apart as files, however they are written.
-TEST_F(MadeOutputs, AFilmIsThatOfThePicturesByWhateverNameItHas) {
+TEST_F(OutputFiles, AFilmIsThatOfThePicturesByWhateverNameItHas) {
     std::filesystem::create_directory(std::filesystem::path(folder / "sub"));
     std::filesystem::create_directory_symlink(".", std::filesystem::path(folder / "here"));
     for (const char* other : {"sub/../film.mp4", "./film.mp4", "here/film.mp4"}) {
-        const Outcome made = rtsg({"run", file, "--for", ".5s", "--fps", "10", "--render", folder / other, "--listen",
-                                   folder / "film.mp4", "--size", "16x8", "--rays", "50", "--json"});
-        ASSERT_EQ(made.status, 0) << other << made.err;
-        EXPECT_DOUBLE_EQ(json::parse(lastLine(made.out)).at("sound_seconds").get<double>(), .5) << other;
+        const Outcome created = rtsg({"run", file, "--for", ".5s", "--fps", "10", "--render", folder / other,
+                                      "--listen", folder / "film.mp4", "--size", "16x8", "--rays", "50", "--json"});
+        ASSERT_EQ(created.status, 0) << other << created.err;
+        EXPECT_DOUBLE_EQ(json::parse(lastLine(created.out)).at("sound_seconds").get<double>(), .5) << other;
         EXPECT_THAT(bytes("film.mp4"), HasSubstr("soun")) << "its track of sound";
     }
 }
 
 /// A name that nothing has costs no run: it is told before the first frame, unless the viewpoint may come yet.
-TEST_F(MadeOutputs, AViewpointThatIsNotThereIsToldAtTheStart) {
+TEST_F(OutputFiles, AViewpointThatIsNotThereIsToldAtTheStart) {
     const std::string plain = folder / "views.x3dv", scripted = folder / "scripted.x3dv",
                       text =
                           "#X3D V4.0 utf8\nPROFILE Full\nDEF V Viewpoint { description \"by the door\" }\nShape { "
@@ -293,7 +293,7 @@ TEST_F(MadeOutputs, AViewpointThatIsNotThereIsToldAtTheStart) {
     EXPECT_THAT(never.err, HasSubstr("no viewpoint is called \"NOPE\"; there are: \"V\", \"LATE\""));
 }
 
-TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
+TEST_F(OutputFiles, WithoutSoundNameNoStateOfIt) {
     const Outcome outcome =
         rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});
     const json report = json::parse(outcome.out);
@@ -305,7 +305,7 @@ TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
 }
 
 /// --live: what is made is of some states, each whole; how many were merged is said.
-class LiveOutputsOf : public MadeOutputs {
+class LiveOutputsOf : public OutputFiles {
   protected:
     void expectConsistent(const json& report, const std::string& name, std::uint64_t states) {
         const json& live = report.at("live");
@@ -428,7 +428,7 @@ TEST_F(LiveOutputsOf, AnAnimationKeepsItsTime) {
 }
 
 /// With one sample a pixel, noise does not compress and smooth parts do; the option is for nothing else.
-TEST_F(MadeOutputs, LivePicturesAreDenoisedIfAsked) {
+TEST_F(OutputFiles, LivePicturesAreDenoisedIfAsked) {
     writeFile(file,
               "#X3D V4.0 utf8\nPROFILE Immersive\nNavigationInfo { headlight FALSE } Viewpoint { position 0 0 3 } "
               "Background { "
@@ -483,7 +483,7 @@ TEST_F(LiveOutputsOf, OnesThatAreThereAreKeptWhenInterrupted) {
 }
 
 /// --listen device, on OpenAL's back ends that need no hardware.
-class SoundOnADevice : public MadeOutputs {
+class SoundOnADevice : public OutputFiles {
   protected:
     void TearDown() override {
         ::unsetenv("ALSOFT_DRIVERS");
@@ -520,12 +520,12 @@ TEST_F(SoundOnADevice, PlaysAMirroredSceneBesideItsPictures) {
     EXPECT_GT(device.at("latency_ms"), 0);
     // Tone and all: half of full scale is far more than any rounding.
     const std::string wav = bytes("played.wav");
-    int most = 0;
+    int maximum = 0;
     for (std::size_t at = wav.find("data") + 8; at + 1 < wav.size(); at += 2)
-        most =
-            std::max(most, std::abs(static_cast<int>(static_cast<std::int16_t>(
+        maximum = std::max(maximum,
+                           std::abs(static_cast<int>(static_cast<std::int16_t>(
                                static_cast<unsigned char>(wav[at]) | static_cast<unsigned char>(wav[at + 1]) << 8))));
-    EXPECT_GT(most, 300);
+    EXPECT_GT(maximum, 300);
     EXPECT_FALSE(std::filesystem::exists("device"));
     ASSERT_EQ(rtsg({"replay", folder / "m.rlog", "--verify"}).status, 0);
 }

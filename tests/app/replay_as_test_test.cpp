@@ -14,10 +14,10 @@ class ReplayAsTest : public CommandLine {
   protected:
     void SetUp() override {
         CommandLine::SetUp();
-        const Outcome made = rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20", "--set",
-                                   "CLOCK.enabled=FALSE@0.5", "--set", "FLAG.set_boolean=TRUE@0.7", "--json"});
-        ASSERT_EQ(made.status, 0) << made.err;
-        ASSERT_EQ(json::parse(made.out)["frames"], 21);
+        const Outcome created = rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20", "--set",
+                                      "CLOCK.enabled=FALSE@0.5", "--set", "FLAG.set_boolean=TRUE@0.7", "--json"});
+        ASSERT_EQ(created.status, 0) << created.err;
+        ASSERT_EQ(json::parse(created.out)["frames"], 21);
     }
     Outcome rerun(std::vector<std::string> more = {}) {
         std::vector<std::string> arguments = {"replay", "--json", log, "--rerun", file};
@@ -111,27 +111,28 @@ TEST_F(ReplayAsTest, ChosenFieldsOutliveEditsOfTheDocument) {
 /// Ten of them by name, and how many others there are.
 TEST_F(ReplayAsTest, FieldsThatDifferAreNamedUpToTen) {
     constexpr int kAll = 13;
-    const auto places = [](int moved) {
+    const auto positions = [](int moved) {
         std::string text = "#X3D V4.0 utf8\n";
         for (int i = 0; i < kAll; ++i)
             text += "DEF T" + std::to_string(i) + " Transform { translation 1 " + (i < moved ? "3" : "2") + " 0 }\n";
         return text;
     };
-    writeFile(file, places(0));
+    writeFile(file, positions(0));
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.2s", "--fps", "20", "--force"}).status, 0);
     for (const int moved : {1, 9, 10, 11, kAll}) {
         SCOPED_TRACE(moved);
-        writeFile(file, places(moved));
-        const Outcome told = rtsg({"replay", log, "--rerun", file, "--field", "*.translation"});
-        EXPECT_EQ(told.status, 1);
+        writeFile(file, positions(moved));
+        const Outcome reported = rtsg({"replay", log, "--rerun", file, "--field", "*.translation"});
+        EXPECT_EQ(reported.status, 1);
         int also = 0;
-        for (auto at = told.err.find("  also T"); at != std::string::npos; at = told.err.find("  also T", at + 1))
+        for (auto at = reported.err.find("  also T"); at != std::string::npos;
+             at = reported.err.find("  also T", at + 1))
             ++also;
-        EXPECT_EQ(also, std::min(moved, 10) - 1) << told.err;
+        EXPECT_EQ(also, std::min(moved, 10) - 1) << reported.err;
         const std::string rest =
             moved == 11 ? "and 1 more field\n" : "and " + std::to_string(moved - 10) + " more fields\n";
-        EXPECT_EQ(told.err.find(rest) != std::string::npos, moved > 10) << told.err;
-        EXPECT_EQ(told.err.find("more field") != std::string::npos, moved > 10) << told.err;
+        EXPECT_EQ(reported.err.find(rest) != std::string::npos, moved > 10) << reported.err;
+        EXPECT_EQ(reported.err.find("more field") != std::string::npos, moved > 10) << reported.err;
         EXPECT_EQ(json::parse(rerun({"--field", "*.translation"}).out)["differences"].size(), moved);
     }
 }
@@ -152,10 +153,10 @@ TEST_F(ReplayAsTest, WhatComparesNothingDoesNotPass) {
 
 /// A test goes on without, as what was left out may be gone from the scene.
 TEST_F(ReplayAsTest, WhatIsIgnoredInVainIsTold) {
-    const Outcome told = rerun({"--ignore", "PATHH.keyValue", "--ignore", "FLAG.*"});
-    EXPECT_EQ(told.status, 0) << told.err;
-    EXPECT_THAT(told.err, HasSubstr("warning: --ignore PATHH.keyValue: there is no such field"));
-    EXPECT_THAT(told.err, testing::Not(HasSubstr("FLAG")));
+    const Outcome reported = rerun({"--ignore", "PATHH.keyValue", "--ignore", "FLAG.*"});
+    EXPECT_EQ(reported.status, 0) << reported.err;
+    EXPECT_THAT(reported.err, HasSubstr("warning: --ignore PATHH.keyValue: there is no such field"));
+    EXPECT_THAT(reported.err, testing::Not(HasSubstr("FLAG")));
     const Outcome diff = rtsg({"diff", log, log, "--ignore", "FLAGG.*"});
     EXPECT_EQ(diff.status, 0) << diff.err;
     EXPECT_THAT(diff.err, HasSubstr("warning: --ignore FLAGG.*: there is no such field"));
@@ -165,8 +166,9 @@ TEST_F(ReplayAsTest, WhatIsIgnoredInVainIsTold) {
 /// Earlier pieces are other files: this is no test of the whole session, and cannot be recorded again.
 TEST_F(ReplayAsTest, ALaterPieceOfALogIsNotRunAgain) {
     const std::string pieces = folder / "pieces.rlog";
-    const Outcome made = rtsg({"serve", file, "--for", "1.2s", "--fps", "20", "--record", pieces, "--rotate", "0.4s"});
-    ASSERT_EQ(made.status, 0) << made.err;
+    const Outcome created =
+        rtsg({"serve", file, "--for", "1.2s", "--fps", "20", "--record", pieces, "--rotate", "0.4s"});
+    ASSERT_EQ(created.status, 0) << created.err;
     const auto before = std::filesystem::file_size(pieces);
     for (const bool updates : {false, true}) {
         const Outcome refused =
@@ -192,16 +194,16 @@ TEST_F(ReplayAsTest, ASceneFileRunsAsItsDocument) {
     ASSERT_EQ(rtsg(atZero({"record", file, "-o", log, "--for", "1s", "--force"})).status, 0);
     for (const std::string at : {"2000-01-01", "0"}) {
         const auto render = [&](const std::string& scene, const std::string& into) {
-            const Outcome made = rtsg({"render", "--at", at, scene, "-o", into, "--size", "48x32", "--time", "0s"});
-            EXPECT_EQ(made.status, 0) << scene << made.err;
+            const Outcome created = rtsg({"render", "--at", at, scene, "-o", into, "--size", "48x32", "--time", "0s"});
+            EXPECT_EQ(created.status, 0) << scene << created.err;
             return readFile(into);
         };
         const std::string expected = render(file, picture);
         EXPECT_EQ(render(compact, other), expected) << at;
         EXPECT_EQ(render(log, other), expected) << at;
-        const Outcome made =
+        const Outcome created =
             rtsg({"record", "--at", at, compact, "-o", run, "--for", "1s", "--set", "BOX.scale=2 1 1@0.5", "--force"});
-        ASSERT_EQ(made.status, 0) << made.err;
+        ASSERT_EQ(created.status, 0) << created.err;
         const Outcome again = rtsg({"replay", run, "--rerun", compact, "--json"});
         EXPECT_EQ(again.status, 0) << again.err;
         EXPECT_GT(json::parse(again.out)["verified"], 60);

@@ -374,11 +374,11 @@ TEST_F(Replay, MoreOfALogThanThereIsIsStatusOneAndNamesWhatIsNotWhole) {
                         "--for", "0.5s", "--force"})
                       .status,
                   0);
-    for (const char* made : {"--save", "--compact", "--export"}) {
-        const std::string name = folder / (made == std::string("--save")      ? "none.x3dv"
-                                           : made == std::string("--compact") ? "none.rlog"
-                                                                              : "none.mcap");
-        const Outcome beyond = rtsg({"replay", log, made, name, "--seek", "2s"});
+    for (const char* created : {"--save", "--compact", "--export"}) {
+        const std::string name = folder / (created == std::string("--save")      ? "none.x3dv"
+                                           : created == std::string("--compact") ? "none.rlog"
+                                                                                 : "none.mcap");
+        const Outcome beyond = rtsg({"replay", log, created, name, "--seek", "2s"});
         EXPECT_EQ(beyond.status, 1);
         EXPECT_THAT(beyond.err, HasSubstr("--seek 2s: the log ends at 1 s"));
         EXPECT_FALSE(std::filesystem::exists(name));
@@ -388,16 +388,16 @@ TEST_F(Replay, MoreOfALogThanThereIsIsStatusOneAndNamesWhatIsNotWhole) {
 /// Options that have no effect with this use are refused, before anything is opened or made.
 TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
     record(log, scene());
-    const std::string made = folder / "made.x3dv", other = folder / "b.rlog";
+    const std::string created = folder / "made.x3dv", other = folder / "b.rlog";
     const std::vector<std::vector<std::string>> wrong = {
         {"--rerun", file, "--compact", other},
         {"--rerun", file, "--seek", "1s"},
         {"--rerun", file, "--live"},
-        {"--compact", other, "--save", made},
+        {"--compact", other, "--save", created},
         {"--compact", other, "--export", folder / "a.mcap"},
         {"--compact", other, "--verify"},
         {"--compact", other, "--size", "8x8"},
-        {"--diff", log, "--save", made},
+        {"--diff", log, "--save", created},
         {"--diff", log, "--field", "BOX.*"},
         {"--diff", log, "--tolerance", "1"},
         {"--diff", log, "--for", "1s"},
@@ -416,9 +416,9 @@ TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
         EXPECT_THAT(outcome.err, testing::ContainsRegex("(goes|cannot be combined) with --"));
     }
-    for (const std::string& none : {made, other}) EXPECT_FALSE(std::filesystem::exists(none)) << none;
-    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--verify", "--save", made}).status, 0);
-    EXPECT_TRUE(std::filesystem::exists(made));
+    for (const std::string& none : {created, other}) EXPECT_FALSE(std::filesystem::exists(none)) << none;
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--verify", "--save", created}).status, 0);
+    EXPECT_TRUE(std::filesystem::exists(created));
 }
 
 /// A frame in its middle is gone: every use of the log says so, and makes what can be made.

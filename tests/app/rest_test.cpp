@@ -16,7 +16,7 @@ class AtRest : public Mirror {
         return *programs.emplace_back(std::make_unique<Program>(std::move(arguments), streams()));
     }
     /// What the first line of a program says.
-    std::string place(const Program& program) {
+    std::string endpointOf(const Program& program) {
         const std::string line = program.firstLine();
         return line.empty() ? line : nlohmann::json::parse(line).at("endpoint").get<std::string>();
     }
@@ -30,10 +30,10 @@ class AtRest : public Mirror {
             counts[i] = (counts[i] + static_cast<double>(all[i]->wakeUps())) / static_cast<double>(kWatched.count());
         return counts;
     }
-    void expectRest(const std::vector<const Program*>& all, const std::vector<double>& most) {
+    void expectRest(const std::vector<const Program*>& all, const std::vector<double>& maximum) {
         std::this_thread::sleep_for(std::chrono::seconds(5));
         const std::vector<double> counts = wakeUps(all);
-        for (std::size_t i = 0; i < all.size(); ++i) EXPECT_LE(counts[i], most[i]) << "program " << i;
+        for (std::size_t i = 0; i < all.size(); ++i) EXPECT_LE(counts[i], maximum[i]) << "program " << i;
     }
 
     const std::string still = folder / "still.x3dv";
@@ -44,7 +44,7 @@ TEST_F(AtRest, WhoDrawsAndJoinsTilesWakesSeldom) {
     const std::string film = folder / "film.gif";
     Program& joining =
         start({"assemble", "--live", "tcp://127.0.0.1:0", "--tiles", "3,2", "--json", "-o", film, "--for", "20s"});
-    const std::string door = place(joining);
+    const std::string door = endpointOf(joining);
     for (int i = 0; i < 2; ++i)
         start({"mirror", endpoint, "--tiles", door, "--size", "60x40", "--spp", "2", "--fps", "10", "--threads", "1"});
     expectRest({&joining, programs[1].get(), programs[2].get()}, {5, 6, 6});
@@ -68,7 +68,7 @@ TEST_F(AtRest, WhoDrawsAndJoinsTilesWakesSeldom) {
 
 TEST_F(AtRest, WhoMakesPicturesOrServesViewersWakesSeldom) {
     const std::string relayed =
-        place(start({"relay", endpoint, "--bind", "tcp://127.0.0.1:*", "--json", "--for", "60s"}));
+        endpointOf(start({"relay", endpoint, "--bind", "tcp://127.0.0.1:*", "--json", "--for", "60s"}));
     std::vector<const Program*> all{programs[0].get()};
     for (const std::vector<std::string>& more : {std::vector<std::string>{"--for", "60s"},
                                                  {"--render", folder / "live.png", "--live", "--size", "32x32"},
@@ -87,7 +87,7 @@ TEST_F(AtRest, WhoPlaysALogWaitsForItsStates) {
     const std::string log = folder / "slow.rlog";
     ASSERT_EQ(rtsg({"record", still, "-o", log, "--for", "60s", "--fps", "1"}).status, 0);
     const Program& plays = start({"serve", log, "--bind", "tcp://127.0.0.1:*", "--json"});
-    const std::string served = place(plays);
+    const std::string served = endpointOf(plays);
     const Program& paused = start({"serve", log, "--bind", "tcp://127.0.0.1:*", "--paused", "--control"});
     const Program& shown = start({"replay", log, "--live", "--render", folder / "shown.png", "--size", "32x32"});
     expectRest({&plays, &paused, &shown}, {8, 4, 8});

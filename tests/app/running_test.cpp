@@ -188,9 +188,9 @@ class RecordedFrames : public CommandLine {};
 
 TEST_F(RecordedFrames, AreAllInTheLogHoweverFastTheSceneRuns) {
     const std::string log = folder / "a.rlog";
-    const Outcome made = rtsg({"record", file, "-o", log, "--for", "20s", "--fps", "1000", "--json"});
-    ASSERT_EQ(made.status, 0) << made.err;
-    EXPECT_EQ(json::parse(made.out).at("frames"), 20001);
+    const Outcome created = rtsg({"record", file, "-o", log, "--for", "20s", "--fps", "1000", "--json"});
+    ASSERT_EQ(created.status, 0) << created.err;
+    EXPECT_EQ(json::parse(created.out).at("frames"), 20001);
     const json info = json::parse(rtsg({"info", log, "--json"}).out);
     // The state that was loaded, and each frame: none merged with another.
     EXPECT_EQ(info.at("last_state").get<int>() - info.at("first_state").get<int>(), 20001);

@@ -38,9 +38,9 @@ TEST(ScriptProgram, WhatFailsInShutdownIsTold) {
         const Outcome run = Program(arguments, folder / "run").wait();
         EXPECT_EQ(run.status, 0) << verb[0];
         EXPECT_NE(run.out.find("bye"), std::string::npos) << verb[0] << run.out;
-        const std::size_t told = run.err.find("too late");
-        EXPECT_NE(told, std::string::npos) << verb[0] << run.err;
-        EXPECT_EQ(run.err.find("too late", told + 1), std::string::npos) << verb[0] << run.err;
+        const std::size_t reported = run.err.find("too late");
+        EXPECT_NE(reported, std::string::npos) << verb[0] << run.err;
+        EXPECT_EQ(run.err.find("too late", reported + 1), std::string::npos) << verb[0] << run.err;
     }
 }
 
@@ -98,8 +98,8 @@ TEST(ScriptProgram, AStringOvershootsByItsOwnLengthAndNoMore) {
     EXPECT_NE(run.err.find("out of memory, scripts may hold 256 MiB"), std::string::npos) << run.err;
     rusage usage{};
     ASSERT_EQ(::getrusage(RUSAGE_CHILDREN, &usage), 0);
-    const long most = (RTSG_HEAP_IS_OURS ? 256 + 512 + 96 : 2048) << 10;  // KiB
-    EXPECT_LT(usage.ru_maxrss, most);
+    const long maximum = (RTSG_HEAP_IS_OURS ? 256 + 512 + 96 : 2048) << 10;  // KiB
+    EXPECT_LT(usage.ru_maxrss, maximum);
 }
 
 }  // namespace

@@ -108,9 +108,9 @@ TEST_F(Mirror, AServerThatBeginsAnewLeavesAHoleThatIsNamed) {
 /// A log as a session: played, and played again, by commands of a mirror and of standard input.
 TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     const std::string log = folder / "played.rlog";
-    const Outcome made = rtsg({"record", file, "-o", log, "--for", "4s", "--fps", "20", "--json"});
-    ASSERT_EQ(made.status, 0) << made.err;
-    const std::string end = json::parse(made.out).at("hash");
+    const Outcome created = rtsg({"record", file, "-o", log, "--for", "4s", "--fps", "20", "--json"});
+    ASSERT_EQ(created.status, 0) << created.err;
+    const std::string end = json::parse(created.out).at("hash");
     const auto play = [&](std::vector<std::string> more, const std::string& input = {}) {
         std::vector<std::string> arguments{"serve", log, "--bind", "tcp://127.0.0.1:*", "--json"};
         arguments.insert(arguments.end(), more.begin(), more.end());
@@ -274,8 +274,9 @@ TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
     Program player({"serve", log, "--paused", "--bind", endpoint, "--upstream", "events"}, streams());
     ASSERT_NE(player.firstLine(), "");
-    const auto follow = [&](const std::string& option, const std::string& made) {
-        return rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "300ms", option, folder / made, "--size", "16x9"});
+    const auto follow = [&](const std::string& option, const std::string& created) {
+        return rtsg(
+            {"mirror", endpoint, "--for", "200ms", "--wait", "300ms", option, folder / created, "--size", "16x9"});
     };
     const Outcome asked = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@0"});
     EXPECT_EQ(asked.status, 1);
@@ -283,14 +284,14 @@ TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
     const Outcome later = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@.1"});
     EXPECT_EQ(later.status, 1);
     EXPECT_THAT(later.err, HasSubstr("refused: a log is played")) << "the clock counts for what is asked, too";
-    for (const auto& [option, made] : {std::pair("--render", "still.png"), std::pair("--save", "still.x3d")}) {
+    for (const auto& [option, created] : {std::pair("--render", "still.png"), std::pair("--save", "still.x3d")}) {
         const Outcome one =
-            rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "1000s", option, folder / made, "--size", "16x9"});
+            rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "1000s", option, folder / created, "--size", "16x9"});
         EXPECT_EQ(one.status, 0) << one.err;
-        EXPECT_TRUE(std::filesystem::exists(folder / made));
+        EXPECT_TRUE(std::filesystem::exists(folder / created));
     }
-    for (const auto& [option, made] : {std::pair("--render", "still%d.png"), std::pair("--record", "other.rlog")}) {
-        const Outcome many = follow(option, made);
+    for (const auto& [option, created] : {std::pair("--render", "still%d.png"), std::pair("--record", "other.rlog")}) {
+        const Outcome many = follow(option, created);
         EXPECT_EQ(many.status, 1);
         EXPECT_THAT(many.err, HasSubstr("stands still after 0 of 0.2 s"));
     }

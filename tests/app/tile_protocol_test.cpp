@@ -26,7 +26,7 @@ class BareMirror {
                   std::string(kBytes, 'x'));
     }
     /// The next line that it is told; empty: none comes within a while.
-    std::string told(std::chrono::milliseconds patience = std::chrono::seconds(60)) {
+    std::string nextLine(std::chrono::milliseconds patience = std::chrono::seconds(60)) {
         const auto end = std::chrono::steady_clock::now() + patience;
         while (line_.heard.find('\n') == std::string::npos)
             if (std::chrono::steady_clock::now() > end || !line_.more(std::chrono::milliseconds(10))) return {};
@@ -35,7 +35,7 @@ class BareMirror {
         line_.heard.erase(0, length + 1);
         return line;
     }
-    bool hearsNothing() { return told(std::chrono::milliseconds(300)).empty(); }
+    bool hearsNothing() { return nextLine(std::chrono::milliseconds(300)).empty(); }
 
   private:
     Line line_;
@@ -60,7 +60,7 @@ class TileProtocol : public CommandLine {
     /// It is asked for all of a picture, and draws it.
     static void expectWhole(BareMirror& mirror, int picture) {
         for (int column = 0; column < 3; ++column) {
-            ASSERT_EQ(mirror.told(), fmt::format("draw {} {} 0 3 1", picture, column));
+            ASSERT_EQ(mirror.nextLine(), fmt::format("draw {} {} 0 3 1", picture, column));
             mirror.draw(picture, column);
         }
     }
@@ -73,18 +73,18 @@ TEST_F(TileProtocol, AMirrorOwesTwoTilesAndForEachGetsTheNext) {
     {
         BareMirror one(port);
         one.have(5, 6);
-        EXPECT_EQ(one.told(), "draw 5 0 0 3 1");
-        EXPECT_EQ(one.told(), "draw 5 1 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 5 0 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 5 1 0 3 1");
         EXPECT_TRUE(one.hearsNothing()) << "while one is drawn the other is on its way";
         one.have(7, 8);
         EXPECT_TRUE(one.hearsNothing());
         one.draw(5, 1);
-        EXPECT_EQ(one.told(), "draw 5 2 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 5 2 0 3 1");
         one.draw(5, 0);
-        EXPECT_EQ(one.told(), "draw 7 0 0 3 1") << "the next picture begins when all of this one is asked for";
+        EXPECT_EQ(one.nextLine(), "draw 7 0 0 3 1") << "the next picture begins when all of this one is asked for";
         EXPECT_TRUE(one.hearsNothing());
         one.draw(5, 2);
-        EXPECT_EQ(one.told(), "draw 7 1 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 7 1 0 3 1");
     }
     const nlohmann::json counts = report();
     EXPECT_EQ(counts.at("pictures"), 1) << counts;
@@ -101,23 +101,23 @@ TEST_F(TileProtocol, ATileThatIsLateIsDrawnByAnother) {
         other.have(3, 4);
         EXPECT_TRUE(other.hearsNothing()) << "not all have the state";
         one.have(3, 4);
-        EXPECT_THAT(one.told(), StartsWith("draw 3"));
-        EXPECT_THAT(other.told(), StartsWith("draw 3"));
+        EXPECT_THAT(one.nextLine(), StartsWith("draw 3"));
+        EXPECT_THAT(other.nextLine(), StartsWith("draw 3"));
         // Of three tiles one of them has two. Whoever that is does nothing more.
-        const std::string more = one.told(std::chrono::milliseconds(300));
+        const std::string more = one.nextLine(std::chrono::milliseconds(300));
         BareMirror &lazy = more.empty() ? other : one, &busy = more.empty() ? one : other;
         const int left = &busy == &one ? 0 : 1;
         busy.draw(3, left);
-        std::set<std::string> again{busy.told(), busy.told()};
+        std::set<std::string> again{busy.nextLine(), busy.nextLine()};
         EXPECT_EQ(again.size(), 2u);
         EXPECT_FALSE(again.contains(fmt::format("draw 3 {} 0 3 1", left)));
         for (const int column : {0, 1, 2})
             if (column != left) busy.draw(3, column);
-        while (!busy.told(std::chrono::milliseconds(300)).empty());
+        while (!busy.nextLine(std::chrono::milliseconds(300)).empty());
         // A tile that comes too late changes nothing. On a loaded machine this mirror may have been asked for tiles
         // that were late, too, or the picture may still lack one, and this tile, of another state, is refused.
         lazy.draw(3, 1 - left, "bb");
-        for (std::string line; !(line = lazy.told(std::chrono::milliseconds(300))).empty();)
+        for (std::string line; !(line = lazy.nextLine(std::chrono::milliseconds(300))).empty();)
             EXPECT_THAT(line, AnyOf(StartsWith("draw 3"), StartsWith("refused a tile")));
     }
     const nlohmann::json counts = report();
@@ -130,8 +130,8 @@ TEST_F(TileProtocol, WhatNobodyHasIsGivenUpAndTheNextIsDrawn) {
     {
         BareMirror one(port);
         one.have(5, 6);
-        EXPECT_EQ(one.told(), "draw 5 0 0 3 1");
-        EXPECT_EQ(one.told(), "draw 5 1 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 5 0 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 5 1 0 3 1");
         one.have(8, 3);
         one.gone(5, 0);
         one.gone(5, 1);
@@ -150,10 +150,10 @@ TEST_F(TileProtocol, NothingIsAskedForWhileNothingChanges) {
         one.have(5, 6);
         expectWhole(one, 5);
         one.have(8, 6);
-        EXPECT_EQ(one.told(), "draw 8 0 0 3 1");
-        EXPECT_EQ(one.told(), "draw 8 1 0 3 1") << "it owes nothing any longer";
+        EXPECT_EQ(one.nextLine(), "draw 8 0 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 8 1 0 3 1") << "it owes nothing any longer";
         for (const int column : {0, 1, 2}) one.draw(8, column);
-        EXPECT_EQ(one.told(), "draw 8 2 0 3 1");
+        EXPECT_EQ(one.nextLine(), "draw 8 2 0 3 1");
         one.have(12, 6);
         one.have(20, 8);
         EXPECT_TRUE(one.hearsNothing()) << "picture 8 shows it";
@@ -175,16 +175,16 @@ TEST_F(TileProtocol, ATileOfAnotherStateIsRefused) {
         {
             BareMirror one(port);
             one.have(4, 5);
-            EXPECT_EQ(one.told(), "draw 4 0 0 3 1");
-            EXPECT_EQ(one.told(), "draw 4 1 0 3 1");
+            EXPECT_EQ(one.nextLine(), "draw 4 0 0 3 1");
+            EXPECT_EQ(one.nextLine(), "draw 4 1 0 3 1");
             BareMirror other(port);
             other.have(4, 5);
-            EXPECT_EQ(other.told(), "draw 4 2 0 3 1");
+            EXPECT_EQ(other.nextLine(), "draw 4 2 0 3 1");
             one.draw(4, 0);
             EXPECT_TRUE(one.hearsNothing());
             other.draw(4, 2, otherHash ? "bb" : "aa", otherHash ? 7 : 8);
-            EXPECT_THAT(other.told(), StartsWith("refused a tile of state"));
-            EXPECT_EQ(one.told(), "draw 4 2 0 3 1");
+            EXPECT_THAT(other.nextLine(), StartsWith("refused a tile of state"));
+            EXPECT_EQ(one.nextLine(), "draw 4 2 0 3 1");
             one.draw(4, 1);
             one.draw(4, 2);
             EXPECT_TRUE(other.hearsNothing());

@@ -69,8 +69,8 @@ TEST_F(Touch, ADriverAtASocketIsAnsweredByForces) {
     ::setsockopt(driver, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     double force = 0;
     for (int i = 0; i < 2000 && force < 1; ++i) {  // down into the cushion
-        const double place[3] = {0, .12 - .0001 * i, 0};
-        ::sendto(driver, place, sizeof(place), 0, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
+        const double position[3] = {0, .12 - .0001 * i, 0};
+        ::sendto(driver, position, sizeof(position), 0, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
         double answer[3] = {0, 0, 0};
         ASSERT_EQ(::recv(driver, answer, sizeof(answer), 0), 24);
         force = answer[1];

@@ -71,19 +71,19 @@ TEST_F(View, AtRestTheWindowOfAServedSceneWakesSeldom) {
     const std::string still = folder / "still.x3dv";
     writeFile(still, "#X3D V4.0 utf8\nPROFILE Immersive\nShape { geometry Box { } }\n");
     serve({"--for", "90s"}, "ipc://" + folder / "socket", still);
-    const auto turns = [&](const char* duration) {
+    const auto rotations = [&](const char* duration) {
         return view({endpoint, "--for", duration}).at("frames").get<std::int64_t>();
     };
-    const std::int64_t begun = turns("5s");  // what it takes to get there
-    EXPECT_LE(turns("11s") - begun, 5 * 6);
+    const std::int64_t begun = rotations("5s");  // what it takes to get there
+    EXPECT_LE(rotations("11s") - begun, 5 * 6);
 }
 
 TEST_F(View, ALogIsPlayed) {
     const std::string log = folder / "a.rlog";
-    const Outcome made = rtsg({"record", file, "-o", log, "--for", "500ms", "--json"});
-    ASSERT_EQ(made.status, 0);
+    const Outcome created = rtsg({"record", file, "-o", log, "--for", "500ms", "--json"});
+    ASSERT_EQ(created.status, 0);
     const json summary = view({log, "--for", "1500ms"});
-    EXPECT_EQ(summary.at("hash"), json::parse(made.out).at("hash")) << "to its end: " << summary;
+    EXPECT_EQ(summary.at("hash"), json::parse(created.out).at("hash")) << "to its end: " << summary;
     view({log, "--set", "BOX.scale=2 2 2@0"}, 1);
     EXPECT_THAT(said, HasSubstr("--set goes with a scene's file"));
 }

@@ -48,7 +48,7 @@ class TriangleGeometry : public AcousticGeometry {
         planes_ = merger_.finish();
         for (ReflectingPlane& plane : planes_) plane.mirrors = 0;
         for (const Triangle& t : triangles_)
-            planes_[t.plane].mirrors = std::max(planes_[t.plane].mirrors, materials_[t.material].mostMirrored());
+            planes_[t.plane].mirrors = std::max(planes_[t.plane].mirrors, materials_[t.material].maxMirrored());
     }
 
     std::span<const ReflectingPlane> planes() const override { return planes_; }

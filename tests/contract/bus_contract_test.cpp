@@ -17,12 +17,12 @@
 namespace rtsg::test {
 namespace {
 
-enum class Place { immediate, polled, reporter, listener, onEvent, onTime, print };
+enum class NodeField { immediate, polled, reporter, listener, onEvent, onTime, print };
 
-std::string nameOf(Place place) {
+std::string nameOf(NodeField position) {
     constexpr const char* names[] = {"ImmediateSubscriber", "PolledSubscriber", "ReporterOfTheBus", "EventListener",
                                      "BehaviourOnEvent",    "BehaviourOnTime",  "PrintOfAScript"};
-    return names[static_cast<int>(place)];
+    return names[static_cast<int>(position)];
 }
 
 using Hashes = std::map<std::uint64_t, Hash128>;  // by number of the state
@@ -87,12 +87,12 @@ DEF S Script {
 /// Someone meddles from one place, in the course of random edits, while subscribers of every kind follow.
 class Meddling {
   public:
-    Meddling(Place place, std::uint64_t seed) : place_(place), random_(seed) {
+    Meddling(NodeField position, std::uint64_t seed) : field_(position), random_(seed) {
         ScriptOptions options;
-        options.print = [this](std::string_view) { meddle(Place::print); };
+        options.print = [this](std::string_view) { meddle(NodeField::print); };
         runScripts(scene_, std::move(options));
-        scene_.setEventListener([this](double, const Node&, FieldIndex, const Value&) { meddle(Place::listener); });
-        scene_.bus().setReporter([this](const Diagnostic&) { meddle(Place::reporter); });
+        scene_.setEventListener([this](double, const Node&, FieldIndex, const Value&) { meddle(NodeField::listener); });
+        scene_.bus().setReporter([this](const Diagnostic&) { meddle(NodeField::reporter); });
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene_, kScene, diagnostics));
         EXPECT_EQ(diagnostics.errors(), 0U);
@@ -102,8 +102,8 @@ class Meddling {
 
         early_.name = "early", late_.name = "late", polling_.name = "polling", drained_.name = "drained";
         polling_.merged = drained_.merged = true;
-        meddler_.name = "meddler", meddler_.within = [this] { meddle(Place::immediate); };
-        polling_.within = [this] { meddle(Place::polled); };
+        meddler_.name = "meddler", meddler_.within = [this] { meddle(NodeField::immediate); };
+        polling_.within = [this] { meddle(NodeField::polled); };
         for (Follower* one : {&early_, &meddler_, &late_}) attachments_.push_back(scene_.bus().attach(*one));
         failing_ = scene_.bus().attach(failingOne_);
         polled_ = scene_.bus().attach(polling_, Delivery::polled);
@@ -118,7 +118,7 @@ class Meddling {
         for (int i = 1; i <= frames; ++i) {
             left_ = 2;
             for (int n = pick(3); n > 0; --n) edits_->step();
-            if (place_ == Place::reporter) {
+            if (field_ == NodeField::reporter) {
                 failing_ = {};
                 failingOne_.now = false;
                 failing_ = scene_.bus().attach(failingOne_);
@@ -155,7 +155,7 @@ class Meddling {
         }
         EXPECT_TRUE(!betweenStates() || snapshots_.empty());
     }
-    bool betweenStates() const { return place_ >= Place::listener; }
+    bool betweenStates() const { return field_ >= NodeField::listener; }
     std::uint64_t calls() const { return static_cast<std::uint64_t>(calls_); }
     std::uint64_t snapshots() const { return snapshots_.size(); }
 
@@ -166,17 +166,17 @@ class Meddling {
         current_ = this;
         // Behaviours are plain functions: they find their test here.
         const Behaviour behaviour{
-            .onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { current_->meddle(Place::onEvent); },
+            .onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) { current_->meddle(NodeField::onEvent); },
             .onTime = [](Cascade&, const Node&) -> double {
-                if (current_) current_->meddle(Place::onTime);
+                if (current_) current_->meddle(NodeField::onTime);
                 return 0;
             }};
         scene_.registerBehaviour(x3d::Switch::type, behaviour);
     }
 
     /// Called in every place; acts in one.
-    void meddle(Place place) {
-        if (place != place_ || left_ == 0 || inside_) return;
+    void meddle(NodeField position) {
+        if (position != field_ || left_ == 0 || inside_) return;
         --left_;
         ++calls_;
         inside_ = true;
@@ -201,7 +201,7 @@ class Meddling {
     }
 
     static inline Meddling* current_ = nullptr;
-    Place place_;
+    NodeField field_;
     std::mt19937_64 random_;
     Scene scene_;
     std::optional<RandomEdits> edits_;
@@ -215,7 +215,7 @@ class Meddling {
     Attachment failing_, polled_, drain_;
 };
 
-class BusContract : public testing::TestWithParam<Place> {};
+class BusContract : public testing::TestWithParam<NodeField> {};
 
 TEST_P(BusContract, EverybodySeesEverySetInOrder) {
     std::uint64_t calls = 0, snapshots = 0;
@@ -233,10 +233,10 @@ TEST_P(BusContract, EverybodySeesEverySetInOrder) {
     EXPECT_GE(snapshots, betweenStates ? 0 : seeds);
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryPlace, BusContract,
-                         testing::Values(Place::immediate, Place::polled, Place::reporter, Place::listener,
-                                         Place::onEvent, Place::onTime, Place::print),
-                         [](const auto& place) { return nameOf(place.param); });
+INSTANTIATE_TEST_SUITE_P(EveryPosition, BusContract,
+                         testing::Values(NodeField::immediate, NodeField::polled, NodeField::reporter,
+                                         NodeField::listener, NodeField::onEvent, NodeField::onTime, NodeField::print),
+                         [](const auto& position) { return nameOf(position.param); });
 
 /// A Script's edits are its own: new nodes, values, children, routes.
 TEST(BusContract, AScriptEditsAndEverybodySeesIt) {
@@ -253,14 +253,14 @@ TEST(BusContract, AScriptEditsAndEverybodySeesIt) {
     Attachment second = scene.bus().attach(drained, Delivery::polled);
     std::vector<Attachment> others;
     const NodeId script = scene.findName("S"), top = scene.findName("TOP");
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (int i = 1; i <= 30; ++i) {
         ASSERT_TRUE(scene.sendEvent(script, scene.node(script).type().find("go"), std::int32_t{i}));
         EXPECT_EQ(scene.newFrame(i)->to, static_cast<std::uint64_t>(i) + 1) << "a frame is one set";
-        most = std::max(most, scene.node(top).get(x3d::Group::children).size());
+        maximum = std::max(maximum, scene.node(top).get(x3d::Group::children).size());
         if (i == 10) others.push_back(scene.bus().attach(late));
     }
-    EXPECT_EQ(most, 1U);
+    EXPECT_EQ(maximum, 1U);
     EXPECT_EQ(scene.node(scene.findName("SEEN")).get(x3d::Transform::translation), Vec3f(30, 0, 0));
     EXPECT_EQ(second.drain(), 31U);
     for (const Follower* one : {&early, &late, &drained}) EXPECT_EQ(one->replica.hash(), scene.hash()) << one->name;

@@ -162,8 +162,9 @@ class PictureSubject final : public WorldSubject {
     void end() override { light_.reset(); }
     SubscriberState now() override {
         SubscriberState state;
-        const auto made = light_->renderFrame();
-        addPixels(state, made ? Result<Picture>(light_->frame()) : Result<Picture>(std::unexpected(made.error())));
+        const auto created = light_->renderFrame();
+        addPixels(state,
+                  created ? Result<Picture>(light_->frame()) : Result<Picture>(std::unexpected(created.error())));
         return state;
     }
 

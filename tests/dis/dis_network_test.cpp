@@ -39,11 +39,11 @@ class EtherTransport final : public DisTransport {
         std::erase(ether_.listened, address);
         at_.erase(address);
     }
-    std::size_t receive(const DisAddress& address, std::size_t most,
+    std::size_t receive(const DisAddress& address, std::size_t maximum,
                         const std::function<void(std::span<const std::uint8_t>)>& take) override {
         const auto all = ether_.sent[address];
         std::size_t count = 0;
-        for (std::size_t& next = at_[address]; next < all.size() && count < most; ++count) take(all[next++]);
+        for (std::size_t& next = at_[address]; next < all.size() && count < maximum; ++count) take(all[next++]);
         return count;
     }
     Result<> send(const DisAddress& address, const DisAddress&, std::span<const std::uint8_t> bytes) override {
@@ -474,12 +474,12 @@ TEST(DisNetwork, AManagerMakesNodesForEntities) {
         return scene.node(scene.findName("G")).get(x3d::Group::children);
     };
     ASSERT_EQ(children().size(), 1u);
-    const NodeId made = children()[0];
-    EXPECT_EQ(scene.node(made).get(Espdu::entityID), 10);
-    EXPECT_EQ(scene.node(made).get(Espdu::marking).view(), "T10");
-    EXPECT_EQ(scene.node(made).get(Espdu::translation), Vec3f(5, 0, 0));
-    EXPECT_TRUE(scene.node(made).get(Espdu::isActive));
-    const NodeId model = scene.node(made).get(Espdu::children)[0];
+    const NodeId created = children()[0];
+    EXPECT_EQ(scene.node(created).get(Espdu::entityID), 10);
+    EXPECT_EQ(scene.node(created).get(Espdu::marking).view(), "T10");
+    EXPECT_EQ(scene.node(created).get(Espdu::translation), Vec3f(5, 0, 0));
+    EXPECT_TRUE(scene.node(created).get(Espdu::isActive));
+    const NodeId model = scene.node(created).get(Espdu::children)[0];
     EXPECT_EQ(scene.node(model).get(x3d::Inline::url)[0].view(), "tank.x3dv");
     EXPECT_TRUE(scene.findName("Tank", model));
     EXPECT_EQ(network.counts().entities, 1u);
@@ -488,12 +488,12 @@ TEST(DisNetwork, AManagerMakesNodesForEntities) {
     put(ether, {{}, tank});
     frame(2);
     EXPECT_EQ(children().size(), 1u);
-    EXPECT_EQ(scene.node(made).get(Espdu::translation), Vec3f(6, 0, 0));
+    EXPECT_EQ(scene.node(created).get(Espdu::translation), Vec3f(6, 0, 0));
     // Told to go.
     put(ether, {{}, dis::RemoveEntity{{9, 9, 9}, {1, 2, 10}, 1}});
     for (const double t : {3., 4., 5., 6., 7.}) frame(t);
     EXPECT_TRUE(children().empty());
-    EXPECT_FALSE(scene.find(made));
+    EXPECT_FALSE(scene.find(created));
     EXPECT_EQ(scene.nodeCount(), nodes);  // the model's too
     // Silent for too long; and one that says it is its last PDU.
     auto other = stateOf(11);
@@ -564,7 +564,7 @@ TEST(DisNetwork, HostileDatagramsAreToldOnceAndLeftOut) {
         put(ether, {{}, state});
     }
     for (int k = 0; k < 4; ++k) host.frame(2 + k);
-    EXPECT_EQ(host.network.counts().entities, DisNetwork::kMostEntities);
+    EXPECT_EQ(host.network.counts().entities, DisNetwork::kMaxEntities);
     EXPECT_NE(host.said().find("more than 4096 entities"), std::string::npos);
 }
 

@@ -9,15 +9,15 @@
 
 #include <rtsg/feeds/metrics_server.h>
 
-#include "sockets/place.h"
+#include "sockets/endpoint.h"
 
 namespace rtsg {
 
 namespace {
 
 std::string asked(const std::string& address, const std::string& request) {
-    const auto place = feeds::Place::parse("tcp://" + address);
-    const auto at = feeds::findAddress(*place);
+    const auto endpoint = feeds::Endpoint::parse("tcp://" + address);
+    const auto at = feeds::findAddress(*endpoint);
     const feeds::Descriptor socket(::socket(AF_INET, SOCK_STREAM, 0));
     const timeval patience = {60, 0};
     (void)::setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
@@ -60,8 +60,8 @@ h_count 7
 
 /// Bytes that come ever so slowly are no answer.
 TEST(FetchMetrics, EndsWhereNoWholeAnswerComes) {
-    auto place = *feeds::Place::parse("tcp://127.0.0.1:0");
-    auto listening = feeds::listenAt(place, false);
+    auto endpoint = *feeds::Endpoint::parse("tcp://127.0.0.1:0");
+    auto listening = feeds::listenAt(endpoint, false);
     ASSERT_TRUE(listening) << listening.error().text;
     std::atomic<bool> over{false};
     std::thread trickles([&] {
@@ -72,7 +72,7 @@ TEST(FetchMetrics, EndsWhereNoWholeAnswerComes) {
             std::this_thread::sleep_for(std::chrono::milliseconds(10));
         }
     });
-    const auto answer = fetchMetrics("127.0.0.1:" + std::to_string(place.port));
+    const auto answer = fetchMetrics("127.0.0.1:" + std::to_string(endpoint.port));
     over = true;
     trickles.join();
     ASSERT_FALSE(answer);
@@ -80,8 +80,8 @@ TEST(FetchMetrics, EndsWhereNoWholeAnswerComes) {
 }
 
 TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
-    int made = 0;
-    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++made) + "\n"; });
+    int created = 0;
+    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++created) + "\n"; });
     ASSERT_TRUE(server) << server.error().text;
     const std::string& at = (*server)->address();
     EXPECT_EQ(*fetchMetrics(at), "a 1\n");
@@ -93,13 +93,13 @@ TEST(MetricsServer, AnswersWhatItHasAndRefusesTheRest) {
     EXPECT_TRUE(asked(at, "POST /metrics" + host + end).starts_with("HTTP/1.1 405 "));
     EXPECT_TRUE(asked(at, "\r\n\r\n").starts_with("HTTP/1.1 400 "));
     EXPECT_TRUE(asked(at, "GET /" + std::string(5000, 'x')).starts_with("HTTP/1.1 431 "));
-    EXPECT_EQ(made, 4);
+    EXPECT_EQ(created, 4);
 }
 
 // A foreign name may lead to loopback, and pages of other sites may send requests there.
 TEST(MetricsServer, AnswersByItsOwnNamesAndNoPagesOfOthers) {
-    int made = 0;
-    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++made) + "\n"; });
+    int created = 0;
+    const auto server = MetricsServer::start("0", false, [&] { return "a " + std::to_string(++created) + "\n"; });
     ASSERT_TRUE(server) << server.error().text;
     const auto status = [&](const std::string& fields) {
         const std::string answer = asked((*server)->address(), "GET /metrics HTTP/1.1\r\n" + fields + "\r\n");
@@ -115,14 +115,14 @@ TEST(MetricsServer, AnswersByItsOwnNamesAndNoPagesOfOthers) {
     EXPECT_EQ(status("Host: localhost\r\nOrigin: http://localhost:3000\r\n"), "200");
     EXPECT_EQ(status("Host: localhost\r\nOrigin: https://evil.example\r\n"), "403");
     EXPECT_EQ(status("Host: localhost\r\nOrigin: null\r\n"), "403");
-    EXPECT_EQ(made, 7);
+    EXPECT_EQ(created, 7);
 }
 
 TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
     const auto server = MetricsServer::start("0", false, [] { return std::string("a 1\n"); });
     ASSERT_TRUE(server);
-    const auto place = feeds::Place::parse("tcp://" + (*server)->address());
-    const auto at = feeds::findAddress(*place);
+    const auto endpoint = feeds::Endpoint::parse("tcp://" + (*server)->address());
+    const auto at = feeds::findAddress(*endpoint);
     std::vector<feeds::Descriptor> silent;
     for (int i = 0; i < 200; ++i) {
         silent.emplace_back(::socket(AF_INET, SOCK_STREAM, 0));
@@ -132,8 +132,8 @@ TEST(MetricsServer, WhoAsksNothingKeepsNobodyFromIt) {
 }
 
 TEST(MetricsServer, PlacesThatMakeNoSenseAreErrors) {
-    for (const char* place : {"", "x", "tcp://127.0.0.1:1", "70000", "0.0.0.0:0"})
-        EXPECT_FALSE(MetricsServer::start(place, false, [] { return std::string(); })) << place;
+    for (const char* endpoint : {"", "x", "tcp://127.0.0.1:1", "70000", "0.0.0.0:0"})
+        EXPECT_FALSE(MetricsServer::start(endpoint, false, [] { return std::string(); })) << endpoint;
 }
 
 }  // namespace rtsg

@@ -24,12 +24,13 @@ std::string blocksOf(std::span<const std::uint8_t> dds, rtsg::FilePixels& out) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-    constexpr int most = 1 << 16;
+    constexpr int maximum = 1 << 16;
     for (const bool asData : {false, true}) {
         rtsg::ReadRequest request{
             .bottomRowFirst = asData, .layers = true, .straight = true, .data = asData, .check = {}};
         request.check = [](int width, int height, int layers, bool) {
-            return width > most || height > most / width || layers > most / width / height ? "too many" : std::string();
+            return width > maximum || height > maximum / width || layers > maximum / width / height ? "too many"
+                                                                                                    : std::string();
         };
         rtsg::FilePixels pixels;
         const std::string error = rtsg::readKtx2({data, size}, request, blocksOf, pixels);

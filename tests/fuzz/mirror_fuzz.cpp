@@ -33,12 +33,12 @@ void expect(bool condition) {
 
 const Scene& smallScene() {
     static const std::unique_ptr<Scene> scene = [] {
-        auto made = std::make_unique<Scene>();
+        auto created = std::make_unique<Scene>();
         Diagnostics diagnostics;
-        (void)loadText(*made, "#X3D V4.0 utf8\nDEF A Transform { children [ DEF B Shape { geometry Box { } } ] }\n",
+        (void)loadText(*created, "#X3D V4.0 utf8\nDEF A Transform { children [ DEF B Shape { geometry Box { } } ] }\n",
                        diagnostics);
-        made->newFrame(0);
-        return made;
+        created->newFrame(0);
+        return created;
     }();
     return *scene;
 }
@@ -100,15 +100,15 @@ void part(const mirror::Wishes& wishes) {
     if (!wishes.partial()) return;
     if (const auto refusal = MirrorPart::refusalOf(wishes)) return expect(!refusal->empty());
     MirrorPart part(wishes);
-    ShapePlaces places;
+    SpatialIndex index;
     if (part.region()) {
         expect(part.region()->radius > 0 && part.region()->margin >= 0);
-        places.coverRadius(part.region()->radius);
-        expect(places.follow(smallScene(), nullptr));
+        index.coverRadius(part.region()->radius);
+        expect(index.follow(smallScene(), nullptr));
     }
-    const auto first = part.follow(smallScene(), nullptr, &places);
+    const auto first = part.follow(smallScene(), nullptr, &index);
     expect(first.has_value() && (*first)->hash == part.scene().hash());
-    const auto again = part.follow(smallScene(), nullptr, &places);
+    const auto again = part.follow(smallScene(), nullptr, &index);
     expect(again.has_value() && (*again)->changes.empty());
 }
 

@@ -47,7 +47,7 @@ struct PublishedScene {
         for (std::size_t i = 0; i < points; ++i) all[i] = Vec3f(float(i), float(frame), 0);
         EXPECT_TRUE(scene.set(cloud, x3d::Coordinate::point, Array<Vec3f>(all)));
     }
-    void turn() {
+    void poll() {
         server->service();
         EXPECT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(float(++frame), 0, 0)));
         scene.newFrame(frame * .02);

@@ -87,11 +87,11 @@ TEST(DeltaQueues, WhatIsTakenOrMergedIsNotTakenAgain) {
     EXPECT_EQ(queue.take(4)->size(), 4u);
     EXPECT_FALSE(queue.take(3)) << "it is behind";
     EXPECT_EQ(queue.take(4)->size(), 0u);
-    for (std::size_t i = 0; i < DeltaQueue::kMost; ++i) queue.add(delta);
+    for (std::size_t i = 0; i < DeltaQueue::kMax; ++i) queue.add(delta);
     EXPECT_FALSE(queue.take(20)) << "merged with what came later";
     const auto rest = queue.take(queue.newest());
     ASSERT_TRUE(rest);
-    EXPECT_LE(rest->size(), DeltaQueue::kMost);
+    EXPECT_LE(rest->size(), DeltaQueue::kMax);
     EXPECT_TRUE(queue.take(queue.newest())->empty());
 }
 

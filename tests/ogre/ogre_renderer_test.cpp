@@ -74,7 +74,7 @@ struct Difference {
 Difference differenceOf(const Picture& a, const Picture& b) {
     const auto shown = [](const Vec4f& pixel) { return glm::clamp(Vec3f(pixel), Vec3f(0), Vec3f(1)) * 255.0f; };
     const Vec3f background = shown(a.pixels[0]);
-    const auto isThing = [&](const Vec3f& c) {
+    const auto isObject = [&](const Vec3f& c) {
         const Vec3f d = glm::abs(c - background);
         return std::max({d.x, d.y, d.z}) > 4;
     };
@@ -82,7 +82,7 @@ Difference differenceOf(const Picture& a, const Picture& b) {
     for (std::size_t i = 0; i < a.pixels.size(); ++i) {
         const Vec3f x = shown(a.pixels[i]), y = shown(b.pixels[i]), d = glm::abs(x - y);
         sum += static_cast<double>(d.x) + d.y + d.z;
-        both += isThing(x) && isThing(y), any += isThing(x) || isThing(y);
+        both += isObject(x) && isObject(y), any += isObject(x) || isObject(y);
     }
     return {sum / (3 * static_cast<double>(a.pixels.size())), any > 0 ? both / any : 1};
 }
@@ -131,8 +131,8 @@ TEST_P(OgreContent, IsSeenInHybridPictures) {
     for (const Diagnostic& d : both.raster->diagnostics().all()) ADD_FAILURE() << d.format();
 }
 
-std::string shape(const std::string& appearance, const std::string& geometry, const std::string& place = "0 0 0") {
-    return "Transform { translation " + place +
+std::string shape(const std::string& appearance, const std::string& geometry, const std::string& position = "0 0 0") {
+    return "Transform { translation " + position +
            " rotation .70710678 .70710678 0 .6 children Shape { appearance Appearance { " + appearance +
            " } geometry " + geometry + " } }\n";
 }

@@ -21,8 +21,8 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 /// A scene with a follower.
-struct Told {
-    explicit Told(const std::string& body) {
+struct Reported {
+    explicit Reported(const std::string& body) {
         EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Immersive\n" + body, diagnostics));
         world = std::make_unique<SharedWorld>(scene);
         written = std::make_unique<Written>(*world);
@@ -44,7 +44,7 @@ const char* const kTwo =
     "DEF C Transform { translation 3 0 0 children USE S }\n";
 
 TEST(RasterScene, SharesMeshesAndMaterialsAndMovesThingsAlone) {
-    Told t(kTwo);
+    Reported t(kTwo);
     EXPECT_EQ(t.written->content().size(), 2u);
     EXPECT_EQ(t.written->raster.meshes.size(), 1u);
     EXPECT_EQ(t.written->raster.materials.size(), 1u);
@@ -58,7 +58,7 @@ TEST(RasterScene, SharesMeshesAndMaterialsAndMovesThingsAlone) {
     EXPECT_THAT(t.written->content(), Contains(HasSubstr("(0 5 0)")));
     const OgreRenderer::Counts moved = t.written->scene.counts();
     EXPECT_EQ(moved.moved, before.moved + 1);
-    EXPECT_EQ(moved.things, before.things);
+    EXPECT_EQ(moved.objects, before.objects);
     EXPECT_EQ(moved.meshes, before.meshes);
     EXPECT_EQ(moved.materials, before.materials);
     EXPECT_EQ(moved.tables, before.tables);
@@ -72,7 +72,7 @@ TEST(RasterScene, SharesMeshesAndMaterialsAndMovesThingsAlone) {
 }
 
 TEST(RasterScene, ADeformingMeshKeepsItsNumber) {
-    Told t(
+    Reported t(
         "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] coord DEF P Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] "
         "} "
         "} }\n");
@@ -94,7 +94,7 @@ TEST(RasterScene, ADeformingMeshKeepsItsNumber) {
 }
 
 TEST(RasterScene, ClearAndTwoSidedSurfacesAreDrawnBacksFirst) {
-    Told t(
+    Reported t(
         "Shape { appearance Appearance { material Material { transparency .5 } } geometry IndexedFaceSet { solid FALSE "
         "coordIndex [ 0 1 2 ] coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } } }\n"
         "Shape { appearance Appearance { material Material { } backMaterial Material { diffuseColor 1 0 0 } } geometry "
@@ -102,9 +102,9 @@ TEST(RasterScene, ClearAndTwoSidedSurfacesAreDrawnBacksFirst) {
         "Shape { geometry Box { } }\n");
     (void)t.written->content();
     int fronts = 0, backs = 0, first = 0;
-    for (const auto& [id, thing] : t.written->raster.things)
-        fronts += thing.fronts, backs += thing.backs, first += thing.first;
-    EXPECT_EQ(t.written->raster.things.size(), 5u);
+    for (const auto& [id, item] : t.written->raster.objects)
+        fronts += item.fronts, backs += item.backs, first += item.first;
+    EXPECT_EQ(t.written->raster.objects.size(), 5u);
     EXPECT_EQ(fronts, 3);
     EXPECT_EQ(backs, 2) << "the Box has none";
     EXPECT_EQ(first, 2);
@@ -127,7 +127,7 @@ TEST(RasterScene, OfADeformingMeshOnlyWhatMovesIsHandedOver) {
           Kind{"creaseAngle 4", "fogCoord FogCoordinate { depth [ 0, .5, .5, 1 ] }", 4},
           Kind{"creaseAngle 4 colorPerVertex FALSE", "color Color { color [ 1 0 0, 0 1 0 ] }", 6}}) {
         SCOPED_TRACE(kind.smooth + kind.more);
-        Told t("Shape { geometry " + fmt::format(fmt::runtime(faces), kind.smooth, kind.more) + " }\n");
+        Reported t("Shape { geometry " + fmt::format(fmt::runtime(faces), kind.smooth, kind.more) + " }\n");
         (void)t.written->content();
         const auto& mesh = t.written->raster.meshes.begin()->second;
         for (int i = 1; i < 5; ++i) {
@@ -139,23 +139,23 @@ TEST(RasterScene, OfADeformingMeshOnlyWhatMovesIsHandedOver) {
         }
         EXPECT_EQ(mesh.set, 2);
         EXPECT_EQ(mesh.bent, 3);
-        EXPECT_EQ(mesh.places.size(), kind.vertices);
+        EXPECT_EQ(mesh.vertices.size(), kind.vertices);
         EXPECT_EQ(t.written->scene.counts().bent, 3u);
     }
 }
 
 // 2,000 km away places are still told to a hair.
 TEST(RasterScene, PlacesAreRelativeToAnOriginNearTheEye) {
-    Told t(
+    Reported t(
         "Viewpoint { position 2000000 0 10 }\n"
         "Transform { translation 2000000 .0625 0 children Shape { geometry Box { } } }\n");
     EXPECT_EQ(t.written->content().size(), 1u);
-    EXPECT_EQ(t.written->raster.things.begin()->second.position, glm::vec3(0, .0625f, -10));
+    EXPECT_EQ(t.written->raster.objects.begin()->second.position, glm::vec3(0, .0625f, -10));
     EXPECT_EQ(t.written->scene.origin(), Vec3d(2000000, 0, 10));
 }
 
 TEST(RasterScene, WhatItCannotShowIsNamed) {
-    Told t(
+    Reported t(
         "EnvironmentLight { }\n"
         "Shape { appearance Appearance { texture MultiTexture { texture PixelTexture { image 1 1 3 0xFF0000 } } } "
         "geometry Box { } }\n");
@@ -194,10 +194,10 @@ TEST(RasterScene, RandomEditsGiveWhatTheSceneAnewGives) {
                 << testing::PrintToString(onlyAnew) << " after " << set << " sets of changes";
             EXPECT_TRUE(followed.size() > 5 || seed == 3) << "little is seen: this test proves nothing";
         }
-        const std::size_t things = written.raster.things.size();
-        EXPECT_LE(written.raster.meshes.size(), things) << "what nobody shows is given back";
-        EXPECT_LE(written.raster.materials.size(), things);
-        EXPECT_LE(written.raster.textures.size(), things);
+        const std::size_t objects = written.raster.objects.size();
+        EXPECT_LE(written.raster.meshes.size(), objects) << "what nobody shows is given back";
+        EXPECT_LE(written.raster.materials.size(), objects);
+        EXPECT_LE(written.raster.textures.size(), objects);
     }
 }
 

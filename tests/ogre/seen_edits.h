@@ -17,7 +17,7 @@ namespace rtsg::test {
 
 class SeenEdits {
   public:
-    static constexpr int kThings = 30;
+    static constexpr int kItems = 30;
     SeenEdits(Scene& scene, std::uint64_t seed) : scene_(scene), random_(seed) {
         std::string text = "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 0 25 }\nDEF Sky Background { }\n";
         const char* const geometries[] = {
@@ -25,7 +25,7 @@ class SeenEdits {
             "IndexedFaceSet { solid FALSE coordIndex [ 0 1 2 ] coord DEF P{} Coordinate { point [ 0 0 0, 2 0 0, 0 2 0 "
             "] } }",
             "IndexedLineSet { coordIndex [ 0 1 2 ] coord DEF P{} Coordinate { point [ 0 0 0, 2 0 0, 0 2 1 ] } }"};
-        for (int i = 0; i < kThings; ++i) {
+        for (int i = 0; i < kItems; ++i) {
             std::string geometry = geometries[i % 5];
             if (const auto at = geometry.find("{}"); at != geometry.npos) geometry.replace(at, 2, std::to_string(i));
             text += fmt::format(
@@ -54,7 +54,7 @@ class SeenEdits {
                 set(node('T'), x3d::Transform::scale, Vec3f(number() * 2, 1, pick(9) ? 1.0f : 0.0f));
                 break;
             case 3:
-                set(node('M'), x3d::Material::diffuseColor, Color{share(), share(), share()});
+                set(node('M'), x3d::Material::diffuseColor, Color{fraction(), fraction(), fraction()});
                 break;
             case 4:
                 set(node('M'), x3d::Material::transparency, pick(2) ? 0.0f : .5f);
@@ -93,15 +93,15 @@ class SeenEdits {
     }
     void deform() {
         const auto number3 = [&] { return Vec3f(number() * 2, number() * 2, number()); };
-        const NodeId points = scene_.findName(fmt::format("P{}", pick(kThings) / 5 * 5 + 3 + pick(2)));
+        const NodeId points = scene_.findName(fmt::format("P{}", pick(kItems) / 5 * 5 + 3 + pick(2)));
         Array<Vec3f> value{number3(), number3(), number3()};
         if (pick(8) == 0) value = {};
         set(points, x3d::Coordinate::point, value);
     }
     std::size_t pick(std::size_t n) { return random_() % n; }
-    float share() { return static_cast<float>(pick(256)) / 255; }
-    float number() { return 2 * share() - 1; }
-    NodeId node(char kind) { return scene_.findName(fmt::format("{}{}", kind, pick(kThings))); }
+    float fraction() { return static_cast<float>(pick(256)) / 255; }
+    float number() { return 2 * fraction() - 1; }
+    NodeId node(char kind) { return scene_.findName(fmt::format("{}{}", kind, pick(kItems))); }
     Scene& scene_;
     std::mt19937_64 random_;
 };

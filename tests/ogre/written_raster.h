@@ -22,7 +22,7 @@ class WrittenRaster final : public RasterModule {
     struct Mesh {
         std::string text;
         int set = 0, bent = 0;  // how often
-        std::vector<RasterPlace> places;
+        std::vector<RasterVertex> vertices;
         std::vector<RasterLook> looks;
         std::vector<RasterStroke> strokes;
         std::vector<std::uint32_t> indices;
@@ -30,7 +30,7 @@ class WrittenRaster final : public RasterModule {
     std::map<std::uint32_t, Mesh> meshes;
     std::map<std::uint32_t, std::string> textures;
     std::map<std::uint32_t, RasterMaterial> materials;
-    std::map<std::uint32_t, RasterThing> things;
+    std::map<std::uint32_t, RasterObject> objects;
     RasterTables tables;
     int wrong = 0;  // numbers that it was told of and does not know
 
@@ -40,7 +40,7 @@ class WrittenRaster final : public RasterModule {
     void setMesh(std::uint32_t number, const RasterMesh& mesh) override {
         Mesh& held = meshes[number];
         ++held.set;
-        held.places.assign(mesh.places.begin(), mesh.places.end());
+        held.vertices.assign(mesh.vertices.begin(), mesh.vertices.end());
         held.looks.assign(mesh.looks.begin(), mesh.looks.end());
         held.strokes.assign(mesh.strokes.begin(), mesh.strokes.end());
         held.indices.assign(mesh.indices.begin(), mesh.indices.end());
@@ -50,14 +50,14 @@ class WrittenRaster final : public RasterModule {
         wrong += !meshes.contains(number);
         Mesh& held = meshes[number];
         ++held.bent;
-        wrong += mesh.places.size() != held.places.size() || !mesh.indices.empty();
-        held.places.assign(mesh.places.begin(), mesh.places.end());
+        wrong += mesh.vertices.size() != held.vertices.size() || !mesh.indices.empty();
+        held.vertices.assign(mesh.vertices.begin(), mesh.vertices.end());
         if (!mesh.looks.empty()) held.looks.assign(mesh.looks.begin(), mesh.looks.end());
         write(held);
     }
     void dropMesh(std::uint32_t number) override {
         wrong += meshes.erase(number) != 1;
-        for (const auto& [id, thing] : things) wrong += thing.mesh == number;
+        for (const auto& [id, item] : objects) wrong += item.mesh == number;
     }
     void setTexture(std::uint32_t number, const RasterTexture& texture) override {
         std::string& text = textures[number] = fmt::format("{} {}:", texture.levels.size(), texture.decoded);
@@ -71,18 +71,18 @@ class WrittenRaster final : public RasterModule {
     }
     void dropMaterial(std::uint32_t number) override {
         wrong += materials.erase(number) != 1;
-        for (const auto& [id, thing] : things) wrong += thing.material == number;
+        for (const auto& [id, item] : objects) wrong += item.material == number;
     }
-    void setThing(std::uint32_t number, const RasterThing& thing) override {
-        wrong += !meshes.contains(thing.mesh) || !materials.contains(thing.material);
-        things[number] = thing;
+    void setItem(std::uint32_t number, const RasterObject& object) override {
+        wrong += !meshes.contains(object.mesh) || !materials.contains(object.material);
+        objects[number] = object;
     }
-    void moveThing(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
-        wrong += !things.contains(number);
-        RasterThing& thing = things[number];
-        thing.linear = linear, thing.position = position, thing.mirrored = mirrored;
+    void moveItem(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) override {
+        wrong += !objects.contains(number);
+        RasterObject& object = objects[number];
+        object.linear = linear, object.position = position, object.mirrored = mirrored;
     }
-    void dropThing(std::uint32_t number) override { wrong += things.erase(number) != 1; }
+    void dropItem(std::uint32_t number) override { wrong += objects.erase(number) != 1; }
     void setTables(const RasterTables& to) override { tables = to; }
     void draw(int, int, const std::vector<RasterView>&, std::vector<glm::vec4>&) override {}
     void drawNumbers(int, int, const RasterView&, std::vector<glm::vec4>&) override {}
@@ -90,12 +90,12 @@ class WrittenRaster final : public RasterModule {
     /// The drawn content as words that do not depend on numbers or on the order in which it came.
     std::vector<std::string> content(const Vec3d& origin) const {
         std::vector<std::string> all;
-        for (const auto& [id, t] : things) {
+        for (const auto& [id, t] : objects) {
             std::string text = fmt::format("{} {} {}{}{}{}{}{}{} ", meshes.at(t.mesh).text, t.layer, t.fronts, t.backs,
                                            t.first, t.mirrored, t.colored, t.alphaColored, t.fogged);
             text += textOf(t.linear[0]) + textOf(t.linear[1]) + textOf(t.linear[2]);
-            text +=
-                textOf(Vec3f(Vec3d(t.position) + origin)) + textOf(materials.at(t.material)) + textAt(t.place, origin);
+            text += textOf(Vec3f(Vec3d(t.position) + origin)) + textOf(materials.at(t.material)) +
+                    textAt(t.surroundings, origin);
             all.push_back(std::move(text));
         }
         std::ranges::sort(all);
@@ -112,7 +112,7 @@ class WrittenRaster final : public RasterModule {
                 for (int k = 0; k < 3; ++k) sum = sum * 1099511628211u + std::uint64_t(std::lround(v[k] * 1024));
             };
             for (const std::uint32_t i : mesh.indices) {
-                add(mesh.places.at(i).position), add(mesh.places.at(i).normal), add(mesh.looks.at(i).coordinates);
+                add(mesh.vertices.at(i).position), add(mesh.vertices.at(i).normal), add(mesh.looks.at(i).coordinates);
                 add(glm::vec3(mesh.looks.at(i).color));
             }
             mesh.text += fmt::format("{:x}", sum);
@@ -121,7 +121,7 @@ class WrittenRaster final : public RasterModule {
         for (const RasterStroke& v : mesh.strokes) mesh.text += textOf(v.start) + textOf(v.end);
         if (!mesh.strokes.empty()) return;
         for (const std::uint32_t i : mesh.indices)
-            mesh.text += textOf(mesh.places.at(i).position) + textOf(mesh.places.at(i).normal) +
+            mesh.text += textOf(mesh.vertices.at(i).position) + textOf(mesh.vertices.at(i).normal) +
                          textOf(mesh.looks.at(i).coordinates) + textOf(glm::vec3(mesh.looks.at(i).color));
     }
     static std::string textOf(const glm::vec3& v) {
@@ -136,9 +136,9 @@ class WrittenRaster final : public RasterModule {
             if (use.texture != 0) text += textures.at(use.texture);
         return text;
     }
-    std::string textAt(std::uint32_t place, const Vec3d& origin) const {
-        if (place >= tables.places.size()) return "nowhere";
-        const RasterSurroundings& around = tables.places[place];
+    std::string textAt(std::uint32_t surroundings, const Vec3d& origin) const {
+        if (surroundings >= tables.surroundings.size()) return "nowhere";
+        const RasterSurroundings& around = tables.surroundings[surroundings];
         std::vector<std::string> lights;
         for (const std::uint32_t light : around.lights) {
             const RasterLight& l = tables.lights.at(light);

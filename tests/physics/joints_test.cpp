@@ -25,7 +25,7 @@ struct JointStage : test::BodyStage {
     }
     Vec3d spin(std::string_view name) const { return Vec3d(node(name).get(RigidBody::angularVelocity)); }
     /// How far it has turned about an axis of the world that it keeps; -pi to pi.
-    double turnAbout(std::string_view name, const Vec3d& axis) const {
+    double rotationAround(std::string_view name, const Vec3d& axis) const {
         const Rotation r = node(name).get(RigidBody::orientation);
         return std::remainder(glm::dot(axis, Vec3d(r.x, r.y, r.z)) * double{r.angle}, 2 * std::acos(-1.0));
     }
@@ -76,20 +76,20 @@ TEST(Joints, AUniversalJointTurnsItsShaftsAsHookeHasIt) {
         "  DEF U UniversalJoint {{ body1 USE A body2 USE B axis1 0 0 1 axis2 {} {} 0 forceOutput \"ALL\" }} ] }}",
         inertiaOf(100, 100, 100), 1.5 * std::cos(b) * second.x, 1.5 * std::cos(b) * second.y, inertiaOf(.1, .1, .1),
         second.x, second.y, -second.y, second.x));
-    double most = 0;
+    double maximum = 0;
     for (int k = 1; k <= 60; ++k) {
         stage.runTo(k / 15.);
-        const double one = stage.turnAbout("A", {1, 0, 0}), two = stage.turnAbout("B", second);
+        const double one = stage.rotationAround("A", {1, 0, 0}), two = stage.rotationAround("B", second);
         const double expected = std::atan2(std::sin(one) * std::cos(b), std::cos(one));
         EXPECT_NEAR(std::remainder(two - expected, 2 * std::acos(-1.0)), 0, 5e-3) << k;
-        most = std::max(most, std::abs(two - one));
+        maximum = std::max(maximum, std::abs(two - one));
         const Vec3d first(stage.node("U").get(x3d::UniversalJoint::body1Axis)),
             other(stage.node("U").get(x3d::UniversalJoint::body2Axis));
         EXPECT_NEAR(glm::dot(first, other), 0, 5e-3);  // a cross stays a cross
         EXPECT_NEAR(first.x, 0, 5e-3);                 // that turns with the shafts
         EXPECT_NEAR(glm::dot(other, second), 0, 5e-3);
     }
-    EXPECT_GT(most, .09);  // the shafts do not turn alike
+    EXPECT_GT(maximum, .09);  // the shafts do not turn alike
     EXPECT_GT(std::abs(stage.spin("A").x), 1.3);
 }
 
@@ -119,11 +119,11 @@ TEST(Joints, AWheelIsSteeredAsFarAsItsStop) {
         inertiaOf(1e6, 1e6, 1e6), inertiaOf(.01, .01, .01)));
     using J = x3d::DoubleAxisHingeJoint;
     stage.runTo(.5);
-    EXPECT_NEAR(std::abs(stage.turnAbout("W", {0, 1, 0})), .25, .01);
+    EXPECT_NEAR(std::abs(stage.rotationAround("W", {0, 1, 0})), .25, .01);
     EXPECT_NEAR(stage.node("J").get(J::hinge1Angle), .25, .01);
     EXPECT_NEAR(stage.node("J").get(J::hinge1AngleRate), .5, .01);
     stage.runTo(3);
-    EXPECT_NEAR(std::abs(stage.turnAbout("W", {0, 1, 0})), .4, .01);
+    EXPECT_NEAR(std::abs(stage.rotationAround("W", {0, 1, 0})), .4, .01);
     EXPECT_NEAR(stage.node("J").get(J::hinge1Angle), .4, .01);
 }
 

@@ -197,14 +197,14 @@ TEST(RigidBodies, MeetWithoutAColliderWhatContactsAreGiven) {
 
 /// Bodies that begin half inside each other are pushed apart no faster than that; a negative speed is no limit.
 TEST(RigidBodies, ArePushedApartAtMostAtMaxCorrectionSpeed) {
-    const auto speed = [](const char* most) {
+    const auto speed = [](const char* maximum) {
         Stage stage(
             fmt::format("RigidBodyCollection {{ gravity 0 0 0 constantForceMix 0 errorCorrection .5 "
                         "maxCorrectionSpeed {} preferAccuracy TRUE\n"
                         "collider CollisionCollection {{ collidables [ {} {} ] }}\n"
                         "bodies [ DEF A RigidBody {{ position -.25 0 0 geometry USE CA }} "
                         "DEF B RigidBody {{ position .25 0 0 geometry USE CB }} ] }}",
-                        most, collidable("CA", "Sphere { radius .5 }"), collidable("CB", "Sphere { radius .5 }")));
+                        maximum, collidable("CA", "Sphere { radius .5 }"), collidable("CB", "Sphere { radius .5 }")));
         stage.runTo(.1);
         return stage.velocity("B").x - stage.velocity("A").x;
     };
@@ -394,7 +394,7 @@ TEST(RigidBodies, InOnePlaceEndNothing) {
                 members + " ] } bodies [" + bodies + " ] }");
     stage.runTo(2 * RigidBodyPhysics::kStep, 120);
     EXPECT_TRUE(stage.says("preferAccuracy is left out"));
-    EXPECT_LE(stage.physics.counts().contacts, RigidBodyPhysics::kMostContacts + 16);
+    EXPECT_LE(stage.physics.counts().contacts, RigidBodyPhysics::kMaxContacts + 16);
 }
 
 }  // namespace

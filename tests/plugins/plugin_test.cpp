@@ -249,7 +249,7 @@ TEST_F(FieldTypes, OfTablesHaveNumbersAndBytesAndNoFunctions) {
 }
 
 TEST_F(FieldTypes, FaultsAreNamedAndNothingOfThemStays) {
-    const auto told = [](std::string_view lines) {
+    const auto reported = [](std::string_view lines) {
         Extensions extensions;
         Diagnostics diagnostics("t.x3dspec");
         EXPECT_FALSE(readNodeTable("component Own\n" + std::string(lines), extensions, diagnostics));
@@ -258,17 +258,18 @@ TEST_F(FieldTypes, FaultsAreNamedAndNothingOfThemStays) {
     for (const char* line : {"fieldType SFVec3f float32 3", "fieldType Quantity float64 1", "fieldType MFA float64 1",
                              "fieldType SFA", "fieldType SFA double 1", "fieldType SFA float64 0",
                              "fieldType SFA float64 1025", "fieldType SFA int32 x", "fieldType SFCustom int32 1"})
-        EXPECT_NE(told(line).find("t.x3dspec:2: error: "), std::string::npos) << line;
+        EXPECT_NE(reported(line).find("t.x3dspec:2: error: "), std::string::npos) << line;
     const std::string head = "fieldType SFA int32 2\nnode N : X3DChildNode level 1 container children\n";
-    EXPECT_NE(told(head + "    SFA [in,out] a 1 @none").find("SFA takes 2"), std::string::npos);
-    EXPECT_NE(told(head + "    SFA [in,out] a 1 .5 @none").find("'.5' is no value of SFA"), std::string::npos);
-    EXPECT_NE(told(head + "    SFA [in,out] a 1 2 [0,1] @none").find("no range"), std::string::npos);
-    EXPECT_NE(told(head + "    SFA [in,out] a 1 2 @none @unit(length)").find("have no unit"), std::string::npos);
-    EXPECT_NE(told("fieldType SFA int32 2\nfieldType SFA int32 3").find("t.x3dspec:3: error: there is a field type"),
-              std::string::npos);
+    EXPECT_NE(reported(head + "    SFA [in,out] a 1 @none").find("SFA takes 2"), std::string::npos);
+    EXPECT_NE(reported(head + "    SFA [in,out] a 1 .5 @none").find("'.5' is no value of SFA"), std::string::npos);
+    EXPECT_NE(reported(head + "    SFA [in,out] a 1 2 [0,1] @none").find("no range"), std::string::npos);
+    EXPECT_NE(reported(head + "    SFA [in,out] a 1 2 @none @unit(length)").find("have no unit"), std::string::npos);
+    EXPECT_NE(
+        reported("fieldType SFA int32 2\nfieldType SFA int32 3").find("t.x3dspec:3: error: there is a field type"),
+        std::string::npos);
     EXPECT_EQ(findFieldType("SFA"), nullptr);
     ASSERT_TRUE(registerFieldType("SFA", {CustomLayout::Of::float64, 2}));
-    EXPECT_NE(told("fieldType SFB int32 1\nfieldType SFA int32 2").find("another layout"), std::string::npos);
+    EXPECT_NE(reported("fieldType SFB int32 1\nfieldType SFA int32 2").find("another layout"), std::string::npos);
     EXPECT_EQ(findFieldType("SFB"), nullptr) << "a table that fails leaves none";
     Extensions extensions;
     EXPECT_FALSE(loadPlugin(plugin("odd_throws"), extensions));

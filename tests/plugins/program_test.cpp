@@ -93,12 +93,12 @@ TEST_F(WithPlugins, MeshSourcesThatThrowAreNamedAndTheRestIsDrawn) {
           {"run", cone, "--for", "0.1s", "--live", "--render", folder / "cone.png", "--force"}}) {
         std::vector<std::string> all = how;
         all.insert(all.end(), {"--size", "9x9", "--plugin", odd});
-        const Outcome made = rtsg(all);
-        EXPECT_EQ(made.status, 1) << how[0] << made.err;
-        const std::string told = "Cone: its mesh source failed, and is asked no more: out of triangles";
-        const std::size_t at = made.err.find(told);
-        EXPECT_NE(at, std::string::npos) << made.err;
-        EXPECT_EQ(made.err.find(told, at + 1), std::string::npos) << "once: " << made.err;
+        const Outcome created = rtsg(all);
+        EXPECT_EQ(created.status, 1) << how[0] << created.err;
+        const std::string reported = "Cone: its mesh source failed, and is asked no more: out of triangles";
+        const std::size_t at = created.err.find(reported);
+        EXPECT_NE(at, std::string::npos) << created.err;
+        EXPECT_EQ(created.err.find(reported, at + 1), std::string::npos) << "once: " << created.err;
         const auto picture = readPicture(folder / "cone.png");
         ASSERT_TRUE(picture) << picture.error().format();
         EXPECT_GT(picture->at(4, 4).g, .9f) << how[0];
@@ -116,9 +116,10 @@ TEST_F(WithPlugins, ANodeRendererThatChangesThePicturesSizeIsAnError) {
           {"run", cylinder, "--for", "0.1s", "--live", "--render", folder / "d.png"}}) {
         std::vector<std::string> all = how;
         all.insert(all.end(), {"--size", "9x9", "--plugin", odd});
-        const Outcome made = rtsg(all);
-        EXPECT_EQ(made.status, 1) << how[0] << made.err;
-        EXPECT_NE(made.err.find("a node renderer has changed the size of the picture"), std::string::npos) << made.err;
+        const Outcome created = rtsg(all);
+        EXPECT_EQ(created.status, 1) << how[0] << created.err;
+        EXPECT_NE(created.err.find("a node renderer has changed the size of the picture"), std::string::npos)
+            << created.err;
     }
 }
 

@@ -136,22 +136,22 @@ class BruteForce {
         /// Smallest distance, in barycentric or relative t terms, to another decision.
         double margin = HUGE_VAL;
     };
-    struct Thing {
+    struct Item {
         Instance info;
         std::shared_ptr<const Mesh> mesh;
     };
-    std::map<std::uint32_t, Thing> things;  // by slot
+    std::map<std::uint32_t, Item> items;  // by slot
 
     Answer intersect(const Ray& ray, Vec3d origin = Vec3d(0)) const {
         Answer best;
         double second = HUGE_VAL, edge = HUGE_VAL;
         const Vec3d o = Vec3d(ray.origin) + origin, d(ray.direction);
-        for (const auto& [slot, thing] : things) {
-            const WorldFromLocal& m = thing.info.worldFromLocal;
+        for (const auto& [slot, item] : items) {
+            const WorldFromLocal& m = item.info.worldFromLocal;
             const auto world = [&](Vec3f p) { return m * Vec4d(p, 1); };
-            for (std::uint32_t t = 0; t < thing.mesh->triangleCount; ++t) {
-                const Vec3d a = world(thing.mesh->vertex(t, 0)), e1 = world(thing.mesh->vertex(t, 1)) - a,
-                            e2 = world(thing.mesh->vertex(t, 2)) - a;
+            for (std::uint32_t t = 0; t < item.mesh->triangleCount; ++t) {
+                const Vec3d a = world(item.mesh->vertex(t, 0)), e1 = world(item.mesh->vertex(t, 1)) - a,
+                            e2 = world(item.mesh->vertex(t, 2)) - a;
                 const Vec3d p = glm::cross(d, e2);
                 const double determinant = glm::dot(e1, p);
                 if (determinant == 0) continue;
@@ -224,13 +224,13 @@ inline void expectSameHits(const RayView& world, const BruteForce& truth, std::m
                 EXPECT_NEAR(hit.u, expected.u, 2e-3 + 10 * slack);
                 EXPECT_NEAR(hit.v, expected.v, 2e-3 + 10 * slack);
                 EXPECT_GT(glm::dot(Vec3d(hit.normal), expected.normal), .999);
-                EXPECT_EQ(world.instance(hit.instance).info.id, truth.things.at(hit.instance).info.id);
+                EXPECT_EQ(world.instance(hit.instance).info.id, truth.items.at(hit.instance).info.id);
             }
         }
     }
     if (packets >= 20) {
         EXPECT_GT(compared, packets * 8);
-        EXPECT_TRUE(truth.things.size() < 7 || hits > 0);
+        EXPECT_TRUE(truth.items.size() < 7 || hits > 0);
     }
 }
 
@@ -240,12 +240,12 @@ struct CheckedWorld {
     BruteForce truth;
     InstanceDelta delta;
     void add(std::shared_ptr<Mesh> mesh, const WorldFromLocal& m, Motion motion = Motion::fixed) {
-        const auto slot = static_cast<std::uint32_t>(truth.things.size());
+        const auto slot = static_cast<std::uint32_t>(truth.items.size());
         Instance instance = makeInstance(slot, NodeId{10 + slot}, m);
         instance.motion = motion;
         delta.geometries.push_back({NodeId{10 + slot}, mesh});
         delta.added.push_back(instance);
-        truth.things[slot] = {instance, mesh};
+        truth.items[slot] = {instance, mesh};
     }
 };
 

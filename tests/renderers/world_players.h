@@ -17,7 +17,7 @@ class Players {
         }
         for (std::uint32_t slot = 0; slot < kSlots; ++slot) free_.push_back(kSlots - 1 - slot);
         for (WorldFromLocal& frame : frames_) frame = randomTransform(random_, 10);
-        while (truth_.things.size() < 60) add();
+        while (truth_.items.size() < 60) add();
         apply();
     }
 
@@ -70,7 +70,7 @@ class Players {
 
     std::uint32_t pick(std::size_t n) { return static_cast<std::uint32_t>(random_() % n); }
     void apply() {
-        for (auto& [slot, thing] : truth_.things) thing.mesh = meshes_[thing.info.geometry.value];
+        for (auto& [slot, item] : truth_.items) item.mesh = meshes_[item.info.geometry.value];
         world_.apply(next_);
         next_ = {};
     }
@@ -83,11 +83,11 @@ class Players {
         instance.motion = pick(2) ? Motion::moving : Motion::unknown;
         offsets_[slot] = randomTransform(random_, 3);
         instance.worldFromLocal = compose(frames_[instance.rigid], offsets_[slot]);
-        truth_.things[slot].info = instance;
+        truth_.items[slot].info = instance;
         next_.added.push_back(instance);
     }
     void removeSome(std::uint32_t oneIn) {
-        for (auto at = truth_.things.begin(); at != truth_.things.end();) {
+        for (auto at = truth_.items.begin(); at != truth_.items.end();) {
             if (pick(oneIn) != 0) {
                 ++at;
                 continue;
@@ -95,54 +95,54 @@ class Players {
             next_.removed.push_back(at->second.info.id);
             ++generations_[at->first];
             free_.insert(free_.begin(), at->first);
-            at = truth_.things.erase(at);
+            at = truth_.items.erase(at);
         }
     }
-    void place(std::uint32_t slot) {
-        Instance& info = truth_.things.at(slot).info;
+    void putInstance(std::uint32_t slot) {
+        Instance& info = truth_.items.at(slot).info;
         info.worldFromLocal = compose(frames_[info.rigid], offsets_[slot]);
         next_.moved.push_back({info.id, info.worldFromLocal});
     }
     void moveGroup(std::uint32_t group, std::uint32_t oneIn) {
         frames_[group] = randomTransform(random_, 10);
-        for (const auto& [slot, thing] : truth_.things) {
-            if (thing.info.rigid != group) continue;
+        for (const auto& [slot, item] : truth_.items) {
+            if (item.info.rigid != group) continue;
             if (pick(oneIn) != 0) {
                 // Stays where it is: the group is not as rigid as it was said to be.
-                offsets_[slot] = compose(inverseOf(frames_[group]), thing.info.worldFromLocal);
+                offsets_[slot] = compose(inverseOf(frames_[group]), item.info.worldFromLocal);
                 continue;
             }
-            place(slot);
+            putInstance(slot);
         }
     }
     void moveOne() {
-        if (truth_.things.empty()) return;
-        auto at = truth_.things.begin();
-        std::advance(at, pick(truth_.things.size()));
+        if (truth_.items.empty()) return;
+        auto at = truth_.items.begin();
+        std::advance(at, pick(truth_.items.size()));
         offsets_[at->first] = randomTransform(random_, 3);
-        place(at->first);
+        putInstance(at->first);
     }
     /// To a plane and back within two steps, as an animated scale may.
     void collapse(std::uint32_t group) {
         const WorldFromLocal before = frames_[group];
         frames_[group][1] = Vec3d(0);
-        for (const auto& [slot, thing] : truth_.things)
-            if (thing.info.rigid == group) place(slot);
+        for (const auto& [slot, item] : truth_.items)
+            if (item.info.rigid == group) putInstance(slot);
         apply();
         frames_[group] = before;
-        for (const auto& [slot, thing] : truth_.things)
-            if (thing.info.rigid == group) place(slot);
+        for (const auto& [slot, item] : truth_.items)
+            if (item.info.rigid == group) putInstance(slot);
     }
     void rebindSome() {
-        for (auto& [slot, thing] : truth_.things) {
+        for (auto& [slot, item] : truth_.items) {
             if (pick(10) != 0) continue;
-            if (pick(2)) thing.info.motion = pick(2) ? Motion::moving : Motion::unknown;
-            if (pick(4) == 0) thing.info.geometry = NodeId{1 + pick(kMeshes)};
+            if (pick(2)) item.info.motion = pick(2) ? Motion::moving : Motion::unknown;
+            if (pick(4) == 0) item.info.geometry = NodeId{1 + pick(kMeshes)};
             if (pick(2)) {
-                thing.info.rigid = pick(kGroups);
-                offsets_[slot] = compose(inverseOf(frames_[thing.info.rigid]), thing.info.worldFromLocal);
+                item.info.rigid = pick(kGroups);
+                offsets_[slot] = compose(inverseOf(frames_[item.info.rigid]), item.info.worldFromLocal);
             }
-            next_.rebound.push_back(thing.info);
+            next_.rebound.push_back(item.info);
         }
     }
     void deform() {

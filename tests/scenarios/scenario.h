@@ -22,9 +22,9 @@ struct Scenario {
 
 Scenario readScenario(const std::filesystem::path& path);
 
-enum class Way { direct, replayed, mirrored, late, input };
+enum class Mode { direct, replayed, mirrored, late, input };
 
 /// Runs it; empty if everything came as expected, else one line a disappointment, with the file's line.
-std::string runScenario(const Scenario& scenario, Way way);
+std::string runScenario(const Scenario& scenario, Mode mode);
 
 }  // namespace rtsg::test

@@ -104,7 +104,7 @@ struct Event {
 
 class Run final : Subscriber {
   public:
-    Run(const Scenario& scenario, Way way) : scenario_(scenario), way_(way) {
+    Run(const Scenario& scenario, Mode mode) : scenario_(scenario), mode_(mode) {
         folder_ = std::filesystem::temp_directory_path() /
                   fmt::format("rtsg-scenario-{}-{}", getpid(), static_cast<const void*>(this));
     }
@@ -140,7 +140,7 @@ class Run final : Subscriber {
         if (scene_) runtime_.append(scene_->diagnostics());
         physics_.reset();
         scene_ = std::move(scene);
-        if (way_ == Way::input) {
+        if (mode_ == Mode::input) {
             scene_->setInputRecording(true);
             copy_ = std::make_unique<Scene>();
             wire_ = std::make_unique<InputWire>(*copy_);
@@ -189,14 +189,14 @@ class Run final : Subscriber {
         now_ = t;
         for (const auto& follower : followers_) compare(*follower, "follower");
         if (copy_) compare(*copy_, "run from inputs");
-        if (way_ == Way::direct || way_ == Way::mirrored || way_ == Way::input) return;
+        if (mode_ == Mode::direct || mode_ == Mode::mirrored || mode_ == Mode::input) return;
         std::string problem;
         const auto snapshot = transported(scene_->snapshot(), problem);
         auto fresh = std::make_unique<Scene>();
         if (auto applied = fresh->apply(snapshot); !applied) problem += applied.error().text;
         if (!problem.empty()) fail("snapshot: {}", problem);
         compare(*fresh, "snapshot");
-        if (way_ == Way::late) {
+        if (mode_ == Mode::late) {
             fresh->setBehavioursEnabled(false);
             followers_.push_back(std::move(fresh));
         } else {
@@ -207,7 +207,7 @@ class Run final : Subscriber {
     /// The scene that answers `get`.
     const Scene& observed() const {
         if (copy_) return *copy_;
-        const bool replica = (way_ == Way::mirrored || way_ == Way::late) && !followers_.empty();
+        const bool replica = (mode_ == Mode::mirrored || mode_ == Mode::late) && !followers_.empty();
         return replica ? *followers_.back() : *scene_;
     }
 
@@ -499,7 +499,7 @@ class Run final : Subscriber {
     }
 
     const Scenario& scenario_;
-    Way way_;
+    Mode mode_;
     const Statement* at_ = nullptr;
     std::filesystem::path folder_;
     std::string problems_;
@@ -522,9 +522,9 @@ class Run final : Subscriber {
 
 }  // namespace
 
-std::string runScenario(const Scenario& scenario, Way way) {
+std::string runScenario(const Scenario& scenario, Mode mode) {
     if (!scenario.error.empty()) return scenario.path.filename().string() + ": " + scenario.error + '\n';
-    return Run(scenario, way).go();
+    return Run(scenario, mode).go();
 }
 
 }  // namespace rtsg::test

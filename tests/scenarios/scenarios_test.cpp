@@ -22,18 +22,18 @@ std::vector<std::string> scenarioNames() {
     return names;
 }
 
-class Scenarios : public testing::TestWithParam<std::tuple<std::string, Way>> {};
+class Scenarios : public testing::TestWithParam<std::tuple<std::string, Mode>> {};
 
 TEST_P(Scenarios, ComesOutAsTheClauseSays) {
-    const auto& [stem, way] = GetParam();
+    const auto& [stem, mode] = GetParam();
     const Scenario scenario = readScenario(std::filesystem::path(kFolder) / (stem + ".scenario"));
-    const std::string problems = runScenario(scenario, way);
+    const std::string problems = runScenario(scenario, mode);
     EXPECT_EQ(problems, "") << scenario.clause;
 }
 
 std::string nameOf(const testing::TestParamInfo<Scenarios::ParamType>& param) {
-    static const char* const ways[] = {"direct", "replayed", "mirrored", "late", "input"};
-    std::string name = std::get<0>(param.param) + '_' + ways[static_cast<int>(std::get<1>(param.param))];
+    static const char* const modes[] = {"direct", "replayed", "mirrored", "late", "input"};
+    std::string name = std::get<0>(param.param) + '_' + modes[static_cast<int>(std::get<1>(param.param))];
     for (char& c : name)
         if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
     return name;
@@ -41,13 +41,13 @@ std::string nameOf(const testing::TestParamInfo<Scenarios::ParamType>& param) {
 
 INSTANTIATE_TEST_SUITE_P(Files, Scenarios,
                          testing::Combine(testing::ValuesIn(scenarioNames()),
-                                          testing::Values(Way::direct, Way::replayed, Way::mirrored, Way::late,
-                                                          Way::input)),
+                                          testing::Values(Mode::direct, Mode::replayed, Mode::mirrored, Mode::late,
+                                                          Mode::input)),
                          nameOf);
 
 TEST(ScenarioRunner, NoticesWhatIsWrong) {
     const auto run = [](std::vector<Statement> statements) {
-        return runScenario({"own.scenario", "X3D", std::move(statements), {}}, Way::direct);
+        return runScenario({"own.scenario", "X3D", std::move(statements), {}}, Mode::direct);
     };
     const Statement scene{1, "scene", "DEF P ScalarInterpolator { key [ 0 1 ] keyValue [ 0 2 ] }"};
     const Statement send{2, "send", "P.set_fraction 0.5"}, line{3, "----", ""};

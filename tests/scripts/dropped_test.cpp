@@ -10,7 +10,7 @@ namespace {
 
 using test::ScriptScene;
 
-std::size_t made(const Scene& scene, TypeIndex type) {
+std::size_t createdOf(const Scene& scene, TypeIndex type) {
     std::size_t count = 0;
     scene.forEachNode([&](const Node& node) { count += node.is(type); });
     return count;
@@ -26,7 +26,7 @@ std::string maker(const std::string& keep, int each = 1000) {
 TEST(Dropped, TwentyFramesOfAThousandLeaveNoMoreThanTwo) {
     ScriptScene s("", maker(""));
     for (int i = 0; i < 20; ++i) s.frame();
-    EXPECT_LE(made(s.scene, x3d::Transform::type), 2000u);
+    EXPECT_LE(createdOf(s.scene, x3d::Transform::type), 2000u);
     EXPECT_EQ(s.problems(), "");
 }
 
@@ -37,7 +37,8 @@ TEST(Dropped, WhatVariablesHoldStaysAndNothingElse) {
                   "else if (i === 2) kept.push(new Map([[n, 1]])); else if (i === 3) kept.push(Promise.resolve(n));"
                   "else if (i === 4) kept.push({deep: {node: n}}); else if (i === 5) new WeakMap().set(n, kept);"));
     for (int i = 0; i < 21; ++i) s.frame();
-    EXPECT_EQ(made(s.scene, x3d::Transform::type), 20u * 5 + 1000) << "those of the last frame have not been looked at";
+    EXPECT_EQ(createdOf(s.scene, x3d::Transform::type), 20u * 5 + 1000)
+        << "those of the last frame have not been looked at";
     EXPECT_EQ(s.problems(), "");
 }
 
@@ -67,13 +68,13 @@ TEST(Dropped, WhatTheSceneRefersToStays) {
                       maker(""));
     for (int i = 0; i < 10; ++i) s.frame();
     EXPECT_EQ(s.problems(), "");
-    EXPECT_EQ(made(s.scene, x3d::Group::type), 2u);
-    EXPECT_EQ(made(s.scene, x3d::Shape::type), 1u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Group::type), 2u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Shape::type), 1u);
     EXPECT_TRUE(s.scene.findName("NAMED"));
-    EXPECT_EQ(made(s.scene, x3d::Switch::type), 1u);
-    EXPECT_EQ(made(s.scene, x3d::TimeSensor::type), 1u) << "a route to what stays";
-    EXPECT_EQ(made(s.scene, x3d::BooleanFilter::type), 0u) << "a route to what goes keeps nothing";
-    EXPECT_EQ(made(s.scene, x3d::BooleanToggle::type), 0u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Switch::type), 1u);
+    EXPECT_EQ(createdOf(s.scene, x3d::TimeSensor::type), 1u) << "a route to what stays";
+    EXPECT_EQ(createdOf(s.scene, x3d::BooleanFilter::type), 0u) << "a route to what goes keeps nothing";
+    EXPECT_EQ(createdOf(s.scene, x3d::BooleanToggle::type), 0u);
 }
 
 TEST(Dropped, RoutesAmongThoseThatGoKeepNone) {
@@ -85,7 +86,7 @@ TEST(Dropped, RoutesAmongThoseThatGoKeepNone) {
                                                route + " } " + maker(""));
         for (int i = 0; i < 10; ++i) s.frame();
         EXPECT_EQ(s.problems(), "");
-        EXPECT_EQ(made(s.scene, x3d::BooleanToggle::type), 0u) << route;
+        EXPECT_EQ(createdOf(s.scene, x3d::BooleanToggle::type), 0u) << route;
     }
 }
 
@@ -95,7 +96,7 @@ TEST(Dropped, WhatLeavesTheSceneLaterGoesThen) {
                                              100));
     for (int i = 0; i < 50; ++i) s.frame();
     EXPECT_EQ(s.problems(), "");
-    EXPECT_LE(made(s.scene, x3d::Transform::type), 1500u);
+    EXPECT_LE(createdOf(s.scene, x3d::Transform::type), 1500u);
     EXPECT_EQ(s.scene.node(s.scene.root()).get(x3d::RtsgScene::children).size(), 6u) << "the Script and five";
 }
 
@@ -128,7 +129,7 @@ TEST(Dropped, NodesOfFilesAndOfTheApplicationAreNeverTouched) {
     const NodeId own = s.scene.createNode(x3d::Billboard::type);
     for (int i = 0; i < 10; ++i) s.frame();
     EXPECT_TRUE(s.scene.find(own));
-    EXPECT_EQ(made(s.scene, x3d::Shape::type), 1u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Shape::type), 1u);
 }
 
 TEST(Dropped, InstancesGoWithTheirBodiesAndScriptsWithTheirPrograms) {
@@ -141,8 +142,8 @@ TEST(Dropped, InstancesGoWithTheirBodiesAndScriptsWithTheirPrograms) {
         "function go() {} function shutdown() { }\" } ] } ROUTE L.on TO Q.go }");
     for (int i = 0; i < 12; ++i) s.frame();
     EXPECT_EQ(s.problems(), "");
-    EXPECT_LE(made(s.scene, x3d::PointLight::type), 450u);
-    EXPECT_LE(made(s.scene, x3d::Billboard::type), 450u) << "held by programs of Scripts that have gone";
+    EXPECT_LE(createdOf(s.scene, x3d::PointLight::type), 450u);
+    EXPECT_LE(createdOf(s.scene, x3d::Billboard::type), 450u) << "held by programs of Scripts that have gone";
 }
 
 TEST(Dropped, TwoScriptsThatHoldEachOtherGo) {
@@ -175,7 +176,7 @@ TEST(Dropped, RunsAreEqualBitForBitAndReplicasFollow) {
             EXPECT_EQ(replica.hash(), s.scene.hash());
         }
         EXPECT_EQ(replica.dump(), s.scene.dump());
-        EXPECT_LE(made(s.scene, x3d::Transform::type), 3000u);
+        EXPECT_LE(createdOf(s.scene, x3d::Transform::type), 3000u);
     };
     std::vector<Hash128> first, second;
     run(first);
@@ -189,11 +190,11 @@ TEST(Dropped, WhatAFieldHeldOnceIsNotHeldByItsProgram) {
                       " function initialize() { field = scene.createNode('Group'); "
                       "fields = new MFNode(scene.createNode('Group'), field); }");
     s.frame();
-    ASSERT_EQ(made(s.scene, x3d::Group::type), 2u) << s.problems();
+    ASSERT_EQ(createdOf(s.scene, x3d::Group::type), 2u) << s.problems();
     ASSERT_TRUE(s.scene.setField(s.script(), s.field("S", "field"), Value(NodeId{})));
     ASSERT_TRUE(s.scene.setField(s.script(), s.field("S", "fields"), Value(Array<NodeId>())));
     for (int i = 0; i < 5; ++i) s.frame();
-    EXPECT_EQ(made(s.scene, x3d::Group::type), 0u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Group::type), 0u);
     EXPECT_EQ(s.problems(), "");
 }
 
@@ -212,7 +213,7 @@ TEST(Dropped, ScriptsKeepNoMoreNodesThanThePolicyLets) {
                   {}, options);
     s.frame();
     EXPECT_EQ(s.get<std::int32_t>("n"), 100);
-    EXPECT_EQ(made(s.scene, x3d::Group::type), 100u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Group::type), 100u);
     EXPECT_EQ(s.printed,
               "scripts may make 100 nodes that are there at a time: 100 are, and this may be 1 more\n"
               "scripts may make 100 nodes that are there at a time: 100 are, and this may be 4 more\n")
@@ -233,7 +234,7 @@ TEST(Dropped, ATextThatMayMakeTooManyNodesIsNotRead) {
     s.frame();
     EXPECT_EQ(s.get<std::int32_t>("n"), 42);
     EXPECT_NE(s.problems().find("scripts may make 100 nodes"), std::string::npos) << s.problems();
-    EXPECT_EQ(made(s.scene, x3d::Group::type), 42u);
+    EXPECT_EQ(createdOf(s.scene, x3d::Group::type), 42u);
 }
 
 }  // namespace

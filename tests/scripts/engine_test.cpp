@@ -13,12 +13,12 @@ namespace {
 using test::limits;
 using test::ScriptScene;
 
-struct Way {
+struct Variant {
     const char *name, *program, *diagnostic;
 };
 
 // clang-format off
-const Way kWays[] = {
+const Variant kVariants[] = {
     // Looping.
     {"a loop", "function go() { for (;;); }", "ran longer than 0.1 s; it is not called again"},
     {"one that catches everything", "function go() { for (;;) try { throw 1; } catch (e) { } finally { continue; } }", "ran longer"},
@@ -92,19 +92,19 @@ ROUTE I.value_changed TO M.translation
 ROUTE C.fraction_changed TO W.set_fraction
 )";
 
-[[maybe_unused]] void take(const Way& way) {
-    SCOPED_TRACE(way.name);
+[[maybe_unused]] void take(const Variant& variant) {
+    SCOPED_TRACE(variant.name);
     std::string program;
-    for (const char* c = way.program; *c; ++c) program += *c == '\\' ? std::string("\\\\") : std::string(1, *c);
+    for (const char* c = variant.program; *c; ++c) program += *c == '\\' ? std::string("\\\\") : std::string(1, *c);
     // Where memory is what ends it, time must not, however slow the build.
-    const bool byMemory = std::string_view(way.diagnostic).find("may hold") != std::string_view::npos;
+    const bool byMemory = std::string_view(variant.diagnostic).find("may hold") != std::string_view::npos;
     ScriptScene s("directOutput TRUE inputOnly SFBool go outputOnly MFFloat out", program, kOthers,
                   limits(true, byMemory ? 60 : .1, std::size_t{32} << 20));
     for (int i = 0; i < 3; ++i) {
         s.send("go", true);
         s.frame();
     }
-    EXPECT_NE(s.problems().find(way.diagnostic), std::string::npos) << s.problems();
+    EXPECT_NE(s.problems().find(variant.diagnostic), std::string::npos) << s.problems();
     EXPECT_LT(s.problems().size(), 20'000u);
     s.frame();
     EXPECT_EQ(s.scene.now(), 4);
@@ -116,13 +116,13 @@ ROUTE C.fraction_changed TO W.set_fraction
 TEST(ScriptEngine, EveryWayToHoldUpTheSceneEndsInADiagnosticAndTheSceneGoesOn) {
     // The limit of memory is read when the first script of a thread runs.
     std::thread([] {
-        for (const Way& way : kWays) take(way);
+        for (const Variant& variant : kVariants) take(variant);
     }).join();
 }
 #endif
 
 /// How often something is said of scripts.
-std::size_t timesToldIn(Scene& scene, std::string_view text) {
+std::size_t timesReportedIn(Scene& scene, std::string_view text) {
     std::size_t count = 0;
     for (const Diagnostic& d : scene.diagnostics().all()) count += d.text.find(text) != std::string::npos;
     return count;
@@ -140,13 +140,13 @@ TEST(ScriptEngine, ManyThatLoopShareTheTimeOfAFrame) {
     for (int i = 0; i < 40; ++i) scripts += "Script { url \"ecmascript: function initialize() { for (;;); }\" } ";
     ScriptScene s("outputOnly SFInt32 n", "function prepareEvents() { n = n + 1; }", scripts, limitedTo(.05));
     s.frame();
-    EXPECT_GE(timesToldIn(s.scene, "ran longer than 0.05 s"), 1u);
-    EXPECT_LE(timesToldIn(s.scene, "ran longer than 0.05 s"), 6u);
-    EXPECT_EQ(timesToldIn(s.scene, "scripts ran longer than 0.25 s in one frame"), 1u) << s.problems();
-    const std::size_t told = s.scene.diagnostics().all().size();
+    EXPECT_GE(timesReportedIn(s.scene, "ran longer than 0.05 s"), 1u);
+    EXPECT_LE(timesReportedIn(s.scene, "ran longer than 0.05 s"), 6u);
+    EXPECT_EQ(timesReportedIn(s.scene, "scripts ran longer than 0.25 s in one frame"), 1u) << s.problems();
+    const std::size_t reported = s.scene.diagnostics().all().size();
     s.frame();
     s.frame();
-    EXPECT_EQ(s.scene.diagnostics().all().size(), told) << "nobody is left who loops: " << s.problems();
+    EXPECT_EQ(s.scene.diagnostics().all().size(), reported) << "nobody is left who loops: " << s.problems();
 }
 
 TEST(ScriptEngine, OneThatRunsOverItsLimitCostsTheOthersNothing) {
@@ -155,8 +155,8 @@ TEST(ScriptEngine, OneThatRunsOverItsLimitCostsTheOthersNothing) {
                   kOthers, limitedTo(.05));
     s.send("go", true);
     s.frame();
-    EXPECT_GE(timesToldIn(s.scene, "ran longer than 0.05 s"), 1u) << s.problems();
-    EXPECT_EQ(timesToldIn(s.scene, "in one frame"), 0u) << s.problems();
+    EXPECT_GE(timesReportedIn(s.scene, "ran longer than 0.05 s"), 1u) << s.problems();
+    EXPECT_EQ(timesReportedIn(s.scene, "in one frame"), 0u) << s.problems();
     s.frame();
     EXPECT_FLOAT_EQ(s.get<float>("out", "W"), static_cast<float>(s.scene.now()));
 }
@@ -180,11 +180,12 @@ TEST(ScriptEngine, OneThatMakesOthersLikeItselfEndsInADiagnostic) {
                   "function prepareEvents() { "
                   "Browser.createX3DFromString(Browser.currentScene.getNamedNode('S').toXMLString()); }",
                   {}, limitedTo(.02));
-    for (int i = 0; i < 6 && timesToldIn(s.scene, "in one frame") == 0; ++i) s.frame();
-    EXPECT_GE(timesToldIn(s.scene, "scripts ran longer than 0.1 s in one frame"), 1u) << s.problems();
+    for (int i = 0; i < 6 && timesReportedIn(s.scene, "in one frame") == 0; ++i) s.frame();
+    EXPECT_GE(timesReportedIn(s.scene, "scripts ran longer than 0.1 s in one frame"), 1u) << s.problems();
     s.frame();
     s.frame();
-    EXPECT_GE(timesToldIn(s.scene, "scripts ran longer than 0.02 s in one frame"), 1u) << "less in the frames after it";
+    EXPECT_GE(timesReportedIn(s.scene, "scripts ran longer than 0.02 s in one frame"), 1u)
+        << "less in the frames after it";
 }
 
 TEST(ScriptEngine, WhatAFrameTookIsNotHeldAgainstTheNext) {

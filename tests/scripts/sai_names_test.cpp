@@ -23,7 +23,7 @@ struct Member {
     const char *name, *kind;  // what `typeof` says
 };
 struct Object {
-    const char* made;  // an expression
+    const char* created;  // an expression
     std::vector<Member> members;
 };
 
@@ -255,7 +255,7 @@ std::vector<Object> objects() {
 TEST(SaiNames, EveryObjectHasThoseOfTheStandard) {
     std::string program = "function initialize() {", expected;
     for (const Object& object : objects()) {
-        const std::string name = object.made;
+        const std::string name = object.created;
         const bool isType = name.starts_with("SF") || name.starts_with("MF");
         program += " { const o = " + (isType ? "new " + name + "()" : name) + ";";
         for (const Member& member : object.members) {
@@ -273,7 +273,7 @@ TEST(SaiNames, EveryObjectHasThoseOfTheStandard) {
         for (const Member& member : object.members) {
             std::string kind;
             std::getline(lines, kind);
-            found += std::string(object.made) + ' ' + member.name + ' ' + kind + '\n';
+            found += std::string(object.created) + ' ' + member.name + ' ' + kind + '\n';
         }
     EXPECT_EQ(found, expected);
 }

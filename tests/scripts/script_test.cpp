@@ -252,10 +252,10 @@ TEST(Script, DirectOutputWithoutTheFlagIsToldOnce) {
         EXPECT_EQ(s.get<Vec3f>("scale", "T"), Vec3f(2)) << s.problems();
         const std::string problems = s.problems();
         EXPECT_NE(problems.find("bboxCenter"), std::string::npos) << "other rules hold: " << problems;
-        const std::size_t told = problems.find("directOutput");
-        EXPECT_EQ(told == std::string::npos, direct) << problems;
+        const std::size_t reported = problems.find("directOutput");
+        EXPECT_EQ(reported == std::string::npos, direct) << problems;
         if (!direct) {
-            EXPECT_EQ(problems.find("directOutput", told + 1), std::string::npos) << problems;
+            EXPECT_EQ(problems.find("directOutput", reported + 1), std::string::npos) << problems;
         }
     }
 }

@@ -72,23 +72,24 @@ TEST(ScriptValues, ArraysHaveNoHoles) {
 
 TEST(ScriptValues, MatricesHaveTheirMethods) {
     const std::string rounded = ".components().map(c => Math.round(c * 1e6) / 1e6 + 0).join(' ')";
-    const std::string made =
+    const std::string created =
         "(m => { m.setTransform(SFVec3f(1, 2, 3), SFRotation(0, 0, 1, Math.PI / 2), SFVec3f(2, 3, 4)); return m; })"
         "(new SFMatrix4d())";
     // A point is a row from the left: scaled, turned about z, moved.
-    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3d(1, 1, 1))" + rounded), "-2 4 7");
-    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3f(0, 0, 0))" + rounded), "1 2 3");
+    EXPECT_EQ(evaluated(created + ".multVecMatrix(SFVec3d(1, 1, 1))" + rounded), "-2 4 7");
+    EXPECT_EQ(evaluated(created + ".multVecMatrix(SFVec3f(0, 0, 0))" + rounded), "1 2 3");
     // A direction is turned and scaled, and stays where it is.
-    EXPECT_EQ(evaluated(made + ".multDirMatrix(SFVec3d(1, 1, 1))" + rounded), "-3 2 4");
-    EXPECT_EQ(evaluated(made + ".multMatrixDir(SFVec3f(1, 1, 1))" + rounded), "2 -3 4");
+    EXPECT_EQ(evaluated(created + ".multDirMatrix(SFVec3d(1, 1, 1))" + rounded), "-3 2 4");
+    EXPECT_EQ(evaluated(created + ".multMatrixDir(SFVec3f(1, 1, 1))" + rounded), "2 -3 4");
     EXPECT_EQ(evaluated("(m => { try { return m.multDirMatrix(SFVec2f(1, 1)); } catch (e) { return e.name; } })"
                         "(SFMatrix4f())"),
               "TypeError");
-    EXPECT_EQ(evaluated(made + ".det4().toFixed(6)"), "24.000000");
-    EXPECT_EQ(evaluated("(m => m.multRight(m.inverse()))(" + made + ")" + rounded), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
-    EXPECT_EQ(evaluated(made + ".transpose()" + rounded), "0 -3 0 1 2 0 0 2 0 0 4 3 0 0 0 1");
+    EXPECT_EQ(evaluated(created + ".det4().toFixed(6)"), "24.000000");
+    EXPECT_EQ(evaluated("(m => m.multRight(m.inverse()))(" + created + ")" + rounded),
+              "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated(created + ".transpose()" + rounded), "0 -3 0 1 2 0 0 2 0 0 4 3 0 0 0 1");
     EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.angle.toFixed(6), s" + rounded +
-                        "].join(', '); })(" + made + ", SFVec3d(), SFRotation(), SFVec3d())"),
+                        "].join(', '); })(" + created + ", SFVec3d(), SFRotation(), SFVec3d())"),
               "1 2 3, 1.570796, 2 3 4");
     EXPECT_EQ(evaluated("SFMatrix3f(SFVec3f(1, 2, 3), SFVec3f(4, 5, 6), SFVec3f(7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
     const std::string plane =

@@ -23,23 +23,23 @@ std::vector<NodeId> addAnimated(Scene& scene, int count) {
     for (int i = 0; i < count; ++i) {
         const NodeId clock = scene.createNode(x3d::TimeSensor::type);
         const NodeId path = scene.createNode(x3d::PositionInterpolator::type);
-        const NodeId turn = scene.createNode(x3d::OrientationInterpolator::type);
+        const NodeId round = scene.createNode(x3d::OrientationInterpolator::type);
         const NodeId transform = scene.createNode(x3d::Transform::type);
         (void)scene.set(clock, x3d::TimeSensor::loop, true);
         (void)scene.set(clock, x3d::TimeSensor::cycleInterval, Time{.5 + .001 * i});
         (void)scene.set(path, x3d::PositionInterpolator::key, Array<float>{0, 1});
         (void)scene.set(path, x3d::PositionInterpolator::keyValue, Array<Vec3f>{Vec3f(0), Vec3f(1, 2, 3)});
-        (void)scene.set(turn, x3d::OrientationInterpolator::key, Array<float>{0, 1});
-        (void)scene.set(turn, x3d::OrientationInterpolator::keyValue,
+        (void)scene.set(round, x3d::OrientationInterpolator::key, Array<float>{0, 1});
+        (void)scene.set(round, x3d::OrientationInterpolator::keyValue,
                         Array<Rotation>{Rotation{0, 1, 0, 0}, Rotation{0, 1, 0, 3}});
-        for (const NodeId id : {clock, path, turn, transform})
+        for (const NodeId id : {clock, path, round, transform})
             (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, id);
         using P = x3d::PositionInterpolator;
         using O = x3d::OrientationInterpolator;
         (void)scene.addRoute(clock, x3d::TimeSensor::fraction_changed.index, path, P::set_fraction.index);
-        (void)scene.addRoute(clock, x3d::TimeSensor::fraction_changed.index, turn, O::set_fraction.index);
+        (void)scene.addRoute(clock, x3d::TimeSensor::fraction_changed.index, round, O::set_fraction.index);
         (void)scene.addRoute(path, P::value_changed.index, transform, x3d::Transform::translation.index);
-        (void)scene.addRoute(turn, O::value_changed.index, transform, x3d::Transform::rotation.index);
+        (void)scene.addRoute(round, O::value_changed.index, transform, x3d::Transform::rotation.index);
         transforms.push_back(transform);
     }
     return transforms;

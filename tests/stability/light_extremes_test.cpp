@@ -197,7 +197,7 @@ TEST(LightExtremes, TinyAndHugeLamps) {
 /// A room with a block under a square lamp of radiance 1, which the eye does not see: its mean, and its brightest one
 /// of 9,216 samples.
 struct Brightest {
-    double mean = 0, most = 0;
+    double mean = 0, maximum = 0;
     Brightest(double lamp, const std::string& block, const char* solid) {
         LightScene s(
             fmt::format(
@@ -215,7 +215,7 @@ struct Brightest {
             s.options.settings.seed = seed;
             const Picture p = s.picture();
             for (const Vec4f& pixel : p.pixels)
-                most = std::max(most, double{pixel.r}), mean += double{pixel.r} / (4. * double(p.pixels.size()));
+                maximum = std::max(maximum, double{pixel.r}), mean += double{pixel.r} / (4. * double(p.pixels.size()));
         }
     }
 };
@@ -232,11 +232,11 @@ TEST(LightExtremes, NoSampleOutshinesTheLamp) {
         for (const std::string& block : {matteBlock, metal, polished, highlight, glass(1.5)}) {
             SCOPED_TRACE(fmt::format("{} {}", lamp, block));
             const Brightest down(lamp, block, "TRUE"), both(lamp, block, "FALSE");
-            EXPECT_LE(down.most, 1);
-            EXPECT_LE(both.most, 1);
+            EXPECT_LE(down.maximum, 1);
+            EXPECT_LE(both.maximum, 1);
             EXPECT_GT(down.mean, .014 * lamp * lamp);
             if (block == matteBlock) {
-                EXPECT_LT(down.most, 4 * down.mean);
+                EXPECT_LT(down.maximum, 4 * down.mean);
             }
         }
 }

@@ -15,11 +15,11 @@ struct HallStage {
     std::shared_ptr<const Mesh> mesh;
     RayWorld world;
 
-    HallStage(std::mt19937& random, const Vec3d& place, bool isMoving)
+    HallStage(std::mt19937& random, const Vec3d& position, bool isMoving)
         : mesh(test::makeBeams(random, 60, 7, .1f, &axes)), world(RayWorld::Options{}) {
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, mesh});
-        delta.added.push_back(test::makeInstance(0, NodeId{1}, test::translation(place)));
+        delta.added.push_back(test::makeInstance(0, NodeId{1}, test::translation(position)));
         delta.added.back().motion = isMoving ? Motion::moving : Motion::fixed;
         // A second one at 0 keeps the origin there, or nearly so: the worst case for float.
         delta.geometries.push_back({NodeId{2}, test::makeSphere(1)});
@@ -52,10 +52,11 @@ TEST(LongTrianglesInAHall, NothingGetsThroughSharedEdges) {
                     if (round & 1) s = (std::floor(32 * s) + 1e-2 * (unit(random) - .5)) / 32;
                     s = std::clamp(s, .001, .999);
                     const auto& [from, to] = stage.axes[triangle / perBeam];
-                    const Vec3d place(away, 0, 0);
+                    const Vec3d position(away, 0, 0);
                     const double inside = .01 + .98 * unit(random);
-                    const Vec3f start = stage.world.fromWorld(place + Vec3d(from) * (1 - inside) + Vec3d(to) * inside);
-                    const Ray ray{start, 0, stage.world.fromWorld(place + a * (1 - s) + b * s) - start};
+                    const Vec3f start =
+                        stage.world.fromWorld(position + Vec3d(from) * (1 - inside) + Vec3d(to) * inside);
+                    const Ray ray{start, 0, stage.world.fromWorld(position + a * (1 - s) + b * s) - start};
                     packet.set(lane, ray);
                     const Hit hit = stage.world.intersect(ray);
                     (round & 1 ? cornerLeaks : leaks) += !hit || !(hit.t < 1.01f);

@@ -24,7 +24,7 @@ struct Large {
 
     Large(std::size_t nodes, unsigned seed) : random(seed) {
         constexpr std::size_t kBelow = 1000;
-        for (std::size_t made = 0; made < nodes; made += kBelow + 1) {
+        for (std::size_t created = 0; created < nodes; created += kBelow + 1) {
             const NodeId group = scene.createNode(x3d::Group::type);
             for (std::size_t i = 0; i < kBelow; ++i) add(group);
             EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, group));

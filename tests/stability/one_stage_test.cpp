@@ -36,7 +36,7 @@ class Play {
             "}\n"
             "Shape { geometry IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord DEF SHEET Coordinate { point "
             "[-1 -3 0, 1 -3 0, 1 -2 0, -1 -2 0] } } }\n";
-        for (int i = 0; i < kThings; ++i)
+        for (int i = 0; i < kItems; ++i)
             text += fmt::format(
                 "DEF T{0} Transform {{ translation {1} {2} {3} children [ DEF L{0} PointLight {{ global FALSE }} DEF "
                 "S{0} "
@@ -53,16 +53,16 @@ class Play {
     Scene scene;
 
   private:
-    static constexpr int kThings = 24;
+    static constexpr int kItems = 24;
 
     float number(float spread) { return std::uniform_real_distribution<float>(-spread, spread)(random_); }
-    NodeId any(const char* kind) { return scene.findName(fmt::format("{}{}", kind, random_() % kThings)); }
-    Vec3f place() { return {number(5), number(5), number(5)}; }
+    NodeId any(const char* kind) { return scene.findName(fmt::format("{}{}", kind, random_() % kItems)); }
+    Vec3f position() { return {number(5), number(5), number(5)}; }
     void edit() {
         switch (random_() % 9) {
             case 0:
             case 1:
-                (void)scene.set(any("T"), x3d::Transform::translation, place());
+                (void)scene.set(any("T"), x3d::Transform::translation, position());
                 break;
             case 2:
                 (void)scene.set(any("L"), x3d::PointLight::on, random_() % 2 == 0);
@@ -74,12 +74,12 @@ class Play {
                 (void)scene.set(any("M"), x3d::Material::transparency, random_() % 2 ? 0.f : .5f);
                 break;
             case 5: {  // comes or goes
-                const NodeId thing = any("T"), shape = any("S");
-                const auto& children = scene.node(thing).get(x3d::Transform::children);
+                const NodeId node = any("T"), shape = any("S");
+                const auto& children = scene.node(node).get(x3d::Transform::children);
                 if (children.size() > 1)
-                    (void)scene.removeChild(thing, x3d::Transform::children.index, 1);
+                    (void)scene.removeChild(node, x3d::Transform::children.index, 1);
                 else
-                    (void)scene.insertChild(thing, x3d::Transform::children.index, shape, 1);
+                    (void)scene.insertChild(node, x3d::Transform::children.index, shape, 1);
                 break;
             }
             case 6:
@@ -92,7 +92,7 @@ class Play {
                 break;
             }
             default:
-                (void)scene.set(scene.findName("VOICE"), x3d::Transform::translation, place());
+                (void)scene.set(scene.findName("VOICE"), x3d::Transform::translation, position());
                 break;
         }
     }
@@ -108,13 +108,13 @@ struct Truth final : InstanceSubscriber {
     };
     Result<> apply(const Scene&, const ChangeSet& changes, const InstanceDelta& delta) override {
         version.sequence = changes.to;
-        auto& things = version.now.things;
+        auto& items = version.now.items;
         for (const InstanceDelta::Geometry& g : delta.geometries) meshes[g.node.value] = g.mesh;
-        for (const InstanceId& id : delta.removed) things.erase(id.slot);
+        for (const InstanceId& id : delta.removed) items.erase(id.slot);
         for (const auto* list : {&delta.added, &delta.rebound})
-            for (const Instance& i : *list) things[i.id.slot].info = i;
-        for (const InstanceDelta::Moved& m : delta.moved) things[m.id.slot].info.worldFromLocal = m.worldFromLocal;
-        for (auto& [slot, thing] : things) thing.mesh = meshes[thing.info.geometry.value];
+            for (const Instance& i : *list) items[i.id.slot].info = i;
+        for (const InstanceDelta::Moved& m : delta.moved) items[m.id.slot].info.worldFromLocal = m.worldFromLocal;
+        for (auto& [slot, item] : items) item.mesh = meshes[item.info.geometry.value];
         return {};
     }
     std::shared_ptr<const void> freeze() override { return std::make_shared<const Version>(version); }

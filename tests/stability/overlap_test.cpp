@@ -105,9 +105,9 @@ TEST_P(Overlap, EveryFollowerEndsWithTheScenesHash) {
         Attachment writing;
         Following log(scene, [&](Replica& replica) {
             if (!writer) {
-                auto made = LogWriter::create(file, builtinTypes());
-                ASSERT_TRUE(made) << made.error().text;
-                writer = std::move(*made);
+                auto created = LogWriter::create(file, builtinTypes());
+                ASSERT_TRUE(created) << created.error().text;
+                writer = std::move(*created);
                 writing = replica.scene().bus().attach(*writer);
             }
             logged += replica.drain();

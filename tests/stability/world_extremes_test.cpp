@@ -55,7 +55,7 @@ TEST(WorldExtremes, ScalesThatComeAndGo) {
     stage.scene.seal();
     constexpr float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
     std::mt19937 random(kExtremesSeed);
-    const auto turn = [&](const Rotation& r) { EXPECT_TRUE(stage.scene.set(mover, x3d::Transform::rotation, r)); };
+    const auto rotation = [&](const Rotation& r) { EXPECT_TRUE(stage.scene.set(mover, x3d::Transform::rotation, r)); };
     const float values[] = {1, -1, 0, 1e-20f, 1e20f, inf, -inf, nan, 2, 1e-6f, .5f, 1};
     for (int step = 0; step < 600; ++step) {
         SCOPED_TRACE(testing::Message() << "seed " << kExtremesSeed << " step " << step);
@@ -63,8 +63,8 @@ TEST(WorldExtremes, ScalesThatComeAndGo) {
         if (step % 3 != 2)
             for (int k = 0; k < 3; ++k) scale[k] = values[random() % std::size(values)];
         ASSERT_TRUE(stage.scene.set(mover, x3d::Transform::scale, scale));
-        if (step % 7 == 0) turn({nan, 0, 1, step % 2 ? inf : 1.0f});
-        if (step % 7 == 1) turn({0, 0, 1, 0});
+        if (step % 7 == 0) rotation({nan, 0, 1, step % 2 ? inf : 1.0f});
+        if (step % 7 == 1) rotation({0, 0, 1, 0});
         stage.scene.seal();
         for (int i = 0; i < 50; ++i) stage.world.intersect(test::randomRay(random, 6));
         EXPECT_TRUE(stage.below(20, 0)) << "its neighbour does not suffer";

@@ -12,7 +12,7 @@ using namespace test;
 constexpr std::uint32_t kLawSeed = 20260301;
 
 TEST(WorldLaw, HitsDoNotDependOnWhatWasMergedAndSplitBefore) {
-    RayWorld::Stats most;
+    RayWorld::Stats maximum;
     for (std::uint32_t run = 0; run < 6; ++run) {
         SCOPED_TRACE(testing::Message() << "seed " << kLawSeed + run);
         Players players(kLawSeed + run, {.restFrames = 1 + run, .background = run % 2 == 0});
@@ -24,12 +24,12 @@ TEST(WorldLaw, HitsDoNotDependOnWhatWasMergedAndSplitBefore) {
             if (testing::Test::HasFailure()) return;
         }
         const RayWorld::Stats stats = players.world().stats();
-        most.merges += stats.merges, most.splits += stats.splits, most.bodiesBuilt += stats.bodiesBuilt;
+        maximum.merges += stats.merges, maximum.splits += stats.splits, maximum.bodiesBuilt += stats.bodiesBuilt;
     }
     // Or nothing was tested.
-    EXPECT_GT(most.merges, 20u);
-    EXPECT_GT(most.splits, 50u);
-    EXPECT_GT(most.bodiesBuilt, 50u);
+    EXPECT_GT(maximum.merges, 20u);
+    EXPECT_GT(maximum.splits, 50u);
+    EXPECT_GT(maximum.bodiesBuilt, 50u);
 }
 
 }  // namespace

@@ -69,16 +69,16 @@ TEST(WorldSteady, AThousandMovingTransformsAllocateNothing) {
     SteadyFollowing following;
     const Attachment attachment = scene.bus().attach(following);
     scene.seal();
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (int frame = 0; frame < 60; ++frame) {
         for (std::size_t i = 0; i < movers.size(); ++i)
             ASSERT_TRUE(scene.set(movers[i], x3d::Transform::translation,
                                   Vec3f(static_cast<float>(i), static_cast<float>(frame) * .01f, 0)));
         scene.seal();
         // In the first frames buffers grow, what was not known to move is taken out, and its old group goes.
-        if (frame >= 30) most = std::max(most, following.allocated);
+        if (frame >= 30) maximum = std::max(maximum, following.allocated);
     }
-    EXPECT_EQ(most, 0u);
+    EXPECT_EQ(maximum, 0u);
     EXPECT_EQ(following.world.stats().traced, 2000u);
     EXPECT_EQ(following.world.stats().bodies, 500u);
 }

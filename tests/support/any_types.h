@@ -50,7 +50,7 @@ class AnyTypes {
 
   private:
     std::size_t pick(std::size_t n) { return random_() % n; }
-    bool chance(double share) { return std::bernoulli_distribution(share)(random_); }
+    bool chance(double fraction) { return std::bernoulli_distribution(fraction)(random_); }
     NodeId any() { return nodes_[pick(nodes_.size())]; }
 
     static bool isUsed(const NodeType& type) { return !type.internal && type.kind == NodeType::Kind::builtin; }
@@ -75,9 +75,9 @@ class AnyTypes {
             if (chance(.2) && std::find(types.begin(), types.end(), likely) != types.end()) type = likely;
         const NodeId id = scene_.createNode(type);
         nodes_.push_back(id);
-        const NodeType& made = scene_.node(id).type();
-        for (std::size_t i = 0; i < made.fields.size(); ++i) {
-            const FieldDef& def = made.fields[i];
+        const NodeType& created = scene_.node(id).type();
+        for (std::size_t i = 0; i < created.fields.size(); ++i) {
+            const FieldDef& def = created.fields[i];
             if (def.hidden || def.access == Access::inputOnly || def.access == Access::outputOnly) continue;
             const bool holdsNodes = sf(def.type) == FieldType::SFNode;
             if (!chance(holdsNodes ? def.name == "metadata" ? .02 : .8 : .3)) continue;
@@ -97,10 +97,10 @@ class AnyTypes {
                                               -1e9, 1e9,      1e-30,     -1,   0,     65536};
             return wild[pick(std::size(wild))];
         }
-        const double least = std::isfinite(def.min) ? def.min : std::isfinite(def.max) ? def.max - 6 : -3;
-        const double most = std::isfinite(def.max) ? def.max : least + 6;
-        if (chance(.2)) return chance(.5) ? least : most;
-        return least + (most - least) * static_cast<double>(pick(1025)) / 1024;
+        const double minimum = std::isfinite(def.min) ? def.min : std::isfinite(def.max) ? def.max - 6 : -3;
+        const double maximum = std::isfinite(def.max) ? def.max : minimum + 6;
+        if (chance(.2)) return chance(.5) ? minimum : maximum;
+        return minimum + (maximum - minimum) * static_cast<double>(pick(1025)) / 1024;
     }
     std::int32_t integer() {
         if (chance(wild_ / 2)) {
@@ -116,7 +116,7 @@ class AnyTypes {
         return String(texts[pick(std::size(texts))]);
     }
     Image image() {
-        const auto size = [&](std::size_t most) { return static_cast<std::int32_t>(pick(most + 1)); };
+        const auto size = [&](std::size_t maximum) { return static_cast<std::int32_t>(pick(maximum + 1)); };
         Image result{{size(3), size(3), size(4)}};
         const int components = result.components();
         for (int i = result.width() * result.height(); i > 0; --i)
@@ -141,7 +141,7 @@ class AnyTypes {
         const auto real = [&] { return static_cast<float>(number(def)); };
         const auto color = [&] { return Color{real(), real(), real()}; };
         const auto colorAlpha = [&] { return ColorRGBA{real(), real(), real(), real()}; };
-        const auto turn = [&] { return Rotation{real(), real(), real(), real()}; };
+        const auto rotation = [&] { return Rotation{real(), real(), real(), real()}; };
         switch (def.type) {
             case FieldType::SFBool:
                 return chance(.5);
@@ -166,7 +166,7 @@ class AnyTypes {
             case FieldType::SFColorRGBA:
                 return colorAlpha();
             case FieldType::SFRotation:
-                return turn();
+                return rotation();
             case FieldType::SFString:
                 return text(def);
             case FieldType::SFImage:
@@ -194,7 +194,7 @@ class AnyTypes {
             case FieldType::MFColorRGBA:
                 return several<ColorRGBA>(colorAlpha);
             case FieldType::MFRotation:
-                return several<Rotation>(turn);
+                return several<Rotation>(rotation);
             case FieldType::MFString:
                 return several<String>([&] { return text(def); });
             case FieldType::MFNode: {
@@ -215,11 +215,11 @@ class AnyTypes {
         const FieldDef& def = type.fields[field];
         if (def.hidden) return;
         budget_ = 8;
-        Value made = value(def, 2);
+        Value created = value(def, 2);
         if (event && def.writable())
-            (void)scene_.sendEvent(id, field, std::move(made));
+            (void)scene_.sendEvent(id, field, std::move(created));
         else
-            (void)scene_.setField(id, field, std::move(made));
+            (void)scene_.setField(id, field, std::move(created));
     }
     void route() {
         const Node &a = scene_.node(any()), &b = scene_.node(any());

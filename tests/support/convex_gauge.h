@@ -43,21 +43,21 @@ inline Gauge hullGauge(const std::vector<glm::dvec3>& points) {
                 const glm::dvec3 n = glm::cross(points[j] - points[i], points[k] - points[i]);
                 if (glm::length(n) < 1e-9) continue;
                 for (const glm::dvec3& normal : {glm::normalize(n), -glm::normalize(n)}) {
-                    double most = -INFINITY;
-                    for (const glm::dvec3& p : points) most = std::max(most, glm::dot(p - points[i], normal));
-                    if (most < 1e-12) planes.emplace_back(normal, glm::dot(points[i], normal));
+                    double maximum = -INFINITY;
+                    for (const glm::dvec3& p : points) maximum = std::max(maximum, glm::dot(p - points[i], normal));
+                    if (maximum < 1e-12) planes.emplace_back(normal, glm::dot(points[i], normal));
                 }
             }
     return [planes](const glm::dvec3& p) {
-        double most = -INFINITY;
-        for (const auto& [normal, at] : planes) most = std::max(most, glm::dot(p, normal) - at);
-        return most;
+        double maximum = -INFINITY;
+        for (const auto& [normal, at] : planes) maximum = std::max(maximum, glm::dot(p, normal) - at);
+        return maximum;
     };
 }
 
 /// The least value of a convex function on [0, 1].
 template <class F>
-double leastOnUnit(const F& f) {
+double minOnUnit(const F& f) {
     double low = 0, high = 1;
     for (int i = 0; i < 64; ++i) {
         const double a = low + (high - low) / 3, b = high - (high - low) / 3;
@@ -66,9 +66,9 @@ double leastOnUnit(const F& f) {
     return std::min({f(low), f(high), f(0), f(1)});
 }
 
-inline double leastOnTriangle(const Gauge& gauge, const std::array<glm::dvec3, 3>& t) {
-    return leastOnUnit([&](double u) {
-        return leastOnUnit([&](double v) { return gauge(t[0] + u * (t[1] - t[0]) + v * (1 - u) * (t[2] - t[0])); });
+inline double minOnTriangle(const Gauge& gauge, const std::array<glm::dvec3, 3>& t) {
+    return minOnUnit([&](double u) {
+        return minOnUnit([&](double v) { return gauge(t[0] + u * (t[1] - t[0]) + v * (1 - u) * (t[2] - t[0])); });
     });
 }
 

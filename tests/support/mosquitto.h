@@ -63,7 +63,7 @@ class Mosquitto {
         pid_ = -1;
     }
     /// "mqtt://127.0.0.1:1883/" and the topic.
-    std::string place(const std::string& topic) const {
+    std::string endpoint(const std::string& topic) const {
         return "mqtt://127.0.0.1:" + std::to_string(port_) + "/" + topic;
     }
 

@@ -136,10 +136,10 @@ class SimpleSpace final : public SpaceQueries {
         for (int round = 0; round < 12; ++round) {
             for (int i = 0; i <= 12; ++i)
                 for (int j = 0; j <= 12; ++j) {
-                    const glm::dvec2 place = low + (high - low) * glm::dvec2(i / 12., j / 12.);
-                    const double u = place.x * (1 - place.y), v = place.y;
+                    const glm::dvec2 position = low + (high - low) * glm::dvec2(i / 12., j / 12.);
+                    const double u = position.x * (1 - position.y), v = position.y;
                     const double d = glm::distance(t[0] + u * (t[1] - t[0]) + v * (t[2] - t[0]), point);
-                    if (d < best) best = d, at = place;
+                    if (d < best) best = d, at = position;
                 }
             const glm::dvec2 part = (high - low) * .2;
             low = glm::clamp(at - part, glm::dvec2(0), glm::dvec2(1));

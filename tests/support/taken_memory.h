@@ -23,7 +23,7 @@ constexpr bool kMemoryIsOurs = true;
 #endif
 
 /// The highest resident set of this process, bytes.
-inline std::size_t mostResident() {
+inline std::size_t maxResident() {
     std::ifstream status("/proc/self/status");
     for (std::string line; std::getline(status, line);)
         if (line.starts_with("VmHWM:")) return std::stoull(line.substr(6)) * 1024;
@@ -38,7 +38,7 @@ std::size_t takenBy(const Work& work) {
     const pid_t child = ::fork();
     if (child == 0) {
         const std::size_t before = residentBytes();
-        const std::size_t taken = work() ? mostResident() - before : SIZE_MAX;
+        const std::size_t taken = work() ? maxResident() - before : SIZE_MAX;
         [[maybe_unused]] const ssize_t written = ::write(ends[1], &taken, sizeof(taken));
         ::_exit(0);
     }

@@ -76,7 +76,7 @@ class TcpProxy {
         for (const auto& pair : pairs_)
             for (const int descriptor : pair) ::close(descriptor);
         pairs_.clear();
-        way_.clear();
+        links_.clear();
         if (listener_ >= 0) ::close(listener_);
         listener_ = -1;
     }
@@ -97,14 +97,15 @@ class TcpProxy {
     }
     /// False at the end of the stream.
     bool pass(int from, int to, bool limited, bool bent) {
-        const std::size_t most = limited ? std::min(buffer_.size(), static_cast<std::size_t>(credit_)) : buffer_.size();
-        const ssize_t got = ::recv(from, buffer_.data(), most, 0);
+        const std::size_t maximum =
+            limited ? std::min(buffer_.size(), static_cast<std::size_t>(credit_)) : buffer_.size();
+        const ssize_t got = ::recv(from, buffer_.data(), maximum, 0);
         if (got <= 0) return false;
         if (limited) credit_ -= static_cast<double>(got);
         std::string bytes(buffer_.data(), static_cast<std::size_t>(got));
         if (bent) bend_(bytes);
         if (delay_.count() == 0) return give(to, bytes);
-        way_.push_back({Clock::now() + delay_, to, bytes});
+        links_.push_back({Clock::now() + delay_, to, bytes});
         return true;
     }
     static bool give(int to, const std::string& bytes) {
@@ -116,8 +117,8 @@ class TcpProxy {
         return true;
     }
     void arrive() {
-        for (; !way_.empty() && way_.front().due <= Clock::now(); way_.pop_front())
-            (void)give(way_.front().to, way_.front().bytes);
+        for (; !links_.empty() && links_.front().due <= Clock::now(); links_.pop_front())
+            (void)give(links_.front().to, links_.front().bytes);
     }
     /// Adds to the bytes that may pass now; what is not used in time is lost.
     void earn() {
@@ -160,7 +161,7 @@ class TcpProxy {
                     continue;
                 }
                 for (const int descriptor : pairs_[i]) {
-                    std::erase_if(way_, [&](const Bytes& bytes) { return bytes.to == descriptor; });
+                    std::erase_if(links_, [&](const Bytes& bytes) { return bytes.to == descriptor; });
                     ::close(descriptor);
                 }
                 pairs_.erase(pairs_.begin() + static_cast<std::ptrdiff_t>(i));
@@ -182,7 +183,7 @@ class TcpProxy {
     const std::function<void(std::string&)> bend_;
     double credit_ = 0;
     Clock::time_point earned_ = Clock::now();
-    std::deque<Bytes> way_;
+    std::deque<Bytes> links_;
     int listener_ = -1;
     std::vector<std::array<int, 2>> pairs_;
     std::array<char, 65536> buffer_;

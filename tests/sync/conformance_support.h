@@ -50,36 +50,36 @@ inline std::string dumpOf(const Scene& scene) {
 }
 
 /// Things that move smoothly, jump, rest, and go through what is no number.
-class MovingThings {
+class MovingNodes {
   public:
-    explicit MovingThings(Scene& scene) : scene_(scene) {
+    explicit MovingNodes(Scene& scene) : scene_(scene) {
         for (int i = 0; i < 10; ++i) {
-            things_.push_back(scene.createNode(x3d::Transform::type));
-            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, things_.back()));
+            nodes_.push_back(scene.createNode(x3d::Transform::type));
+            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, nodes_.back()));
         }
         light_ = scene.createNode(x3d::PointLight::type);
         EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, light_));
     }
     void frame(int k, bool odd) {
         const auto t = static_cast<float>(k) / 20;
-        for (std::size_t i = 0; i < things_.size(); ++i) {
+        for (std::size_t i = 0; i < nodes_.size(); ++i) {
             const auto phase = static_cast<float>(i);
             if (i % 3 == 1 && k % 8 > 4) continue;  // it rests
             const float jump = (k + static_cast<int>(i)) % 11 == 0 ? 5.f : 0.f;
-            set(things_[i], x3d::Transform::translation,
+            set(nodes_[i], x3d::Transform::translation,
                 Vec3f(std::sin(t + phase) + jump, t * t, static_cast<float>(i) / 3));
             const float x = std::sin(phase), z = std::cos(phase);
-            set(things_[i], x3d::Transform::rotation, Rotation{x, 0, z, t * phase});
-            if (i % 4 == 0) set(things_[i], x3d::Transform::scale, Vec3f(1 + t, 1, k % 2 ? -0.f : 1.f));
+            set(nodes_[i], x3d::Transform::rotation, Rotation{x, 0, z, t * phase});
+            if (i % 4 == 0) set(nodes_[i], x3d::Transform::scale, Vec3f(1 + t, 1, k % 2 ? -0.f : 1.f));
         }
         set(light_, x3d::PointLight::intensity, .5f + .5f * std::cos(t));
         set(light_, x3d::PointLight::color, Color{t - std::floor(t), .25f, 0});
         if (odd && k % 7 == 3)
-            set(things_[0], x3d::Transform::translation,
+            set(nodes_[0], x3d::Transform::translation,
                 Vec3f(std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(), -0.f));
         if (k == 20) {
-            EXPECT_TRUE(scene_.destroyNode(things_[9]));
-            things_.pop_back();
+            EXPECT_TRUE(scene_.destroyNode(nodes_[9]));
+            nodes_.pop_back();
         }
     }
 
@@ -89,7 +89,7 @@ class MovingThings {
         EXPECT_TRUE(scene_.set(node, field, value));
     }
     Scene& scene_;
-    std::vector<NodeId> things_;
+    std::vector<NodeId> nodes_;
     NodeId light_;
 };
 

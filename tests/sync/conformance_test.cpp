@@ -177,16 +177,16 @@ void writeMotion(const fs::path& file, std::uint64_t epoch, Coding coding, bool 
     std::unique_ptr<LossyScene> followed;
     LogOptions options = optionsOf(epoch, coding);
     if (lossy) {
-        auto made = LossyScene::follow(scene, 1e-3);
-        ASSERT_TRUE(made);
-        followed = std::move(*made);
+        auto created = LossyScene::follow(scene, 1e-3);
+        ASSERT_TRUE(created);
+        followed = std::move(*created);
         options.mode.mode = Mode::lossy;
         options.mode.maxError = 1e-3;
     }
     auto log = LogWriter::create(file, builtinTypes(), options);
     ASSERT_TRUE(log);
     const Attachment attachment = (followed ? followed->scene() : scene).bus().attach(**log);
-    MovingThings motion(scene);
+    MovingNodes motion(scene);
     for (int k = 0; k < 36; ++k) {
         motion.frame(k, !lossy);
         scene.newFrame(k / 20.0);
@@ -199,7 +199,7 @@ void writeMerged(const fs::path& file) {
     Scene scene;
     auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x4001, Coding::smallest));
     ASSERT_TRUE(log);
-    MovingThings motion(scene);
+    MovingNodes motion(scene);
     scene.newFrame(0);
     ASSERT_TRUE((*log)->write(scene.snapshot()));
     ChangeComposer composer;
@@ -223,25 +223,25 @@ void writeRegion(const fs::path& file) {
     const NodeId eye = scene.createNode(x3d::Viewpoint::type);
     ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, eye));
     ASSERT_TRUE(scene.setName(eye, "EYE"));
-    std::vector<NodeId> places;
+    std::vector<NodeId> positions;
     for (int i = 0; i < 12; ++i) {
-        const NodeId place = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
-        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, place));
-        ASSERT_TRUE(scene.insertChild(place, x3d::Transform::children, shape));
+        const NodeId transform = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, transform));
+        ASSERT_TRUE(scene.insertChild(transform, x3d::Transform::children, shape));
         ASSERT_TRUE(scene.set(shape, x3d::Shape::geometry, scene.createNode(x3d::Box::type)));
-        ASSERT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(2.5f * static_cast<float>(i), 0, 0)));
-        places.push_back(place);
+        ASSERT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(2.5f * static_cast<float>(i), 0, 0)));
+        positions.push_back(transform);
     }
     const NodeId lamp = scene.createNode(x3d::PointLight::type), clock = scene.createNode(x3d::TimeSensor::type);
     for (const NodeId node : {lamp, clock})
         ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
-    ASSERT_TRUE(scene.setName(places[4], "FOURTH"));
+    ASSERT_TRUE(scene.setName(positions[4], "FOURTH"));
     for (const std::size_t i : {std::size_t{3}, std::size_t{5}})
-        ASSERT_TRUE(
-            scene.addRoute(places[i], x3d::Transform::translation.index, places[4], x3d::Transform::center.index));
+        ASSERT_TRUE(scene.addRoute(positions[i], x3d::Transform::translation.index, positions[4],
+                                   x3d::Transform::center.index));
     scene.newFrame(0);
     MirrorPart part(wishes);
-    ShapePlaces shapes;
+    SpatialIndex shapes;
     shapes.coverRadius(5);
     auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x5001, Coding::smallest));
     ASSERT_TRUE(log);
@@ -252,14 +252,14 @@ void writeRegion(const fs::path& file) {
     for (int k = 1; k <= 40; ++k) {
         const auto at = static_cast<float>(k);
         ASSERT_TRUE(scene.set(eye, x3d::Viewpoint::position, Vec3f(at < 25 ? at : 50 - at, 0, 0)));
-        const std::size_t i = static_cast<std::size_t>(k * 5) % places.size();
-        const bool isUp = scene.node(places[i]).get(x3d::Transform::translation).y != 0;
-        ASSERT_TRUE(scene.set(places[i], x3d::Transform::translation,
+        const std::size_t i = static_cast<std::size_t>(k * 5) % positions.size();
+        const bool isUp = scene.node(positions[i]).get(x3d::Transform::translation).y != 0;
+        ASSERT_TRUE(scene.set(positions[i], x3d::Transform::translation,
                               Vec3f(2.5f * static_cast<float>(i), isUp ? 0.f : 6.f, 0)));
         ASSERT_TRUE(scene.set(lamp, x3d::PointLight::intensity, at / 40));
         if (k == 12) {
             ASSERT_TRUE(scene.removeChild(scene.root(), x3d::RtsgScene::children.index, 5));
-            ASSERT_TRUE(scene.insertChild(places[6], x3d::Transform::children, places[4]));
+            ASSERT_TRUE(scene.insertChild(positions[6], x3d::Transform::children, positions[4]));
         }
         const auto set = scene.newFrame(k / 8.0);
         ASSERT_TRUE(shapes.follow(scene, &*set));
@@ -354,7 +354,7 @@ void writeArrays(const fs::path& file) {
     Array<Vec3f> points;
     Array<std::int32_t> index;
     Array<float> odd;
-    Array<Rotation> turns;
+    Array<Rotation> rotations;
     for (int i = 0; i < 1500; ++i) {
         points.push_back(Vec3f(static_cast<float>(i % 40) / 8, std::sin(static_cast<float>(i)), i % 7 ? .1f : -0.f));
         for (const int corner : {i, i + 1, i + 40, -1}) index.push_back(corner);
@@ -364,7 +364,7 @@ void writeArrays(const fs::path& file) {
                       : i == 21 ? std::numeric_limits<float>::quiet_NaN()
                       : i == 30 ? 1e30f
                                 : static_cast<float>(i) / 100);
-    for (int i = 0; i < 9; ++i) turns.push_back(Rotation{0, 1, 0, static_cast<float>(i) / 3});
+    for (int i = 0; i < 9; ++i) rotations.push_back(Rotation{0, 1, 0, static_cast<float>(i) / 3});
     const NodeId faces = scene.createNode(x3d::IndexedFaceSet::type), shape = scene.createNode(x3d::Shape::type);
     const NodeId coordinate = scene.createNode(x3d::Coordinate::type), color = scene.createNode(x3d::ColorRGBA::type);
     const NodeId texture = scene.createNode(x3d::TextureCoordinate::type);
@@ -378,7 +378,7 @@ void writeArrays(const fs::path& file) {
     EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, faces));
     EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, shape));
     add(x3d::ScalarInterpolator::type, x3d::ScalarInterpolator::keyValue, odd);
-    add(x3d::OrientationInterpolator::type, x3d::OrientationInterpolator::keyValue, turns);
+    add(x3d::OrientationInterpolator::type, x3d::OrientationInterpolator::keyValue, rotations);
     add(x3d::ColorInterpolator::type, x3d::ColorInterpolator::keyValue, Array<Color>{{1, 0, .1f}, {.7f, 1e-9f, 2}});
     scene.newFrame(1);
     writeWithHead(scene, file);
@@ -508,8 +508,8 @@ TEST(Conformance, LogsOfFormat2AreVerifiedWithTheHashesOfTheirTime) {
 TEST(Conformance, ALogOfFormat2BecomesOneOfToday) {
     char pattern[] = "/tmp/rtsg-conformance-XXXXXX";
     const fs::path folder = mkdtemp(pattern);
-    const auto made = compactLog(RTSG_SOURCE_DIR "/tests/sync/conformance/format2/document.rlog", folder / "a.rlog");
-    ASSERT_TRUE(made) << made.error().format();
+    const auto created = compactLog(RTSG_SOURCE_DIR "/tests/sync/conformance/format2/document.rlog", folder / "a.rlog");
+    ASSERT_TRUE(created) << created.error().format();
     auto replayer = Replayer::open(folder / "a.rlog");
     ASSERT_TRUE(replayer);
     EXPECT_EQ((*replayer)->head().formatVersion, kFormatVersion);

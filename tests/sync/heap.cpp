@@ -13,13 +13,13 @@
 namespace {
 
 thread_local bool counting = false;
-thread_local long long held = 0, most = 0;
+thread_local long long held = 0, maximum = 0;
 std::atomic<const char*> failing{nullptr};
 
 [[maybe_unused]] void taken(void* block) {
     if (!counting || !block) return;
     held += static_cast<long long>(malloc_usable_size(block));
-    most = std::max(most, held);
+    maximum = std::max(maximum, held);
 }
 [[maybe_unused]] void given(void* block) {
     if (counting && block) held -= static_cast<long long>(malloc_usable_size(block));
@@ -79,14 +79,14 @@ void operator delete(void* memory, std::size_t) noexcept {
 namespace rtsg::test {
 
 HeapCount::HeapCount() {
-    held = most = 0;
+    held = maximum = 0;
     counting = true;
 }
 HeapCount::~HeapCount() {
     counting = false;
 }
 std::size_t HeapCount::peak() const {
-    return static_cast<std::size_t>(most);
+    return static_cast<std::size_t>(maximum);
 }
 
 FailingHeap::FailingHeap(const char* thread) {

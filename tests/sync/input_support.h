@@ -54,8 +54,8 @@ inline void fickleAct(Cascade& cascade, const Node& node) {
     }
     if (f.meddling && f.pick(6) == 0 && f.scene) {
         ++f.meddled;
-        const NodeId made = f.scene->createNode(x3d::Group::type);
-        (void)f.scene->insertChild(f.scene->root(), x3d::RtsgScene::children.index, made);
+        const NodeId created = f.scene->createNode(x3d::Group::type);
+        (void)f.scene->insertChild(f.scene->root(), x3d::RtsgScene::children.index, created);
     }
 }
 inline void fickleOnEvent(Cascade& cascade, const Node& node, FieldIndex, EventValue) {

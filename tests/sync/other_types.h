@@ -104,8 +104,8 @@ class Renumbered {
     }
     FieldIndex theirs(NodeId node, FieldIndex index) const {
         const NodeType& type = ours(node);
-        const bool hasPlace = index != kNoField && numberOf(types_, type.name) != 0xFFFF;
-        return hasPlace ? field(type.name, type.fields[index].name) : index;
+        const bool hasPosition = index != kNoField && numberOf(types_, type.name) != 0xFFFF;
+        return hasPosition ? field(type.name, type.fields[index].name) : index;
     }
     std::uint32_t number(std::uint32_t ours) const {
         const std::uint32_t there = numberOf(types_, scene_.type(TypeIndex{static_cast<std::uint16_t>(ours)}).name);

@@ -41,7 +41,7 @@ class Recorder {
     }
     std::vector<Said> session{};
     /// Before the client hears a message it can be changed; false: the message is lost.
-    std::function<bool(Said&)> onTheWay{};
+    std::function<bool(Said&)> inFlight{};
     std::size_t longestPart = SIZE_MAX;  // of a record, in one message: longer ones are divided
     mirror::Hello wishes{};
 
@@ -116,7 +116,7 @@ class Recorder {
     void hear(Said said) {
         const Message type = said.type();
         if (type == Message::data) return hearData(said);
-        if (onTheWay && !onTheWay(said)) return;
+        if (inFlight && !inFlight(said)) return;
         session.push_back(said);
         wire::Reader in = readerOf(said.first);
         (void)mirror::readPrologue(in);
@@ -147,7 +147,7 @@ class Recorder {
             mirror::write(message_, Message::data, numbers);
             Said part{Said::By::server, textOf(message_), whole.second.substr(at, longestPart)};
             received_ += part.second.size();
-            if (onTheWay && !onTheWay(part)) continue;
+            if (inFlight && !inFlight(part)) continue;
             session.push_back(part);
             isWhole_ = at + part.second.size() == whole.second.size();
             if (isWhole_ && part.second == whole.second.substr(at)) take(whole.second);
@@ -177,7 +177,7 @@ class Recorder {
 /// A scene that moves, and its server.
 struct RecordedOrigin {
     Scene scene;
-    MovingThings motion{scene};
+    MovingNodes motion{scene};
     std::unique_ptr<MirrorServer> server;
     int frames = 0;
 
@@ -276,7 +276,7 @@ void recordLoss(Recorder& recorder) {
     origin.follow(recorder, 2);
     for (const bool isLost : {true, false}) {
         bool done = false;
-        recorder.onTheWay = [&](Said& said) {
+        recorder.inFlight = [&](Said& said) {
             if (done || said.type() != Message::data) return true;
             done = true;
             said.second[said.second.size() - 2] ^= 0x10;
@@ -284,7 +284,7 @@ void recordLoss(Recorder& recorder) {
         };
         origin.frame();
         EXPECT_TRUE(recorder.hearUntil(origin.server.get(), [&] { return done; }));
-        recorder.onTheWay = nullptr;
+        recorder.inFlight = nullptr;
         if (isLost) {
             const std::uint64_t messages = recorder.heard(Message::data);
             origin.frame();
@@ -336,8 +336,8 @@ void recordRefusal(Recorder& recorder) {
 /// One part of the scene, by name.
 void recordPart(Recorder& recorder) {
     RecordedOrigin origin(0x500a);
-    const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[2];
-    EXPECT_TRUE(origin.scene.setName(thing, "THING"));
+    const NodeId node = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[2];
+    EXPECT_TRUE(origin.scene.setName(node, "THING"));
     origin.frame();
     recorder.wishes.wishes.parts = {"THING"};
     origin.join(recorder);
@@ -355,8 +355,8 @@ Change changeOf(ChangeKind kind, NodeId node) {
 /// An edit, a node that is created, a lock, an undo, and a request that is refused.
 void recordRequests(Recorder& recorder) {
     RecordedOrigin origin(0x500b);
-    const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[0];
-    EXPECT_TRUE(origin.scene.setName(thing, "THING"));
+    const NodeId node = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[0];
+    EXPECT_TRUE(origin.scene.setName(node, "THING"));
     origin.frame();
     origin.join(recorder);
     ChangeEncoder encoder;
@@ -365,28 +365,28 @@ void recordRequests(Recorder& recorder) {
         ByteBuffer record;
         mirror::writeRequest(encoder, std::move(asked), recorder.state, record);
         recorder.submit(++request, record);
-        int turns = 0;
+        int rounds = 0;
         const auto answered = [&] {
-            if (recorder.heard(Message::verdict) < request && ++turns % 8 == 0) origin.frame();
+            if (recorder.heard(Message::verdict) < request && ++rounds % 8 == 0) origin.frame();
             return recorder.heard(Message::verdict) == request;
         };
         EXPECT_TRUE(recorder.hearUntil(origin.server.get(), answered));
     };
-    Change edit = changeOf(ChangeKind::setField, thing);
+    Change edit = changeOf(ChangeKind::setField, node);
     edit.field = x3d::Transform::scaleOrientation.index;
     edit.value = Rotation{0, 1, 0, .5f};
     MirrorRequest moves;
     moves.changes = {edit};
     ask(moves);
-    Change made = changeOf(ChangeKind::createNode, NodeId{mirror::kFirstProvisional + 5});
-    made.index = x3d::Group::type.value;
-    Change inserted = changeOf(ChangeKind::insertChild, thing);
+    Change created = changeOf(ChangeKind::createNode, NodeId{mirror::kFirstProvisional + 5});
+    created.index = x3d::Group::type.value;
+    Change inserted = changeOf(ChangeKind::insertChild, node);
     inserted.field = x3d::Transform::children.index;
-    inserted.other = made.node;
+    inserted.other = created.node;
     MirrorRequest creates;
-    creates.changes = {made, inserted};
+    creates.changes = {created, inserted};
     ask(creates);
-    ask({.kind = MirrorRequest::Kind::lock, .changes = {}, .nodes = {thing}, .lease = 2s});
+    ask({.kind = MirrorRequest::Kind::lock, .changes = {}, .nodes = {node}, .lease = 2s});
     ask({.kind = MirrorRequest::Kind::undo, .changes = {}, .nodes = {}});
     MirrorRequest refused;
     refused.changes = {changeOf(ChangeKind::destroyNode, origin.scene.root())};
@@ -413,7 +413,7 @@ void recordPlaying(Recorder& recorder) {
 /// The questions of a client that has found another hash: first about ranges, then about nodes, at last for the values.
 void recordQuestions(Recorder& recorder) {
     RecordedOrigin origin(0x500d);
-    const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[3];
+    const NodeId node = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[3];
     origin.join(recorder);
     origin.follow(recorder, 2);
     const auto answered = [&](Message type, std::uint64_t count) {
@@ -426,14 +426,14 @@ void recordQuestions(Recorder& recorder) {
     });
     answered(Message::digest, 2);
     recorder.ask(Message::inspect, [&](ByteBuffer& out) {
-        for (const std::uint64_t n : {std::uint64_t{2}, std::uint64_t{thing.value}, std::uint64_t{4000}})
+        for (const std::uint64_t n : {std::uint64_t{2}, std::uint64_t{node.value}, std::uint64_t{4000}})
             out.putVarint(n);
     });
     answered(Message::anatomy, 1);
     const std::uint64_t records = recorder.heard(Message::data);
     recorder.ask(Message::want, [&](ByteBuffer& out) {
         const std::uint64_t field = x3d::Transform::translation.index;
-        for (const std::uint64_t n : {std::uint64_t{1}, std::uint64_t{thing.value}, field}) out.putVarint(n);
+        for (const std::uint64_t n : {std::uint64_t{1}, std::uint64_t{node.value}, field}) out.putVarint(n);
     });
     answered(Message::data, records + 1);
     origin.follow(recorder, 2);
@@ -522,7 +522,7 @@ class Player {
     /// Reads the client's messages since the last call.
     void hear() {
         client_->poll(1ms);
-        for (const MirrorVerdict& v : client_->takeVerdicts()) tell(v);
+        for (const MirrorVerdict& v : client_->takeVerdicts()) report(v);
         for (const std::string& reply : client_->takeReplies()) add(replies_, jsonText(reply));
         if (refused_.empty()) refused_ = client_->refusal();
         for (auto parts = receiveParts(socket_, 0); !parts.empty(); parts = receiveParts(socket_, 0)) {
@@ -546,9 +546,9 @@ class Player {
         }
     }
     static void add(std::string& list, const std::string& item) { list += (list.empty() ? "" : ",") + item; }
-    void tell(const MirrorVerdict& v) {
+    void report(const MirrorVerdict& v) {
         std::string created;
-        for (const auto& [wanted, made] : v.created) add(created, fmt::format("{}", made.value));
+        for (const auto& [wanted, built] : v.created) add(created, fmt::format("{}", built.value));
         add(verdicts_, fmt::format("{{\"request\":{},\"state\":{},\"refusal\":{},\"created\":[{}],\"kept\":{}}}",
                                    v.request, v.state, jsonText(v.refusal), created, jsonText(v.kept)));
     }

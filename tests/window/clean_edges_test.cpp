@@ -28,9 +28,9 @@ double errorOf(const Bytes& pixels, const Inside& inside) {
     double sum = 0;
     for (int y = 0; y < kSide; ++y)
         for (int x = 0; x < kSide; ++x) {
-            double share = 0;
-            for (int i = 0; i < 256; ++i) share += inside(x + (i % 16 + .5) / 16, y + (i / 16 + .5) / 16) / 256.;
-            const double off = pixels[std::size_t(4 * (y * kSide + x))] - (40 + 160 * share);
+            double fraction = 0;
+            for (int i = 0; i < 256; ++i) fraction += inside(x + (i % 16 + .5) / 16, y + (i / 16 + .5) / 16) / 256.;
+            const double off = pixels[std::size_t(4 * (y * kSide + x))] - (40 + 160 * fraction);
             sum += off * off;
         }
     return std::sqrt(sum / (kSide * kSide));

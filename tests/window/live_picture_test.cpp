@@ -34,7 +34,7 @@ struct Seen {
     std::size_t looked = 0;
 
     ~Seen() { pictures.reset(); }  // before what its thread writes to
-    explicit Seen(double budget = 1 / 30.0, int mostSamples = 8, Integrator integrator = Integrator::whitted) {
+    explicit Seen(double budget = 1 / 30.0, int maxSamples = 8, Integrator integrator = Integrator::whitted) {
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene,
                              "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 0 6 }\n"
@@ -50,7 +50,7 @@ struct Seen {
         options.settings.threads = 1;
         options.settings.integrator = integrator;
         options.budget = budget;
-        options.mostSamples = mostSamples;
+        options.maxSamples = maxSamples;
         options.restsAfter = .02;
         options.wake = [this] {
             const std::scoped_lock lock(mutex);
@@ -80,7 +80,7 @@ struct Seen {
         ADD_FAILURE() << "no such picture came";
         return std::make_shared<LivePictureShown>();
     }
-    Picture made(int samples) {
+    Picture rendered(int samples) {
         LightRenderer renderer(*world);
         ImageOptions options;
         options.settings.width = kWidth, options.settings.height = kHeight;
@@ -101,20 +101,20 @@ TEST(LivePictures, AtRestThePictureIsWholeThenBetterAndThenNoneIsMade) {
     EXPECT_EQ(whole->width, kWidth);
     EXPECT_EQ(whole->height, kHeight);
     EXPECT_EQ(whole->samples, 1);
-    EXPECT_EQ(whole->pixels, bytesOf(seen.made(1))) << "the picture that render makes";
+    EXPECT_EQ(whole->pixels, bytesOf(seen.rendered(1))) << "the picture that render makes";
     const auto four = seen.next([](const auto& shown) { return shown.samples == 4; });
-    EXPECT_EQ(four->pixels, bytesOf(seen.made(4)));
+    EXPECT_EQ(four->pixels, bytesOf(seen.rendered(4)));
     (void)seen.next([](const auto& shown) { return shown.samples == 8; });
     const auto end = std::chrono::steady_clock::now() + 60s;
     while (!seen.pictures->isDone() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(1ms);
     EXPECT_TRUE(seen.pictures->isDone());
     // Frames that change nothing that is seen change nothing.
-    const std::uint64_t made = seen.pictures->statistics().whole;
+    const std::uint64_t rendered = seen.pictures->statistics().whole;
     seen.scene.newFrame(seen.time += 1);
     EXPECT_TRUE(seen.pictures->show());
     std::this_thread::sleep_for(100ms);
     EXPECT_EQ(seen.pictures->statistics().whole + seen.pictures->statistics().moving,
-              made + seen.pictures->statistics().moving);
+              rendered + seen.pictures->statistics().moving);
 }
 
 TEST(LivePictures, InMotionAPictureHasAsManyPixelsAsTheBudgetAllows) {
@@ -208,7 +208,7 @@ TEST(LivePictures, WhileTheEyeRestsPixelsThatNoChangeTouchesAreTakenOver) {
         EXPECT_TRUE(moved->whole);
         EXPECT_GT(moved->kept, .3);
         EXPECT_LT(moved->kept, 1);
-        EXPECT_EQ(moved->pixels, bytesOf(seen.made(1))) << "as if all had been made anew";
+        EXPECT_EQ(moved->pixels, bytesOf(seen.rendered(1))) << "as if all had been made anew";
     }
 }
 
@@ -268,9 +268,9 @@ TEST(LivePictures, ByPathTheyAreDenoisedAtRestWhileThatIsBetter) {
     RenderSettings settings;
     settings.integrator = Integrator::path, settings.width = kWidth, settings.height = kHeight;
     settings.samplesPerPixel = 256;
-    const auto made = seen.pictures->picture(settings);
-    ASSERT_TRUE(made);
-    const std::vector<std::uint8_t> truth = bytesOf(*made);
+    const auto rendered = seen.pictures->picture(settings);
+    ASSERT_TRUE(rendered);
+    const std::vector<std::uint8_t> truth = bytesOf(*rendered);
     const auto error = [&](const LivePictureShown& shown) {
         double sum = 0;
         for (std::size_t i = 0; i < truth.size(); ++i) sum += std::pow(double(shown.pixels[i]) - double(truth[i]), 2);
@@ -325,9 +325,9 @@ TEST_F(RasteredPictures, OneOfAnotherSizeIsMadeInBetween) {
     settings.width = 64, settings.height = 64;
     for (int i = 0; i < 20; ++i) {
         seen.move();
-        const auto made = seen.pictures->picture(settings);
-        ASSERT_TRUE(made) << made.error().format();
-        EXPECT_EQ(made->width, 64);
+        const auto rendered = seen.pictures->picture(settings);
+        ASSERT_TRUE(rendered) << rendered.error().format();
+        EXPECT_EQ(rendered->width, 64);
     }
     seen.pictures->setSize(64, 64);
     (void)seen.next([](const auto& shown) { return shown.whole && shown.width == 64 && shown.height == 64; });

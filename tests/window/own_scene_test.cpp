@@ -91,8 +91,8 @@ TEST(OwnScenes, WhatIsKeptBeforeAViewerIsKeptBeforeOnesOwnEye) {
         ASSERT_TRUE(camera);
         // The origin of what is kept is the eye, and it looks along the eye's -z.
         const Scene& shown = scene.own->scene();
-        glm::dmat4 place = worldAroundNode(shown, shown.findName("SIGN"));
-        const Vec3d sign(place * glm::dvec4(0, 0, 0, 1)), off = sign - camera->position;
+        glm::dmat4 worldFromSign = worldAroundNode(shown, shown.findName("SIGN"));
+        const Vec3d sign(worldFromSign * glm::dvec4(0, 0, 0, 1)), off = sign - camera->position;
         EXPECT_NEAR(glm::dot(off, camera->forward), 1, 1e-5);
         EXPECT_NEAR(glm::dot(off, camera->right), -.4, 1e-5);
         EXPECT_NEAR(glm::dot(off, camera->up), -.2, 1e-5);

@@ -56,7 +56,7 @@ class AWindow : public testing::Test {
     bool run(const Wanted& wanted, int frames = 2000) {
         for (int i = 0; i < frames; ++i) {
             scene.newFrame(time += 1 / 60.0);
-            if (!window->turn(4ms)) return false;
+            if (!window->poll(4ms)) return false;
             if (wanted()) return true;
         }
         return false;
@@ -189,7 +189,7 @@ TEST(AHeadUpDisplay, AnswersWhereItIsSeenAfterAWalk) {
     const auto frames = [&](int count) {
         for (int i = 0; i < count; ++i) {
             scene.newFrame(time += 1 / 60.0);
-            ASSERT_TRUE((*window)->turn(1ms));
+            ASSERT_TRUE((*window)->poll(1ms));
         }
     };
     const auto push = [](Uint32 type, int x, int y) {
@@ -273,7 +273,7 @@ TEST_F(AWindow, WakeEndsATurnFromAnotherThread) {
     for (int i = 0; i < 20; ++i) {
         std::thread other([&] { window->wake(); });
         const auto begun = std::chrono::steady_clock::now();
-        EXPECT_TRUE(window->turn(60s));
+        EXPECT_TRUE(window->poll(60s));
         EXPECT_LT(std::chrono::steady_clock::now() - begun, 30s);
         other.join();
     }
@@ -298,15 +298,15 @@ TEST_F(AWindow, AHandIsADotWhereItIsSeen) {
     ASSERT_TRUE(run([&] { return window->isSettled(); }));
     const auto before = middleOfTheWindow();
     window->showProbe(Vec3d(0, 1.6, 1), false);  // in the middle of the picture
-    ASSERT_TRUE(window->turn(4ms));
+    ASSERT_TRUE(window->poll(4ms));
     EXPECT_EQ(middleOfTheWindow(), (std::array{160, 224, 255}));
     window->showProbe(Vec3d(0, 1.6, 1), true);
-    ASSERT_TRUE(window->turn(4ms));
+    ASSERT_TRUE(window->poll(4ms));
     EXPECT_EQ(middleOfTheWindow(), (std::array{255, 128, 32})) << "it touches";
     for (const auto& elsewhere :
          {std::optional(Vec3d(1, 1.6, 1)), std::optional(Vec3d(0, 1.6, 20)), std::optional<Vec3d>()}) {
         window->showProbe(elsewhere, true);  // aside, behind the eye, nowhere
-        ASSERT_TRUE(window->turn(4ms));
+        ASSERT_TRUE(window->poll(4ms));
         EXPECT_EQ(middleOfTheWindow(), before);
     }
 }

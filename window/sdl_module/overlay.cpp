@@ -214,23 +214,23 @@ void Overlay::curve() {
     const float width = ImGui::GetContentRegionAvail().x, height = 42;
     ImDrawList& list = *ImGui::GetWindowDrawList();
     list.AddRectFilled(at, ImVec2(at.x + width, at.y + height), IM_COL32(255, 255, 255, 14), 3);
-    const float most = 3 * content_->budget, step = width / kBars;
+    const float maximum = 3 * content_->budget, step = width / kBars;
     const auto first = times.size() > kBars ? times.size() - kBars : 0;
     for (std::size_t i = first; i < times.size(); ++i) {
-        const float share = std::min(times[i] / most, 1.f);
+        const float fraction = std::min(times[i] / maximum, 1.f);
         const float x = at.x + step * static_cast<float>(i - first);
         const ImU32 color = times[i] > 1.5f * content_->budget ? kWrong : kAccent;
-        list.AddRectFilled(ImVec2(x, at.y + height * (1 - share)), ImVec2(x + std::max(step - 1, 1.f), at.y + height),
-                           color);
+        list.AddRectFilled(ImVec2(x, at.y + height * (1 - fraction)),
+                           ImVec2(x + std::max(step - 1, 1.f), at.y + height), color);
     }
     const float budget = at.y + height * 2 / 3;
     list.AddRectFilled(ImVec2(at.x, budget), ImVec2(at.x + width, budget + 1), IM_COL32(255, 255, 255, 110));
     const std::string label = text("%.0f ms", static_cast<double>(content_->budget));
     const ImVec2 size = ImGui::CalcTextSize(label.c_str());
-    const ImVec2 place(at.x + width - size.x - 4, budget - size.y - 3);
-    list.AddRectFilled(ImVec2(place.x - 3, place.y - 1), ImVec2(at.x + width, budget - 1), IM_COL32(17, 20, 27, 200),
+    const ImVec2 corner(at.x + width - size.x - 4, budget - size.y - 3);
+    list.AddRectFilled(ImVec2(corner.x - 3, corner.y - 1), ImVec2(at.x + width, budget - 1), IM_COL32(17, 20, 27, 200),
                        3);
-    list.AddText(place, ink(), label.c_str());
+    list.AddText(corner, ink(), label.c_str());
     ImGui::Dummy(ImVec2(width, height + 4));
 }
 
@@ -274,12 +274,12 @@ void Overlay::tree() {
 void Overlay::row(const OverlayContent::Row& row) {
     if (row.node == 0) return put(kDim, row.name);
     ImDrawList& list = *ImGui::GetWindowDrawList();
-    const ImVec2 start = ImGui::GetCursorPos(), place = ImGui::GetCursorScreenPos();
+    const ImVec2 start = ImGui::GetCursorPos(), corner = ImGui::GetCursorScreenPos();
     const float indent = static_cast<float>(row.depth) * 13, line = ImGui::GetTextLineHeight();
     const float right = ImGui::GetContentRegionAvail().x;
     // Controls on top come first, because those under them then do not react.
     if (row.hides) {
-        const ImVec2 middle(place.x + right - line / 2, place.y + line / 2);
+        const ImVec2 middle(corner.x + right - line / 2, corner.y + line / 2);
         ImGui::SetCursorPos(ImVec2(start.x + right - line, start.y));
         if (ImGui::InvisibleButton("seen", ImVec2(line, line))) act(Kind::hide, row.node);
         if (ImGui::IsItemHovered()) list.AddCircleFilled(middle, kDot + 2, IM_COL32(255, 255, 255, 50));
@@ -288,7 +288,7 @@ void Overlay::row(const OverlayContent::Row& row) {
     if (row.opens) {
         ImGui::SetCursorPos(ImVec2(start.x + indent, start.y));
         if (ImGui::InvisibleButton("open", ImVec2(line, line))) act(Kind::open, row.node);
-        const float x = place.x + indent + 4, y = place.y + line / 2;
+        const float x = corner.x + indent + 4, y = corner.y + line / 2;
         if (row.isOpen)
             list.AddTriangleFilled(ImVec2(x, y - 3), ImVec2(x + 9, y - 3), ImVec2(x + 4.5f, y + 4), kDim);
         else
@@ -298,7 +298,8 @@ void Overlay::row(const OverlayContent::Row& row) {
     ImGui::SetCursorPos(ImVec2(start.x + from, start.y));
     const float wide = std::max(1.f, right - from - (row.hides ? line + 4 : 0));
     if (ImGui::Selectable("##row", row.isPicked, 0, ImVec2(wide, 0))) act(Kind::pick, row.node);
-    ImGui::PushClipRect(ImVec2(place.x + from, place.y - 2), ImVec2(place.x + from + wide, place.y + line + 4), true);
+    ImGui::PushClipRect(ImVec2(corner.x + from, corner.y - 2), ImVec2(corner.x + from + wide, corner.y + line + 4),
+                        true);
     ImGui::SetCursorPos(ImVec2(start.x + from + 3, start.y));
     if (!row.name.empty()) {
         put(row.isVisible ? ink() : kDim, row.name);
@@ -396,17 +397,17 @@ void Overlay::track(const OverlayContent::Timeline& line) {
     const double under = std::clamp(static_cast<double>((io.MousePos.x - at.x) / width), 0., 1.) * line.length;
     const bool moved = io.MouseDelta.x != 0 || ImGui::IsItemActivated();
     if (ImGui::IsItemActive() && moved) act(Kind::seek, 0, under);
-    const auto placeOf = [&](double time) {
+    const auto columnOf = [&](double time) {
         return at.x + width * static_cast<float>(line.length > 0 ? std::clamp(time / line.length, 0., 1.) : 0);
     };
     ImDrawList& list = *ImGui::GetWindowDrawList();
     list.AddRectFilled(ImVec2(at.x, middle - 2), ImVec2(at.x + width, middle + 2), IM_COL32(255, 255, 255, 44), 2);
-    const float knob = placeOf(line.time);
+    const float knob = columnOf(line.time);
     list.AddRectFilled(ImVec2(at.x, middle - 2), ImVec2(knob, middle + 2), kAccent, 2);
     const OverlayContent::Mark* near = nullptr;
     if (line.marks)
         for (const OverlayContent::Mark& mark : *line.marks) {
-            const float x = std::floor(placeOf(mark.time)), half = mark.isDamage ? 9.f : 7.f;
+            const float x = std::floor(columnOf(mark.time)), half = mark.isDamage ? 9.f : 7.f;
             list.AddRectFilled(ImVec2(x, middle - half), ImVec2(x + 2, middle + half), mark.isDamage ? kWrong : kEvent);
             if (ImGui::IsItemHovered() && std::abs(x - io.MousePos.x) < 5) near = &mark;
         }
@@ -414,11 +415,11 @@ void Overlay::track(const OverlayContent::Timeline& line) {
     if (!ImGui::IsItemHovered() && !ImGui::IsItemActive()) return;
     const std::string label = text("%.2f s  ", under) + (near ? near->text : std::string());
     const ImVec2 size = ImGui::CalcTextSize(label.c_str());
-    const ImVec2 place(std::min(io.MousePos.x + 10, at.x + width - size.x - 6), at.y - size.y - 4);
+    const ImVec2 corner(std::min(io.MousePos.x + 10, at.x + width - size.x - 6), at.y - size.y - 4);
     ImDrawList& front = *ImGui::GetForegroundDrawList();
-    front.AddRectFilled(ImVec2(place.x - 6, place.y - 3), ImVec2(place.x + size.x + 6, place.y + size.y + 3),
+    front.AddRectFilled(ImVec2(corner.x - 6, corner.y - 3), ImVec2(corner.x + size.x + 6, corner.y + size.y + 3),
                         IM_COL32(40, 46, 58, 250), 4);
-    front.AddText(place, near && near->isDamage ? kWrong : ink(), label.c_str());
+    front.AddText(corner, near && near->isDamage ? kWrong : ink(), label.c_str());
 }
 
 }  // namespace rtsg

@@ -299,8 +299,8 @@ class SdlWindow final : public WindowModule {
     static constexpr double kMiddle = .15;  // of a stick's way: that near to the middle it rests
     double stick(SDL_GameControllerAxis axis) const {
         const double at = std::clamp(SDL_GameControllerGetAxis(pad_, axis) / 32767., -1., 1.);
-        const double way = std::abs(at) - kMiddle;
-        return way <= 0 ? 0 : std::copysign(way / (1 - kMiddle), at);
+        const double distance = std::abs(at) - kMiddle;
+        return distance <= 0 ? 0 : std::copysign(distance / (1 - kMiddle), at);
     }
     WindowEvent sticks() const {
         WindowEvent event;

@@ -15,9 +15,9 @@
 
 #include "diffraction_pairs.h"
 #include "edges/diffraction_ends.h"
+#include "edges/diffraction_fractions.h"
 #include "edges/diffraction_hidden_parts.h"
 #include "edges/diffraction_overlaps.h"
-#include "edges/diffraction_shares.h"
 #include "edges/diffraction_small_bodies.h"
 #include "edges/diffraction_waves.h"
 #include "geometry/diffraction_parts.h"
@@ -30,7 +30,7 @@ namespace {
 /// The most edges that count although the shortest way leads past them, those that bend most: a bound of work. Sound 60
 /// dB below that in the open does not count, as T30 reaches down no farther (ISO 3382-1).
 constexpr std::size_t kPast = 32;
-constexpr double kLeastPast = 1e-3;
+constexpr double kMinPast = 1e-3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Finds an arrival among the paths known before; null if it is not one of them.
@@ -61,7 +61,7 @@ class Diffraction {
     }
 
     EdgePairCount run(BentParts& parts) {
-        const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
+        const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.pathLength < b.pathLength; };
         const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
         FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
@@ -77,7 +77,7 @@ class Diffraction {
             if (!pathRound(edge, source_, listener_, beside, round)) return;
             if (!round.past())
                 found.push_back({kInfinity, edge, round});
-            else if (const double bent = bentPast(edge, round); bent > kLeastPast)
+            else if (const double bent = bentPast(edge, round); bent > kMinPast)
                 pastAll.add({bent, edge, round});
         });
         found.insert(found.end(), pastAll.sorted().begin(), pastAll.sorted().end());
@@ -88,10 +88,10 @@ class Diffraction {
             counted += bendParts(one) && one.round.past();
         }
         addMissed();
-        for (EndWave& end : byPlace_) addWave(end.wave, end.wave.seconds * c(), end.images);
+        for (EndWave& end : byPosition_) addWave(end.wave, end.wave.seconds * c(), end.images);
         weakenMirrors();
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
-                                                 edges.told(), alone_, bodies_, parts_, field_);
+                                                 edges.reported(), alone_, bodies_, parts_, field_);
         if (!alone_.heardStraight) addStraightOn();
         parts = std::move(parts_);
         return pairs;
@@ -100,7 +100,7 @@ class Diffraction {
   private:
     /// `bent`: about how much, of an edge whose shortest way leads past it; else infinite.
     struct Bending {
-        double bent = kLeastPast;
+        double bent = kMinPast;
         WallEdge edge;
         RoundEdge round;
     };
@@ -115,7 +115,7 @@ class Diffraction {
         std::uint32_t material = 0;
     };
     struct EndWave {
-        glm::dvec3 place;
+        glm::dvec3 position;
         EdgeWave wave;
         std::vector<ImagePart> images;
     };
@@ -124,15 +124,15 @@ class Diffraction {
 
     /// Edges on one line have one shortest way, past their ends or not.
     void joinOverlaps(std::vector<Bending>& found) const {
-        std::vector<std::pair<double, std::size_t>> byWay;
-        for (std::size_t i = 0; i < found.size(); ++i) byWay.emplace_back(found[i].round.path.shortestWay(), i);
-        std::sort(byWay.begin(), byWay.end());
+        std::vector<std::pair<double, std::size_t>> byPath;
+        for (std::size_t i = 0; i < found.size(); ++i) byPath.emplace_back(found[i].round.path.shortestPath(), i);
+        std::sort(byPath.begin(), byPath.end());
         bool any = false;
-        for (std::size_t i = 0; i < byWay.size(); ++i) {
-            Bending& one = found[byWay[i].second];
-            for (std::size_t k = i + 1; k < byWay.size(); ++k) {
-                Bending& other = found[byWay[k].second];
-                if (byWay[k].first - byWay[i].first > 4 * edgeRounding(one.edge)) break;
+        for (std::size_t i = 0; i < byPath.size(); ++i) {
+            Bending& one = found[byPath[i].second];
+            for (std::size_t k = i + 1; k < byPath.size(); ++k) {
+                Bending& other = found[byPath[k].second];
+                if (byPath[k].first - byPath[i].first > 4 * edgeRounding(one.edge)) break;
                 WallEdge both;
                 RoundEdge round;
                 if (other.bent < 0 || !joinedEdge(one.edge, other.edge, both) ||
@@ -160,8 +160,8 @@ class Diffraction {
 
     /// Each part that is seen, as an edge of its own; whether any is heard.
     bool bendParts(const Bending& one) {
-        const double way = glm::distance(source_, one.round.by) + glm::distance(one.round.by, listener_);
-        if (!(way < seconds_ * c())) return false;
+        const double pathLength = glm::distance(source_, one.round.by) + glm::distance(one.round.by, listener_);
+        if (!(pathLength < seconds_ * c())) return false;
         const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
         const bool whole = (parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length) ||
                            (!parts.empty() && !diffractionParts().hiddenParts);
@@ -212,29 +212,29 @@ class Diffraction {
 
     /// Through small bodies, where nothing else hides direct sound.
     void addStraightOn() {
-        BodyWeights::Tones share;
-        if (!bodies_.straightOn(listener_, source_, share) || !(share.front() < 1)) return;
-        const double way = glm::distance(source_, listener_);
+        BodyWeights::Tones fraction;
+        if (!bodies_.straightOn(listener_, source_, fraction) || !(fraction.front() < 1)) return;
+        const double pathLength = glm::distance(source_, listener_);
         EdgeWave wave = straightWave(source_, listener_, c());
-        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = static_cast<float>(share[t] / way);
-        weaken(wave.pressure, sentTo(listener_), attenuation_, way);
-        addWave(wave, way, {});
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = static_cast<float>(fraction[t] / pathLength);
+        weaken(wave.pressure, sentTo(listener_), attenuation_, pathLength);
+        addWave(wave, pathLength, {});
     }
 
     /// Whether only small bodies block the path by a point; and the share that they let through.
-    bool passesSmall(const glm::dvec3& by, BodyWeights::Tones& share) {
+    bool passesSmall(const glm::dvec3& by, BodyWeights::Tones& fraction) {
         BodyWeights::Tones after;
-        if (!bodies_.straightOn(source_, by, share) || !bodies_.straightOn(listener_, by, after)) return false;
-        for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= after[t];
-        return share.front() < 1;
+        if (!bodies_.straightOn(source_, by, fraction) || !bodies_.straightOn(listener_, by, after)) return false;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) fraction[t] *= after[t];
+        return fraction.front() < 1;
     }
 
     /// Whether it is heard, what small bodies let `through` of it if they hide it.
     bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones* through) {
         const WedgePath& path = round.path;
-        const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
+        const double pathLength = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         const glm::dvec3 about = offEnds(edge, round.by);
-        if (!(way < seconds_ * c()) || !isOpen(geometry_, edge, about, path.opening, round.turn)) return false;
+        if (!(pathLength < seconds_ * c()) || !isOpen(geometry_, edge, about, path.opening, round.side)) return false;
         Arrival* mirror = nullptr;
         if (isMirrored(path) || grazesImage(path))
             mirror = arrivalOf(arrivals_, known_, 1, path.distanceAt(imageAngle(path)) / c());
@@ -244,18 +244,18 @@ class Diffraction {
         BodyWeights::Tones weights = bodies_.of(edge.body);
         if (through)
             for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= (*through)[t];
-        const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, weights);
+        const EdgeFractions fractions = edgeFractionsOf(round, ends, edge.material, tones_, weights);
         ImagePart image;
-        image.image = imagePlace(edge, round, source_);
+        image.image = imagePosition(edge, round, source_);
         const double apart = glm::distance(image.image, listener_);
         for (std::size_t b = 0; b < kBandCount; ++b) image.whole[b] = tones_.mirrors(edge.material, b) / apart;
         if (!round.past()) {
             if (mirror) mirrors_.try_emplace(static_cast<std::size_t>(mirror - arrivals_.data()), edge.body);
             noteBoundaries(edge, round, image, weights);
             if (direct || !isLit(path)) alone_.bent.push_back({edge, round, direct != nullptr});
-            addByEdge(shares, edge, round, way, image);
+            addByEdge(fractions, edge, round, pathLength, image);
         }
-        for (std::size_t e = 0; e < 2; ++e) addEnd(shares, e, ends[e], image);
+        for (std::size_t e = 0; e < 2; ++e) addEnd(fractions, e, ends[e], image);
         return true;
     }
 
@@ -281,10 +281,10 @@ class Diffraction {
     bool passesSheet(const WallEdge& rim, const WedgePath& path) const {
         constexpr double kAlong = 1e-3;  // radians: a hundred times what single precision turns a sheet of 1 m by 10 cm
         const double above = aboveSheet(rim, source_), other = aboveSheet(rim, listener_);
-        const double most = std::max(std::abs(above), std::abs(other));
+        const double maximum = std::max(std::abs(above), std::abs(other));
         const double far = kAlong * glm::distance(source_, listener_);
-        if (most > far) return isLit(path);
-        const glm::dvec3 off = sheetNormal(rim) * (far / most);
+        if (maximum > far) return isLit(path);
+        const glm::dvec3 off = sheetNormal(rim) * (far / maximum);
         return seen(geometry_, source_ + above * off, listener_ + other * off);
     }
 
@@ -292,22 +292,22 @@ class Diffraction {
     /// what edges bend is continuous. Edges in line share one correction.
     void addMissed() {
         for (const Boundary& one : boundaries_) {
-            const double way = glm::distance(one.from, listener_);
+            const double pathLength = glm::distance(one.from, listener_);
             const bool found =
-                !one.isImage ? alone_.heardStraight : arrivalOf(arrivals_, known_, 1, way / c()) != nullptr;
+                !one.isImage ? alone_.heardStraight : arrivalOf(arrivals_, known_, 1, pathLength / c()) != nullptr;
             if (found == one.expected) continue;
             EdgeWave wave;
-            wave.seconds = way / c();
-            wave.direction = (one.from - listener_) / way;
+            wave.seconds = pathLength / c();
+            wave.direction = (one.from - listener_) / pathLength;
             wave.route = {one.by, one.by, glm::dvec3(0), glm::dvec3(0)};
             for (std::size_t t = 0; t < kEdgeTones; ++t)
                 wave.pressure[t] =
-                    static_cast<float>((one.expected ? 1 : -1) * one.weights[t] / way *
+                    static_cast<float>((one.expected ? 1 : -1) * one.weights[t] / pathLength *
                                        (!one.isImage ? 1 : tones_.mirrors(one.material, t / EdgeTones::kTones)));
-            weaken(wave.pressure, sentTo(one.by), attenuation_, way);
+            weaken(wave.pressure, sentTo(one.by), attenuation_, pathLength);
             ImagePart image = one.image;
             image.pressure = wave.pressure;
-            addWave(wave, way, std::span(&image, one.isImage ? 1 : 0));
+            addWave(wave, pathLength, std::span(&image, one.isImage ? 1 : 0));
         }
     }
 
@@ -316,10 +316,10 @@ class Diffraction {
     }
 
     /// `images`: the parts of it that go on into mirror images.
-    void addWave(const EdgeWave& wave, double way, std::span<const ImagePart> images) {
-        const bool faint = isFaint(wave.pressure, way);
+    void addWave(const EdgeWave& wave, double pathLength, std::span<const ImagePart> images) {
+        const bool faint = isFaint(wave.pressure, pathLength);
         for (ImagePart part : images) {
-            if (faint && isFaint(part.pressure, way)) continue;
+            if (faint && isFaint(part.pressure, pathLength)) continue;
             part.wave = faint ? ImagePart::kFaint : field_.waves.size();
             part.seconds = wave.seconds;
             part.direction = wave.direction;
@@ -328,37 +328,37 @@ class Diffraction {
         if (!faint) field_.waves.push_back(wave);
     }
 
-    void addByEdge(const EdgeShares& shares, const WallEdge& edge, const RoundEdge& round, double way,
+    void addByEdge(const EdgeFractions& fractions, const WallEdge& edge, const RoundEdge& round, double pathLength,
                    ImagePart image) {
         EdgeWave wave;
-        wave.pressure = shares.wave;
-        image.pressure = shares.mirrored[0];
-        wave.seconds = way / c();
+        wave.pressure = fractions.wave;
+        image.pressure = fractions.mirrored[0];
+        wave.seconds = pathLength / c();
         wave.direction = glm::normalize(round.by - listener_);
         wave.route = {round.by, round.by, edge.axis, edge.axis};
-        wave.bends = {edge.faceA, round.turn * glm::cross(edge.axis, edge.faceA), round.path.opening, {}};
+        wave.bends = {edge.faceA, round.side * glm::cross(edge.axis, edge.faceA), round.path.opening, {}};
         for (std::size_t b = 0; b < kBandCount; ++b) wave.bends.mirrors[b] = tones_.mirrors(edge.material, b);
         for (EdgeTonePressures* one : {&wave.pressure, &image.pressure})
-            weaken(*one, sentTo(round.by), attenuation_, way);
-        addWave(wave, way, std::span(&image, 1));
+            weaken(*one, sentTo(round.by), attenuation_, pathLength);
+        addWave(wave, pathLength, std::span(&image, 1));
     }
 
     /// All edges that end at one place are one wave: where an edge goes on in the next one, nothing is left.
-    void addEnd(const EdgeShares& shares, std::size_t number, const EdgeEnd& end, ImagePart image) {
-        if (!(end.way < seconds_ * c()) || end.place == listener_) return;
+    void addEnd(const EdgeFractions& fractions, std::size_t number, const EdgeEnd& end, ImagePart image) {
+        if (!(end.pathLength < seconds_ * c()) || end.position == listener_) return;
         EdgeWave wave;
-        wave.pressure = shares.ends[number];
-        image.pressure = shares.mirrored[number + 1];
-        wave.seconds = end.way / c();
-        wave.direction = glm::normalize(end.place - listener_);
-        wave.route = {end.place, end.place, glm::dvec3(0), glm::dvec3(0)};
+        wave.pressure = fractions.ends[number];
+        image.pressure = fractions.mirrored[number + 1];
+        wave.seconds = end.pathLength / c();
+        wave.direction = glm::normalize(end.position - listener_);
+        wave.route = {end.position, end.position, glm::dvec3(0), glm::dvec3(0)};
         for (EdgeTonePressures* one : {&wave.pressure, &image.pressure})
-            weaken(*one, sentTo(end.place), attenuation_, end.way);
-        const double rounding = 2 * placeRounding(end.place);
+            weaken(*one, sentTo(end.position), attenuation_, end.pathLength);
+        const double rounding = 2 * positionRounding(end.position);
         const auto known = std::ranges::find_if(
-            byPlace_, [&](const EndWave& one) { return glm::distance(one.place, end.place) <= rounding; });
-        if (known == byPlace_.end()) {
-            byPlace_.push_back({end.place, wave, {image}});
+            byPosition_, [&](const EndWave& one) { return glm::distance(one.position, end.position) <= rounding; });
+        if (known == byPosition_.end()) {
+            byPosition_.push_back({end.position, wave, {image}});
             return;
         }
         for (std::size_t t = 0; t < kEdgeTones; ++t) known->wave.pressure[t] += wave.pressure[t];
@@ -376,7 +376,7 @@ class Diffraction {
     std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
     EdgesAlone alone_;
-    std::vector<EndWave> byPlace_;
+    std::vector<EndWave> byPosition_;
     std::vector<Boundary> boundaries_;
     BentParts parts_;
     std::map<std::size_t, const WallBody*> mirrors_;  // by their arrivals, whose faces

@@ -22,12 +22,13 @@ glm::dvec3 farEnd(const WallEdge& edge) {
 
 /// The face of an edge in which another one lies.
 bool sharedFace(const WallEdge& a, const WallEdge& b, glm::dvec3& inward) {
-    const glm::dvec3 way = b.from - a.from;
-    const double place = placeRounding(a.from), rounding = 1e-5 * (glm::length(way) + b.length) + 2 * place;
+    const glm::dvec3 displacement = b.from - a.from;
+    const double position = positionRounding(a.from),
+                 rounding = 1e-5 * (glm::length(displacement) + b.length) + 2 * position;
     for (const glm::dvec3& face : {a.faceA, a.faceB}) {
         const glm::dvec3 normal = glm::cross(a.axis, face);
-        if (std::abs(glm::dot(way, normal)) < rounding &&
-            std::abs(glm::dot(b.axis, normal)) < 1e-5 + 2 * place / b.length) {
+        if (std::abs(glm::dot(displacement, normal)) < rounding &&
+            std::abs(glm::dot(b.axis, normal)) < 1e-5 + 2 * position / b.length) {
             inward = face;
             return true;
         }
@@ -36,9 +37,9 @@ bool sharedFace(const WallEdge& a, const WallEdge& b, glm::dvec3& inward) {
 }
 
 /// A place turned about an edge into its face's plane, on the side where the face is not.
-glm::dvec3 laidFlat(const WallEdge& edge, const glm::dvec3& inward, const glm::dvec3& place) {
-    const glm::dvec3 way = place - edge.from, foot = edge.axis * glm::dot(way, edge.axis);
-    return edge.from + foot - inward * glm::length(way - foot);
+glm::dvec3 laidFlat(const WallEdge& edge, const glm::dvec3& inward, const glm::dvec3& position) {
+    const glm::dvec3 displacement = position - edge.from, foot = edge.axis * glm::dot(displacement, edge.axis);
+    return edge.from + foot - inward * glm::length(displacement - foot);
 }
 
 }  // namespace
@@ -47,7 +48,7 @@ FacePair::Side FacePair::layOne(const WallEdge& edge, const glm::dvec3& inward, 
                                 const glm::dvec3& otherInward, const glm::dvec3& near, const glm::dvec3& beyond) {
     Side side;
     side.edge = edge;
-    side.place = near;
+    side.position = near;
     side.flat = laidFlat(other, otherInward, beyond);
     const glm::dvec3 toNear = near - edge.from, toFlat = side.flat - edge.from;
     side.along = glm::dot(toNear, edge.axis);
@@ -59,8 +60,9 @@ FacePair::Side FacePair::layOne(const WallEdge& edge, const glm::dvec3& inward, 
     // The other edge's ends, seen from there.
     double seen[2];
     for (int i = 0; i < 2; ++i) {
-        const glm::dvec3 way = (i == 0 ? other.from : farEnd(other)) - edge.from;
-        const double off = glm::dot(way, edge.axis) - side.alongFlat, left = side.radiusFlat - glm::dot(way, inward);
+        const glm::dvec3 displacement = (i == 0 ? other.from : farEnd(other)) - edge.from;
+        const double off = glm::dot(displacement, edge.axis) - side.alongFlat,
+                     left = side.radiusFlat - glm::dot(displacement, inward);
         seen[i] = left > 1e-9 * side.radiusFlat ? side.alongFlat + off * side.radiusFlat / left
                                                 : std::copysign(std::numeric_limits<double>::infinity(), off);
     }
@@ -71,24 +73,24 @@ FacePair::Side FacePair::layOne(const WallEdge& edge, const glm::dvec3& inward, 
 }
 
 glm::dvec3 FacePair::crossing(const glm::dvec3& from, const glm::dvec3& flat, const WallEdge& edge) {
-    const glm::dvec3 way = flat - from, square = way - edge.axis * glm::dot(way, edge.axis);
+    const glm::dvec3 displacement = flat - from, square = displacement - edge.axis * glm::dot(displacement, edge.axis);
     const double part = glm::dot(edge.from - from, square) / glm::dot(square, square);
-    const double place = glm::dot(from + way * part - edge.from, edge.axis);
-    return edge.from + edge.axis * std::clamp(place, 0.0, edge.length);
+    const double position = glm::dot(from + displacement * part - edge.from, edge.axis);
+    return edge.from + edge.axis * std::clamp(position, 0.0, edge.length);
 }
 
 double FacePair::strength(const TwoWedgePath& path) const {
     constexpr double kWaveNumber = 2.3;  // 1 / m, of 125 Hz in air of 343 m/s
     // The share that is there of the zone in which waves are about in phase; less where the way leads past ends.
-    double share = 0;
+    double fraction = 0;
     for (const Side& side : sides_) {
         const double toEdge = std::hypot(side.radius, side.shortest - side.along);
         const double fromEdge = std::hypot(side.radiusFlat, side.alongFlat - side.shortest);
         const double zone = std::sqrt(std::numbers::pi / kWaveNumber * toEdge * fromEdge / (toEdge + fromEdge));
         const double past = std::max({0.0, side.low - side.shortest, side.shortest - side.high});
-        if (side.any()) share = std::max(share, std::min(1.0, (side.high - side.low) / zone) / (1 + past / zone));
+        if (side.any()) fraction = std::max(fraction, std::min(1.0, (side.high - side.low) / zone) / (1 + past / zone));
     }
-    return share * std::abs(twoWedgeField(path, kWaveNumber)) * path.way;
+    return fraction * std::abs(twoWedgeField(path, kWaveNumber)) * path.pathLength;
 }
 
 bool FacePair::shareFace(const WallEdge& a, const WallEdge& b) {
@@ -115,9 +117,9 @@ bool FacePair::lay(const WallEdge& first, const WallEdge& second, const glm::dve
     return true;
 }
 
-void FacePair::addEnds(const Side& side, const TwoWedgePath& path, double share, const EdgeTones& tones,
+void FacePair::addEnds(const Side& side, const TwoWedgePath& path, double fraction, const EdgeTones& tones,
                        double speedOfSound, std::vector<End>& ends) const {
-    if (!side.any() || !(share > 1e-6)) return;
+    if (!side.any() || !(fraction > 1e-6)) return;
     const bool isFirst = &side == &sides_[0];
     const TwoWedgePath::Wedge& wedge = isFirst ? path.first : path.second;
     WedgePath single;
@@ -129,20 +131,20 @@ void FacePair::addEnds(const Side& side, const TwoWedgePath& path, double share,
     single.along = side.alongFlat - side.along;
     // The same by the places of `path`, of which it is known what both edges bend.
     WedgePath there = single;
-    const double toEdge = glm::distance(side.place, isFirst ? byFirst : bySecond), sine = wedge.sine;
+    const double toEdge = glm::distance(side.position, isFirst ? byFirst : bySecond), sine = wedge.sine;
     there.sourceRadius = toEdge * sine;
-    there.receiverRadius = (path.way - toEdge) * sine;
-    there.along = path.way * std::sqrt(std::max(0.0, 1 - sine * sine));
+    there.receiverRadius = (path.pathLength - toEdge) * sine;
+    there.along = path.pathLength * std::sqrt(std::max(0.0, 1 - sine * sine));
     std::vector<End> both;
     std::vector<EdgeEnd> beyond;
     for (const double along : {side.low, side.high}) {
         EdgeEnd one;
         const double offset = along - side.shortest;
-        one.way = single.wayBy(offset);
-        one.share = along == side.low ? (offset > 0 ? 1 : -1) : (offset < 0 ? 1 : -1);
+        one.pathLength = single.pathLengthBy(offset);
+        one.fraction = along == side.low ? (offset > 0 ? 1 : -1) : (offset < 0 ? 1 : -1);
         setBeyond(single, speedOfSound, one);
         End end;
-        end.way = one.way;
+        end.pathLength = one.pathLength;
         end.first = side.edge.from + side.edge.axis * along;
         end.second = crossing(end.first, side.flat, sides_[isFirst ? 1 : 0].edge);
         if (!isFirst) std::swap(end.first, end.second);
@@ -155,12 +157,13 @@ void FacePair::addEnds(const Side& side, const TwoWedgePath& path, double share,
         const double second = tones.mirrors(sides_[1].edge.material, b), own = isFirst ? first : second;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
             const auto [direct, mirrored] = bend.at(waveNumber);
-            const std::complex<double> alone = std::polar(1.0, -waveNumber * path.way) * (direct + own * mirrored);
+            const std::complex<double> alone =
+                std::polar(1.0, -waveNumber * path.pathLength) * (direct + own * mirrored);
             if (!(std::norm(alone) > 0)) return;
-            const std::complex<double> through = share * twoWedgeField(path, waveNumber, first, second) / alone;
+            const std::complex<double> through = fraction * twoWedgeField(path, waveNumber, first, second) / alone;
             for (std::size_t e = 0; e < 2; ++e)
-                both[e].pressure[tone] =
-                    through * beyond[e].share * (beyond[e].besideDirect[tone] + own * beyond[e].besideMirrored[tone]);
+                both[e].pressure[tone] = through * beyond[e].fraction *
+                                         (beyond[e].besideDirect[tone] + own * beyond[e].besideMirrored[tone]);
         });
     }
     ends.insert(ends.end(), both.begin(), both.end());

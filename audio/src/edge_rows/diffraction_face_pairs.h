@@ -38,7 +38,7 @@ class FacePair {
     /// beside the part.
     struct End {
         glm::dvec3 first{0}, second{0};
-        double way = 0;
+        double pathLength = 0;
         std::array<std::complex<double>, kEdgeTones> pressure{};  // re the phase of its way
     };
     /// `path`: the way by the places above, with its angles.
@@ -55,7 +55,7 @@ class FacePair {
     /// An edge and what counts of it: where it is seen from, and where it is seen across the other edge, laid flat.
     struct Side {
         WallEdge edge;
-        glm::dvec3 place{0}, flat{0};
+        glm::dvec3 position{0}, flat{0};
         double along = 0, radius = 0, alongFlat = 0, radiusFlat = 0;
         double low = 0, high = 0, shortest = 0;  // metres from its beginning on
 
@@ -63,8 +63,8 @@ class FacePair {
     };
     static Side layOne(const WallEdge& edge, const glm::dvec3& inward, const WallEdge& other,
                        const glm::dvec3& otherInward, const glm::dvec3& near, const glm::dvec3& beyond);
-    void addEnds(const Side& side, const TwoWedgePath& path, double share, const EdgeTones& tones, double speedOfSound,
-                 std::vector<End>& ends) const;
+    void addEnds(const Side& side, const TwoWedgePath& path, double fraction, const EdgeTones& tones,
+                 double speedOfSound, std::vector<End>& ends) const;
 
     std::array<Side, 2> sides_;
 };

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "diffraction_rows.h"
+#include "edges/diffraction_fractions.h"
 #include "edges/diffraction_paths.h"
-#include "edges/diffraction_shares.h"
 
 namespace rtsg {
 namespace {
@@ -30,7 +30,7 @@ class LitFace {
             RoundEdge round;
             if (!edge || !pathRound(*edge, source, listener, round)) continue;
             paths_.push_back(round.path);
-            detour_ = std::min(detour_, std::max(0.0, round.path.shortestWay() - straight_));
+            detour_ = std::min(detour_, std::max(0.0, round.path.shortestPath() - straight_));
             at_ = glm::dot(round.by - source, listener - source) / straight_;
             mirrored_ = mirrored_ && isMirrored(round.path);
         }
@@ -40,8 +40,8 @@ class LitFace {
         pair_.side = side;
         if (!face.begin || !face.end) return;
         const bool sheet = side != glm::dvec3(0);
-        paired_ = findWay(sheet ? offSheet(*face.begin, source) : source,
-                          sheet ? offSheet(*face.end, listener) : listener, true, pair_) &&
+        paired_ = findPath(sheet ? offSheet(*face.begin, source) : source,
+                           sheet ? offSheet(*face.end, listener) : listener, true, pair_) &&
                   pair_.onFace;
     }
 
@@ -52,10 +52,10 @@ class LitFace {
 
     /// Relative to direct sound: the remainder of direct sound with all additions by the face, and the part of it that
     /// belongs to the image.
-    struct Shares {
+    struct Fractions {
         Complex left, image;
     };
-    Shares shares(std::size_t tone, double waveNumber, const EdgeTones& tones) const {
+    Fractions fractions(std::size_t tone, double waveNumber, const EdgeTones& tones) const {
         const double mirrors = tones.mirrors(material_, tone / EdgeTones::kTones);
         const Complex pair = paired_ ? twoWedgeField(pair_.path, waveNumber, mirrors, mirrors) : 0.0;
         Complex direct = pair / (1 + mirrors), image = pair * (mirrors / (1 + mirrors));
@@ -77,7 +77,7 @@ class LitFace {
     double straight_, at_ = 0, detour_ = 0;
     std::uint32_t material_ = 0;
     std::vector<WedgePath> paths_;
-    PairWay pair_;
+    PairPath pair_;
     bool mirrored_ = false, paired_ = false;
 };
 
@@ -91,16 +91,16 @@ double excess(const LitFace& a, const LitFace& b, double straight, std::size_t t
 }
 
 /// The share of direct sound that is left behind some faces in a row, and the part of it that is their image.
-class RowShares {
+class RowFractions {
   public:
-    RowShares(const std::vector<LitFace>& faces, double straight, std::size_t tone, double waveNumber,
-              const EdgeTones& tones) {
-        for (const LitFace& face : faces) alone_.push_back(face.shares(tone, waveNumber, tones));
+    RowFractions(const std::vector<LitFace>& faces, double straight, std::size_t tone, double waveNumber,
+                 const EdgeTones& tones) {
+        for (const LitFace& face : faces) alone_.push_back(face.fractions(tone, waveNumber, tones));
         for (std::size_t i = 1; i < faces.size(); ++i)
             together_.push_back(1.0 + excess(faces[i - 1], faces[i], straight, tone, waveNumber));
     }
     /// The shares of the faces from one up to, but without, another.
-    LitFace::Shares of(std::size_t from, std::size_t to) const {
+    LitFace::Fractions of(std::size_t from, std::size_t to) const {
         if (from >= to) return {1, 0};
         Complex left = 1, notMirrored = 1;
         for (std::size_t i = from; i < to; ++i) {
@@ -113,28 +113,29 @@ class RowShares {
     }
 
   private:
-    std::vector<LitFace::Shares> alone_;
+    std::vector<LitFace::Fractions> alone_;
     std::vector<double> together_;  // of each and the next one
 };
 
 }  // namespace
 
-bool litRowOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener,
+bool litRowOf(const PairPath& path, const glm::dvec3& source, const glm::dvec3& listener,
               std::span<const WallEdge* const> edges, const EdgeTones& tones, BodyWeights& bodies, LitRow& result) {
-    const std::vector<RowFace> row = facesBetween(way, edges);
+    const std::vector<RowFace> row = facesBetween(path, edges);
     if (row.size() < 2) return false;
     std::vector<LitFace> faces;
-    for (const RowFace& face : row) faces.emplace_back(face, way.side, source, listener, bodies);
+    for (const RowFace& face : row) faces.emplace_back(face, path.side, source, listener, bodies);
     const double straight = glm::distance(source, listener);
     const std::size_t size = faces.size();
     for (std::size_t t = 0; t < kEdgeTones; ++t) {
         const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / tones.speedOfSound();
-        const RowShares shares(faces, straight, t, k, tones);
-        const LitFace::Shares all = shares.of(0, size), first = shares.of(0, size - 1), second = shares.of(1, size);
-        const LitFace::Shares inner = shares.of(1, size - 1);
-        const double mirrorsFirst = tones.mirrors(way.first->material, t / EdgeTones::kTones);
-        const double mirrorsSecond = tones.mirrors(way.second->material, t / EdgeTones::kTones);
-        const Complex pair = twoWedgeField(way.path, k, mirrorsFirst, mirrorsSecond);
+        const RowFractions fractions(faces, straight, t, k, tones);
+        const LitFace::Fractions all = fractions.of(0, size), first = fractions.of(0, size - 1),
+                                 second = fractions.of(1, size);
+        const LitFace::Fractions inner = fractions.of(1, size - 1);
+        const double mirrorsFirst = tones.mirrors(path.first->material, t / EdgeTones::kTones);
+        const double mirrorsSecond = tones.mirrors(path.second->material, t / EdgeTones::kTones);
+        const Complex pair = twoWedgeField(path.path, k, mirrorsFirst, mirrorsSecond);
         const Complex direct = std::norm(pair) > 0 ? std::polar(1 / straight, -k * straight) / pair : 0.0;
         result.all[t] = direct * (all.left - first.left - second.left + inner.left);
         result.image[t] = direct * (all.image - first.image - second.image + inner.image);

@@ -18,7 +18,7 @@
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/echogram.h>
 
-#include "diffraction_pair_way.h"
+#include "diffraction_pair_path.h"
 #include "edges/diffraction_small_bodies.h"
 #include "response/edge_tones.h"
 
@@ -31,7 +31,7 @@ struct LitRow {
 };
 
 /// Finds the factors of a pair along a face that hides neither source nor listener. False if its way has no gaps.
-bool litRowOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener,
+bool litRowOf(const PairPath& path, const glm::dvec3& source, const glm::dvec3& listener,
               std::span<const WallEdge* const> edges, const EdgeTones& tones, BodyWeights& bodies, LitRow& result);
 
 }  // namespace rtsg

@@ -39,33 +39,33 @@ std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source,
         if (end.second == listener || end.first == source) continue;
         EdgeWave wave;
         wave.order = 2;
-        wave.seconds = end.way / options.air.speedOfSound;
+        wave.seconds = end.pathLength / options.air.speedOfSound;
         wave.direction = glm::normalize(end.second - listener);
         wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(end.pressure[t]);
         weaken(wave.pressure, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation,
-               end.way);
+               end.pathLength);
         waves.push_back(wave);
     }
     return waves;
 }
 
-Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
+Bent bentBy(const PairPath& path, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
             const TraceOptions& options) {
     const Bands attenuation = airAttenuation(options.air);
-    const double length = way.path.way + way.past;
-    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+    const double length = path.path.pathLength + path.past;
+    const glm::dvec3 first = offEnds(*path.first, path.byFirst), second = offEnds(*path.second, path.bySecond);
     Bent bent;
     bent.wave.seconds = length / options.air.speedOfSound;
     bent.wave.order = 2;
     bent.wave.direction = glm::normalize(second - listener);
     // A way that leads past an end goes by that end.
     const auto axisIf = [&](std::size_t e, const WallEdge& edge) {
-        return way.fromLow[e] < 0 || way.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
+        return path.fromLow[e] < 0 || path.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
     };
-    bent.wave.route = {axisIf(0, *way.first) == glm::dvec3(0) ? first : way.byFirst,
-                       axisIf(1, *way.second) == glm::dvec3(0) ? second : way.bySecond, axisIf(0, *way.first),
-                       axisIf(1, *way.second)};
+    bent.wave.route = {axisIf(0, *path.first) == glm::dvec3(0) ? first : path.byFirst,
+                       axisIf(1, *path.second) == glm::dvec3(0) ? second : path.bySecond, axisIf(0, *path.first),
+                       axisIf(1, *path.second)};
     const auto sentTo = [&](const glm::dvec3& by) {
         return options.pattern ? options.pattern(glm::normalize(by - source)) : 1.0;
     };
@@ -77,7 +77,7 @@ Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source
 }
 
 void EndWaves::add(const EdgeWave& wave) {
-    const double rounding = 1e-6 + 2 * placeRounding(wave.route.first);
+    const double rounding = 1e-6 + 2 * positionRounding(wave.route.first);
     const auto known = std::ranges::find_if(waves_, [&](const EdgeWave& one) {
         return glm::distance(one.route.first, wave.route.first) <= rounding &&
                glm::distance(one.route.last, wave.route.last) <= rounding &&

@@ -12,7 +12,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/trace_result.h>
 
-#include "diffraction_pair_way.h"
+#include "diffraction_pair_path.h"
 #include "edges/diffraction_small_bodies.h"
 
 namespace rtsg {
@@ -31,7 +31,7 @@ struct Bent {
     std::vector<EdgeWave> ends;
 };
 
-Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
+Bent bentBy(const PairPath& path, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
             const TraceOptions& options);
 
 /// Ends of pairs by the places on both edges: where two pairs meet at a corner, nothing is left.

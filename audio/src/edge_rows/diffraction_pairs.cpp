@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "diffraction_lit_rows.h"
+#include "diffraction_pair_path.h"
 #include "diffraction_pair_waves.h"
-#include "diffraction_pair_way.h"
 #include "diffraction_rows.h"
 #include "edges/diffraction_overlaps.h"
 #include "edges/diffraction_waves.h"
@@ -47,7 +47,7 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
                 ++i;
                 continue;
             }
-            all.way = std::min(all.way, result[i].way);
+            all.pathLength = std::min(all.pathLength, result[i].pathLength);
             result.erase(result.begin() + static_cast<std::ptrdiff_t>(i));
             i = 0;
         }
@@ -61,18 +61,19 @@ bool areOfOneSheet(const WallEdge& first, const WallEdge& second) {
     return isRim(first) && isRim(second) && FacePair::shareFace(first, second);
 }
 
-bool isOnBoundary(const EdgeTurn& turn) {
-    return std::abs(turn.shadow()) <= kGrazing;
+bool isOnBoundary(const EdgeSide& side) {
+    return std::abs(side.shadow()) <= kGrazing;
 }
 
 /// Off boundaries that it is on.
-TwoWedgePath offBoundaries(const PairWay& way, bool firstHides, bool secondHides) {
+TwoWedgePath offBoundaries(const PairPath& pairPath, bool firstHides, bool secondHides) {
     // On a face itself sound and its mirror image are one: the other angle it is that moves.
     const auto half = [](bool hides) { return std::numbers::pi + (hides ? 1e-8 : -1e-8); };
-    TwoWedgePath path = way.path;
+    TwoWedgePath path = pairPath.path;
     TwoWedgePath::Wedge &first = path.first, &second = path.second;
-    if (isOnBoundary(way.atFirst)) first.in = first.out - std::copysign(half(firstHides), first.out - first.in);
-    if (isOnBoundary(way.atSecond)) second.out = second.in + std::copysign(half(secondHides), second.out - second.in);
+    if (isOnBoundary(pairPath.atFirst)) first.in = first.out - std::copysign(half(firstHides), first.out - first.in);
+    if (isOnBoundary(pairPath.atSecond))
+        second.out = second.in + std::copysign(half(secondHides), second.out - second.in);
     return path;
 }
 
@@ -94,21 +95,22 @@ class EdgePairs {
           field_(field) {}
 
     /// Whether it is heard.
-    bool add(const PairWay& way) {
-        const bool firstHides = hides(way.atFirst, *way.second), secondHides = hides(way.atSecond, *way.first);
-        BodyWeights::Tones weights = bodies_.of(way.first->body, way.second->body);
-        if (!isFreeAlong(geometry_, way) || !reaches(way, firstHides, secondHides, weights)) return false;
+    bool add(const PairPath& path) {
+        const bool firstHides = hides(path.atFirst, *path.second), secondHides = hides(path.atSecond, *path.first);
+        BodyWeights::Tones weights = bodies_.of(path.first->body, path.second->body);
+        if (!isFreeAlong(geometry_, path) || !reaches(path, firstHides, secondHides, weights)) return false;
         const bool byItself = firstHides && secondHides;
-        if (!byItself && !way.onFace && !goesOn(way, firstHides, secondHides)) return false;
-        if (way.onFace && (firstHides || secondHides)) {
-            const BodyWeights::Tones share = rowShareOf(way, source_, firstHides, listener_, secondHides, edges_, c());
-            for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= share[t];
+        if (!byItself && !path.onFace && !goesOn(path, firstHides, secondHides)) return false;
+        if (path.onFace && (firstHides || secondHides)) {
+            const BodyWeights::Tones fraction =
+                rowFractionOf(path, source_, firstHides, listener_, secondHides, edges_, c());
+            for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= fraction[t];
         }
-        PairWay sided = way;
-        sided.path = offBoundaries(way, firstHides, secondHides);
+        PairPath sided = path;
+        sided.path = offBoundaries(path, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
         LitRow row;
-        const bool inRow = way.onFace && !firstHides && !secondHides &&
+        const bool inRow = path.onFace && !firstHides && !secondHides &&
                            litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
         PairField ofImage = pressure;
         if (inRow) {
@@ -117,14 +119,14 @@ class EdgePairs {
         } else {
             weigh(pressure, weights);
         }
-        const Bent both = bentBy(way, pressure, source_, listener_, options_);
-        if (way.onFace && !byItself)
-            addImage(way, both.wave,
-                     inRow ? bentBy(way, ofImage, source_, listener_, options_).wave.pressure
-                           : mirroredOf(both.wave.pressure, way.first->material));
-        addWave(both.wave, way.path.way);
+        const Bent both = bentBy(path, pressure, source_, listener_, options_);
+        if (path.onFace && !byItself)
+            addImage(path, both.wave,
+                     inRow ? bentBy(path, ofImage, source_, listener_, options_).wave.pressure
+                           : mirroredOf(both.wave.pressure, path.first->material));
+        addWave(both.wave, path.path.pathLength);
         for (const EdgeWave& end : both.ends) ends_.add(end);
-        if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
+        if (byItself && isOnBoundary(path.atFirst) && isOnBoundary(path.atSecond)) takeDirectAway();
         return true;
     }
     /// Adds the waves of ends above -54 dB, twenty times the bound of isFaint(). They are many, so this bounds the
@@ -138,28 +140,29 @@ class EdgePairs {
     double c() const { return options_.air.speedOfSound; }
 
     /// On a boundary it is chance whether a ray finds its way: that side counts on which the other edge alone is.
-    bool hides(const EdgeTurn& turn, const WallEdge& other) const {
-        return isOnBoundary(turn) ? !alone(other) : turn.shadow() > 0;
+    bool hides(const EdgeSide& side, const WallEdge& other) const {
+        return isOnBoundary(side) ? !alone(other) : side.shadow() > 0;
     }
 
     /// Whether it comes to both edges from outside; what small bodies let through of it is a factor of `weights`.
-    bool reaches(const PairWay& way, bool firstHides, bool secondHides, BodyWeights::Tones& weights) {
-        if (isBehindFace(geometry_, *way.first, way.atFirst, false, source_) ||
-            isBehindFace(geometry_, *way.second, way.atSecond, true, listener_))
+    bool reaches(const PairPath& path, bool firstHides, bool secondHides, BodyWeights::Tones& weights) {
+        if (isBehindFace(geometry_, *path.first, path.atFirst, false, source_) ||
+            isBehindFace(geometry_, *path.second, path.atSecond, true, listener_))
             return false;
-        const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+        const glm::dvec3 first = offEnds(*path.first, path.byFirst), second = offEnds(*path.second, path.bySecond);
         // In the plane of a face the next one in that plane may hide the edge or not.
         const auto above = [](bool hidden) { return hidden ? -1e-3 : 1e-3; };
         glm::dvec3 source = source_, listener = listener_;
-        if (way.onFace && isOnBoundary(way.atFirst))
-            source += above(firstHides) * way.atFirst.offFace(*way.first, true);
-        if (way.onFace && isOnBoundary(way.atSecond))
-            listener += above(secondHides) * way.atSecond.offFace(*way.second, false);
-        if (way.atFirst.inOnFace && !alone(*way.first)) source += above(true) * way.atFirst.offFace(*way.first, false);
-        if (way.atSecond.outOnFace && !alone(*way.second))
-            listener += above(true) * way.atSecond.offFace(*way.second, true);
-        if (seen(geometry_, source, aimAt(*way.first, first, source)) &&
-            seen(geometry_, listener, aimAt(*way.second, second, listener)))
+        if (path.onFace && isOnBoundary(path.atFirst))
+            source += above(firstHides) * path.atFirst.offFace(*path.first, true);
+        if (path.onFace && isOnBoundary(path.atSecond))
+            listener += above(secondHides) * path.atSecond.offFace(*path.second, false);
+        if (path.atFirst.inOnFace && !alone(*path.first))
+            source += above(true) * path.atFirst.offFace(*path.first, false);
+        if (path.atSecond.outOnFace && !alone(*path.second))
+            listener += above(true) * path.atSecond.offFace(*path.second, true);
+        if (seen(geometry_, source, aimAt(*path.first, first, source)) &&
+            seen(geometry_, listener, aimAt(*path.second, second, listener)))
             return true;
         BodyWeights::Tones before, after;
         if (!bodies_.straightOn(source, first, before) || !bodies_.straightOn(listener, second, after)) return false;
@@ -174,16 +177,16 @@ class EdgePairs {
         return found == known_.bent.end() ? nullptr : &*found;
     }
     /// Whether it is a part of the wave over one of the edges alone.
-    bool goesOn(const PairWay& way, bool firstHides, bool secondHides) const {
+    bool goesOn(const PairPath& path, bool firstHides, bool secondHides) const {
         if (firstHides != secondHides) {
-            const BentByOne* const parent = alone(firstHides ? *way.first : *way.second);
+            const BentByOne* const parent = alone(firstHides ? *path.first : *path.second);
             if (parent && !parent->lit) return true;
         }
         const auto isLit = [&](const WallEdge& edge) {
             const BentByOne* const one = alone(edge);
             return one && one->lit;
         };
-        return isLit(*way.first) || isLit(*way.second);
+        return isLit(*path.first) || isLit(*path.second);
     }
     /// Along a face, direct sound and its image arrive together: the reflected share of both belongs to the image.
     EdgeTonePressures mirroredOf(const EdgeTonePressures& both, std::uint32_t material) const {
@@ -195,28 +198,28 @@ class EdgePairs {
         return result;
     }
     /// Notes `pressure` as the part of a wave, which is to be added, that belongs to the image in the pair's face.
-    void addImage(const PairWay& way, const EdgeWave& wave, const EdgeTonePressures& pressure) {
-        const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
+    void addImage(const PairPath& path, const EdgeWave& wave, const EdgeTonePressures& pressure) {
+        const glm::dvec3 off = path.atFirst.offFace(*path.first, true);
         ImagePart part;
-        part.image = source_ - 2 * glm::dot(source_ - way.first->from, off) * off;
+        part.image = source_ - 2 * glm::dot(source_ - path.first->from, off) * off;
         const double distance = glm::distance(part.image, listener_);
-        if (!isFaint(wave.pressure, way.path.way)) part.wave = field_.waves.size();
-        if (part.wave == ImagePart::kFaint && isFaint(pressure, way.path.way)) return;
+        if (!isFaint(wave.pressure, path.path.pathLength)) part.wave = field_.waves.size();
+        if (part.wave == ImagePart::kFaint && isFaint(pressure, path.path.pathLength)) return;
         part.seconds = wave.seconds;
         part.direction = wave.direction;
         part.pressure = pressure;
-        for (std::size_t b = 0; b < kBandCount; ++b) part.whole[b] = tones_.mirrors(way.first->material, b) / distance;
+        for (std::size_t b = 0; b < kBandCount; ++b) part.whole[b] = tones_.mirrors(path.first->material, b) / distance;
         parts_.images.push_back(part);
     }
     /// Along a plane of faces it is chance whether a ray finds its way over them, where both edges hide it.
     void takeDirectAway() {
         if (!known_.heardStraight || std::exchange(directTaken_, true)) return;
-        const double way = glm::distance(source_, listener_);
+        const double pathLength = glm::distance(source_, listener_);
         EdgeWave wave = straightWave(source_, listener_, c());
-        wave.pressure.fill(static_cast<float>(-1 / way));
-        weaken(wave.pressure, options_.pattern ? options_.pattern((listener_ - source_) / way) : 1,
-               airAttenuation(options_.air), way);
-        addWave(wave, way);
+        wave.pressure.fill(static_cast<float>(-1 / pathLength));
+        weaken(wave.pressure, options_.pattern ? options_.pattern((listener_ - source_) / pathLength) : 1,
+               airAttenuation(options_.air), pathLength);
+        addWave(wave, pathLength);
     }
     void addWave(const EdgeWave& wave, double length) {
         if (!isFaint(wave.pressure, length)) field_.waves.push_back(wave);
@@ -239,7 +242,7 @@ class EdgePairs {
 
 EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside) {
     const double z = std::clamp(beside.z, 0.0, edge.length);
-    return {edge, beside.wayBy(z), edge.from + edge.axis * z};
+    return {edge, beside.pathLengthBy(z), edge.from + edge.axis * z};
 }
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
@@ -253,33 +256,33 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     if (edges.size() > kPairedEdges) edges.resize(kPairedEdges);
     count.leftOut = edgeCount * (edgeCount - 1) - edges.size() * (edges.size() - 1);
     const double longest = seconds * options.air.speedOfSound;
-    std::vector<PairWay> ways;
+    std::vector<PairPath> paths;
     for (const EdgeCandidate& first : edges)
         for (const EdgeCandidate& second : edges) {
             if (&first == &second) continue;
             const bool sheet = areOfOneSheet(first.edge, second.edge);
             for (const double side : {1.0, -1.0}) {
                 if (!sheet && side < 0) break;
-                PairWay way;
-                way.first = &first.edge;
-                way.second = &second.edge;
-                if (sheet) way.side = side * sheetNormal(first.edge);
-                if (findWay(sheet ? offSheet(first.edge, source) : source,
-                            sheet ? offSheet(second.edge, listener) : listener, known.heardStraight, way) &&
-                    way.path.way < longest)
-                    ways.push_back(way);
+                PairPath path;
+                path.first = &first.edge;
+                path.second = &second.edge;
+                if (sheet) path.side = side * sheetNormal(first.edge);
+                if (findPath(sheet ? offSheet(first.edge, source) : source,
+                             sheet ? offSheet(second.edge, listener) : listener, known.heardStraight, path) &&
+                    path.path.pathLength < longest)
+                    paths.push_back(path);
             }
         }
-    std::stable_sort(ways.begin(), ways.end(),
-                     [](const PairWay& a, const PairWay& b) { return a.path.way < b.path.way; });
-    if (ways.size() > kPairs) {
-        count.leftOut += ways.size() - kPairs;
-        ways.resize(kPairs);
+    std::stable_sort(paths.begin(), paths.end(),
+                     [](const PairPath& a, const PairPath& b) { return a.path.pathLength < b.path.pathLength; });
+    if (paths.size() > kPairs) {
+        count.leftOut += paths.size() - kPairs;
+        paths.resize(kPairs);
     }
     std::vector<const WallEdge*> all;
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
     EdgePairs pairs(geometry, source, listener, options, known, all, bodies, parts, field);
-    for (const PairWay& way : ways) count.heard += pairs.add(way);
+    for (const PairPath& path : paths) count.heard += pairs.add(path);
     pairs.addEnds();
     return count;
 }

@@ -30,7 +30,7 @@ struct BentByOne {
 /// Edges by which sound may go, with the way by each alone, or its bound.
 struct EdgeCandidate {
     WallEdge edge;
-    double way = 0;
+    double pathLength = 0;
     glm::dvec3 by{0};  // the place by which it goes
 };
 

@@ -27,10 +27,11 @@ struct Line {
 /// Whether the line crosses the edge of a face in its plane, with the body below.
 bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     constexpr double kAlong = 1e-4;
-    const glm::dvec3 way = edge.from - line.from;
-    const double place = placeRounding(edge.from), rounding = 1e-5 * (glm::length(way) + edge.length) + 2 * place;
-    if (std::abs(glm::dot(way, line.normal)) > rounding ||
-        std::abs(glm::dot(edge.axis, line.normal)) > 1e-5 + 2 * place / edge.length)
+    const glm::dvec3 displacement = edge.from - line.from;
+    const double position = positionRounding(edge.from),
+                 rounding = 1e-5 * (glm::length(displacement) + edge.length) + 2 * position;
+    if (std::abs(glm::dot(displacement, line.normal)) > rounding ||
+        std::abs(glm::dot(edge.axis, line.normal)) > 1e-5 + 2 * position / edge.length)
         return false;
     const bool first = std::abs(glm::dot(edge.faceA, line.normal)) < kAlong;
     const glm::dvec3 &face = first ? edge.faceA : edge.faceB, &other = first ? edge.faceB : edge.faceA;
@@ -38,8 +39,8 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
         std::abs(toward) < kAlong)
         return false;
-    mark = {glm::dot(way, face) / toward, toward > 0, &edge};
-    const double on = glm::dot(line.along * mark.at - way, edge.axis);
+    mark = {glm::dot(displacement, face) / toward, toward > 0, &edge};
+    const double on = glm::dot(line.along * mark.at - displacement, edge.axis);
     return on >= 0 && on <= edge.length;
 }
 
@@ -67,18 +68,19 @@ std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
 }
 
 /// The places where the straight way in the plane crosses edges, with those of the pair; none if it crosses no others.
-std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, std::span<const WallEdge* const> edges) {
+std::vector<Mark> marksOn(const Line& line, const PairPath& path, double second,
+                          std::span<const WallEdge* const> edges) {
     std::vector<Mark> marks;
     for (const WallEdge* edge : edges)
-        if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
+        if (Mark mark; edge != path.first && edge != path.second && crosses(line, *edge, mark)) marks.push_back(mark);
     if (marks.empty()) return marks;
-    marks.push_back({0, true, way.first});
-    marks.push_back({second, false, way.second});
+    marks.push_back({0, true, path.first});
+    marks.push_back({second, false, path.second});
     return marks;
 }
 
-Line lineOf(const PairWay& way) {
-    return {way.byFirst, glm::normalize(way.bySecond - way.byFirst), way.atFirst.offFace(*way.first, true)};
+Line lineOf(const PairPath& path) {
+    return {path.byFirst, glm::normalize(path.bySecond - path.byFirst), path.atFirst.offFace(*path.first, true)};
 }
 
 /// The length that counts of the way from source or listener to the next edge: all of it in the plane, less above it.
@@ -90,12 +92,12 @@ double nearPlane(double toEdge, double whole, double cosine, double waveNumber) 
 /// The faces on a way, and what gets along them to where it leaves the plane.
 class Row {
   public:
-    Row(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener, bool secondHides,
+    Row(const PairPath& path, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener, bool secondHides,
         std::span<const WallEdge* const> edges)
         : source_(source), listener_(listener) {
-        const double second = glm::distance(way.byFirst, way.bySecond);
-        line_ = lineOf(way);
-        std::vector<Mark> marks = marksOn(line_, way, second, edges);
+        const double second = glm::distance(path.byFirst, path.bySecond);
+        line_ = lineOf(path);
+        std::vector<Mark> marks = marksOn(line_, path, second, edges);
         if (marks.empty()) return;
         from_ = std::min(0.0, glm::dot(source - line_.from, line_.along));
         to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
@@ -103,9 +105,9 @@ class Row {
         // Seen from below the plane, the part beyond the edge hides the row, or does not.
         if (firstHides) std::erase_if(faces_, [&](const RowFace& one) { return one.to < 0; });
         if (secondHides) std::erase_if(faces_, [&](const RowFace& one) { return one.from > second; });
-        const auto at = [&](double place) {
-            const auto found =
-                std::ranges::find_if(faces_, [&](const RowFace& one) { return one.from <= place && one.to >= place; });
+        const auto at = [&](double position) {
+            const auto found = std::ranges::find_if(
+                faces_, [&](const RowFace& one) { return one.from <= position && one.to >= position; });
             return static_cast<std::size_t>(found - faces_.begin());
         };
         first_ = at(0);
@@ -114,25 +116,25 @@ class Row {
 
     bool hasGaps() const { return faces_.size() > 1 && last_ < faces_.size(); }
 
-    double share(double waveNumber) const {
+    double fraction(double waveNumber) const {
         const double begin = faces_.front().from, end = faces_.back().to;
         const double toFirst = nearPlane(begin - from_, to_ - from_, cosine(source_, begin, -1), waveNumber);
         const double fromLast = nearPlane(to_ - end, to_ - from_, cosine(listener_, end, 1), waveNumber);
-        double share = 1;
+        double fraction = 1;
         for (std::size_t i = 0; i + 1 < faces_.size(); ++i) {
             const double gapFrom = faces_[i].to, gapTo = faces_[i + 1].from;
             const double left =
                 leftBeyond(gapFrom - begin + toFirst, std::max(0.0, gapTo - gapFrom), end - gapTo + fromLast);
-            if (i >= first_ && i < last_) share *= left;
-            if (i + 1 == first_ || i == last_) share *= 2 - 2 * left;
+            if (i >= first_ && i < last_) fraction *= left;
+            if (i + 1 == first_ || i == last_) fraction *= 2 - 2 * left;
         }
-        return share;
+        return fraction;
     }
 
   private:
     /// The cosine of the angle between the plane and the way from an edge to a place.
-    double cosine(const glm::dvec3& place, double edge, double side) const {
-        const glm::dvec3 off = place - line_.from - edge * line_.along;
+    double cosine(const glm::dvec3& position, double edge, double side) const {
+        const glm::dvec3 off = position - line_.from - edge * line_.along;
         const double length = glm::length(off);
         return length > 0 ? side * glm::dot(off, line_.along) / length : 1.0;
     }
@@ -153,20 +155,21 @@ double leftBeyond(double before, double gap, double after) {
     return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
 }
 
-std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges) {
-    const double second = glm::distance(way.byFirst, way.bySecond);
-    std::vector<Mark> marks = marksOn(lineOf(way), way, second, edges);
+std::vector<RowFace> facesBetween(const PairPath& path, std::span<const WallEdge* const> edges) {
+    const double second = glm::distance(path.byFirst, path.bySecond);
+    std::vector<Mark> marks = marksOn(lineOf(path), path, second, edges);
     return facesOf(marks, 0, second);
 }
 
-BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
-                              bool secondHides, std::span<const WallEdge* const> edges, double speedOfSound) {
+BodyWeights::Tones rowFractionOf(const PairPath& path, const glm::dvec3& source, bool firstHides,
+                                 const glm::dvec3& listener, bool secondHides, std::span<const WallEdge* const> edges,
+                                 double speedOfSound) {
     BodyWeights::Tones result;
     result.fill(1);
-    const Row row(way, source, firstHides, listener, secondHides, edges);
+    const Row row(path, source, firstHides, listener, secondHides, edges);
     if (!row.hasGaps()) return result;
     for (std::size_t t = 0; t < kEdgeTones; ++t)
-        result[t] = row.share(2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound);
+        result[t] = row.fraction(2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound);
     return result;
 }
 

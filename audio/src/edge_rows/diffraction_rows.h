@@ -18,7 +18,7 @@
 
 #include <rtsg/audio/acoustic_geometry.h>
 
-#include "diffraction_pair_way.h"
+#include "diffraction_pair_path.h"
 #include "edges/diffraction_small_bodies.h"
 
 namespace rtsg {
@@ -30,7 +30,7 @@ struct RowFace {
 };
 /// The faces on a way along a face of both edges, from the first edge to the second one; `edges`: among them are those
 /// that it passes.
-std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges);
+std::vector<RowFace> facesBetween(const PairPath& path, std::span<const WallEdge* const> edges);
 
 /// F of the above, of a gap and the ways before and after it, metres.
 double leftBeyond(double before, double gap, double after);
@@ -38,7 +38,8 @@ double leftBeyond(double before, double gap, double after);
 /// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
 /// it passes. An edge hides the source, or the listener, if that is below the plane: then faces beyond the edge are
 /// what hides it.
-BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
-                              bool secondHides, std::span<const WallEdge* const> edges, double speedOfSound);
+BodyWeights::Tones rowFractionOf(const PairPath& path, const glm::dvec3& source, bool firstHides,
+                                 const glm::dvec3& listener, bool secondHides, std::span<const WallEdge* const> edges,
+                                 double speedOfSound);
 
 }  // namespace rtsg

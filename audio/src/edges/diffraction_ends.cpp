@@ -23,10 +23,10 @@ constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep
 void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
     const auto waveNumberAt = [&](double tone) { return 2 * std::numbers::pi * edgeToneHz(tone) / speedOfSound; };
     std::array<WedgeEnd, kSteps> known;
-    wedgeBeyond(path, waveNumberAt(-kTonesAStep), end.way, known);
+    wedgeBeyond(path, waveNumberAt(-kTonesAStep), end.pathLength, known);
     // The lowest tone has most of it. 80 dB below sound in the open it is nothing, as in isFaint().
     constexpr double kFaint = 1e-4;
-    if (!(std::abs(known[1].besideDirect) + std::abs(known[1].besideMirrored) > kFaint / end.way)) return;
+    if (!(std::abs(known[1].besideDirect) + std::abs(known[1].besideMirrored) > kFaint / end.pathLength)) return;
     // Multiplied by its wave number, because contributions far from the shortest path decrease with it.
     for (std::size_t i = 0; i < kSteps; ++i) {
         const double waveNumber = waveNumberAt((static_cast<double>(i) - 1) * kTonesAStep);
@@ -50,14 +50,14 @@ void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
 std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound) {
     const WedgePath& path = round.path;
     std::array<EdgeEnd, 2> ends;
-    ends[0].place = edge.from;
-    ends[0].way = path.wayBy(path.from);
-    ends[1].place = edge.from + edge.axis * edge.length;
-    ends[1].way = path.wayBy(path.to);
-    ends[0].share = ends[1].share = -1;
-    if (path.from > 0) ends[0].share = 1;
-    if (path.to < 0) ends[1].share = 1;
-    if (ends[1].way < ends[0].way) std::swap(ends[0], ends[1]);
+    ends[0].position = edge.from;
+    ends[0].pathLength = path.pathLengthBy(path.from);
+    ends[1].position = edge.from + edge.axis * edge.length;
+    ends[1].pathLength = path.pathLengthBy(path.to);
+    ends[0].fraction = ends[1].fraction = -1;
+    if (path.from > 0) ends[0].fraction = 1;
+    if (path.to < 0) ends[1].fraction = 1;
+    if (ends[1].pathLength < ends[0].pathLength) std::swap(ends[0], ends[1]);
     for (EdgeEnd& end : ends) setBeyond(path, speedOfSound, end);
     return ends;
 }

@@ -17,9 +17,10 @@ namespace rtsg {
 
 /// One end, and the contribution of the edge beyond it, by tone, see wedgeBeyond().
 struct EdgeEnd {
-    glm::dvec3 place{0};
-    double way = 0;    // m, by this end
-    double share = 0;  // of it that counts: -1 where it is beyond the place of the shortest way, +1 if it begins here
+    glm::dvec3 position{0};
+    double pathLength = 0;  // m, by this end
+    double fraction =
+        0;  // of it that counts: -1 where it is beyond the place of the shortest way, +1 if it begins here
     std::array<std::complex<double>, kEdgeTones> besideDirect{}, besideMirrored{};
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 /// On either side of the shortest way, each half as far off as the next one: with the middle they are fifteen, as many
 /// as rays are asked about at once.
-constexpr int kPlacesASide = 7;
+constexpr int kPointsASide = 7;
 
 class EdgeView {
   public:
@@ -19,23 +19,23 @@ class EdgeView {
              const WallEdge& edge)
         : geometry_(geometry), source_(source), listener_(listener), edge_(edge) {}
 
-    glm::dvec3 placeAt(double along) const { return edge_.from + edge_.axis * along; }
-    /// A bit for each place, metres from the beginning on; at most AcousticRays::kMost.
-    std::uint32_t seenAt(const std::vector<double>& places) const {
-        const std::uint32_t all = (1u << places.size()) - 1;
-        const std::uint32_t seen = all & ~hidden(source_, places);
-        return seen == 0 ? 0 : seen & ~hidden(listener_, places);
+    glm::dvec3 positionAt(double along) const { return edge_.from + edge_.axis * along; }
+    /// A bit for each place, metres from the beginning on; at most AcousticRays::kMax.
+    std::uint32_t seenAt(const std::vector<double>& positions) const {
+        const std::uint32_t all = (1u << positions.size()) - 1;
+        const std::uint32_t seen = all & ~hidden(source_, positions);
+        return seen == 0 ? 0 : seen & ~hidden(listener_, positions);
     }
-    bool seenAt(double place) const {
-        const glm::dvec3 at = placeAt(place);
+    bool seenAt(double position) const {
+        const glm::dvec3 at = positionAt(position);
         return seen(geometry_, source_, aimAt(edge_, at, source_)) &&
                seen(geometry_, listener_, aimAt(edge_, at, listener_)) && (!covered_ || isOpen(geometry_, edge_, at));
     }
     /// Another body touches the edge somewhere: the covered part is not seen.
-    void lookUnderBodies(const std::vector<double>& places, std::uint32_t& seen) {
+    void lookUnderBodies(const std::vector<double>& positions, std::uint32_t& seen) {
         covered_ = true;
-        for (std::size_t i = 0; i < places.size(); ++i)
-            if ((seen >> i & 1) && !isOpen(geometry_, edge_, placeAt(places[i]))) seen &= ~(1u << i);
+        for (std::size_t i = 0; i < positions.size(); ++i)
+            if ((seen >> i & 1) && !isOpen(geometry_, edge_, positionAt(positions[i]))) seen &= ~(1u << i);
     }
     /// Between a place that is seen and one that is not.
     double boundary(double within, double beyond) const {
@@ -47,12 +47,12 @@ class EdgeView {
     }
 
   private:
-    std::uint32_t hidden(const glm::dvec3& from, const std::vector<double>& places) const {
+    std::uint32_t hidden(const glm::dvec3& from, const std::vector<double>& positions) const {
         AcousticRays rays;
-        for (const double place : places) {
-            const glm::dvec3 at = aimAt(edge_, placeAt(place), from), way = at - from;
-            const double distance = glm::length(way);
-            rays.add(from, glm::dvec3(0), distance > 0 ? way / distance : edge_.axis,
+        for (const double position : positions) {
+            const glm::dvec3 at = aimAt(edge_, positionAt(position), from), displacement = at - from;
+            const double distance = glm::length(displacement);
+            rays.add(from, glm::dvec3(0), distance > 0 ? displacement / distance : edge_.axis,
                      std::max(0.0, distance - seenRounding(distance, at)), kNoPlane);
         }
         AcousticHits hits;
@@ -70,23 +70,26 @@ class EdgeView {
 std::vector<EdgePart> partsSeen(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                                 const WallEdge& edge, const glm::dvec3& by) {
     EdgeView view(geometry, source, listener, edge);
-    const auto along = [&](const glm::dvec3& place) { return glm::dot(offEnds(edge, place) - edge.from, edge.axis); };
+    const auto along = [&](const glm::dvec3& position) {
+        return glm::dot(offEnds(edge, position) - edge.from, edge.axis);
+    };
     const double middle = along(by), first = along(edge.from), last = along(edge.from + edge.axis * edge.length);
-    std::vector<double> places{middle};
+    std::vector<double> positions{middle};
     double step = 1;
-    for (int i = 0; i < kPlacesASide; ++i, step *= 0.5) {
-        if (middle > first) places.push_back(middle - (middle - first) * step);
-        if (last > middle) places.push_back(middle + (last - middle) * step);
+    for (int i = 0; i < kPointsASide; ++i, step *= 0.5) {
+        if (middle > first) positions.push_back(middle - (middle - first) * step);
+        if (last > middle) positions.push_back(middle + (last - middle) * step);
     }
-    std::sort(places.begin(), places.end());
-    std::uint32_t seen = view.seenAt(places);
-    if (seen != 0 && !isOpen(geometry, edge, view.placeAt(middle))) view.lookUnderBodies(places, seen);
+    std::sort(positions.begin(), positions.end());
+    std::uint32_t seen = view.seenAt(positions);
+    if (seen != 0 && !isOpen(geometry, edge, view.positionAt(middle))) view.lookUnderBodies(positions, seen);
     std::vector<EdgePart> parts;
-    for (std::size_t i = 0; i < places.size(); ++i) {
+    for (std::size_t i = 0; i < positions.size(); ++i) {
         if (!(seen >> i & 1)) continue;
-        const bool before = i > 0 && (seen >> (i - 1) & 1), after = i + 1 < places.size() && (seen >> (i + 1) & 1);
-        if (!before) parts.push_back({i == 0 ? 0 : view.boundary(places[i], places[i - 1]), 0});
-        if (!after) parts.back().to = i + 1 == places.size() ? edge.length : view.boundary(places[i], places[i + 1]);
+        const bool before = i > 0 && (seen >> (i - 1) & 1), after = i + 1 < positions.size() && (seen >> (i + 1) & 1);
+        if (!before) parts.push_back({i == 0 ? 0 : view.boundary(positions[i], positions[i - 1]), 0});
+        if (!after)
+            parts.back().to = i + 1 == positions.size() ? edge.length : view.boundary(positions[i], positions[i + 1]);
     }
     return parts;
 }

@@ -25,7 +25,7 @@ bool haveSameFaces(const WallEdge& a, const WallEdge& b) {
 }  // namespace
 
 double edgeRounding(const WallEdge& edge) {
-    return 1e-9 + placeRounding(edge.from) + placeRounding(endOf(edge));
+    return 1e-9 + positionRounding(edge.from) + positionRounding(endOf(edge));
 }
 
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {

@@ -13,13 +13,13 @@
 namespace rtsg {
 
 /// Metres that single precision may have shifted a corner by, twice over.
-double placeRounding(const glm::dvec3& place);
+double positionRounding(const glm::dvec3& position);
 
 /// A path round an edge, the place on it, and which way angles count from its first face on.
 struct RoundEdge {
     WedgePath path;
     glm::dvec3 by{0};  // the end that is nearer, where the shortest way leads past the edge
-    double turn = 1;
+    double side = 1;
 
     bool past() const { return path.from > 0 || path.to < 0; }
 };
@@ -34,8 +34,9 @@ struct BesideEdge {
     BesideEdge(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
 
     /// Metres from one to the other by a place on the line.
-    double wayBy(double place) const {
-        return std::sqrt(s * s + (place - zs) * (place - zs)) + std::sqrt(r * r + (zr - place) * (zr - place));
+    double pathLengthBy(double position) const {
+        return std::sqrt(s * s + (position - zs) * (position - zs)) +
+               std::sqrt(r * r + (zr - position) * (zr - position));
     }
 };
 
@@ -45,9 +46,9 @@ bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3&
                RoundEdge& round);
 
 /// How a way bends at an edge; angles count from its first face on, in the air.
-struct EdgeTurn {
+struct EdgeSide {
     double opening = 0, in = 0, out = 0;
-    double turn = 1;
+    double side = 1;
     bool inOnFace = false, outOnFace = false;
 
     /// Radians by which it bends into the shadow; negative in the light.
@@ -58,26 +59,26 @@ struct EdgeTurn {
 /// For ways from the edge back to where sound comes from, and on to where it goes to; either may lie on a face, of a
 /// rim only with `side`, unit, on which side of the sheet. False where there is no air for it, or nothing to bend
 /// about.
-bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result,
-            const glm::dvec3& side = glm::dvec3(0));
+bool rotationAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeSide& result,
+                const glm::dvec3& side = glm::dvec3(0));
 /// Whether it is the rim of a sheet, whose two faces are one.
 bool isRim(const WallEdge& edge);
 /// How far a place is above the sheet of a rim, metres, on the side that is the same for all its rims; for one in its
 /// plane, as well as single precision tells, the least that is on that side.
-double aboveSheet(const WallEdge& rim, const glm::dvec3& place);
+double aboveSheet(const WallEdge& rim, const glm::dvec3& position);
 /// A place in that plane, or by less than 5e-5 radians beside it, so far off it: to pairs of rims it is on no boundary.
-glm::dvec3 offSheet(const WallEdge& rim, const glm::dvec3& place);
+glm::dvec3 offSheet(const WallEdge& rim, const glm::dvec3& position);
 /// Unit, from the sheet of a rim to that side.
 glm::dvec3 sheetNormal(const WallEdge& rim);
 
 /// Whether a place that the way goes along a face to, if `out`, or comes from is at the back of that face: on a wall,
 /// within a room, of which the edge is outside.
-bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeTurn& turn, bool out,
-                  const glm::dvec3& place);
+bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeSide& side, bool out,
+                  const glm::dvec3& position);
 
 /// The place to look at in order to see a place on an edge of less than half a turn. For those who look along one of
 /// its faces it lies in the air beside the edge, since rounding may have put the edge itself behind that face.
-glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from);
+glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& position, const glm::dvec3& from);
 
 /// Metres before a place on an edge from which on nothing counts that lies between.
 double seenRounding(double distance, const glm::dvec3& edge);
@@ -88,7 +89,7 @@ bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::d
 glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by);
 
 /// Whether there is air all round the edge: it may be the seam of two walls.
-bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn);
+bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double side);
 /// The same on the side where there is more of it.
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by);
 

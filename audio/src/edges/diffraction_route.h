@@ -11,14 +11,14 @@
 
 namespace rtsg {
 
-struct EdgeWay {
+struct EdgePath {
     double length = 0;
     /// Unit, from the first place towards the source, and from the last one towards the listener: so does its length
     /// grow.
     glm::dvec3 toSource{0}, toListener{0};
     glm::dvec3 last{0};  // place that it is heard from
 };
-EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener);
+EdgePath edgePath(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener);
 
 /// The path that wedgeField() takes. Angles outside the air are kept as they are, below 2 pi.
 WedgePath pathAbout(const EdgeRoute& route, const BendingEdge& edge, const glm::dvec3& source,

@@ -22,13 +22,13 @@ constexpr double kContact = 1e-3;
 double weight(std::array<double, 3> sides, double fill, double k) {
     std::ranges::sort(sides);
     const double section = fill * std::hypot(sides[0], kPlate * sides[1]) * sides[1], volume = section * sides[2];
-    const double share = 1 / (1 + kVolume / (k * k * k * volume) + kSection / (k * k * k * k * section * section));
-    return share > kWhole ? 1 : share;
+    const double fraction = 1 / (1 + kVolume / (k * k * k * volume) + kSection / (k * k * k * k * section * section));
+    return fraction > kWhole ? 1 : fraction;
 }
 
 /// Its box, `margin` metres wider.
-bool holds(const WallBody& body, const glm::dvec3& place, double margin) {
-    const glm::dvec3 at = glm::abs(body.boxFromWorld * (place - body.middle));
+bool holds(const WallBody& body, const glm::dvec3& position, double margin) {
+    const glm::dvec3 at = glm::abs(body.boxFromWorld * (position - body.middle));
     for (int i = 0; i < 3; ++i)
         if (!((at[i] - 1) * glm::length(body.half[i]) <= margin)) return false;
     return true;
@@ -75,11 +75,11 @@ BodyWeights::Tones BodyWeights::of(const WallBody* first, const WallBody* second
 }
 
 /// The smallest one, as bodies are in the boxes of rooms.
-const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) const {
+const WallBody* BodyWeights::bodyAt(const glm::dvec3& position, double margin) const {
     const auto sizeOf = [](const WallBody& body) { return std::abs(glm::determinant(body.half)); };
     const WallBody* found = nullptr;
     for (const WallBody* body : noted_) {
-        if (holds(*body, place, margin) && (!found || sizeOf(*body) < sizeOf(*found))) found = body;
+        if (holds(*body, position, margin) && (!found || sizeOf(*body) < sizeOf(*found))) found = body;
     }
     return found;
 }
@@ -98,18 +98,18 @@ bool BodyWeights::touches(const WallBody& body, int axis, double side, double re
 }
 
 /// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one.
-bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place) const {
+bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& position) const {
     for (int i = 0; i < 3; ++i) {
-        const double at = (body.boxFromWorld * (place - body.middle))[i];
+        const double at = (body.boxFromWorld * (position - body.middle))[i];
         if ((1 - std::abs(at)) * glm::length(body.half[i]) <= kContact && touches(body, i, at < 0 ? -1 : 1, kContact))
             return true;
     }
     return false;
 }
 
-bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& share) {
-    constexpr int kMostSurfaces = 64;  // a bound of work
-    share = one_;
+bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& fraction) {
+    constexpr int kMaxSurfaces = 64;  // a bound of work
+    fraction = one_;
     const double distance = glm::distance(a, b), margin = 1e-5 * (1 + distance);
     const glm::dvec3 direction = (b - a) / distance;
     std::vector<const WallBody*> passed;
@@ -117,15 +117,15 @@ bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& sh
     double done = 0;
     for (int surface = 0; done < distance - margin; ++surface, done += hit.distance + margin) {
         if (!geometry_.closest(a + direction * done, direction, distance - margin - done, kNoPlane, hit)) return true;
-        const glm::dvec3 place = a + direction * (done + hit.distance);
-        const WallBody* const body = bodyAt(place, margin);
-        if (!body || surface == kMostSurfaces) return false;
+        const glm::dvec3 position = a + direction * (done + hit.distance);
+        const WallBody* const body = bodyAt(position, margin);
+        if (!body || surface == kMaxSurfaces) return false;
         // Places beside the walls of a room are not asked about, since no path goes there.
         const Tones& weights = of(body);
-        if (!(weights.front() < 1) || isAtWall(*body, place)) return false;
+        if (!(weights.front() < 1) || isAtWall(*body, position)) return false;
         if (std::ranges::find(passed, body) != passed.end()) continue;
         passed.push_back(body);
-        for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= 1 - weights[t];
+        for (std::size_t t = 0; t < kEdgeTones; ++t) fraction[t] *= 1 - weights[t];
     }
     return true;
 }

@@ -38,12 +38,12 @@ class BodyWeights {
     }
     /// The share of the pressure that goes straight from one place to another, as if bodies were not in its way; false
     /// where something is that is not small.
-    bool straightOn(const glm::dvec3& from, const glm::dvec3& to, Tones& share);
+    bool straightOn(const glm::dvec3& from, const glm::dvec3& to, Tones& fraction);
 
   private:
-    const WallBody* bodyAt(const glm::dvec3& place, double margin) const;
+    const WallBody* bodyAt(const glm::dvec3& position, double margin) const;
     bool touches(const WallBody& body, int axis, double side, double reach) const;
-    bool isAtWall(const WallBody& body, const glm::dvec3& place) const;
+    bool isAtWall(const WallBody& body, const glm::dvec3& position) const;
 
     const AcousticGeometry& geometry_;
     const glm::dvec3 source_, listener_;

@@ -91,7 +91,7 @@ class WaveResponses {
                                         weights_[2][i] * four[2].imag() + weights_[3][i] * four[3].imag();
             }
         }
-        turn(-2 * std::numbers::pi * delay / static_cast<double>(fft_->size()), spectrum);
+        shiftPhase(-2 * std::numbers::pi * delay / static_cast<double>(fft_->size()), spectrum);
     }
 
     /// The samples of a spectrum as above; sound that is still to come at the end fades.
@@ -119,7 +119,7 @@ class WaveResponses {
     };
 
     /// Each bin by `step` radians more than the one before it: by tables of few bins and of many.
-    static void turn(double step, Parts& spectrum) {
+    static void shiftPhase(double step, Parts& spectrum) {
         constexpr std::size_t kFew = 64;
         std::array<float, kFew> real, imaginary;
         const std::complex<double> fine = std::polar(1.0, step), coarse = std::polar(1.0, step * kFew);
@@ -205,11 +205,11 @@ class WaveSum {
                 local = inListenersFrame(heard.wave->direction, options_);
                 ears = options_.hrtf->at(local);
             }
-            double made = -1;  // the delay that the spectrum has
+            double created = -1;  // the delay that the spectrum has
             for (std::size_t c = 0; c < sums_.size(); ++c) {
-                if (const double delay = heard.positions[c] - base; delay != made) {
+                if (const double delay = heard.positions[c] - base; delay != created) {
                     responses_.spectrumOf(*heard.wave, delay, spectrum_);
-                    made = delay;
+                    created = delay;
                 }
                 if (heard.throughHead)
                     addThroughEar(ears[c], sums_[c]);
@@ -253,56 +253,56 @@ class WaveSum {
 /// Without the faintest: as many as together have kLeftOut of the energy of no octave.
 std::vector<const EdgeWave*> wavesThatCount(const Echogram& echogram, std::uint32_t firstOrder) {
     const Bands total = echogram.total();
-    struct Share {
+    struct Fraction {
         const EdgeWave* wave = nullptr;
         Bands of{};
-        double most = 0;
+        double maximum = 0;
     };
-    std::vector<Share> shares;
+    std::vector<Fraction> fractions;
     for (const EdgeWave& wave : echogram.edges.waves) {
         if (wave.order < firstOrder) continue;
-        Share& share = shares.emplace_back(&wave);
+        Fraction& fraction = fractions.emplace_back(&wave);
         for (std::size_t tone = 0; tone < kEdgeTones; ++tone)
-            share.of[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] +=
+            fraction.of[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] +=
                 static_cast<double>(std::norm(wave.pressure[tone])) * kBandCount / kEdgeTones;
         for (std::size_t b = 0; b < kBandCount; ++b) {
             // Any share of no energy is large.
-            share.of[b] = share.of[b] == 0 ? 0 : share.of[b] / (4 * std::numbers::pi * total[b]);
-            share.most = std::max(share.most, share.of[b]);
+            fraction.of[b] = fraction.of[b] == 0 ? 0 : fraction.of[b] / (4 * std::numbers::pi * total[b]);
+            fraction.maximum = std::max(fraction.maximum, fraction.of[b]);
         }
     }
-    std::ranges::stable_sort(shares, {}, &Share::most);
+    std::ranges::stable_sort(fractions, {}, &Fraction::maximum);
     Bands sum{};
     std::vector<const EdgeWave*> waves;
-    for (const Share& share : shares) {
+    for (const Fraction& fraction : fractions) {
         bool counts = !waves.empty();
-        for (std::size_t b = 0; b < kBandCount; ++b) counts = counts || !((sum[b] += share.of[b]) <= kLeftOut);
-        if (counts) waves.push_back(share.wave);
+        for (std::size_t b = 0; b < kBandCount; ++b) counts = counts || !((sum[b] += fraction.of[b]) <= kLeftOut);
+        if (counts) waves.push_back(fraction.wave);
     }
     return waves;
 }
 
 }  // namespace
 
-void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way) {
+void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double pathLength) {
     for (std::size_t tone = 0; tone < kEdgeTones; ++tone)
-        pressure[tone] *= static_cast<float>(
-            std::sqrt(sent * std::exp(-attenuation[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] * way)));
+        pressure[tone] *= static_cast<float>(std::sqrt(
+            sent * std::exp(-attenuation[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] * pathLength)));
 }
 
 EdgeWave straightWave(const glm::dvec3& from, const glm::dvec3& listener, double speedOfSound) {
     const glm::dvec3 middle = 0.5 * (from + listener);
-    const double way = glm::distance(from, listener);
+    const double pathLength = glm::distance(from, listener);
     EdgeWave wave;
-    wave.seconds = way / speedOfSound;
-    wave.direction = (from - listener) / way;
+    wave.seconds = pathLength / speedOfSound;
+    wave.direction = (from - listener) / pathLength;
     wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
     return wave;
 }
 
-bool isFaint(const EdgeTonePressures& pressure, double way) {
-    return std::ranges::all_of(pressure,
-                               [&](const Sample& tone) { return !(static_cast<double>(std::abs(tone)) * way > 1e-4); });
+bool isFaint(const EdgeTonePressures& pressure, double pathLength) {
+    return std::ranges::all_of(
+        pressure, [&](const Sample& tone) { return !(static_cast<double>(std::abs(tone)) * pathLength > 1e-4); });
 }
 
 std::size_t edgeWaveFrames(int sampleRate) {

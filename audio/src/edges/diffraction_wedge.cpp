@@ -57,13 +57,13 @@ class SmoothError {
             const double r = static_cast<double>(i) / kSteps;
             const Complex value = std::polar(1.0, r * r) * complementaryError(kEighth * r);
             const Complex slope = 2.0 * kI * r * value - 2 / std::sqrt(kPi) * kEighth;
-            places_[static_cast<std::size_t>(i)] = {value, slope / static_cast<double>(kSteps)};
+            points_[static_cast<std::size_t>(i)] = {value, slope / static_cast<double>(kSteps)};
         }
     }
 
     Complex at(double r) const {
-        const auto i = std::min(static_cast<std::size_t>(r * kSteps), places_.size() - 2);
-        const Place &a = places_[i], &b = places_[i + 1];
+        const auto i = std::min(static_cast<std::size_t>(r * kSteps), points_.size() - 2);
+        const WedgePoint &a = points_[i], &b = points_[i + 1];
         const double t = r * kSteps - static_cast<double>(i), rest = 1 - t;
         return rest * rest * ((1 + 2 * t) * a.value + t * a.slope) +
                t * t * ((1 + 2 * rest) * b.value - rest * b.slope);
@@ -71,10 +71,10 @@ class SmoothError {
 
   private:
     static constexpr int kSteps = 64;  // to 2e-9
-    struct Place {
+    struct WedgePoint {
         Complex value, slope;
     };
-    std::array<Place, kEnd * kSteps + 1> places_;
+    std::array<WedgePoint, kEnd * kSteps + 1> points_;
 };
 
 }  // namespace
@@ -96,9 +96,10 @@ Complex fresnelBeyond(double x) {
     return diffractionTransition(x) * std::polar(1 / std::sqrt(kPi * x), -kPi / 4);
 }
 
-double WedgePath::wayBy(double offset) const {
-    const double share = sourceRadius / (sourceRadius + receiverRadius);
-    return std::hypot(sourceRadius, along * share + offset) + std::hypot(receiverRadius, along * (1 - share) - offset);
+double WedgePath::pathLengthBy(double offset) const {
+    const double fraction = sourceRadius / (sourceRadius + receiverRadius);
+    return std::hypot(sourceRadius, along * fraction + offset) +
+           std::hypot(receiverRadius, along * (1 - fraction) - offset);
 }
 
 double WedgePath::distanceAt(double angle) const {
@@ -109,30 +110,30 @@ double WedgePath::distanceAt(double angle) const {
 
 WedgeTerm::WedgeTerm(double n, double beta, double sign) {
     // The whole number that comes nearest to 2 pi n N - beta = sign pi.
-    const double turns = std::round((beta + sign * kPi) / (2 * kPi * n)), angle = (kPi + sign * beta) / (2 * n);
-    const double off = sign * (beta - 2 * kPi * n * turns) + kPi;  // from the boundary, sign pi beyond it
+    const double rotations = std::round((beta + sign * kPi) / (2 * kPi * n)), angle = (kPi + sign * beta) / (2 * n);
+    const double off = sign * (beta - 2 * kPi * n * rotations) + kPi;  // from the boundary, sign pi beyond it
     const double epsilon = std::remainder(off, 2 * kPi);
     if (std::abs(epsilon) < 1e-6 && std::abs(std::sin(angle)) < 1e-5) {
         limit_ = epsilon <= 0 ? -n : n;  // on the boundary itself it is dark
         epsilon_ = std::abs(epsilon);
         return;
     }
-    const double cosine = std::cos((2 * kPi * n * turns - beta) / 2);
+    const double cosine = std::cos((2 * kPi * n * rotations - beta) / 2);
     cotangent_ = 1 / std::tan(angle);
-    turn_ = 2 * cosine * cosine;
+    angle_ = 2 * cosine * cosine;
 }
 
 Complex WedgeTerm::at(double kl) const {
     if (limit_ != 0) return limit_ * (std::sqrt(2 * kPi * kl) - 2 * kl * epsilon_ * kEighth) * kEighth;
-    return cotangent_ * diffractionTransition(kl * turn_);
+    return cotangent_ * diffractionTransition(kl * angle_);
 }
 
 WedgeBend::WedgeBend(const WedgePath& path) {
     const double n = path.opening / kPi, rs = path.sourceRadius, rr = path.receiverRadius;
-    const double way = path.shortestWay(), toEdge = way * rs / (rs + rr), fromEdge = way - toEdge;
-    const double sine = (rs + rr) / way;
-    length_ = toEdge * fromEdge / way * sine * sine;
-    strength_ = 1 / (2 * n * std::sqrt(2 * kPi * toEdge * fromEdge * way) * sine);
+    const double pathLength = path.shortestPath(), toEdge = pathLength * rs / (rs + rr), fromEdge = pathLength - toEdge;
+    const double sine = (rs + rr) / pathLength;
+    length_ = toEdge * fromEdge / pathLength * sine * sine;
+    strength_ = 1 / (2 * n * std::sqrt(2 * kPi * toEdge * fromEdge * pathLength) * sine);
     const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
     terms_ = {WedgeTerm(n, difference, 1), WedgeTerm(n, difference, -1), WedgeTerm(n, sum, 1), WedgeTerm(n, sum, -1)};
 }
@@ -152,7 +153,7 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     const double other = 2 * path.opening - sum;
     if (other < kPi) field.mirrored += wave(waveNumber, path.distanceAt(other));
     const WedgeBend::Beside beside = WedgeBend(path).at(waveNumber);
-    const Complex turned = std::polar(1.0, -waveNumber * path.shortestWay());
+    const Complex turned = std::polar(1.0, -waveNumber * path.shortestPath());
     field.besideDirect = turned * beside.direct;
     field.besideMirrored = turned * beside.mirrored;
     return field;
@@ -162,8 +163,8 @@ namespace {
 
 /// For points at complex lengths. For the lowest wave number, the farthest from the real axis is kLast / k sqrt(2)
 /// away. The nearest is kSmall away, relative to the smaller one of wave length and excess length.
-constexpr double kLast = 24, kSmall = 0.004, kLeast = 1e-9;
-constexpr std::size_t kMostNodes = 64;
+constexpr double kLast = 24, kSmall = 0.004, kMin = 1e-9;
+constexpr std::size_t kMaxNodes = 64;
 
 /// The integrand over an edge by the length of the way, without its phase; where the way's length is complex, too.
 class EdgeIntegrand {
@@ -171,7 +172,7 @@ class EdgeIntegrand {
     explicit EdgeIntegrand(const WedgePath& path)
         : index_(kPi / path.opening),
           twice_(2 * path.sourceRadius * path.receiverRadius),
-          shortest_(path.shortestWay()) {
+          shortest_(path.shortestPath()) {
         const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
         angles_ = {index_ * (kPi + difference), index_ * (kPi - difference), index_ * (kPi + sum),
                    index_ * (kPi - sum)};
@@ -212,7 +213,7 @@ class EdgeIntegrand {
 /// exp(-kLast 2^(-m / 2)).
 double fallen(std::size_t m) {
     static const auto table = [] {
-        std::array<double, 2 * kMostNodes> result{};
+        std::array<double, 2 * kMaxNodes> result{};
         for (std::size_t i = 0; i < result.size(); ++i)
             result[i] = std::exp(-kLast * std::exp2(-0.5 * static_cast<double>(i)));
         return result;
@@ -222,28 +223,28 @@ double fallen(std::size_t m) {
 
 }  // namespace
 
-void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends) {
+void wedgeBeyond(const WedgePath& path, double waveNumber, double pathLength, std::span<WedgeEnd> ends) {
     // Integrates along complex lengths way - i u, on which the integrand decays as exp(-k u) without oscillation. There
     // is no singularity on that side, except for the shortest path; `past` is the distance from it. Uses trapezoids in
     // log u, whose errors decrease as exp(-pi^2 / step). All wave numbers share one set of points, because steps of u
     // are two of theirs.
     const EdgeIntegrand integrand(path);
-    const double past = std::max(0.0, way - path.shortestWay());
+    const double past = std::max(0.0, pathLength - path.shortestPath());
     const double highest = waveNumber * std::exp2(0.5 * static_cast<double>(ends.size() - 1));
-    const double least = std::max(kSmall * std::min(1 / highest, past), kLeast / highest);
+    const double minimum = std::max(kSmall * std::min(1 / highest, past), kMin / highest);
     std::ranges::fill(ends, WedgeEnd{});
     double down = kLast / waveNumber;
-    for (std::size_t node = 0; node < kMostNodes; ++node, down *= 0.5) {
+    for (std::size_t node = 0; node < kMaxNodes; ++node, down *= 0.5) {
         // Below the last place the integrand is taken to go on like 1, or at the shortest way like 1 / sqrt(u).
-        const bool last = down < least || node + 1 == kMostNodes;
+        const bool last = down < minimum || node + 1 == kMaxNodes;
         const double rest = last ? (down > past ? 1 / (std::numbers::sqrt2 - 1) : 1.0) : 0.0;
         const WedgeEnd here = integrand.at(past, down);
         const Complex weight = -kI * (std::numbers::ln2 * down * (1 + rest));
         const Complex direct = weight * here.besideDirect, mirrored = weight * here.besideMirrored;
         for (std::size_t i = 0; i < std::min(ends.size(), 2 * node + 1); ++i) {
-            const double share = fallen(2 * node - i);
-            ends[i].besideDirect += share * direct;
-            ends[i].besideMirrored += share * mirrored;
+            const double fraction = fallen(2 * node - i);
+            ends[i].besideDirect += fraction * direct;
+            ends[i].besideMirrored += fraction * mirrored;
         }
         if (last) break;
     }
@@ -254,14 +255,14 @@ namespace {
 /// The measure of how far a wedge's transition has gone; 0 at the nearest boundary.
 double fromBoundary(const TwoWedgePath::Wedge& wedge) {
     const double n = wedge.opening / kPi;
-    double least = 2;
+    double minimum = 2;
     for (const double beta : {wedge.out - wedge.in, wedge.out + wedge.in})
         for (const double sign : {1.0, -1.0}) {
-            const double turns = std::round((beta + sign * kPi) / (2 * kPi * n));
-            const double cosine = std::cos((2 * kPi * n * turns - beta) / 2);
-            least = std::min(least, 2 * cosine * cosine);
+            const double rotations = std::round((beta + sign * kPi) / (2 * kPi * n));
+            const double cosine = std::cos((2 * kPi * n * rotations - beta) / 2);
+            minimum = std::min(minimum, 2 * cosine * cosine);
         }
-    return least;
+    return minimum;
 }
 
 Complex coefficient(const TwoWedgePath::Wedge& wedge, double length, double waveNumber, double mirrors) {
@@ -276,9 +277,9 @@ Complex coefficient(const TwoWedgePath::Wedge& wedge, double length, double wave
 void setDistances(TwoWedgePath& path, double toFirst, double across, double fromSecond, double between) {
     const double a = toFirst, w = across, b = fromSecond;
     const double first = path.first.sine * path.first.sine, second = path.second.sine * path.second.sine;
-    path.way = a + w + b;
-    path.first.whole = a * (w + b) / path.way * first;
-    path.second.whole = (a + w) * b / path.way * second;
+    path.pathLength = a + w + b;
+    path.first.whole = a * (w + b) / path.pathLength * first;
+    path.second.whole = (a + w) * b / path.pathLength * second;
     // How the length of the way grows with the places on both edges: second derivatives.
     const double determinant = first * (1 / a + 1 / w) * second * (1 / w + 1 / b) - between * between / (w * w);
     const double alongFirst = first * (1 / a + 1 / (w + b)), alongSecond = second * (1 / (a + w) + 1 / b);
@@ -306,7 +307,7 @@ Complex twoWedgeField(const TwoWedgePath& path, double waveNumber, double mirror
     if (first < 1 - 1e-4) bent += (1 - first) * both(path.first.part, path.second.whole);
     // On a face sound and its mirror image are one: both edges have counted it twice.
     const double once = path.onOneFace ? 1 / (1 + (mirrorsFirst + mirrorsSecond) / 2) : 1;
-    return once * path.spreading * std::polar(1.0, -waveNumber * path.way) * bent;
+    return once * path.spreading * std::polar(1.0, -waveNumber * path.pathLength) * bent;
 }
 
 }  // namespace rtsg

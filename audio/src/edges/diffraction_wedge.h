@@ -27,8 +27,8 @@ struct WedgePath {
     double from = -std::numeric_limits<double>::infinity(), to = std::numeric_limits<double>::infinity();
 
     /// Metres from one to the other by way of a place on the edge, `offset` metres on from where that is shortest.
-    double wayBy(double offset) const;
-    double shortestWay() const { return wayBy(0); }
+    double pathLengthBy(double offset) const;
+    double shortestPath() const { return pathLengthBy(0); }
     /// The length of the straight way to the receiver from the source, or from an image of it, that is seen under
     /// `angle` about the edge.
     double distanceAt(double angle) const;
@@ -56,7 +56,7 @@ class WedgeTerm {
     std::complex<double> at(double kl) const;
 
   private:
-    double cotangent_ = 0, turn_ = 0;
+    double cotangent_ = 0, angle_ = 0;
     double limit_ = 0, epsilon_ = 0;  // at the boundary, where the cotangent is infinite: n times a side, and radians
 };
 
@@ -67,7 +67,7 @@ class WedgeBend {
     struct Beside {
         std::complex<double> direct, mirrored;
     };
-    /// Re the phase of the shortest way: times exp(i k shortestWay()).
+    /// Re the phase of the shortest way: times exp(i k shortestPath()).
     Beside at(double waveNumber) const;
 
   private:
@@ -82,7 +82,7 @@ struct WedgeEnd {
     std::complex<double> besideDirect, besideMirrored;
 };
 /// For wave numbers from `waveNumber` on, each sqrt(2) times the one before.
-void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends);
+void wedgeBeyond(const WedgePath& path, double waveNumber, double pathLength, std::span<WedgeEnd> ends);
 
 /// A way from a source round one edge and then another one, at the place where it is shortest.
 struct TwoWedgePath {
@@ -95,7 +95,7 @@ struct TwoWedgePath {
         double whole = 1, part = 1;
     };
     Wedge first, second;
-    double way = 0;          // m
+    double pathLength = 0;   // m
     double spreading = 0;    // of the pressure of a bent wave, 1 / m^2
     bool onOneFace = false;  // the way between the edges lies on a face of both
 };

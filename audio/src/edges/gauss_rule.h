@@ -25,11 +25,11 @@ struct GaussRule {
                 slope = nodes * (x * p - before) / (x * x - 1);
                 x -= p / slope;
             }
-            places[i] = 0.5 * (1 + x);
+            positions[i] = 0.5 * (1 + x);
             weights[i] = 1 / ((1 - x * x) * slope * slope);
         }
     }
-    std::array<double, nodes> places{}, weights{};
+    std::array<double, nodes> positions{}, weights{};
 };
 
 }  // namespace rtsg

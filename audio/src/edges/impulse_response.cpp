@@ -51,12 +51,12 @@ ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponse
 namespace {
 
 /// When every band has less than `share` of its energy left, s.
-double usefulDuration(const Echogram& echogram, double share) {
+double usefulDuration(const Echogram& echogram, double fraction) {
     const Bands total = echogram.total();
     Bands left{};
     const auto enough = [&] {
         for (std::size_t b = 0; b < kBandCount; ++b)
-            if (left[b] > share * total[b]) return true;
+            if (left[b] > fraction * total[b]) return true;
         return false;
     };
     std::size_t arrival = echogram.arrivals.size(), k = echogram.late.bins.size();
@@ -82,7 +82,7 @@ std::size_t framesOfWaves(const Echogram& echogram, const ImpulseResponseOptions
     double last = -1;
     for (const EdgeWave& wave : echogram.edges.waves) {
         const bool counts = std::ranges::any_of(wave.pressure, [&](const std::complex<float>& tone) {
-            return static_cast<double>(std::norm(tone)) > options.cutShare * all;
+            return static_cast<double>(std::norm(tone)) > options.cutFraction * all;
         });
         if (counts) last = std::max(last, wave.seconds);
     }
@@ -211,7 +211,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
         options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
     std::size_t throughEars = 0;
     for (const HeadArrival& head : heads) throughEars = std::max(throughEars, head.ears[0].size());
-    const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
+    const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutFraction) * rate) +
                                2 * SincTable::kHalf + 64 + farEar + throughEars;
     const std::size_t frames = std::max(useful, framesOfWaves(echogram, options));
     ImpulseResponse result;
@@ -222,9 +222,9 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                                            : BandNoise::of(options.seed, options.sampleRate, frames, channelCount);
     for (int channel = 0; channel < channelCount; ++channel) {
         // In a diffuse field a channel of degree l carries 1 / (2 l + 1) of the pressure's energy.
-        const double diffuseShare = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
+        const double diffuseFraction = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
         const auto c = static_cast<std::size_t>(channel);
-        noise->add({echogram.late.bins, echogram.late.start, echogram.late.binsPerSecond}, kFourPi * diffuseShare,
+        noise->add({echogram.late.bins, echogram.late.start, echogram.late.binsPerSecond}, kFourPi * diffuseFraction,
                    options.seed, c, result.channels[c]);
     }
     addEdgeWaves(echogram, options, result.channels);

@@ -19,8 +19,8 @@ constexpr std::size_t kManyChanges = 256;
 }  // namespace
 
 TraceOptions AcousticOptions::heardTrace(double quality) {
-    constexpr double kMostRays = 1e12;
-    const double rays = std::clamp(static_cast<double>(kHeardRays) * quality * quality, 1.0, kMostRays);
+    constexpr double kMaxRays = 1e12;
+    const double rays = std::clamp(static_cast<double>(kHeardRays) * quality * quality, 1.0, kMaxRays);
     return heardTraceOf(static_cast<std::uint64_t>(std::llround(rays)));
 }
 
@@ -115,9 +115,9 @@ bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dve
 }
 
 /// Whether the box is seen under so small an angle that its effect on sound is small; false if a value is not finite.
-bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
+bool isSmallFrom(const AcousticBox& box, const glm::dvec3& position) {
     constexpr double kSmall = 0.35;
-    return glm::length(box.high - box.low) < kSmall * box.distance(place);
+    return glm::length(box.high - box.low) < kSmall * box.distance(position);
 }
 
 }  // namespace
@@ -129,7 +129,7 @@ void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, cons
     constexpr double kNear = 0.5;  // metres from where it will be: what moves is heard from where it was
     for (std::size_t i = 0; i < changes.boxes.size(); ++i) {
         const std::uint32_t slot = changes.slots[i];
-        if (!changes.boxes[i].meetsWay(emitter.to, now.position, kNear) ||
+        if (!changes.boxes[i].meetsSegment(emitter.to, now.position, kNear) ||
             std::ranges::find(emitter.body, slot) != emitter.body.end())
             continue;
         emitter.movedWalls.add(slot, seconds());
@@ -137,7 +137,7 @@ void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, cons
         const std::size_t other = i > 0 && changes.slots[i - 1] == slot ? i - 1 : i + 1;
         const bool both = other < changes.slots.size() && changes.slots[other] == slot;
         std::erase(emitter.alongside, slot);
-        if (both && emitter.alongside.size() < MovedWalls::kMost &&
+        if (both && emitter.alongside.size() < MovedWalls::kMax &&
             goesAlong(changes.boxes[std::min(i, other)], changes.boxes[std::max(i, other)], motion))
             emitter.alongside.push_back(slot);
     }
@@ -242,8 +242,8 @@ EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double 
     if (found != states.end()) return found->second;
     const auto fade = static_cast<std::size_t>(options.retraceSeconds * options.sampleRate);
     // Counted in blocks that are the same for all, whenever an emitter came.
-    const std::size_t turn = states.size() + static_cast<std::size_t>(samples) / options.blockSize;
-    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels, fade, turn).first->second;
+    const std::size_t round = states.size() + static_cast<std::size_t>(samples) / options.blockSize;
+    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels, fade, round).first->second;
     state.to = emitter.position();
     state.motion.put(time, state.to, true);
     state.around = geometry.instancesAround(state.to, options.bodySize);

@@ -23,11 +23,11 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
         // Sounds with a place are mixed down to two channels at most, as panners do ("clamped-max"; Web Audio API 1.1,
         // 1.27).
-        const std::size_t most = sound.law == SoundNode::Law::none || sound.stream ? 0 : 2;
+        const std::size_t maximum = sound.law == SoundNode::Law::none || sound.stream ? 0 : 2;
         AudioChannels& played = exactly == 1 ? state.lead : state.dry;
         state.mix.render(sound.voices, sound.processes,
                          {clips, samples, options.blockSize, emitter, block.listener, *head}, played,
-                         {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size()), most});
+                         {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size()), maximum});
         if (exactly == 1) {
             state.dry.resize(2);
             for (std::vector<float>& dry : state.dry) dry = state.lead[0];
@@ -49,13 +49,13 @@ void AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) co
 namespace {
 
 /// The path from the source, from an image of it, or over edges.
-EdgeWay wayOf(const FollowedImage* image, const glm::dvec3& source, const glm::dvec3& listener) {
-    if (image && image->kind == FollowedImage::Kind::edge) return edgeWay(image->edge->route, source, listener);
-    const glm::dvec3 way = (image ? image->at(source) : source) - listener;
-    EdgeWay straight;
-    straight.length = glm::length(way);
-    const glm::dvec3 towards = straight.length > 0 ? way / straight.length : glm::dvec3(0);
-    straight.toSource = image ? glm::transpose(image->turn) * towards : towards;
+EdgePath pathFrom(const FollowedImage* image, const glm::dvec3& source, const glm::dvec3& listener) {
+    if (image && image->kind == FollowedImage::Kind::edge) return edgePath(image->edge->route, source, listener);
+    const glm::dvec3 displacement = (image ? image->at(source) : source) - listener;
+    EdgePath straight;
+    straight.length = glm::length(displacement);
+    const glm::dvec3 towards = straight.length > 0 ? displacement / straight.length : glm::dvec3(0);
+    straight.toSource = image ? glm::transpose(image->rotation) * towards : towards;
     straight.toListener = -towards;
     return straight;
 }
@@ -66,22 +66,22 @@ EdgeWay wayOf(const FollowedImage* image, const glm::dvec3& source, const glm::d
 void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                                      double& slope) const {
     const double speed = air.speedOfSound / options.sampleRate;  // metres a sample
-    const Trajectory::Point at = listenerMotion.placeAt(time);
+    const Trajectory::Point at = listenerMotion.positionAt(time);
     slope = 0;
     for (int step = 0; step < 8; ++step) {
         const Trajectory::Point from = motion.at(time - delay);
-        const EdgeWay way = wayOf(image, from.position, at.position);
+        const EdgePath path = pathFrom(image, from.position, at.position);
         // Written so that a value that is not finite counts as far away.
-        if (!(way.length < kHorizon)) {
+        if (!(path.length < kHorizon)) {
             delay = kHorizon / speed;
             return;
         }
-        const double along = glm::dot(way.toSource, from.velocity);
+        const double along = glm::dot(path.toSource, from.velocity);
         // Nothing is faster than nine tenths of sound here.
         const double approach = std::max(0.1 * speed, speed + along);
-        const double change = (way.length - delay * speed) / approach;
+        const double change = (path.length - delay * speed) / approach;
         delay = std::max(0.0, delay + change);
-        slope = std::clamp((along + glm::dot(way.toListener, at.velocity)) / approach, -10.0, 0.9);
+        slope = std::clamp((along + glm::dot(path.toListener, at.velocity)) / approach, -10.0, 0.9);
         if (std::abs(change) < 1e-9) return;
     }
 }
@@ -96,10 +96,10 @@ void AcousticEngine::Impl::delaysOf(const EmitterState& state, HeardLevel& to, B
         const double h = static_cast<double>(next - at);
         double delay = from + fromSlope * h, slope = 0;
         findDelay(state.motion, nullptr, static_cast<double>(samples) + static_cast<double>(next), delay, slope);
-        const double way = delay - from, a = fromSlope * h, b = slope * h;
+        const double distance = delay - from, a = fromSlope * h, b = slope * h;
         for (std::size_t i = at; i < next; ++i) {
             const double u = static_cast<double>(i + 1 - at) / h;
-            block.delays[i] = from + u * (a + u * (3 * way - 2 * a - b + u * (a + b - 2 * way)));
+            block.delays[i] = from + u * (a + u * (3 * distance - 2 * a - b + u * (a + b - 2 * distance)));
         }
         from = delay;
         fromSlope = slope;
@@ -127,18 +127,19 @@ void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& t
 /// Reads the block that was just written, at its delays.
 void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block, std::vector<float>& out) const {
     const std::size_t size = options.blockSize, first = line.written() - size;
-    const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(size); };
+    const auto fraction = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(size); };
     out.resize(size);
     if (block.crossfade) {
         for (std::size_t i = 0; i < size; ++i) {
             const auto at = [&](double delay) { return static_cast<double>(line.read(first + i, delay)); };
-            out[i] = static_cast<float>(at(block.after.delay) * share(i) + at(block.before.delay) * (1 - share(i)));
+            out[i] =
+                static_cast<float>(at(block.after.delay) * fraction(i) + at(block.before.delay) * (1 - fraction(i)));
         }
     } else {
         line.read(first, block.delays, out);
     }
     for (std::size_t i = 0; i < size; ++i) {
-        const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * share(i);
+        const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * fraction(i);
         out[i] = static_cast<float>(static_cast<double>(out[i]) * gain);
     }
 }
@@ -216,7 +217,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
     const bool doppler = sound.doppler || (block.listener.doppler && sound.law != SoundNode::Law::none);
     const bool held = !doppler && state.started && !silent;
     const glm::dvec3 apparent = apparentPosition(state, to.delay);
-    findTurns(state, apparent, !(state.started && state.jumped), block);
+    findHeadRotations(state, apparent, !(state.started && state.jumped), block);
     if (held) {
         to.delay = state.level.delay;
         to.slope = 0;
@@ -224,7 +225,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
     if (sound.law == SoundNode::Law::none) to.delay = to.slope = 0;
     if (!doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
     bool audible = false;
-    measureWay(sound, state, apparent, block);
+    measurePath(sound, state, apparent, block);
     levelOf(emitter, state, apparent, block, to, audible);
     if (!anyHeard) {
         const bool inReach =

@@ -51,11 +51,11 @@ struct AcousticEngine::Impl {
         HeardLevel before, after;
         bool crossfade = false;  // from one delay to the other
         /// The place from which the emitter is heard until sample `end`, in the listener's frame.
-        struct Turn {
+        struct HeadRotation {
             std::size_t end = 0;
             glm::dvec3 offset{0};  // metres
         };
-        std::vector<Turn> turns;
+        std::vector<HeadRotation> rotations;
         // Room for steps of it.
         std::vector<double> gains;  // by channel
         std::vector<float> part;    // of the emitter, by sample
@@ -102,14 +102,14 @@ struct AcousticEngine::Impl {
     glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
     void findBodyAt(const EmitterState& state, const glm::dvec3& apparent, const ListenerPose& listener,
                     std::vector<std::uint32_t>& body) const;
-    double straightShare(std::vector<std::uint32_t>& open, const glm::dvec3& apparent,
-                         const glm::dvec3& listener) const;
-    double shareOfAll(EmitterState& state, const glm::dvec3& apparent, Block& block) const;
-    void measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block) const;
+    double straightFraction(std::vector<std::uint32_t>& open, const glm::dvec3& apparent,
+                            const glm::dvec3& listener) const;
+    double fractionOfAll(EmitterState& state, const glm::dvec3& apparent, Block& block) const;
+    void measurePath(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block) const;
     void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, const Block& block,
                  HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
-    void findTurns(const EmitterState& state, const glm::dvec3& apparent, bool even, Block& block) const;
+    void findHeadRotations(const EmitterState& state, const glm::dvec3& apparent, bool even, Block& block) const;
     void spatialise(const SoundNode& sound, EmitterState& state, Block& block);
     void readDirect(const DelayLine& line, const Block& block, std::vector<float>& out) const;
     void gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
@@ -130,10 +130,10 @@ struct AcousticEngine::Impl {
 
     /// The work that a response needs: none; making it again, as the listener's head has turned or something begins to
     /// move; or tracing it again.
-    enum class Renewal : std::uint8_t { none, turn, setOff, trace };
+    enum class Renewal : std::uint8_t { none, rotation, setOff, trace };
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
-    void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener, Renewal why);
+    void reuse(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener, Renewal why);
     bool setsOff(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                  const ListenerPose& listener) const;
     void renew(const SoundEmitter& emitter, EmitterState& state);
@@ -142,9 +142,9 @@ struct AcousticEngine::Impl {
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
-    std::size_t followedOf(const EmitterState& state, std::size_t most) const;
+    std::size_t followedOf(const EmitterState& state, std::size_t maximum) const;
     bool isFollowed(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
-                    const ListenerPose& listener, double least) const;
+                    const ListenerPose& listener, double minimum) const;
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);
@@ -186,7 +186,7 @@ struct AcousticEngine::Impl {
     std::map<InstanceId, UnheardSource> unheard;  // until any sound was in its reach
     bool anyInReach = false, anyHeard = false;
     /// For each source that is sealed: whether it is the one inside, and its index in `sealed`.
-    std::map<InstanceId, std::pair<bool, std::size_t>> toldSealed;
+    std::map<InstanceId, std::pair<bool, std::size_t>> reportedSealed;
     std::vector<SoundLeak> leaks;
     int leakSearches = 0;
     // The members below are for live sound.

@@ -28,7 +28,7 @@ constexpr double kBegins = 0.1;
 /// other random rays.
 constexpr double kFarChanges = 5;
 /// Images of a source that follow, and waves by way of edges, at most.
-constexpr std::size_t kMostImages = 8, kMostEdges = 16;
+constexpr std::size_t kMaxImages = 8, kMaxEdges = 16;
 
 /// Some of its sound came round edges when it was traced.
 bool hasEdges(const EmitterState& state) {
@@ -57,7 +57,7 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
     const bool turned = glm::dot(state.tracedRight, listener.right) < kTurned ||
                         (allRound && glm::dot(state.tracedBack, listener.back) < kTurned) ||
                         state.tracedBy != state.reflectedBy || state.tracedRadius != listener.headRadius();
-    return turned && state.traced ? Renewal::turn : Renewal::none;
+    return turned && state.traced ? Renewal::rotation : Renewal::none;
 }
 
 /// The worker makes one response after the other: where there are more to be made than it can, whose is oldest comes
@@ -74,7 +74,7 @@ void AcousticEngine::Impl::renew(const SoundEmitter& emitter, EmitterState& stat
 void AcousticEngine::Impl::renewLongestDue() {
     const auto [emitter, state, renewal] = std::exchange(due, {});
     if (renewal == Renewal::trace) trace(*state, *emitter, state->to, now);
-    if (renewal == Renewal::turn || renewal == Renewal::setOff) turn(*state, *emitter, now, renewal);
+    if (renewal == Renewal::rotation || renewal == Renewal::setOff) reuse(*state, *emitter, now, renewal);
 }
 
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
@@ -87,10 +87,10 @@ void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
 
 /// A door that opens is a crack for a moment: what moves is waited for, as long as it may be a door.
 bool AcousticEngine::Impl::shallSeekLeaks(const EmitterState& state) const {
-    constexpr double kRest = 0.5, kMostMotion = 5;
+    constexpr double kRest = 0.5, kMaxMotion = 5;
     if (state.leaksSought || (!state.countsAsSearch && leakSearches >= kLeakSearches)) return false;
     return !state.wallsChanged || seconds() >= state.wallsChanged->second + kRest ||
-           seconds() >= state.wallsChanged->first + kMostMotion;
+           seconds() >= state.wallsChanged->first + kMaxMotion;
 }
 
 /// Sources at one place have one room around them: whose leaks were told as another one's are not looked for again.
@@ -104,10 +104,10 @@ bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
 /// Whether its images are to follow it: it moved by more than `least` metres, or the listener did. Sound that is not to
 /// be shifted keeps its way.
 bool AcousticEngine::Impl::isFollowed(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
-                                      const ListenerPose& listener, double least) const {
+                                      const ListenerPose& listener, double minimum) const {
     return state.hasResponse && !state.jumps && !listenerJumps && (emitter.sound->doppler || listener.doppler) &&
-           (glm::distance(state.tracedSource, source) > least ||
-            glm::distance(state.tracedListener, listener.position) > least);
+           (glm::distance(state.tracedSource, source) > minimum ||
+            glm::distance(state.tracedListener, listener.position) > minimum);
 }
 
 /// Sound that bends must be followed from the first, as direct sound is, or it would be late where that ends.
@@ -119,12 +119,12 @@ bool AcousticEngine::Impl::setsOff(const SoundEmitter& emitter, const EmitterSta
 /// How many images, or waves by way of edges, are to follow the source, or the listener, rather than be heard from
 /// where they were: of those that move the loudest, as long as they are few, and fewer through a head, which takes more
 /// time.
-std::size_t AcousticEngine::Impl::followedOf(const EmitterState& state, std::size_t most) const {
-    constexpr std::size_t kMostOfAll = 96, kMostThroughHead = 32;
+std::size_t AcousticEngine::Impl::followedOf(const EmitterState& state, std::size_t maximum) const {
+    constexpr std::size_t kMaxOfAll = 96, kMaxThroughHead = 32;
     if (!state.moves) return 0;
     const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
-    const std::size_t all = state.reflectedBy == HeardBy::head ? kMostThroughHead : kMostOfAll;
-    return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, most);
+    const std::size_t all = state.reflectedBy == HeardBy::head ? kMaxThroughHead : kMaxOfAll;
+    return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, maximum);
 }
 
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
@@ -150,8 +150,8 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
     state.moves =
         isFollowed(emitter, state, source, listener, hasEdges(state) ? kSetOffMoved : 0.5 * options.moveTolerance);
-    job.followed = followedOf(state, kMostImages);
-    job.followedEdges = followedOf(state, kMostEdges);
+    job.followed = followedOf(state, kMaxImages);
+    job.followedEdges = followedOf(state, kMaxEdges);
     // Each has rays of its own, so that their mean tells more than any of them.
     job.tracing.seed += state.traces++;
     if (job.tracing.exits == 0 &&
@@ -171,8 +171,8 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
 
 /// Paths and levels stay the same; only their directions relative to the head change, or they are followed from here
 /// on.
-void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener,
-                                Renewal why) {
+void AcousticEngine::Impl::reuse(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener,
+                                 Renewal why) {
     TraceJob job;
     job.emitter = emitter.id;
     job.block = options.blockSize;
@@ -187,8 +187,8 @@ void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter
         job.tracing.pattern =
             patternOf(emitter, job.source, job.listener, options.levels == AcousticOptions::Levels::x3d);
         state.moves = true;
-        job.followed = followedOf(state, kMostImages);
-        job.followedEdges = followedOf(state, kMostEdges);
+        job.followed = followedOf(state, kMaxImages);
+        job.followedEdges = followedOf(state, kMaxEdges);
     }
     submit(state, std::move(job), listener);
 }
@@ -208,7 +208,7 @@ ImpulseResponseOptions AcousticEngine::Impl::responseFor(const SoundEmitter* emi
     response.listenerUp = listener.up;
     response.listenerBack = listener.back;
     response.firstOrder = 1;
-    response.cutShare = 1e-6;
+    response.cutFraction = 1e-6;
     response.speedOfSound = air.speedOfSound;
     // The same noise each time, wherever its ends are, another for each emitter: crossfades then do not rustle.
     response.sharedNoise = true;
@@ -229,7 +229,7 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
     if (!worker) return takeResponse(traceResponse(job, geometry));
     job.state = liveState;
     job.rays = liveRays;
-    job.share = tracingShare(load);
+    job.fraction = tracingFraction(load);
     worker->submit(std::move(job));
 }
 
@@ -244,7 +244,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
     state.tracedImages = traced.images;
     if (!traced.turned) state.movedWalls.traced = state.movedWalls.asked;
-    const StraightWay& straight = state.movedWalls.traced;
+    const StraightPath& straight = state.movedWalls.traced;
     const bool takesOver = isLate(state.images.straight().open, straight.open);
     // Images that begin to be followed sound as before as long as they have hardly moved: the sooner they take over the
     // better.
@@ -271,12 +271,12 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
 
 void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds,
                                      const RoomOpenings& openings) {
-    constexpr std::size_t kMost = 1000;
+    constexpr std::size_t kMax = 1000;
     // Weaker sound cannot be heard, alone or beside the rest that escapes.
-    constexpr double kLeast = 1e-4, kLeastOfAll = 0.01;
+    constexpr double kMin = 1e-4, kMinOfAll = 0.01;
     for (const RoomOpening& opening : openings.openings) {
-        const double share = opening.meanShare();
-        if (!opening.leak || share < kLeast || share < kLeastOfAll * openings.escaped || leaks.size() >= kMost)
+        const double fraction = opening.meanFraction();
+        if (!opening.leak || fraction < kMin || fraction < kMinOfAll * openings.escaped || leaks.size() >= kMax)
             continue;
         const bool known = std::any_of(leaks.begin(), leaks.end(), [&](const SoundLeak& leak) {
             const double near = 0.01 + 0.25 * std::max(leak.opening.length, opening.length);
@@ -288,31 +288,31 @@ void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dve
 
 void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener,
                                     double seconds, Seal seal) {
-    constexpr std::size_t kMost = 1000;
-    const auto told = toldSealed.find(emitter.id);
-    if (told != toldSealed.end() && told->second.first == seal.sourceInside) return;
+    constexpr std::size_t kMax = 1000;
+    const auto reported = reportedSealed.find(emitter.id);
+    if (reported != reportedSealed.end() && reported->second.first == seal.sourceInside) return;
     endSeal(emitter.id, seconds);
-    toldSealed[emitter.id] = {seal.sourceInside, sealed.size()};
-    if (sealed.size() < kMost)
+    reportedSealed[emitter.id] = {seal.sourceInside, sealed.size()};
+    if (sealed.size() < kMax)
         sealed.push_back({emitter.name, emitter.sound->node, source, listener, seconds, std::move(seal)});
 }
 
 void AcousticEngine::Impl::endSeal(InstanceId emitter, double seconds) {
-    const auto told = toldSealed.find(emitter);
-    if (told == toldSealed.end()) return;
-    if (told->second.second < sealed.size()) sealed[told->second.second].until = seconds;
-    toldSealed.erase(told);
+    const auto reported = reportedSealed.find(emitter);
+    if (reported == reportedSealed.end()) return;
+    if (reported->second.second < sealed.size()) sealed[reported->second.second].until = seconds;
+    reportedSealed.erase(reported);
 }
 
 /// The present reason; sources that come within reach later are heard.
 void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double distance, bool inReach,
                                        const ListenerPose& listener) {
     using Why = UnheardSource::Why;
-    constexpr std::size_t kMost = 1000;
+    constexpr std::size_t kMax = 1000;
     const SoundNode& sound = *emitter.sound;
     auto found = unheard.find(emitter.id);
     if (found == unheard.end()) {
-        if (unheard.size() >= kMost) return;
+        if (unheard.size() >= kMax) return;
         found = unheard.try_emplace(emitter.id).first;
         found->second = {emitter.name, sound.node, Why::far, distance, {}};
         if (sound.law == SoundNode::Law::ellipsoids)

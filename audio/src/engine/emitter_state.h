@@ -48,9 +48,9 @@ struct EmitterInput {
 
 struct EmitterState {
     /// `turn`: of its reflections, as Convolver has it.
-    EmitterState(std::size_t block, std::size_t channels, std::size_t fade, std::size_t turn)
+    EmitterState(std::size_t block, std::size_t channels, std::size_t fade, std::size_t round)
         : motion(block), images(block, fade) {
-        late.emplace_back(block, fade, turn);
+        late.emplace_back(block, fade, round);
         for (std::size_t c = 1; c < channels; ++c) late.push_back(late.front().beside());
     }
 

@@ -27,9 +27,9 @@ void HeadMaker::ask(const Size& size) {
     wake_.notify_one();
 }
 
-std::optional<HeadMaker::Made> HeadMaker::take() {
+std::optional<HeadMaker::Created> HeadMaker::take() {
     const std::lock_guard lock(mutex_);
-    return std::exchange(made_, std::nullopt);
+    return std::exchange(created_, std::nullopt);
 }
 
 void HeadMaker::run() {
@@ -42,14 +42,14 @@ void HeadMaker::run() {
             if (stop_) return;
             size = *std::exchange(asked_, std::nullopt);
         }
-        Made made{size, nullptr};
+        Created created{size, nullptr};
         try {
-            made.head = Hrtf::sphere(sampleRate_, size.radius, size.speedOfSound);
+            created.head = Hrtf::sphere(sampleRate_, size.radius, size.speedOfSound);
         } catch (const std::bad_alloc&) {
-            made.head = nullptr;  // the one that there is goes on
+            created.head = nullptr;  // the one that there is goes on
         }
         const std::lock_guard lock(mutex_);
-        made_ = std::move(made);
+        created_ = std::move(created);
     }
 }
 

@@ -24,14 +24,14 @@ class HeadMaker {
     struct Size {
         double radius = 0, speedOfSound = 0;
     };
-    struct Made {
+    struct Created {
         Size size;
         std::shared_ptr<const Hrtf> head;
     };
     /// Asks for a head. A request that is not begun yet is replaced.
     void ask(const Size& size);
     /// The newest result since the last call; it has no head if there was no memory for one.
-    std::optional<Made> take();
+    std::optional<Created> take();
 
   private:
     void run();
@@ -40,7 +40,7 @@ class HeadMaker {
     std::mutex mutex_;
     std::condition_variable wake_;
     std::optional<Size> asked_;
-    std::optional<Made> made_;
+    std::optional<Created> created_;
     bool stop_ = false;
     std::thread thread_;
 };

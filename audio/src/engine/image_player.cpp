@@ -22,10 +22,10 @@ void ImagePlayer::Voice::restart() {
     weights = weightsBefore = {};
     head.restart();
     for (PoleBank& bank : banks) bank.restart();
-    share = 0;
+    fraction = 0;
 }
 
-void ImagePlayer::Set::start(Images what, const StraightWay& known) {
+void ImagePlayer::Set::start(Images what, const StraightPath& known) {
     images = std::move(what);
     straight = known;
     if (voices.size() < count()) voices.resize(count());
@@ -43,12 +43,12 @@ double ImagePlayer::openNext() const {
 }
 
 void ImagePlayer::scaleOpen(double factor) {
-    for (StraightWay* straight : {&current_.straight, &next_.straight, &waitingStraight_})
+    for (StraightPath* straight : {&current_.straight, &next_.straight, &waitingStraight_})
         straight->open = std::min(1.0, straight->open * factor);
 }
 
 void ImagePlayer::setOpen(double open) {
-    for (StraightWay* straight : {&current_.straight, &next_.straight, &waitingStraight_}) straight->open = open;
+    for (StraightPath* straight : {&current_.straight, &next_.straight, &waitingStraight_}) straight->open = open;
 }
 
 void ImagePlayer::render(const Block& block) {
@@ -92,8 +92,8 @@ void ImagePlayer::render(Set& set, const Block& block, bool arrives) {
     weights_.assign(block_, 1.0f);
     if (fading_)
         for (std::size_t i = 0; i < block_; ++i) {
-            const float share = fadeIn(static_cast<double>(faded_ + i + 1) / static_cast<double>(fadeSamples_));
-            weights_[i] = arrives ? share : 1 - share;
+            const float fraction = fadeIn(static_cast<double>(faded_ + i + 1) / static_cast<double>(fadeSamples_));
+            weights_[i] = arrives ? fraction : 1 - fraction;
         }
     for (std::size_t k = 0; k < set.count(); ++k) render((*set.images)[k], set.voices[k], block);
 }
@@ -108,10 +108,10 @@ void ImagePlayer::findDelays(const FollowedImage& image, Voice& voice, const Blo
         const double h = static_cast<double>(next - at);
         double delay = from + slope * h, after = 0;
         block.find(image, step, delay, after);
-        const double way = delay - from, a = slope * h, b = after * h;
+        const double distance = delay - from, a = slope * h, b = after * h;
         for (std::size_t i = at; i < next; ++i) {
             const double u = static_cast<double>(i + 1 - at) / h;
-            delays_[i] = from + u * (a + u * (3 * way - 2 * a - b + u * (a + b - 2 * way)));
+            delays_[i] = from + u * (a + u * (3 * distance - 2 * a - b + u * (a + b - 2 * distance)));
         }
         from = delay, slope = after;
         at = next;
@@ -131,13 +131,13 @@ double ImagePlayer::reflectedBefore(double delay) const {
 /// The factor for samples of the line. A wave by way of an edge belongs to the direct sound that is heard beside it.
 double ImagePlayer::amplitudeOf(const FollowedImage& image, const Voice& voice, double distance,
                                 const Block& block) const {
-    constexpr double kMost = 100;
+    constexpr double kMax = 100;
     if (image.kind == FollowedImage::Kind::edge) {
         const double then = reflectedBefore(voice.delay);
-        return then != 0 ? std::clamp(block.reflects / then, -kMost, kMost) : 1;
+        return then != 0 ? std::clamp(block.reflects / then, -kMax, kMax) : 1;
     }
     const double pressure = (image.filtered ? 1 : image.pressure) / std::max(distance, 0.01);
-    return image.kind == FollowedImage::Kind::boundary ? pressure * voice.share : pressure;
+    return image.kind == FollowedImage::Kind::boundary ? pressure * voice.fraction : pressure;
 }
 
 /// Finds the gains and delays for its direction at the end of the block: by channel, or by ear of a head.
@@ -145,7 +145,7 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
     glm::dvec3 from(0);
     if (image.kind == FollowedImage::Kind::edge) {
         const EdgeEnds ends = block.ends(voice.delay);
-        from = edgeWay(image.edge->route, ends.source, ends.listener).last - ends.listener;
+        from = edgePath(image.edge->route, ends.source, ends.listener).last - ends.listener;
         voice.weightsBefore = voice.weights;
         image.edge->weightsAt(ends.source, ends.listener, block.heard, voice.weights);
         if (fresh) voice.weightsBefore = voice.weights;
@@ -159,7 +159,7 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
     const ImpulseResponseOptions& r = block.response;
     if (!block.ears.empty()) {
         voice.pans.assign(2, {amplitude, 0});
-        voice.head.turn(*r.hrtf, inListenersFrame(direction, r), block_);
+        voice.head.setDirection(*r.hrtf, inListenersFrame(direction, r), block_);
     } else {
         voice.pans.resize(block.out.size());
         for (std::size_t c = 0; c < voice.pans.size(); ++c) {
@@ -180,11 +180,11 @@ void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double bef
                            double ahead) {
     const std::size_t first = line.written() - block_;
     const double was = voice.before[channel].delay, is = voice.pans[channel].delay;
-    const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(block_); };
+    const auto fraction = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(block_); };
     read_.resize(block_);
     later_.resize(block_);
     // An ear hears it so much later in its own time, not in that of the source.
-    for (std::size_t i = 0; i < block_; ++i) later_[i] = (was + (is - was) * share(i) - ahead) * (1 - voice.slope);
+    for (std::size_t i = 0; i < block_; ++i) later_[i] = (was + (is - was) * fraction(i) - ahead) * (1 - voice.slope);
     if (!jumps) {
         for (std::size_t i = 0; i < block_; ++i) later_[i] = std::max(0.0, delays_[i] + later_[i]);
         line.read(first, later_, read_);
@@ -192,7 +192,7 @@ void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double bef
     }
     for (std::size_t i = 0; i < block_; ++i) {
         const auto at = [&](double delay) { return line.read(first + i, std::max(0.0, delay + later_[i])); };
-        read_[i] = at(voice.delay) * static_cast<float>(share(i)) + at(before) * static_cast<float>(1 - share(i));
+        read_[i] = at(voice.delay) * static_cast<float>(fraction(i)) + at(before) * static_cast<float>(1 - fraction(i));
     }
 }
 
@@ -202,10 +202,10 @@ bool ImagePlayer::isSilent(const FollowedImage& image, Voice& voice, const Block
     const EdgeEnds now = block.ends(0);
     const double distance = glm::distance(image.at(now.source), now.listener);
     const EdgeEnds ends = block.ends(distance / image.edge->speedOfSound * block.response.sampleRate);
-    const double share = image.edge->boundaryGain(image.face, ends.source, ends.listener);
-    const bool silent = share == 0 && voice.share == 0;
+    const double fraction = image.edge->boundaryGain(image.face, ends.source, ends.listener);
+    const bool silent = fraction == 0 && voice.fraction == 0;
     if (silent && voice.started) voice.restart();
-    voice.share = share;
+    voice.fraction = fraction;
     return silent;
 }
 
@@ -240,13 +240,14 @@ void ImagePlayer::render(const FollowedImage& image, Voice& voice, const Block& 
         filter(image, voice, s, block);
         for (std::size_t i = 0; i < block_; ++i) heard_[i] *= weights_[i];
         for (std::size_t c = apart ? s : 0; c < (apart ? s + 1 : channels); ++c) {
-            const double gain = voice.before[c].gain, way = (voice.pans[c].gain - gain) / static_cast<double>(block_);
+            const double gain = voice.before[c].gain,
+                         distance = (voice.pans[c].gain - gain) / static_cast<double>(block_);
             if (head)
                 for (std::size_t i = 0; i < block_; ++i)
-                    heard_[i] *= static_cast<float>(gain + way * static_cast<double>(i + 1));
+                    heard_[i] *= static_cast<float>(gain + distance * static_cast<double>(i + 1));
             else
                 for (std::size_t i = 0; i < block_; ++i)
-                    block.out[c][i] += heard_[i] * static_cast<float>(gain + way * static_cast<double>(i + 1));
+                    block.out[c][i] += heard_[i] * static_cast<float>(gain + distance * static_cast<double>(i + 1));
         }
         if (head) voice.head.process(s, heard_, block.ears[s]);
     }

@@ -27,7 +27,7 @@ namespace rtsg {
 
 /// The state of the straight way when a set of images was traced: the share of direct sound's amplitude that moving
 /// walls left, and the time, seconds.
-struct StraightWay {
+struct StraightPath {
     double open = 1;
     double at = -std::numeric_limits<double>::infinity();
 };
@@ -39,7 +39,7 @@ class ImagePlayer {
     ImagePlayer(std::size_t block, std::size_t fade) : block_(block), fade_(std::max<std::size_t>(1, fade)) {}
 
     /// Null or empty: none. `fadeOnce`: samples in which these fade over, 0: as usual.
-    void set(Images images, std::size_t fadeOnce = 0, const StraightWay& straight = {}) {
+    void set(Images images, std::size_t fadeOnce = 0, const StraightPath& straight = {}) {
         waiting_ = std::move(images);
         waitingStraight_ = straight;
         waits_ = true;
@@ -47,10 +47,10 @@ class ImagePlayer {
     }
     bool fades() const { return fading_ || waits_; }
     /// The state of the straight way for the set that is heard.
-    const StraightWay& straight() const { return current_.straight; }
-    /// StraightWay::open at the end of the next block, as sets fade over.
+    const StraightPath& straight() const { return current_.straight; }
+    /// StraightPath::open at the end of the next block, as sets fade over.
     double openNext() const;
-    /// These change StraightWay::open of all sets.
+    /// These change StraightPath::open of all sets.
     void scaleOpen(double factor);
     void setOpen(double open);
 
@@ -92,17 +92,17 @@ class ImagePlayer {
         // For an edge: the filter of each signal, and its weights at the end of the last block and of this one.
         std::vector<PoleBank> banks;
         PoleBank::Weights weightsBefore{}, weights{};
-        double share = 0;  // of a boundary's image, at the end of the last block
+        double fraction = 0;  // of a boundary's image, at the end of the last block
 
         void restart();
     };
     struct Set {
         Images images;
         std::vector<Voice> voices;  // at least as many
-        StraightWay straight;
+        StraightPath straight;
 
         std::size_t count() const { return images ? images->size() : 0; }
-        void start(Images what, const StraightWay& known);
+        void start(Images what, const StraightPath& known);
     };
     void render(Set& set, const Block& block, bool arrives);
     void render(const FollowedImage& image, Voice& voice, const Block& block);
@@ -124,7 +124,7 @@ class ImagePlayer {
     Ring<double> reflected_;  // Block::reflects, of as many blocks as the lines hold
     Set current_, next_;
     Images waiting_;
-    StraightWay waitingStraight_;
+    StraightPath waitingStraight_;
     bool fading_ = false, waits_ = false, started_ = false;
     std::size_t faded_ = 0;
     // Buffers, by sample, for the image that is rendered at present.

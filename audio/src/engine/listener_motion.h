@@ -18,12 +18,12 @@ class ListenerMotion {
 
     /// See Trajectory::put(). A turn by more than 60 degrees at once is a jump of the turn alone.
     void put(double time, const ListenerPose& pose, bool jump) {
-        constexpr double kTurn = 0.5;
-        const bool turns =
-            jump || !(glm::dot(last_.right, pose.right) > kTurn && glm::dot(last_.back, pose.back) > kTurn);
+        constexpr double kFullTurn = 0.5;
+        const bool rotations =
+            jump || !(glm::dot(last_.right, pose.right) > kFullTurn && glm::dot(last_.back, pose.back) > kFullTurn);
         position_.put(time, pose.position, jump);
-        right_.put(time, pose.right, turns);
-        back_.put(time, pose.back, turns);
+        right_.put(time, pose.right, rotations);
+        back_.put(time, pose.back, rotations);
         last_ = pose;
     }
     void advance(double time) {
@@ -31,11 +31,11 @@ class ListenerMotion {
         right_.advance(time);
         back_.advance(time);
     }
-    Trajectory::Point placeAt(double time) const { return position_.at(time); }
+    Trajectory::Point positionAt(double time) const { return position_.at(time); }
     /// All but the place and the axes is that of the last one.
     ListenerPose at(double time) const {
         ListenerPose pose = last_;
-        pose.position = placeAt(time).position;
+        pose.position = positionAt(time).position;
         const glm::dvec3 right = right_.at(time).position, back = back_.at(time).position;
         const glm::dvec3 up = glm::cross(back, right);
         // Between two turns that are far apart there may be none.

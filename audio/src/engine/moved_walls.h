@@ -2,7 +2,7 @@
 //
 // A wall that moves into this path takes direct sound away and adds diffracted sound. Both must change together, or a
 // gap is heard; but diffracted sound is known only after the next trace. So moved walls keep the share of direct sound
-// that they left when the response was traced, and fade with the response (StraightWay). Walls at rest count in every
+// that they left when the response was traced, and fade with the response (StraightPath). Walls at rest count in every
 // block, because edges at rest are followed in every block. Threading: the engine's thread.
 #pragma once
 
@@ -26,13 +26,13 @@ inline bool isLate(double heard, double there) {
 class MovedWalls {
   public:
     /// More walls than this are not tested one by one: their effect counts at once.
-    static constexpr std::size_t kMost = 64;
+    static constexpr std::size_t kMax = 64;
 
     void add(std::uint32_t slot, double seconds) {
         const auto found = std::ranges::find(slots_, slot);
         if (found != slots_.end()) {
             times_[static_cast<std::size_t>(found - slots_.begin())] = seconds;
-        } else if (slots_.size() < kMost) {
+        } else if (slots_.size() < kMax) {
             slots_.push_back(slot);
             times_.push_back(seconds);
             grown_ = true;
@@ -65,7 +65,7 @@ class MovedWalls {
     /// the sound that is heard.
     double all = 0, resting = 0, heard = 0;
     /// The straight way of the last trace, and of the one that was asked for since.
-    StraightWay traced, asked;
+    StraightPath traced, asked;
     /// Since when the sound that is heard differs from the present state, seconds.
     double lateSince = 0;
 

@@ -95,14 +95,14 @@ void AcousticEngine::Impl::makeHead(const ListenerPose& listener) {
 /// Live sound goes on through the present head until another one is ready.
 void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
     if (!options.background || !head) return makeHead(listener);
-    auto made = headMaker ? headMaker->take() : std::nullopt;
+    auto created = headMaker ? headMaker->take() : std::nullopt;
     if (hearsAs(listener)) {
-        if (made) headAsked = {};  // an older request is no longer needed
+        if (created) headAsked = {};  // an older request is no longer needed
         return;
     }
-    if (made && made->head) {
-        head = std::move(made->head);
-        headSize = made->size;
+    if (created && created->head) {
+        head = std::move(created->head);
+        headSize = created->size;
         if (hearsAs(listener)) return;
     }
     const HeadMaker::Size size{listener.headRadius(), air.speedOfSound};
@@ -118,7 +118,7 @@ void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
 void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
                                    std::vector<double>& gains) const {
     std::fill(gains.begin(), gains.end(), 0.0);
-    const double share = 1.0 / static_cast<double>(inputs);
+    const double fraction = 1.0 / static_cast<double>(inputs);
     if (options.ambisonicOrder > 0) {
         if (!spatialize && inputs == 1) {
             gains[0] = 1;
@@ -126,7 +126,7 @@ void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, s
         }
         const glm::dvec3 direction = turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs));
         ambisonicGains(options.ambisonicOrder, ambisonicAxes(direction), gains);
-        for (double& gain : gains) gain *= share;
+        for (double& gain : gains) gain *= fraction;
         return;
     }
     const auto both = spatialize ? stereoGains(towards) : std::array<double, 2>{1, 1};
@@ -138,29 +138,29 @@ void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, s
     const auto own =
         inputs == 1 ? both
                     : stereoGains(turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs)));
-    for (std::size_t c = 0; c < 2; ++c) gains[c] = own[c] * share;
+    for (std::size_t c = 0; c < 2; ++c) gains[c] = own[c] * fraction;
 }
 
 /// `apparent` is where it is heard from at the end of the block. `even`: it got there evenly. Precondition: delaysOf()
 /// was called.
-void AcousticEngine::Impl::findTurns(const EmitterState& state, const glm::dvec3& apparent, bool even,
-                                     Block& block) const {
+void AcousticEngine::Impl::findHeadRotations(const EmitterState& state, const glm::dvec3& apparent, bool even,
+                                             Block& block) const {
     // Gains go on straight lines in between: what turns is smooth enough then.
     constexpr std::size_t kStep = 256;
-    block.turns.clear();
+    block.rotations.clear();
     for (std::size_t end = kStep; even && end < options.blockSize; end += kStep) {
         const double time = static_cast<double>(samples) + static_cast<double>(end);
         const ListenerPose listener = listenerMotion.at(time);
         const glm::dvec3 from = state.motion.at(time - block.delays[end - 1]).position;
-        block.turns.push_back({end, listener.toLocal(from - listener.position)});
+        block.rotations.push_back({end, listener.toLocal(from - listener.position)});
     }
-    block.turns.push_back({options.blockSize, block.listener.toLocal(apparent - block.listener.position)});
+    block.rotations.push_back({options.blockSize, block.listener.toLocal(apparent - block.listener.position)});
 }
 
 /// Gives direct sound the direction that it comes from. If its path is another one than before, one fades into the
 /// other.
 void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, Block& block) {
-    const bool spatialize = sound.spatialize && !(glm::length(block.turns.back().offset) <= kHere);
+    const bool spatialize = sound.spatialize && !(glm::length(block.rotations.back().offset) <= kHere);
     const HeardBy by = spatialize ? state.reflectedBy : HeardBy::gains;
     const HeardBy earlier = state.spatialisedOnce ? state.heardBy : by;
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
@@ -177,18 +177,21 @@ void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, 
     const std::size_t size = options.blockSize, inputs = state.inputs.size();
     EmitterInput& input = state.inputs[k];
     const bool fresh = !state.spatialisedOnce || ramp.from == 0;
-    const auto towards = [&](const Block::Turn& turn) { return spatialize ? directionOf(turn.offset) : glm::dvec3(0); };
+    const auto towards = [&](const Block::HeadRotation& rotation) {
+        return spatialize ? directionOf(rotation.offset) : glm::dvec3(0);
+    };
     if (by == HeardBy::head) {
         const glm::dvec3 ahead(0, 0, -1);
-        const glm::dvec3 direction = turned(directionOr(towards(block.turns.back()), ahead), channelAngle(k, inputs));
-        std::vector<float>& share = block.part;
-        share.resize(size);
+        const glm::dvec3 direction =
+            turned(directionOr(towards(block.rotations.back()), ahead), channelAngle(k, inputs));
+        std::vector<float>& fraction = block.part;
+        fraction.resize(size);
         for (std::size_t i = 0; i < size; ++i) {
             const double w = ramp.from + (ramp.to - ramp.from) * static_cast<double>(i + 1) / static_cast<double>(size);
-            share[i] = state.direct[k][i] * static_cast<float>(w / static_cast<double>(inputs));
+            fraction[i] = state.direct[k][i] * static_cast<float>(w / static_cast<double>(inputs));
         }
-        input.head.turn(*head, direction, size);
-        for (std::size_t e = 0; e < 2; ++e) input.head.process(e, share, block.ears[e]);
+        input.head.setDirection(*head, direction, size);
+        for (std::size_t e = 0; e < 2; ++e) input.head.process(e, fraction, block.ears[e]);
         input.ringing = input.head.rings();
         return;
     }
@@ -196,17 +199,17 @@ void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, 
     gains.resize(channels);
     const std::span<const float> direct(state.direct[k]);
     std::size_t start = 0;
-    for (const Block::Turn& turn : block.turns) {
-        const double share = static_cast<double>(turn.end) / static_cast<double>(size);
-        gainsOf(towards(turn), spatialize, k, inputs, gains);
+    for (const Block::HeadRotation& rotation : block.rotations) {
+        const double fraction = static_cast<double>(rotation.end) / static_cast<double>(size);
+        gainsOf(towards(rotation), spatialize, k, inputs, gains);
         if (start == 0 && fresh)
             for (std::size_t c = 0; c < channels; ++c) input.gains[c] = gains[c] * ramp.from;
-        for (double& gain : gains) gain *= ramp.from + (ramp.to - ramp.from) * share;
+        for (double& gain : gains) gain *= ramp.from + (ramp.to - ramp.from) * fraction;
         for (std::size_t c = 0; c < channels; ++c)
-            mixInput(input, gains, c, direct.subspan(start, turn.end - start),
-                     std::span(block.out[c]).subspan(start, turn.end - start));
+            mixInput(input, gains, c, direct.subspan(start, rotation.end - start),
+                     std::span(block.out[c]).subspan(start, rotation.end - start));
         input.gains = gains;
-        start = turn.end;
+        start = rotation.end;
     }
 }
 
@@ -223,11 +226,11 @@ void AcousticEngine::Impl::ringOut(EmitterInput& input, Block& block) const {
 void AcousticEngine::Impl::mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
                                     std::span<const float> direct, std::span<float> out) const {
     const std::size_t size = out.size();
-    const double earlier = input.gains[channel], way = gains[channel] - earlier;
+    const double earlier = input.gains[channel], distance = gains[channel] - earlier;
     if (gains[channel] == 0 && earlier == 0) return;
     for (std::size_t i = 0; i < size; ++i)
         out[i] +=
-            direct[i] * static_cast<float>(earlier + way * static_cast<double>(i + 1) / static_cast<double>(size));
+            direct[i] * static_cast<float>(earlier + distance * static_cast<double>(i + 1) / static_cast<double>(size));
 }
 
 /// Renders an emitter that is gone from the scene from where it was last.

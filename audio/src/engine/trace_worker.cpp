@@ -21,16 +21,16 @@ using Clock = std::chrono::steady_clock;
 /// The longest rest between two responses.
 constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
 /// The share of a core that sound and tracing take together, and the bounds of the share of time that tracing takes.
-constexpr double kBoth = 0.8, kMostShare = 0.5, kLeastShare = 0.2;
+constexpr double kBoth = 0.8, kMaxFraction = 0.5, kMinFraction = 0.2;
 
 }  // namespace
 
-double tracingShare(double load) {
-    return std::clamp(kBoth - load, kLeastShare, kMostShare);
+double tracingFraction(double load) {
+    return std::clamp(kBoth - load, kMinFraction, kMaxFraction);
 }
 
-std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double share) {
-    const std::chrono::duration<double> rest = work * (1 / share - 1);
+std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double fraction) {
+    const std::chrono::duration<double> rest = work * (1 / fraction - 1);
     return rest < kLongestRest ? std::chrono::duration_cast<Clock::duration>(rest) : kLongestRest;
 }
 
@@ -87,15 +87,15 @@ bool isAlike(const Echogram& fresh, const Echogram& kept) {
 
 /// The mean that goes on, from onset to onset, with one part of `parts` new.
 EnergyHistogram goneOn(const Echogram& fresh, const Echogram& kept, std::uint64_t parts) {
-    const double share = 1.0 / static_cast<double>(parts);
+    const double fraction = 1.0 / static_cast<double>(parts);
     const std::ptrdiff_t later = onsetOf(fresh) - onsetOf(kept), first = std::max<std::ptrdiff_t>(0, later);
     EnergyHistogram moved{fresh.late.binsPerSecond, {}, fresh.late.start};
     moved.bins.resize(static_cast<std::size_t>(first), Bands{});
     for (std::ptrdiff_t k = first - later; k < std::ssize(kept.late.bins); ++k)
         moved.bins.push_back(kept.late.bins[static_cast<std::size_t>(k)]);
     EnergyHistogram mean{fresh.late.binsPerSecond, {}, fresh.late.start};
-    mean.accumulate(moved, 1 - share);
-    mean.accumulate(fresh.late, share);
+    mean.accumulate(moved, 1 - fraction);
+    mean.accumulate(fresh.late, fraction);
     return mean;
 }
 
@@ -109,7 +109,7 @@ TraceResult traceFor(const TraceJob& job, const AcousticTracer& tracer, Echogram
     echogram = traced.echogram();
     parts = part ? 1 : kTraceParts;
     if (!job.kept.traced) return traced;
-    if (traced.imageOrder == job.kept.imageOrder && traced.imageShare == job.kept.imageShare &&
+    if (traced.imageOrder == job.kept.imageOrder && traced.imageFraction == job.kept.imageFraction &&
         isAlike(echogram, *job.kept.traced)) {
         parts = std::min(job.kept.parts + 1, kTraceParts);
         echogram.late = goneOn(echogram, *job.kept.traced, parts);
@@ -145,7 +145,7 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     result.seal = sealOf(traced, room, job.source, job.listener);
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     result.traced = std::make_shared<const Echogram>(std::move(echogram));
-    result.kept = {result.traced, traced.imageOrder, traced.imageShare, parts};
+    result.kept = {result.traced, traced.imageOrder, traced.imageFraction, parts};
     result.images = followedBy(job, *result.traced);
     makeChannels(job, result);
     result.reached = recorder.reached();
@@ -209,7 +209,7 @@ void TraceWorker::run() {
             geometry.follow(job->state->walls, *job->rays);
             response = traceResponse(*job, geometry);
         });
-        rest = restAfter(Clock::now() - began, job->share);
+        rest = restAfter(Clock::now() - began, job->fraction);
         const std::lock_guard lock(mutex_);
         done_ = std::move(response);
         busy_ = false;

@@ -34,7 +34,7 @@ struct KeptEnergy {
     std::shared_ptr<const Echogram> traced;  // null: nothing does
     // The order of the images among its arrivals: their energy is not in the late part.
     int imageOrder = 0;
-    double imageShare = 0;
+    double imageFraction = 0;
     std::uint64_t parts = 0;  // eighths of the rays of a trace that it is the mean of, 8 at most
 };
 
@@ -58,14 +58,14 @@ struct TraceJob {
     // The members below are for the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
-    double share = 0.5;  // of the time for which it traces; the rest is for others
+    double fraction = 0.5;  // of the time for which it traces; the rest is for others
 };
 
 /// The share of the time that tracing may take beside sound that takes `load` of a core: half of it, less where both
 /// would come to more than a core takes without haste, and always some.
-double tracingShare(double load);
+double tracingFraction(double load);
 /// How long to rest after such work, so that it comes to the share; never long.
-std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double share);
+std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double fraction);
 
 struct TracedResponse {
     InstanceId emitter;

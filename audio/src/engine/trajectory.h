@@ -52,7 +52,7 @@ class Trajectory {
         Point target = known(time);
         target.time = time;
         // Before the new one comes: a ring that is full would take twice the memory.
-        if (knots_.size() == kMost) knots_.dropFirst();
+        if (knots_.size() == kMax) knots_.dropFirst();
         knots_.push_back(target);
     }
     /// At a time up to the last that advance() went to; before the first, where it was first.
@@ -73,12 +73,12 @@ class Trajectory {
 
   private:
     /// Farther back than sound from the horizon takes, with blocks of a usual size.
-    static constexpr std::size_t kMost = 16384;
+    static constexpr std::size_t kMax = 16384;
 
     static Point between(const Point& a, const Point& b, double time) {
         const double h = b.time - a.time, u = (time - a.time) / h;
-        const glm::dvec3 way = b.position - a.position, from = a.velocity * h, to = b.velocity * h;
-        const glm::dvec3 second = 3.0 * way - 2.0 * from - to, third = from + to - 2.0 * way;
+        const glm::dvec3 displacement = b.position - a.position, from = a.velocity * h, to = b.velocity * h;
+        const glm::dvec3 second = 3.0 * displacement - 2.0 * from - to, third = from + to - 2.0 * displacement;
         return {time, a.position + u * (from + u * (second + u * third)),
                 (from + u * (2.0 * second + 3.0 * u * third)) / h};
     }
@@ -93,8 +93,8 @@ class Trajectory {
         const Point& first = frames_[frames_.size() - 2];
         const glm::dvec3 before = (last.position - first.position) / (last.time - first.time);
         const glm::dvec3 bend = (now - before) * (step / (time - first.time));
-        const double most = 0.5 * std::min(glm::length(now), glm::length(before)), size = glm::length(bend);
-        return size > most ? now + bend * (most / size) : now + bend;
+        const double maximum = 0.5 * std::min(glm::length(now), glm::length(before)), size = glm::length(bend);
+        return size > maximum ? now + bend * (maximum / size) : now + bend;
     }
     /// The line of least squares through the frames, if they lie on one but for rounding.
     void fitLine() {

@@ -23,7 +23,7 @@ constexpr std::size_t kFewest = 4;
 /// A facet beside a round part that is so many times as wide is flat.
 constexpr double kFlatBeside = 1.5;
 /// If there are no more parallel edges in one mesh, each is tried with each other.
-constexpr std::size_t kMostParallel = 4096;
+constexpr std::size_t kMaxParallel = 4096;
 /// A sphere has so many corners at least.
 constexpr std::size_t kFewestCorners = 40;
 
@@ -31,12 +31,13 @@ constexpr std::size_t kFewestCorners = 40;
 struct Gentle {
     std::uint32_t number = 0;  // of the MeshEdge
     glm::dvec3 from{0}, to{0}, axis{0}, faceA{0}, faceB{0}, outward{0};
-    double turn = 0;
+    double angle = 0;
     bool used = false;
 };
 
-glm::dvec3 faceFrom(const Vec3f& place, const Gentle& edge) {
-    const glm::dvec3 way = glm::dvec3(place) - edge.from, across = way - edge.axis * glm::dot(way, edge.axis);
+glm::dvec3 faceFrom(const Vec3f& position, const Gentle& edge) {
+    const glm::dvec3 displacement = glm::dvec3(position) - edge.from,
+                     across = displacement - edge.axis * glm::dot(displacement, edge.axis);
     const double length = glm::length(across);
     return length > 0 ? across / length : glm::dvec3(0);
 }
@@ -45,8 +46,8 @@ std::vector<Gentle> gentleOf(const std::vector<MeshEdge>& edges) {
     std::vector<Gentle> result;
     for (std::uint32_t i = 0; i < edges.size(); ++i) {
         Gentle one;
-        one.turn = turnOf(edges[i]);
-        if (one.turn > kMostRoundTurn) continue;
+        one.angle = turnAngle(edges[i]);
+        if (one.angle > kMaxRoundRotation) continue;
         one.number = i;
         one.from = edges[i].from;
         one.to = edges[i].to;
@@ -65,7 +66,7 @@ class Parallel {
     Parallel(std::vector<Gentle*> edges, const glm::dvec3& axis) : edges_(std::move(edges)), axis_(axis) {
         for (const Gentle* edge : edges_) {
             const auto [low, high] = std::minmax({glm::dot(edge->from, axis), glm::dot(edge->to, axis)});
-            places_.push_back({edge->from - axis * glm::dot(edge->from, axis), low, high});
+            positions_.push_back({edge->from - axis * glm::dot(edge->from, axis), low, high});
         }
     }
 
@@ -88,7 +89,7 @@ class Parallel {
 
   private:
     /// An edge's place square to the axis, and where it begins and ends along the axis.
-    struct Place {
+    struct Position {
         glm::dvec3 across{0};
         double low = 0, high = 0;
     };
@@ -96,16 +97,17 @@ class Parallel {
     /// Looks for the edge at the far end of both facets.
     void link(std::uint32_t i) {
         const Gentle& edge = *edges_[i];
-        const Place& at = places_[i];
+        const Position& at = positions_[i];
         std::array<double, 2> nearest{1e300, 1e300};
         for (std::uint32_t k = 0; k < edges_.size(); ++k) {
             const Gentle& other = *edges_[k];
-            if (k == i || !together(at, places_[k])) continue;
-            const glm::dvec3 way = places_[k].across - at.across;
-            const double distance = glm::length(way);
+            if (k == i || !together(at, positions_[k])) continue;
+            const glm::dvec3 displacement = positions_[k].across - at.across;
+            const double distance = glm::length(displacement);
             for (std::size_t side = 0; side < 2; ++side) {
                 const glm::dvec3& face = side == 0 ? edge.faceA : edge.faceB;
-                if (!(distance > 0) || distance >= nearest[side] || glm::dot(way, face) < (1 - 1e-5) * distance)
+                if (!(distance > 0) || distance >= nearest[side] ||
+                    glm::dot(displacement, face) < (1 - 1e-5) * distance)
                     continue;
                 if (std::min(glm::dot(other.faceA, face), glm::dot(other.faceB, face)) > -1 + 1e-5) continue;
                 nearest[side] = distance;
@@ -114,9 +116,9 @@ class Parallel {
         }
     }
     /// Whether both begin and end together: of the strips of a sphere neighbours do not.
-    static bool together(const Place& a, const Place& b) {
-        const double most = 2e-3 * (a.high - a.low);
-        return std::abs(a.low - b.low) < most && std::abs(a.high - b.high) < most;
+    static bool together(const Position& a, const Position& b) {
+        const double maximum = 2e-3 * (a.high - a.low);
+        return std::abs(a.low - b.low) < maximum && std::abs(a.high - b.high) < maximum;
     }
 
     /// Through three places square to the axis; none if they are on a line.
@@ -125,7 +127,7 @@ class Parallel {
         double radius = 0;
     };
     Circle circle(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
-        const glm::dvec3 p = places_[a].across, u = places_[b].across - p, v = places_[c].across - p;
+        const glm::dvec3 p = positions_[a].across, u = positions_[b].across - p, v = positions_[c].across - p;
         const glm::dvec3 n = glm::cross(u, v);
         const double twice = 2 * glm::dot(n, n);
         if (!(twice > 0)) return {};
@@ -133,12 +135,14 @@ class Parallel {
         return {p + off, glm::length(off)};
     }
     bool isOn(const Circle& circle, std::uint32_t i) const {
-        const glm::dvec3 way = places_[i].across - circle.center;
-        return std::abs(glm::length(way) - circle.radius) < kOff * circle.radius &&
-               glm::dot(way, edges_[i]->outward) > 0.95 * circle.radius;
+        const glm::dvec3 displacement = positions_[i].across - circle.center;
+        return std::abs(glm::length(displacement) - circle.radius) < kOff * circle.radius &&
+               glm::dot(displacement, edges_[i]->outward) > 0.95 * circle.radius;
     }
 
-    double facet(std::uint32_t a, std::uint32_t b) const { return glm::distance(places_[a].across, places_[b].across); }
+    double facet(std::uint32_t a, std::uint32_t b) const {
+        return glm::distance(positions_[a].across, positions_[b].across);
+    }
     static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.1 * std::max(a, b); }
 
     /// The edges of a possible circle in order, from one edge to both sides; each once if the circle is complete.
@@ -173,15 +177,15 @@ class Parallel {
         double low = -1e300, high = 1e300, arc = 0;
         for (std::size_t k = 0; k < row.size(); ++k) {
             if (!isOn(on, row[k])) return {};
-            low = std::max(low, places_[row[k]].low);
-            high = std::min(high, places_[row[k]].high);
+            low = std::max(low, positions_[row[k]].low);
+            high = std::min(high, positions_[row[k]].high);
             if (k == 0) continue;
             const double facet =
                 std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0));
             arc += facet;
             body.facet = std::max(body.facet, facet);
         }
-        if (!(high > low) || body.facet > 1.2 * kMostRoundTurn || !turnsEvenly(row, whole, body.facet)) return {};
+        if (!(high > low) || body.facet > 1.2 * kMaxRoundRotation || !bendsEvenly(row, whole, body.facet)) return {};
         body.center = on.center + axis_ * (0.5 * (low + high));
         body.radius = on.radius;
         body.axis = axis_;
@@ -194,18 +198,18 @@ class Parallel {
         return round;
     }
     /// Whether the angle at each edge is that between neighbouring facets, except at the ends of a part.
-    bool turnsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
+    bool bendsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
         const std::size_t ends = whole ? 0 : 1;
         return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),
                            row.end() - static_cast<std::ptrdiff_t>(ends),
-                           [&](std::uint32_t i) { return std::abs(edges_[i]->turn - facet) < 0.35 * facet; });
+                           [&](std::uint32_t i) { return std::abs(edges_[i]->angle - facet) < 0.35 * facet; });
     }
     glm::dvec3 outward(std::uint32_t i, const Circle& on) const {
-        return glm::normalize(places_[i].across - on.center);
+        return glm::normalize(positions_[i].across - on.center);
     }
 
     std::vector<Gentle*> edges_;
-    std::vector<Place> places_;
+    std::vector<Position> positions_;
     glm::dvec3 axis_;
     std::array<std::vector<std::uint32_t>, 2> next_;
 };
@@ -235,7 +239,7 @@ void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, 
             std::find_if(first, byDirection.end(), [&](const Direction& d) { return d.first != first->first; });
         std::vector<Gentle*> edges;
         for (; first != last; ++first) edges.push_back(first->second);
-        if (edges.size() < kFewest || edges.size() > kMostParallel) continue;
+        if (edges.size() < kFewest || edges.size() > kMaxParallel) continue;
         glm::dvec3 axis(0);
         for (const Gentle* edge : edges)
             axis += glm::dot(edge->axis, edges.front()->axis) < 0 ? -edge->axis : edge->axis;
@@ -296,7 +300,7 @@ class Spheres {
             for (const glm::dvec3& p : {edge.from, edge.to})
                 if (std::abs(glm::distance(p, body.center) - body.radius) > kOff * body.radius) return {};
             if (glm::dot(edge.outward, edge.from - body.center) < 0.8 * body.radius) return {};
-            body.facet = std::max(body.facet, edge.turn);
+            body.facet = std::max(body.facet, edge.angle);
         }
         return round;
     }
@@ -327,10 +331,10 @@ bool placedRound(const MeshRound& round, const WorldFromLocal& m, RoundBody& res
     if (round.body.sphere) {
         const double scale = glm::length(linear[0]);
         result.radius *= scale;
-        const double most = kOval * scale * scale;
+        const double maximum = kOval * scale * scale;
         return scale > 0 && sameSize(scale, glm::length(linear[1])) && sameSize(scale, glm::length(linear[2])) &&
-               std::abs(glm::dot(linear[0], linear[1])) < most && std::abs(glm::dot(linear[1], linear[2])) < most &&
-               std::abs(glm::dot(linear[2], linear[0])) < most;
+               std::abs(glm::dot(linear[0], linear[1])) < maximum &&
+               std::abs(glm::dot(linear[1], linear[2])) < maximum && std::abs(glm::dot(linear[2], linear[0])) < maximum;
     }
     const glm::dvec3 side = glm::cross(round.body.axis, round.body.middle);
     const glm::dvec3 along = linear * round.body.axis, u = linear * round.body.middle, v = linear * side;

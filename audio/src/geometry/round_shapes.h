@@ -15,9 +15,9 @@ namespace rtsg {
 /// Radians; what turns less is a plane to them: corners in single precision tell no more.
 constexpr double kFlatFacet = 0.0025;
 /// In meshes of more edges than this nothing round is looked for: a bound of work, as for landscapes that change.
-constexpr std::size_t kMostEdgesOfRounds = 8192;
+constexpr std::size_t kMaxEdgesOfRounds = 8192;
 /// Facets that turn by more make an edge of their own: a prism of eleven sides has edges, one of twelve is round.
-constexpr double kMostRoundTurn = 0.55;
+constexpr double kMaxRoundRotation = 0.55;
 
 /// In the mesh's frame.
 struct MeshRound {

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kNone = 0xFFFFFFFF;
 /// If more edges end at one place, not all are tried with each other.
-constexpr std::size_t kMostAtCorner = 64;
+constexpr std::size_t kMaxAtCorner = 64;
 
 /// The distance by which single precision may shift a corner, with some to spare.
 double roundingOf(const Vec3f& a, const Vec3f& b) {
@@ -22,17 +22,18 @@ double roundingOf(const Vec3f& a, const Vec3f& b) {
 }
 
 /// The distance to the line; if both ends of the line are one place, to that.
-double distanceToLine(const Vec3f& place, const Vec3f& from, const Vec3f& to) {
-    const glm::dvec3 way = glm::dvec3(place) - glm::dvec3(from);
-    if (from == to) return glm::length(way);
+double distanceToLine(const Vec3f& position, const Vec3f& from, const Vec3f& to) {
+    const glm::dvec3 displacement = glm::dvec3(position) - glm::dvec3(from);
+    if (from == to) return glm::length(displacement);
     const glm::dvec3 axis = glm::normalize(glm::dvec3(to) - glm::dvec3(from));
-    return glm::length(way - axis * glm::dot(way, axis));
+    return glm::length(displacement - axis * glm::dot(displacement, axis));
 }
 
 /// Unit, in a surface and away from an edge.
 glm::dvec3 faceOf(const MeshEdge& edge, const Vec3f& beside) {
     const glm::dvec3 axis = glm::normalize(glm::dvec3(edge.to) - glm::dvec3(edge.from));
-    const glm::dvec3 way = glm::dvec3(beside) - glm::dvec3(edge.from), across = way - axis * glm::dot(way, axis);
+    const glm::dvec3 displacement = glm::dvec3(beside) - glm::dvec3(edge.from),
+                     across = displacement - axis * glm::dot(displacement, axis);
     const double length = glm::length(across);
     return length > 0 ? across / length : glm::dvec3(0);
 }
@@ -62,7 +63,7 @@ class Links {
         });
         for (std::size_t i = 0; i < ends.size(); ++i)
             for (std::size_t k = i + 1;
-                 k < std::min(ends.size(), i + kMostAtCorner) && cornerOf(ends[k]) == cornerOf(ends[i]); ++k)
+                 k < std::min(ends.size(), i + kMaxAtCorner) && cornerOf(ends[k]) == cornerOf(ends[i]); ++k)
                 if (next_[ends[i]] == kNone && next_[ends[k]] == kNone &&
                     goesOn(edges_[ends[i] / 2], edges_[ends[k] / 2], cornerOf(ends[i]))) {
                     next_[ends[i]] = ends[k];
@@ -87,10 +88,10 @@ void addStraight(const std::vector<Vec3f>& corners, std::size_t first, std::size
         const auto [from, to] = left.back();
         left.pop_back();
         std::size_t farthest = 0;
-        double most = roundingOf(corners[from], corners[to]);
+        double maximum = roundingOf(corners[from], corners[to]);
         for (std::size_t i = from + 1; i < to; ++i)
-            if (const double off = distanceToLine(corners[i], corners[from], corners[to]); off > most) {
-                most = off;
+            if (const double off = distanceToLine(corners[i], corners[from], corners[to]); off > maximum) {
+                maximum = off;
                 farthest = i;
             }
         if (farthest == 0) {

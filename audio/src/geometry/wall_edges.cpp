@@ -54,8 +54,8 @@ class EdgesByEnds {
 };
 
 /// Unit, square to the axis, from the edge towards a place.
-glm::dvec3 acrossTo(const glm::dvec3& place, const glm::dvec3& from, const glm::dvec3& axis) {
-    const glm::dvec3 way = place - from, across = way - axis * glm::dot(way, axis);
+glm::dvec3 acrossTo(const glm::dvec3& position, const glm::dvec3& from, const glm::dvec3& axis) {
+    const glm::dvec3 displacement = position - from, across = displacement - axis * glm::dot(displacement, axis);
     const double length = glm::length(across);
     return length > 0 ? across / length : glm::dvec3(0);
 }
@@ -68,13 +68,13 @@ double facesDot(const Vec3f& from, const Vec3f& to, const Vec3f& besideA, const 
 
 }  // namespace
 
-double turnOf(const MeshEdge& edge) {
+double turnAngle(const MeshEdge& edge) {
     return std::acos(std::clamp(-facesDot(edge.from, edge.to, edge.besideA, edge.besideB), -1.0, 1.0));
 }
 
 std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     std::vector<MeshEdge> result;
-    if (mesh.triangleCount > kMostTrianglesWithEdges) return result;
+    if (mesh.triangleCount > kMaxTrianglesWithEdges) return result;
     EdgesByEnds found(std::size_t{3} * mesh.triangleCount);
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         // + 0: there is one zero.
@@ -86,10 +86,11 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
             isBefore(b, a) ? found.add(b, a, beside) : found.add(a, b, beside);
         }
     }
-    const double most = -std::cos(flat);
+    const double maximum = -std::cos(flat);
     for (const Edge& edge : found.edges())
         // There is no wedge where more than two surfaces meet.
-        if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
+        if (edge.sides == 1 ||
+            (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < maximum)))
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // Sorted by their ends, so that the order does not depend on the numbers of triangles.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
@@ -101,10 +102,10 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
 bool placedEdge(const MeshEdge& edge, const WorldFromLocal& m, WallEdge& result) {
     const auto placed = [&](const Vec3f& p) { return m * glm::dvec4(glm::dvec3(p), 1); };
     result.from = placed(edge.from);
-    const glm::dvec3 way = placed(edge.to) - result.from;
-    result.length = glm::length(way);
+    const glm::dvec3 displacement = placed(edge.to) - result.from;
+    result.length = glm::length(displacement);
     if (!(result.length > 0) || !std::isfinite(result.length)) return false;
-    result.axis = way / result.length;
+    result.axis = displacement / result.length;
     result.faceA = acrossTo(placed(edge.besideA), result.from, result.axis);
     result.faceB = acrossTo(placed(edge.besideB), result.from, result.axis);
     return glm::dot(result.faceA, result.faceA) > 0.5 && glm::dot(result.faceB, result.faceB) > 0.5;
@@ -116,8 +117,8 @@ glm::dvec3 endOf(const WallEdge& edge) {
     return edge.from + edge.axis * edge.length;
 }
 
-double largestPart(const glm::dvec3& place) {
-    const glm::dvec3 size = glm::abs(place);
+double largestPart(const glm::dvec3& position) {
+    const glm::dvec3 size = glm::abs(position);
     return std::max({size.x, size.y, size.z});
 }
 
@@ -131,13 +132,13 @@ double rounding(double size) {
 }
 
 /// Edges are looked for by their middles, in cubes of some roundings, so that few edges are in one.
-std::uint64_t cubeOf(const glm::dvec3& place, double size) {
+std::uint64_t cubeOf(const glm::dvec3& position, double size) {
     int octave = 0;
     std::frexp(size, &octave);
     const double side = std::ldexp(8 * rounding(1), octave);
     auto sum = static_cast<std::uint64_t>(octave);
     for (int i = 0; i < 3; ++i) {
-        const double cube = std::clamp(std::floor(place[i] / side), -9e15, 9e15);
+        const double cube = std::clamp(std::floor(position[i] / side), -9e15, 9e15);
         sum = (sum ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(cube))) * 0x9E3779B97F4A7C15ull;
         sum ^= sum >> 29;
     }
@@ -162,7 +163,7 @@ void visitCubesNear(const WallEdge& edge, const Call& call) {
         }
 }
 
-bool atOnePlace(const WallEdge& a, const WallEdge& b) {
+bool coincide(const WallEdge& a, const WallEdge& b) {
     const double off = rounding(sizeOf(a));
     const auto near = [&](const glm::dvec3& p, const glm::dvec3& q) { return glm::distance(p, q) <= off; };
     return (near(a.from, b.from) && near(endOf(a), endOf(b))) || (near(a.from, endOf(b)) && near(endOf(a), b.from));
@@ -170,7 +171,7 @@ bool atOnePlace(const WallEdge& a, const WallEdge& b) {
 
 }  // namespace
 
-void EdgeTable::join(const Place& place, const Place& known) {
+void EdgeTable::join(const EdgeReference& edge, const EdgeReference& known) {
     std::uint32_t group = at(known).group;
     if (group == kAlone) {
         if (unused_.empty()) {
@@ -182,37 +183,37 @@ void EdgeTable::join(const Place& place, const Place& known) {
         groups_[group] = {known};
         edges_[known.slot][known.index].group = group;
     }
-    std::vector<Place>& members = groups_[group];
-    members.insert(std::upper_bound(members.begin(), members.end(), place), place);
-    edges_[place.slot][place.index].group = group;
+    std::vector<EdgeReference>& members = groups_[group];
+    members.insert(std::upper_bound(members.begin(), members.end(), edge), edge);
+    edges_[edge.slot][edge.index].group = group;
 }
 
 void EdgeTable::add(std::uint32_t slot, const WallEdge& edge) {
-    const Place place{slot, static_cast<std::uint32_t>(edges_[slot].size())};
+    const EdgeReference reference{slot, static_cast<std::uint32_t>(edges_[slot].size())};
     edges_[slot].push_back({edge});
     visitCubesNear(edge, [&](std::uint64_t cube) {
         const auto found = byMiddle_.find(cube);
         if (found == byMiddle_.end()) return false;
         const auto known =
-            std::ranges::find_if(found->second, [&](const Place& one) { return atOnePlace(edge, at(one).edge); });
+            std::ranges::find_if(found->second, [&](const EdgeReference& one) { return coincide(edge, at(one).edge); });
         if (known == found->second.end()) return false;
-        join(place, *known);
+        join(reference, *known);
         return true;
     });
-    byMiddle_[cubeOf(edge)].push_back(place);
+    byMiddle_[cubeOf(edge)].push_back(reference);
 }
 
 void EdgeTable::removeAll(std::uint32_t slot) {
     for (std::uint32_t i = 0; i < edges_[slot].size(); ++i) {
-        const Place place{slot, i};
-        const auto cube = byMiddle_.find(cubeOf(at(place).edge));
-        std::erase(cube->second, place);
+        const EdgeReference edge{slot, i};
+        const auto cube = byMiddle_.find(cubeOf(at(edge).edge));
+        std::erase(cube->second, edge);
         if (cube->second.empty()) byMiddle_.erase(cube);
-        const std::uint32_t group = at(place).group;
+        const std::uint32_t group = at(edge).group;
         if (group == kAlone) continue;
-        std::erase(groups_[group], place);
+        std::erase(groups_[group], edge);
         if (groups_[group].size() > 1) continue;
-        for (const Place& last : groups_[group]) edges_[last.slot][last.index].group = kAlone;
+        for (const EdgeReference& last : groups_[group]) edges_[last.slot][last.index].group = kAlone;
         groups_[group].clear();
         unused_.push_back(group);
     }
@@ -225,12 +226,12 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     if (cached.mesh.lock() == mesh) return cached.found;
     Found found;
     found.edges = edgesOf(*mesh, kFlatFacet);
-    const bool mayBeRound = found.edges.size() <= kMostEdgesOfRounds && diffractionParts().roundBodies;
-    if (!mayBeRound) std::erase_if(found.edges, [](const MeshEdge& edge) { return turnOf(edge) < kFlatEdge; });
+    const bool mayBeRound = found.edges.size() <= kMaxEdgesOfRounds && diffractionParts().roundBodies;
+    if (!mayBeRound) std::erase_if(found.edges, [](const MeshEdge& edge) { return turnAngle(edge) < kFlatEdge; });
     joinStraight(found.edges);
     if (mayBeRound) found.rounds = roundsOf(found.edges);
     const auto isFlat = [](const MeshEdge& edge) {
-        return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
+        return edge.round == MeshEdge::kNotRound && turnAngle(edge) < kFlatEdge;
     };
     if (!std::ranges::all_of(found.edges, isFlat)) {
         MeshBodies bodies(*mesh);
@@ -254,14 +255,14 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     rounds_[slot].clear();
     bodies_[slot].clear();
     if (!wall.mesh) return;
-    place(slot, wall, *foundIn(wall.mesh));
+    insertEdges(slot, wall, *foundIn(wall.mesh));
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
         std::erase_if(meshes_, [](const auto& entry) { return entry.second.mesh.expired(); });
         meshesAtPurge_ = meshes_.size();
     }
 }
 
-void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) {
+void EdgeTable::insertEdges(std::uint32_t slot, const Wall& wall, const Found& found) {
     // A body that a transform has made oval is not round any more, so its edges count.
     std::vector<bool> isRound;
     for (const MeshRound& round : found.rounds) {
@@ -282,7 +283,7 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;
     for (const MeshEdge& edge : found.edges) {
-        if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
+        if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnAngle(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
@@ -291,15 +292,15 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
     }
 }
 
-void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std::uint32_t> open,
+void EdgeTable::visitGroup(const std::vector<EdgeReference>& group, std::span<const std::uint32_t> open,
                            const AcousticGeometry::EdgeVisitor& visit) const {
     constexpr double kOneFace = 1 - 1e-6;
     std::vector<glm::dvec3> faces;
     const WallEdge* first = nullptr;
     bool alone = true;
-    for (const Place& place : group) {
-        if (std::ranges::find(open, place.slot) != open.end()) continue;
-        const WallEdge& edge = at(place).edge;
+    for (const EdgeReference& reference : group) {
+        if (std::ranges::find(open, reference.slot) != open.end()) continue;
+        const WallEdge& edge = at(reference).edge;
         if (!first) first = &edge;
         alone = alone && edge.body == first->body;
         for (const glm::dvec3& face : {edge.faceA, edge.faceB})
@@ -334,10 +335,10 @@ void EdgeTable::visitBut(std::span<const std::uint32_t> open, const AcousticGeom
                 continue;
             }
             // Uses the first of them that is not open.
-            const std::vector<Place>& group = groups_[placed.group];
+            const std::vector<EdgeReference>& group = groups_[placed.group];
             const auto first = std::ranges::find_if(
-                group, [&](const Place& one) { return std::ranges::find(open, one.slot) == open.end(); });
-            if (*first == Place{slot, i}) visitGroup(group, open, visit);
+                group, [&](const EdgeReference& one) { return std::ranges::find(open, one.slot) == open.end(); });
+            if (*first == EdgeReference{slot, i}) visitGroup(group, open, visit);
         }
     }
 }

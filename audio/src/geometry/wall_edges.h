@@ -35,12 +35,12 @@ struct MeshEdge {
 constexpr double kFlatEdge = 0.1;
 
 /// Meshes with more triangles have no edges: they represent curved surfaces, or are too costly to search.
-constexpr std::uint32_t kMostTrianglesWithEdges = 20'000;
+constexpr std::uint32_t kMaxTrianglesWithEdges = 20'000;
 
 /// Edges that two surfaces share at an angle of `flat` radians at least, and those of one surface alone.
 std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat = kFlatEdge);
 /// Radians that the surface turns by there; half a turn at a rim.
-double turnOf(const MeshEdge& edge);
+double turnAngle(const MeshEdge& edge);
 
 /// In the world; nothing for one that a transform has made a point.
 bool placedEdge(const MeshEdge& edge, const WorldFromLocal& worldFromLocal, WallEdge& result);
@@ -67,27 +67,27 @@ class EdgeTable {
         WallEdge edge;
         std::uint32_t group = kAlone;
     };
-    struct Place {
+    struct EdgeReference {
         std::uint32_t slot = 0, index = 0;
-        auto operator<=>(const Place&) const = default;
+        auto operator<=>(const EdgeReference&) const = default;
     };
 
-    const Placed& at(const Place& place) const { return edges_[place.slot][place.index]; }
+    const Placed& at(const EdgeReference& edge) const { return edges_[edge.slot][edge.index]; }
     void add(std::uint32_t slot, const WallEdge& edge);
-    void join(const Place& place, const Place& known);
+    void join(const EdgeReference& edge, const EdgeReference& known);
     void removeAll(std::uint32_t slot);
-    void place(std::uint32_t slot, const Wall& wall, const Found& found);
+    void insertEdges(std::uint32_t slot, const Wall& wall, const Found& found);
     std::shared_ptr<const Found> foundIn(const std::shared_ptr<const Mesh>& mesh);
-    void visitGroup(const std::vector<Place>& group, std::span<const std::uint32_t> open,
+    void visitGroup(const std::vector<EdgeReference>& group, std::span<const std::uint32_t> open,
                     const AcousticGeometry::EdgeVisitor& visit) const;
 
     std::vector<std::vector<Placed>> edges_;
     std::vector<std::vector<RoundBody>> rounds_;
     std::vector<std::vector<WallBody>> bodies_;  // what edges point to: of a slot all at once
     std::size_t roundCount_ = 0;
-    std::vector<std::vector<Place>> groups_;  // edges at one place, in order
-    std::vector<std::uint32_t> unused_;       // of the groups
-    std::unordered_map<std::uint64_t, std::vector<Place>> byMiddle_;
+    std::vector<std::vector<EdgeReference>> groups_;  // edges at one place, in order
+    std::vector<std::uint32_t> unused_;               // of the groups
+    std::unordered_map<std::uint64_t, std::vector<EdgeReference>> byMiddle_;
     std::unordered_map<const Mesh*, CachedMesh> meshes_;
     std::size_t meshesAtPurge_ = 0;
 };

@@ -290,7 +290,7 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
 
 bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const glm::dvec3& point, double radius,
                                      std::vector<WallTriangle>& found) const {
-    constexpr std::size_t kMost = 256;  // each look asks all of them
+    constexpr std::size_t kMax = 256;  // each look asks all of them
     if (!planes_->usable()) return false;
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const auto searched = static_cast<float>(radius + 0x1p-20 * (away.x + away.y + away.z));
@@ -314,7 +314,7 @@ bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const 
             for (const glm::dvec3& corner : one.corners)
                 one.margin =
                     std::max(one.margin, 2 * std::abs(on.signedDistance(corner)) + 0x1p-45 * glm::length(corner));
-            all = all && found.size() < kMost;
+            all = all && found.size() < kMax;
             if (all) found.push_back(one);
             return searched;
         },

@@ -13,7 +13,7 @@
 namespace rtsg {
 namespace {
 
-constexpr int kLanes = AcousticRays::kMost;
+constexpr int kLanes = AcousticRays::kMax;
 constexpr double kFar = 1e9;  // metres that a ray goes at most
 
 /// WorldGeometry::roundingAt() of where each ray starts. Steps that compilers make vectors of, here and below.
@@ -54,8 +54,8 @@ void startRays(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& 
         x[i] = free ? -d.x[i] : f.x[i];
         y[i] = free ? -d.y[i] : f.y[i];
         z[i] = free ? -d.z[i] : f.z[i];
-        const double most = rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding[i];
-        packet.tMax[i] = static_cast<float>(kFar < most ? kFar : most);
+        const double maximum = rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding[i];
+        packet.tMax[i] = static_cast<float>(kFar < maximum ? kFar : maximum);
         packet.active[i] = -static_cast<std::int32_t>((i < rays.count) & (rays.maxDistance[i] > 0));
     }
     setOrigins(rays.origin.x, x, rounding, center.x, packet.originX);

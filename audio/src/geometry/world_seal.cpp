@@ -12,18 +12,18 @@ namespace rtsg {
 namespace {
 
 /// Of a height in [-1, 1] and a turn.
-glm::dvec3 onUnitSphere(double z, double turn) {
-    const double r = std::sqrt(std::max(0.0, 1 - z * z)), phi = 2 * std::numbers::pi * turn;
+glm::dvec3 onUnitSphere(double z, double angle) {
+    const double r = std::sqrt(std::max(0.0, 1 - z * z)), phi = 2 * std::numbers::pi * angle;
     return {r * std::cos(phi), r * std::sin(phi), z};
 }
 
 /// How often a closed mesh winds round a point, by the solid angles of its triangles (van Oosterom and Strackee 1983).
 /// Not an integer if the point is on the mesh, or nothing is known.
-double windingNumber(const Wall& wall, const glm::dvec3& place) {
+double windingNumber(const Wall& wall, const glm::dvec3& position) {
     const WorldFromLocal& m = wall.worldFromLocal;
     const glm::dmat3 linear(m[0], m[1], m[2]);
     if (!(std::abs(glm::determinant(linear)) > 0)) return .5;
-    const glm::dvec3 local = glm::inverse(linear) * (place - m[3]);
+    const glm::dvec3 local = glm::inverse(linear) * (position - m[3]);
     double sum = 0;
     for (std::uint32_t t = 0; t < wall.mesh->triangleCount; ++t) {
         glm::dvec3 to[3];
@@ -59,7 +59,7 @@ bool WorldGeometry::meets(std::span<const std::uint32_t> open, const glm::dvec3&
         if (!hit) return false;
         const Bands& passes = materials_[walls_.walls[hit.instance].material].transmission;
         if (std::find(open.begin(), open.end(), hit.instance) == open.end() &&
-            std::none_of(passes.begin(), passes.end(), [](double share) { return share > 0; }))
+            std::none_of(passes.begin(), passes.end(), [](double fraction) { return fraction > 0; }))
             return true;
         ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
     }
@@ -74,10 +74,10 @@ WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> ope
     constexpr double kBack = 1e-3;
     Flood flood;
     Random random(0x5EA1);
-    const auto seen = [&](const glm::dvec3& place) {
+    const auto seen = [&](const glm::dvec3& position) {
         Hit hit;
-        const double distance = glm::distance(place, to);
-        return !(distance > 0) || !meets(open, place, (to - place) / distance, distance * (1 - 1e-6), hit);
+        const double distance = glm::distance(position, to);
+        return !(distance > 0) || !meets(open, position, (to - position) / distance, distance * (1 - 1e-6), hit);
     };
     flood.arrived = seen(from);
     for (int walk = 0; walk < kWalks && !flood.arrived && !flood.escaped; ++walk) {
@@ -90,8 +90,8 @@ WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> ope
             }
             ++flood.met[hit.instance];
             const glm::dvec3 normal = glm::normalize(glm::dvec3(hit.normal));
-            const double way = static_cast<double>(hit.t), across = std::abs(glm::dot(normal, direction));
-            origin += direction * std::max(0.0, std::min(way * (1 - kBack), way - roundingAt(origin) / across));
+            const double length = static_cast<double>(hit.t), across = std::abs(glm::dot(normal, direction));
+            origin += direction * std::max(0.0, std::min(length * (1 - kBack), length - roundingAt(origin) / across));
             const glm::dvec3 even = onUnitSphere(2 * random.uniform() - 1, random.uniform());
             // Lambert's law: an even place on a sphere that touches the surface.
             direction = glm::normalize((glm::dot(normal, direction) > 0 ? -normal : normal) * (1 + 1e-9) + even);
@@ -154,11 +154,12 @@ std::optional<Seal> WorldGeometry::sealBetween(std::span<const std::uint32_t> op
     constexpr std::size_t kNamed = 3;
     Seal seal{.sourceInside = !out.escaped, .proven = false, .shapes = {}};
     const Flood& inner = seal.sourceInside ? out : in;
-    std::vector<std::pair<int, std::uint32_t>> most;
-    for (const auto& [slot, times] : inner.met) most.emplace_back(-times, slot);
-    std::sort(most.begin(), most.end());
-    for (std::size_t i = 0; i < std::min(kNamed, most.size()); ++i) seal.shapes.push_back(shapeOf(most[i].second));
-    seal.more = most.size() - seal.shapes.size();
+    std::vector<std::pair<int, std::uint32_t>> maximum;
+    for (const auto& [slot, times] : inner.met) maximum.emplace_back(-times, slot);
+    std::sort(maximum.begin(), maximum.end());
+    for (std::size_t i = 0; i < std::min(kNamed, maximum.size()); ++i)
+        seal.shapes.push_back(shapeOf(maximum[i].second));
+    seal.more = maximum.size() - seal.shapes.size();
     return seal;
 }
 

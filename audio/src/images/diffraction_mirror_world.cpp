@@ -16,21 +16,21 @@ MirrorWorld::MirrorWorld(const AcousticGeometry& geometry, std::uint32_t plane, 
     offset_ = side * mirror.offset;
 }
 
-double MirrorWorld::rounding(const glm::dvec3& place) const {
-    return 1e-6 + 4 * placeRounding(place);
+double MirrorWorld::rounding(const glm::dvec3& position) const {
+    return 1e-6 + 4 * positionRounding(position);
 }
 
 bool MirrorWorld::closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                           std::uint32_t except, AcousticHit& hit) const {
     // On the listener's side, where walls are.
     bool beyond = isBeyond(origin);
-    glm::dvec3 from = beyond ? mirrored(origin) : origin, way = beyond ? turned(direction) : direction;
-    const double towards = -glm::dot(normal_, way), off = rounding(from), above = height(from);
+    glm::dvec3 from = beyond ? mirrored(origin) : origin, displacement = beyond ? turned(direction) : direction;
+    const double towards = -glm::dot(normal_, displacement), off = rounding(from), above = height(from);
     double done = 0;
     if (towards > 0 && above < maxDistance * towards) {
         const double toMirror = above / towards, margin = std::min(off / towards, 0.01 * (1 + toMirror));
         if (above > off) {
-            const bool met = geometry_.closest(from, way, toMirror + margin, except, hit);
+            const bool met = geometry_.closest(from, displacement, toMirror + margin, except, hit);
             if (!met || hit.distance < toMirror - margin || std::abs(glm::dot(hit.normal, normal_)) < 0.999) {
                 // A hole in the mirror, through which the mirrored world is not seen.
                 if (!met) hit = {toMirror, normal_, plane_, 0, 0};
@@ -39,12 +39,12 @@ bool MirrorWorld::closest(const glm::dvec3& origin, const glm::dvec3& direction,
             }
         }
         done = toMirror;
-        from += way * done + normal_ * off;
-        way = turned(way);
+        from += displacement * done + normal_ * off;
+        displacement = turned(displacement);
         beyond = !beyond;
         except = plane_;
     }
-    if (!geometry_.closest(from, way, maxDistance - done, except, hit)) return false;
+    if (!geometry_.closest(from, displacement, maxDistance - done, except, hit)) return false;
     hit.distance += done;
     if (beyond) hit.normal = turned(hit.normal);
     return true;
@@ -139,10 +139,10 @@ const WallBody* MirrorWorld::mirrored(const WallBody* body) const {
     const auto [known, fresh] = bodies_.try_emplace(body, *body);
     WallBody& image = known->second;
     if (fresh) {
-        const glm::dmat3 turn = glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal_, normal_);
+        const glm::dmat3 rotation = glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal_, normal_);
         image.middle = mirrored(body->middle);
-        image.half = turn * body->half;
-        image.boxFromWorld = body->boxFromWorld * turn;
+        image.half = rotation * body->half;
+        image.boxFromWorld = body->boxFromWorld * rotation;
     }
     return &image;
 }

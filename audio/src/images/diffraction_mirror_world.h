@@ -18,9 +18,9 @@ class MirrorWorld final : public AcousticGeometry {
     MirrorWorld(const AcousticGeometry& geometry, std::uint32_t plane, const glm::dvec3& listener);
 
     /// Metres on the listener's side of the mirror.
-    double height(const glm::dvec3& place) const { return glm::dot(normal_, place) - offset_; }
+    double height(const glm::dvec3& position) const { return glm::dot(normal_, position) - offset_; }
     const glm::dvec3& normal() const { return normal_; }
-    glm::dvec3 mirrored(const glm::dvec3& place) const { return place - normal_ * (2 * height(place)); }
+    glm::dvec3 mirrored(const glm::dvec3& position) const { return position - normal_ * (2 * height(position)); }
 
     std::span<const ReflectingPlane> planes() const override { return geometry_.planes(); }
     std::span<const AcousticMaterial> materials() const override { return geometry_.materials(); }
@@ -34,10 +34,12 @@ class MirrorWorld final : public AcousticGeometry {
     void visitRoundBodies(const RoundVisitor& visit) const override;
 
   private:
-    bool isBeyond(const glm::dvec3& place) const { return height(place) < 0; }
-    glm::dvec3 turned(const glm::dvec3& way) const { return way - normal_ * (2 * glm::dot(normal_, way)); }
+    bool isBeyond(const glm::dvec3& position) const { return height(position) < 0; }
+    glm::dvec3 turned(const glm::dvec3& displacement) const {
+        return displacement - normal_ * (2 * glm::dot(normal_, displacement));
+    }
     /// Metres that a place may be off the mirror by rounding.
-    double rounding(const glm::dvec3& place) const;
+    double rounding(const glm::dvec3& position) const;
     /// Mirrors an edge, without its body.
     WallEdge mirrored(const WallEdge& edge) const;
     RoundBody mirrored(const RoundBody& body) const;

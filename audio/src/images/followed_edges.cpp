@@ -14,13 +14,13 @@ namespace {
 using EdgeValue = std::complex<double>;
 constexpr double kHalfTurn = std::numbers::pi;
 /// Waves with a smaller share of the energy are not followed, nor is a smaller remainder beside the closed form.
-constexpr double kLeastWave = 1e-5;
-constexpr double kLeastRest = 1e-4;
+constexpr double kMinWave = 1e-5;
+constexpr double kMinRest = 1e-4;
 /// Nearer to a boundary than this, in radians, direct sound decides on which side one is.
 constexpr double kAtBoundary = 1e-4, kBeside = 2e-6;
 /// Tones as far as half of any sample rate.
-constexpr std::size_t kMostTones = kEdgeTones + 12;
-using EdgeSpectrum = std::array<EdgeValue, kMostTones>;
+constexpr std::size_t kMaxTones = kEdgeTones + 12;
+using EdgeSpectrum = std::array<EdgeValue, kMaxTones>;
 
 /// The band of a tone; tones beyond the last one are in the last band.
 std::size_t bandOf(std::size_t tone) {
@@ -29,7 +29,7 @@ std::size_t bandOf(std::size_t tone) {
 
 std::vector<double> tonesOf(int sampleRate) {
     std::vector<double> hz;
-    while (hz.size() < kEdgeTones || (hz.size() < kMostTones && hz.back() < 0.5 * sampleRate))
+    while (hz.size() < kEdgeTones || (hz.size() < kMaxTones && hz.back() < 0.5 * sampleRate))
         hz.push_back(edgeToneHz(static_cast<double>(hz.size())));
     return hz;
 }
@@ -74,8 +74,8 @@ bool isMirrored(const WedgePath& path, std::size_t face) {
 bool FollowedEdge::weightsAt(const glm::dvec3& source, const glm::dvec3& listener, bool heard,
                              PoleBank::Weights& weights) const {
     if (!(bends.opening > 0)) {
-        const EdgeWay now = edgeWay(route, source, listener);
-        const auto nearer = static_cast<float>(now.length > 0 ? std::min(10.0, way / now.length) : 1);
+        const EdgePath now = edgePath(route, source, listener);
+        const auto nearer = static_cast<float>(now.length > 0 ? std::min(10.0, pathLength / now.length) : 1);
         for (std::size_t k = 0; k < weights.size(); ++k) weights[k] = rest[k] * nearer;
         return true;
     }
@@ -105,7 +105,7 @@ double waveEnergy(const EdgeWave& wave) {
 
 /// Whether its route is that of its delay.
 bool hasRoute(const EdgeWave& wave, const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound) {
-    const double length = edgeWay(wave.route, source, listener).length;
+    const double length = edgePath(wave.route, source, listener).length;
     return std::abs(length - wave.seconds * speedOfSound) < 1e-6 * (1 + length);
 }
 
@@ -125,7 +125,7 @@ class EdgeFollower {
         auto edge = std::make_shared<FollowedEdge>();
         edge->route = wave.route;
         edge->bends = wave.bends;
-        edge->way = wave.seconds * options_.air.speedOfSound;
+        edge->pathLength = wave.seconds * options_.air.speedOfSound;
         edge->speedOfSound = options_.air.speedOfSound;
         edge->fit = fitFor(sampleRate_);
         if (!(wave.bends.opening > 0)) {
@@ -134,7 +134,7 @@ class EdgeFollower {
         }
         const double sent = sentTo(wave.route.first);
         for (std::size_t b = 0; b < kBandCount; ++b)
-            edge->colour[b] = std::sqrt(sent * std::exp(-attenuation_[b] * edge->way));  // as weaken() has it
+            edge->colour[b] = std::sqrt(sent * std::exp(-attenuation_[b] * edge->pathLength));  // as weaken() has it
         const WedgePath path = pathAbout(wave.route, wave.bends, source_, listener_);
         for (std::size_t face = 0; face < 2; ++face) edge->mirrored[face] = isMirrored(path, face);
         if (!isAtBoundary(path)) addRest(wave, bentBy(*edge, path), *edge);
@@ -150,12 +150,12 @@ class EdgeFollower {
         image.kind = FollowedImage::Kind::boundary;
         image.edge = edge;
         image.face = face;
-        image.turn = glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal, normal);
+        image.rotation = glm::dmat3(1.0) - 2.0 * glm::outerProduct(normal, normal);
         image.offset = 2 * glm::dot(normal, edge->route.first) * normal;
-        const double sent = sentTo(edge->route.first), way = glm::distance(image.at(source_), listener_);
+        const double sent = sentTo(edge->route.first), pathLength = glm::distance(image.at(source_), listener_);
         Bands amplitudes;
         for (std::size_t b = 0; b < kBandCount; ++b)
-            amplitudes[b] = bends.mirrors[b] * std::sqrt(sent * std::exp(-attenuation_[b] * way));
+            amplitudes[b] = bends.mirrors[b] * std::sqrt(sent * std::exp(-attenuation_[b] * pathLength));
         setAmplitudes(image, amplitudes, sampleRate_, block_);
         return image;
     }
@@ -174,14 +174,14 @@ class EdgeFollower {
     /// The part of the wave that the closed form does not give.
     static void addRest(const EdgeWave& wave, const EdgeSpectrum& known, FollowedEdge& edge) {
         EdgeSpectrum rest{};
-        double most = 0, all = 0;
+        double maximum = 0, all = 0;
         for (std::size_t tone = 0; tone < rest.size(); ++tone) {
             const EdgeValue pressure(wave.pressure[std::min(tone, kEdgeTones - 1)]);
             rest[tone] = pressure - known[std::min(tone, kEdgeTones - 1)];
-            most = std::max(most, std::abs(rest[tone]));
+            maximum = std::max(maximum, std::abs(rest[tone]));
             all = std::max(all, std::abs(pressure));
         }
-        if (most > kLeastRest * all) addWeights(*edge.fit, rest, edge.rest);
+        if (maximum > kMinRest * all) addWeights(*edge.fit, rest, edge.rest);
     }
 
     const glm::dvec3 source_, listener_;
@@ -194,7 +194,7 @@ class EdgeFollower {
 }  // namespace
 
 void addFollowedEdges(const Echogram& echogram, const glm::dvec3& source, const glm::dvec3& listener,
-                      const TraceOptions& options, int sampleRate, std::size_t block, std::size_t most,
+                      const TraceOptions& options, int sampleRate, std::size_t block, std::size_t maximum,
                       std::vector<FollowedImage>& followed) {
     const std::vector<EdgeWave>& waves = echogram.edges.waves;
     if (waves.empty()) return;
@@ -203,10 +203,10 @@ void addFollowedEdges(const Echogram& echogram, const glm::dvec3& source, const 
     std::vector<std::pair<double, std::size_t>> loudest;
     for (std::size_t i = 0; i < waves.size(); ++i) {
         const double energy = waveEnergy(waves[i]);
-        if (energy > kLeastWave * all && hasRoute(waves[i], source, listener, options.air.speedOfSound))
+        if (energy > kMinWave * all && hasRoute(waves[i], source, listener, options.air.speedOfSound))
             loudest.emplace_back(-energy, i);
     }
-    const std::size_t count = std::min(most, loudest.size());
+    const std::size_t count = std::min(maximum, loudest.size());
     std::partial_sort(loudest.begin(), loudest.begin() + static_cast<std::ptrdiff_t>(count), loudest.end());
     const EdgeFollower follower(source, listener, options, sampleRate, block);
     for (std::size_t k = 0; k < count; ++k) {

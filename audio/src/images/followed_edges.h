@@ -23,8 +23,8 @@ namespace rtsg {
 
 struct FollowedEdge {
     EdgeRoute route;
-    BendingEdge bends;  // if opening > 0
-    double way = 0;     // metres, when it was traced
+    BendingEdge bends;      // if opening > 0
+    double pathLength = 0;  // metres, when it was traced
     double speedOfSound = 343;
     Bands colour{};  // amplitudes of the sound over the edge, with the directivity of the source and the absorption of
                      // air
@@ -44,7 +44,7 @@ struct FollowedEdge {
 /// The strongest waves, at most `most`, none of less than a hundred thousandth of the energy of all; and the images by
 /// the faces of their edges, for as long as these have been in the light or in the shadow only since the trace.
 void addFollowedEdges(const Echogram& echogram, const glm::dvec3& source, const glm::dvec3& listener,
-                      const TraceOptions& options, int sampleRate, std::size_t block, std::size_t most,
+                      const TraceOptions& options, int sampleRate, std::size_t block, std::size_t maximum,
                       std::vector<FollowedImage>& followed);
 
 }  // namespace rtsg

@@ -13,7 +13,7 @@ namespace rtsg {
 namespace {
 
 /// Weaker images are not followed: as a share of all energy, and as an amplitude relative to the loudest band.
-constexpr double kLeastOfLoudest = 1e-3, kLeastAmplitude = 1e-4;
+constexpr double kMinOfLoudest = 1e-3, kMinAmplitude = 1e-4;
 /// Bands that differ by less are the same; .01 dB.
 constexpr double kSame = 1.0012;
 
@@ -30,13 +30,13 @@ std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::si
     const auto kept = RealFft::kept(RealFft::sizeFor(4 * length));
     const RealFft& fft = *kept;
     const std::size_t size = fft.size();
-    const double least = kLeastAmplitude * *std::max_element(amplitudes.begin(), amplitudes.end());
+    const double minimum = kMinAmplitude * *std::max_element(amplitudes.begin(), amplitudes.end());
     RealFft::Spectrum spectrum(fft.bins());
     for (std::size_t i = 0; i < fft.bins(); ++i) {
         const double hz = static_cast<double>(i) * sampleRate / static_cast<double>(size);
         double amplitude = 0;
         for (int b = 0; b < kBandCount; ++b) amplitude += bandWeight(b, hz) * amplitudes[static_cast<std::size_t>(b)];
-        spectrum[i] = static_cast<float>(std::log(std::max(amplitude, std::max(least, 1e-30))));
+        spectrum[i] = static_cast<float>(std::log(std::max(amplitude, std::max(minimum, 1e-30))));
     }
     std::vector<float> time(size);
     fft.inverse(spectrum, time);
@@ -64,24 +64,25 @@ void setAmplitudes(FollowedImage& image, const Bands& amplitudes, int sampleRate
 
 std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::dvec3& source,
                                           const glm::dvec3& listener, double speedOfSound, int sampleRate,
-                                          std::size_t block, std::size_t most) {
-    const double least = kLeastOfLoudest * sumOf(echogram.total());
+                                          std::size_t block, std::size_t maximum) {
+    const double minimum = kMinOfLoudest * sumOf(echogram.total());
     std::vector<std::pair<double, std::size_t>> loudest;
     for (std::size_t i = 0; i < echogram.arrivals.size(); ++i) {
         const Arrival& arrival = echogram.arrivals[i];
         const double energy = sumOf(echogram.straightEnergy(arrival));
-        if (arrival.order > 0 && arrival.turn != glm::mat3(0.0f) && energy > least) loudest.emplace_back(-energy, i);
+        if (arrival.order > 0 && arrival.rotation != glm::mat3(0.0f) && energy > minimum)
+            loudest.emplace_back(-energy, i);
     }
-    const std::size_t count = std::min(most, loudest.size());
+    const std::size_t count = std::min(maximum, loudest.size());
     std::partial_sort(loudest.begin(), loudest.begin() + static_cast<std::ptrdiff_t>(count), loudest.end());
     std::vector<FollowedImage> images;
     for (std::size_t k = 0; k < count; ++k) {
         const Arrival& arrival = echogram.arrivals[loudest[k].second];
         FollowedImage image;
         image.arrival = loudest[k].second;
-        image.turn = glm::dmat3(arrival.turn);
+        image.rotation = glm::dmat3(arrival.rotation);
         const double distance = arrival.seconds * speedOfSound;
-        image.offset = listener + arrival.direction * distance - image.turn * source;
+        image.offset = listener + arrival.direction * distance - image.rotation * source;
         const Bands& energy = echogram.straightEnergy(arrival);
         Bands amplitudes;
         for (std::size_t b = 0; b < kBandCount; ++b)

@@ -24,20 +24,20 @@ struct FollowedImage {
     std::shared_ptr<const FollowedEdge> edge;  // of an edge or a boundary
     std::size_t face = 0;                      // of a boundary: 0 or 1
     std::size_t arrival = 0;                   // which of the echogram's, or which of its waves
-    glm::dmat3 turn{1.0};
+    glm::dmat3 rotation{1.0};
     glm::dvec3 offset{0};  // the image of a source at p is at turn * p + offset
     /// Pressure at one metre from the image, where all bands have the same; else that is the filter's.
     double pressure = 1;
     bool filtered = false;
     Convolver::Response filter;  // causal, of one block; the first is heard at once (minimum phase)
 
-    glm::dvec3 at(const glm::dvec3& source) const { return turn * source + offset; }
+    glm::dvec3 at(const glm::dvec3& source) const { return rotation * source + offset; }
 };
 
 /// The loudest images, direct sound not counted, at most `most`, none of less than a thousandth of the energy of all.
 std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::dvec3& source,
                                           const glm::dvec3& listener, double speedOfSound, int sampleRate,
-                                          std::size_t block, std::size_t most);
+                                          std::size_t block, std::size_t maximum);
 
 /// Its pressure at one metre, in octave bands.
 void setAmplitudes(FollowedImage& image, const Bands& amplitudes, int sampleRate, std::size_t block);

@@ -46,21 +46,21 @@ void ImageCandidateSet::grow() {
         if (bucket.newest != kNoPlane) newestIn(bucket.cell) = bucket;
 }
 
-bool ImageCandidateSet::insert(const glm::dvec3& p, const glm::dmat3& turn, std::uint32_t lastPlane, double share,
-                               double same) {
+bool ImageCandidateSet::insert(const glm::dvec3& p, const glm::dmat3& rotation, std::uint32_t lastPlane,
+                               double fraction, double same) {
     const glm::dvec3 low = glm::floor((p - same) / kCell), high = glm::floor((p + same) / kCell);
     for (double x = low.x; x <= high.x; ++x)
         for (double y = low.y; y <= high.y; ++y)
             for (double z = low.z; z <= high.z; ++z) {
                 for (std::uint32_t i = newestIn(key({x, y, z})).newest; i != kNoPlane; i = next_[i])
-                    if (glm::distance(all[i].position, p) < same && alike(turn, all[i].turn)) {
-                        if (all[i].lastPlane != lastPlane) all[i].severalWays = true;
-                        all[i].share = std::max(all[i].share, share);
+                    if (glm::distance(all[i].position, p) < same && alike(rotation, all[i].rotation)) {
+                        if (all[i].lastPlane != lastPlane) all[i].severalPaths = true;
+                        all[i].fraction = std::max(all[i].fraction, fraction);
                         return false;
                     }
             }
     const auto index = static_cast<std::uint32_t>(all.size());
-    all.push_back({p, glm::mat3(turn), lastPlane, share});
+    all.push_back({p, glm::mat3(rotation), lastPlane, fraction});
     if (2 * all.size() > buckets_.size()) grow();
     Bucket& bucket = newestIn(key(glm::floor(p / kCell)));
     bucket.cell = key(glm::floor(p / kCell));
@@ -105,15 +105,15 @@ void findCandidates(const AcousticGeometry& geometry, const ImageSourceOptions& 
                     break;
                 }
                 const trace::ImageCandidate from = candidates.all[i];
-                const double share = from.share * planes[p].mirrors;
-                if (from.lastPlane == p || share < options.minShare) continue;
-                if (from.lastPlane != kNoPlane && !from.severalWays &&
+                const double fraction = from.fraction * planes[p].mirrors;
+                if (from.lastPlane == p || fraction < options.minFraction) continue;
+                if (from.lastPlane != kNoPlane && !from.severalPaths &&
                     !canFollow(from.position, planes[from.lastPlane], planes[p]))
                     continue;
                 const glm::dvec3& normal = planes[p].normal;
                 const glm::dvec3 image = from.position - normal * (2 * planes[p].signedDistance(from.position));
                 const double away = glm::distance(image, candidates.all[0].position);
-                candidates.insert(image, mirroring(normal) * glm::dmat3(from.turn), p, share,
+                candidates.insert(image, mirroring(normal) * glm::dmat3(from.rotation), p, fraction,
                                   std::min(2e-3, imageTolerance(order, away)));
             }
         if (!whole) {

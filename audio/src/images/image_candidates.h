@@ -31,10 +31,10 @@ bool alike(const glm::dmat3& a, const glm::mat3& b);
 
 struct ImageCandidate {
     glm::dvec3 position;
-    glm::mat3 turn;           // of the source on its way there
+    glm::mat3 rotation;       // of the source on its way there
     std::uint32_t lastPlane;  // of one of the ways to get here
-    double share;             // of energy that is left at best
-    bool severalWays = false;
+    double fraction;          // of energy that is left at best
+    bool severalPaths = false;
 };
 
 /// Candidates by position.
@@ -43,7 +43,7 @@ class ImageCandidateSet {
     std::vector<ImageCandidate> all;
 
     /// False when it was there already; `same` is how near the positions of one are.
-    bool insert(const glm::dvec3& p, const glm::dmat3& turn, std::uint32_t lastPlane, double share, double same);
+    bool insert(const glm::dvec3& p, const glm::dmat3& rotation, std::uint32_t lastPlane, double fraction, double same);
 
   private:
     /// A cell with the last of its candidates; none as long as it is free.

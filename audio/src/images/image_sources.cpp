@@ -14,8 +14,8 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "image_candidates.h"
-#include "image_ways.h"
-#include "response/places.h"
+#include "image_paths.h"
+#include "response/listening_positions.h"
 
 namespace rtsg {
 namespace {
@@ -55,32 +55,32 @@ class ImageViews {
           counts_(all_.size(), 1) {
         counts_[0] = 0;  // the source itself
         if (once_ == all_.size()) return;
-        places_ = placesAround(geometry, listener, options.ball, kPlaces);
-        if (places_.empty()) places_.push_back(beside_);
+        positions_ = pointsAround(geometry, listener, options.ball, kPositions);
+        if (positions_.empty()) positions_.push_back(beside_);
         const ReflectingPlane ball{.center = listener, .radius = options.ball};
         for (std::size_t i = once_; i < all_.size(); ++i)
-            if (!all_[i].severalWays && !canFollow(all_[i].position, geometry.planes()[all_[i].lastPlane], ball))
+            if (!all_[i].severalPaths && !canFollow(all_[i].position, geometry.planes()[all_[i].lastPlane], ball))
                 counts_[i] = 0;
     }
 
     /// How often each is looked for by now.
     std::size_t count(std::size_t candidate) const { return counts_[candidate]; }
-    glm::dvec3 place(std::size_t candidate, std::size_t k) const {
+    glm::dvec3 position(std::size_t candidate, std::size_t k) const {
         if (candidate < once_) return beside_;
         // Each candidate has its own order, so that parts beyond one wall do not come and go at once.
         const std::uint64_t first = (candidate * 0x9E3779B97F4A7C15ull) >> 32;
-        return places_[(first + k) % places_.size()];
+        return positions_[(first + k) % positions_.size()];
     }
 
     /// The candidates that are to be followed from more points, after one point each.
-    std::vector<std::size_t> loudest(const std::vector<std::vector<Arrival>>& ways) {
+    std::vector<std::size_t> loudest(const std::vector<std::vector<Arrival>>& paths) {
         std::vector<std::pair<double, std::size_t>> heard;
         std::size_t hidden = 0;
         for (std::size_t i = once_; i < all_.size(); ++i) {
             if (counts_[i] == 0) continue;
             const glm::dvec3 away = all_[i].position - listener_;
-            heard.emplace_back(all_[i].share / (1e-4 + glm::dot(away, away)), i);
-            hidden += ways[i].empty();
+            heard.emplace_back(all_[i].fraction / (1e-4 + glm::dot(away, away)), i);
+            hidden += paths[i].empty();
         }
         // If so many are seen, each from another place, nothing hides any.
         if (hidden == 0 && heard.size() >= kEnough) return {};
@@ -93,21 +93,21 @@ class ImageViews {
         return result;
     }
     /// Leaves those of them that some places see and others do not; all count then.
-    void leaveUnsure(const std::vector<std::vector<Arrival>>& ways, std::vector<std::size_t>& candidates) {
-        std::erase_if(candidates, [&](std::size_t i) { return ways[i].empty() || ways[i].size() >= kOfLoud; });
-        for (const std::size_t i : candidates) counts_[i] = std::max(kOfLoud, places_.size());
+    void leaveUnsure(const std::vector<std::vector<Arrival>>& paths, std::vector<std::size_t>& candidates) {
+        std::erase_if(candidates, [&](std::size_t i) { return paths[i].empty() || paths[i].size() >= kOfLoud; });
+        for (const std::size_t i : candidates) counts_[i] = std::max(kOfLoud, positions_.size());
     }
 
     static constexpr std::size_t kOfLoud = 8;
 
   private:
-    static constexpr std::size_t kPlaces = 64, kLoud = 4096, kEnough = 256;
+    static constexpr std::size_t kPositions = 64, kLoud = 4096, kEnough = 256;
 
     const std::vector<ImageCandidate>& all_;
     glm::dvec3 listener_, beside_;
     std::size_t once_;  // so many come first
     std::vector<std::size_t> counts_;
-    std::vector<glm::dvec3> places_;
+    std::vector<glm::dvec3> positions_;
 };
 
 /// Replaces the ways to one image from `count` places by their mean.
@@ -124,12 +124,12 @@ void average(std::vector<Arrival>& paths, std::size_t count) {
 
 }  // namespace
 
-Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to) {
-    Bands share = allBands(1);
+Bands directFraction(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to) {
+    Bands fraction = allBands(1);
     const glm::dvec3 source = offSolids(geometry, from, to), listener = offSolids(geometry, to, from);
     const glm::dvec3 toSource = source - listener;
     const double distance = glm::length(toSource);
-    if (!(distance > 0)) return share;
+    if (!(distance > 0)) return fraction;
     const glm::dvec3 direction = toSource / distance;
     glm::dvec3 origin = listener;
     double left = distance;
@@ -138,15 +138,15 @@ Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, cons
     while (geometry.closest(origin, direction, left, plane, hit)) {
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b) {
-            share[b] *= geometry.materials()[hit.material].transmission[b];
-            any = any || share[b] > 0;
+            fraction[b] *= geometry.materials()[hit.material].transmission[b];
+            any = any || fraction[b] > 0;
         }
         if (!any) break;
         origin += direction * hit.distance;
         left -= hit.distance;
         plane = hit.plane;
     }
-    return share;
+    return fraction;
 }
 
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
@@ -161,15 +161,15 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     ImageSources result = candidates.found();
     const std::vector<ImageCandidate>& all = candidates.impl().set.all;
     const glm::dvec3 source = all.front().position, listener = offWalls(geometry, to, source);
-    const auto keep = [&](Arrival arrival, const glm::dvec3& image, const glm::mat3& turn) {
+    const auto keep = [&](Arrival arrival, const glm::dvec3& image, const glm::mat3& rotation) {
         const double distance = glm::distance(image, listener);
         if (distance > options.maxDistance) return;
         // A source in the listener's head has no direction and, as for any nearer than a centimetre, no 1/r^2 either.
         const double clamped = std::max(distance, 0.01);
         arrival.seconds = distance / speedOfSound;
-        arrival.turn = turn;
+        arrival.rotation = rotation;
         arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
-        const glm::dvec3 departure = glm::transpose(glm::dmat3(turn)) * -arrival.direction;
+        const glm::dvec3 departure = glm::transpose(glm::dmat3(rotation)) * -arrival.direction;
         const double sent = options.pattern ? options.pattern(distance > 0 ? departure : glm::dvec3(0, 0, -1)) : 1;
         if (!(sent > 0)) return;
         const double spread = sent / (4 * std::numbers::pi * clamped * clamped);
@@ -178,20 +178,20 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         result.arrivals.push_back(arrival);
     };
     Arrival direct;
-    direct.energy = directShare(geometry, source, listener);
+    direct.energy = directFraction(geometry, source, listener);
     if (direct.energy != Bands{}) keep(direct, source, glm::mat3(1.0f));
 
-    const trace::ImageWays ways(geometry, source, result.order, options.minShare);
+    const trace::ImagePaths courses(geometry, source, result.order, options.minFraction);
     ImageViews views(geometry, candidates.impl(), listener, options);
     std::vector<std::vector<Arrival>> paths(all.size());
     const auto lookFor = [&](std::span<const std::size_t> images, std::size_t known) {
         constexpr std::size_t kChunk = 64;
         parallelFor((images.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-            std::vector<trace::ImageWays::Asked> asked;
+            std::vector<trace::ImagePaths::Asked> asked;
             for (const std::size_t i : images.subspan(chunk * kChunk, std::min(kChunk, images.size() - chunk * kChunk)))
                 for (std::size_t k = known; k < views.count(i); ++k)
-                    asked.push_back({views.place(i, k), &all[i], &paths[i]});
-            ways.follow(asked);
+                    asked.push_back({views.position(i, k), &all[i], &paths[i]});
+            courses.follow(asked);
         });
     };
     std::vector<std::size_t> images(all.size());
@@ -203,7 +203,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     if (!images.empty()) lookFor(images, ImageViews::kOfLoud);
     for (std::size_t i = 1; i < paths.size(); ++i) {
         if (views.count(i) > 1) average(paths[i], views.count(i));
-        for (const Arrival& path : paths[i]) keep(path, all[i].position, all[i].turn);
+        for (const Arrival& path : paths[i]) keep(path, all[i].position, all[i].rotation);
     }
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });

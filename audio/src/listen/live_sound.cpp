@@ -41,7 +41,7 @@ struct LiveSound::Impl {
           tables(w.rays(), o.render.defaultMaterial, o.render.resources, false, o.render.materials),
           engine(std::move(e)),
           device(std::move(d)) {
-        told.device = device.name();
+        reported.device = device.name();
     }
     ~Impl() { end(); }
 
@@ -76,16 +76,16 @@ struct LiveSound::Impl {
             AudioFindings seen = look ? engine->analyse() : AudioFindings();
             const std::lock_guard lock(mutex);
             if (look) found = std::move(seen);
-            told.blocks = blocks;
-            told.clipped = clipped;
-            told.seconds = static_cast<double>(blocks) * blockSeconds;
-            told.underruns = device.underruns();
-            told.latencySeconds = std::max(told.latencySeconds, device.latencySeconds());
-            told.busy =
+            reported.blocks = blocks;
+            reported.clipped = clipped;
+            reported.seconds = static_cast<double>(blocks) * blockSeconds;
+            reported.underruns = device.underruns();
+            reported.latencySeconds = std::max(reported.latencySeconds, device.latencySeconds());
+            reported.busy =
                 std::chrono::duration<double>(working).count() / std::chrono::duration<double>(now - begin).count();
-            told.level = std::sqrt(meanSquare);
-            told.heard = engine->heard();
-            told.failure = failure;
+            reported.level = std::sqrt(meanSquare);
+            reported.heard = engine->heard();
+            reported.failure = failure;
         }
     }
 
@@ -119,8 +119,8 @@ struct LiveSound::Impl {
         }
         if (samples.empty()) return;
         const double seconds = static_cast<double>(options.render.blockSize) / options.render.sampleRate;
-        const double share = std::min(1.0, seconds / kLevelSeconds);
-        meanSquare += share * (sum / static_cast<double>(samples.size()) - meanSquare);
+        const double fraction = std::min(1.0, seconds / kLevelSeconds);
+        meanSquare += fraction * (sum / static_cast<double>(samples.size()) - meanSquare);
     }
 
     SharedWorld& world;
@@ -140,7 +140,7 @@ struct LiveSound::Impl {
     std::atomic<bool> stop = false;
     std::atomic<bool> wanted = true;  // what nodes find
     mutable std::mutex mutex;
-    LiveReport told;
+    LiveReport reported;
     std::optional<AudioFindings> found;
     std::thread thread;
 };
@@ -188,13 +188,13 @@ void LiveSound::sendEvents() {
 
 LiveReport LiveSound::report() const {
     const std::lock_guard lock(impl_->mutex);
-    return impl_->told;
+    return impl_->reported;
 }
 
 namespace {
 
 /// Tells of inputs that came too late, too fast or not at all.
-void tellOf(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagnostics& diagnostics) {
+void reportOn(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagnostics& diagnostics) {
     for (const auto& [id, given] : sounds) {
         const auto* input = std::get_if<std::shared_ptr<SoundInput>>(&given);
         if (!input) continue;
@@ -214,18 +214,18 @@ void tellOf(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagn
 
 LiveReport LiveSound::stop() {
     impl_->end();
-    LiveReport report = impl_->told;
+    LiveReport report = impl_->reported;
     if (report.clipped > 0)
         report.diagnostics.warning(
             {}, fmt::format("{} samples were beyond full scale, by up to {:.1f} dB, and were clipped", report.clipped,
                             20 * std::log10(impl_->loudest)));
-    tellOf(impl_->options.render.given.microphones, "microphone", report.diagnostics);
-    tellOf(impl_->options.render.given.streams, "stream", report.diagnostics);
+    reportOn(impl_->options.render.given.microphones, "microphone", report.diagnostics);
+    reportOn(impl_->options.render.given.streams, "stream", report.diagnostics);
     report.diagnostics.append(impl_->tables.scene().diagnostics());
     report.diagnostics.append(impl_->engine->diagnostics());
-    tellSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime,
-               impl_->options.render.document, report.diagnostics);
-    tellLeaks(impl_->world.scene(), impl_->engine->leaks(), impl_->options.render.document, report.diagnostics);
+    reportSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime,
+                 impl_->options.render.document, report.diagnostics);
+    reportLeaks(impl_->world.scene(), impl_->engine->leaks(), impl_->options.render.document, report.diagnostics);
     return report;
 }
 

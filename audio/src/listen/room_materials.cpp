@@ -39,9 +39,9 @@ std::string nameOfMaterial(const Scene& scene, NodeId node, const std::unordered
         if (owner == owners.end()) break;
         id = owner->second;
     }
-    const NodePlace place = scene.placeOf(node);
-    if (place.where.line > 0)
-        return fmt::format("{}:{}", std::filesystem::path(place.file).filename().string(), place.where.line);
+    const NodeLocation location = scene.locationOf(node);
+    if (location.where.line > 0)
+        return fmt::format("{}:{}", std::filesystem::path(location.file).filename().string(), location.where.line);
     const Node* found = scene.find(node);
     return found ? fmt::format("{}#{}", found->type().name, node.value) : "unnamed";
 }

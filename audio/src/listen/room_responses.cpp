@@ -37,8 +37,8 @@ glm::dvec3 upBeside(const glm::dvec3& ahead) {
 
 std::string timeOfWriting() {
     std::time_t now = std::time(nullptr);
-    if (const char* told = std::getenv("SOURCE_DATE_EPOCH"))
-        now = static_cast<std::time_t>(std::strtoll(told, nullptr, 10));
+    if (const char* reported = std::getenv("SOURCE_DATE_EPOCH"))
+        now = static_cast<std::time_t>(std::strtoll(reported, nullptr, 10));
     return fmt::format("{:%Y-%m-%d %H:%M:%S}", fmt::gmtime(now));
 }
 
@@ -107,7 +107,7 @@ NetcdfVariable receivers(const RoomResponses& room, std::size_t count) {
                 .attributes = {{"Type", "spherical harmonics"}, {"Units", "degree, degree, metre"}}};
     NetcdfVariable variable{.name = "ReceiverPosition", .dimensions = "RCI", .values = {}, .attributes = cartesian()};
     const double radius = room.pairs.front().headRadius;
-    const auto place = [&](std::size_t r, double ofHead) -> glm::dvec3 {
+    const auto position = [&](std::size_t r, double ofHead) -> glm::dvec3 {
         return {0, room.channels == ResponseChannels::binaural ? (r == 0 ? ofHead : -ofHead) : 0, 0};
     };
     const bool alike = room.channels != ResponseChannels::binaural ||
@@ -115,18 +115,19 @@ NetcdfVariable receivers(const RoomResponses& room, std::size_t count) {
     if (!alike) variable.dimensions = "RCM";
     for (std::size_t r = 0; r < count; ++r) {
         if (alike) {
-            append(variable.values, place(r, radius));
+            append(variable.values, position(r, radius));
             continue;
         }
         // Heads of several sizes: coordinate by coordinate, of all measurements.
         for (int c = 0; c < 3; ++c)
-            for (const RoomResponses::Pair& pair : room.pairs) variable.values.push_back(place(r, pair.headRadius)[c]);
+            for (const RoomResponses::Pair& pair : room.pairs)
+                variable.values.push_back(position(r, pair.headRadius)[c]);
     }
     return variable;
 }
 
 /// Adds the places of everything, measurement by measurement.
-void addPlaces(const RoomResponses& room, std::vector<NetcdfVariable>& variables) {
+void insertEntries(const RoomResponses& room, std::vector<NetcdfVariable>& variables) {
     const auto add = [&](const char* name, bool described, const auto& of) {
         NetcdfVariable& variable =
             variables.emplace_back(NetcdfVariable{.name = name, .dimensions = "MC", .values = {}, .attributes = {}});
@@ -193,7 +194,7 @@ NetcdfFile layOut(const RoomResponses& room) {
     NetcdfFile file{{{'I', 1}, {'C', 3}, {'R', count}, {'E', 1}, {'N', frames}, {'M', room.pairs.size()}},
                     globalAttributes(room),
                     {}};
-    addPlaces(room, file.variables);
+    insertEntries(room, file.variables);
     file.variables.push_back(receivers(room, count));
     addRoom(room, file.variables);
     file.variables.push_back(std::move(responses));

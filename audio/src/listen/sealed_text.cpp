@@ -15,16 +15,16 @@
 namespace rtsg {
 namespace {
 
-std::string placeOf(const glm::dvec3& p) {
+std::string locationOf(const glm::dvec3& p) {
     return fmt::format("{:.4g} {:.4g} {:.4g}", p.x, p.y, p.z);
 }
 
 /// The place at which the node was read, if it was in that document.
 std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::path& document, NodeId node) {
     if (document.empty() || document == "-") return std::nullopt;
-    const NodePlace place = scene.placeOf(node);
-    if (place.where.line == 0 || place.file != document.string()) return std::nullopt;
-    return place.where;
+    const NodeLocation location = scene.locationOf(node);
+    if (location.where.line == 0 || location.file != document.string()) return std::nullopt;
+    return location.where;
 }
 
 /// The name that an author gave a shape or its geometry, or the name of its material.
@@ -32,8 +32,8 @@ std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
     std::string text(scene.name(shape));
     if (text.empty()) text = scene.name(geometry);
     if (!text.empty()) return text;
-    const Node* made = scene.find(geometry);
-    const std::string name = made ? std::string(made->type().name) : "Shape";
+    const Node* created = scene.find(geometry);
+    const std::string name = created ? std::string(created->type().name) : "Shape";
     return (std::string_view("AEIO").find(name[0]) != std::string_view::npos ? "an " : "a ") + name;
 }
 
@@ -46,13 +46,14 @@ std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::
 /// Its name, and in brackets its material, size, place and line.
 std::string shapeText(const Scene& scene, const std::filesystem::path& document, NodeId shape, NodeId geometry,
                       const AcousticBox& box) {
-    const Node* made = scene.find(geometry);
-    const std::string name = shapeName(scene, shape, geometry), what = made ? std::string(made->type().name) : "Shape";
+    const Node* created = scene.find(geometry);
+    const std::string name = shapeName(scene, shape, geometry),
+                      what = created ? std::string(created->type().name) : "Shape";
     const bool named = !scene.name(shape).empty() || !scene.name(geometry).empty();
     const glm::dvec3 size = box.high - box.low;
     const auto line = lineOf(scene, document, shape, geometry);
     return fmt::format("{} ({}{:.4g} x {:.4g} x {:.4g} m about {}{})", name, named ? what + ", " : std::string(),
-                       size.x, size.y, size.z, placeOf((box.low + box.high) / 2.0),
+                       size.x, size.y, size.z, locationOf((box.low + box.high) / 2.0),
                        line ? fmt::format(", line {}", line->line) : std::string());
 }
 
@@ -88,7 +89,7 @@ std::string leakText(const Scene& scene, const std::filesystem::path& document, 
                                   : ", ") +
                   shapeText(scene, document, beside.shape, beside.geometry, beside.box);
     }
-    const std::string at = placeOf(leak.center);
+    const std::string at = locationOf(leak.center);
     if (shapes.empty()) shapes = "nothing that has a name";
     if (leak.boundaryEdges == 3) return fmt::format("{} lacks a triangle at {}, of {:.3g} m2", shapes, at, leak.area);
     constexpr double kCrack = 10;
@@ -108,25 +109,26 @@ void nameShapes(const Scene& scene, RoomOpenings& openings) {
     }
 }
 
-void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
-               Diagnostics& diagnostics) {
+void reportLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
+                 Diagnostics& diagnostics) {
     for (const SoundLeak& leak : leaks) {
         if (isMeant(scene, leak.opening)) continue;
-        Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
-        told.text = fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, document, leak.opening),
-                                percentText(leak.opening.meanShare()), leak.name);
+        Diagnostic reported{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
+        reported.text =
+            fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, document, leak.opening),
+                        percentText(leak.opening.meanFraction()), leak.name);
         for (const RoomOpening::Beside& beside : leak.opening.beside)
             if (const auto where = lineOf(scene, document, beside.shape, beside.geometry)) {
-                told.file = document.string();
-                told.where = *where;
+                reported.file = document.string();
+                reported.where = *where;
                 break;
             }
-        diagnostics.add(std::move(told));
+        diagnostics.add(std::move(reported));
     }
 }
 
-void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
-                const std::filesystem::path& document, Diagnostics& diagnostics) {
+void reportSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
+                  const std::filesystem::path& document, Diagnostics& diagnostics) {
     for (const SealedSource& found : sealed) {
         const Seal& seal = found.seal;
         std::string shapes;
@@ -143,26 +145,28 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
                                                     fmt::format(" {:.2f} s ", *found.until - start)
                                   : found.seconds > start ? from + "on "
                                                           : std::string();
-        const std::string source = placeOf(found.source), listener = placeOf(found.listener);
-        Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("sealed")};
-        told.text = fmt::format("{}nothing is heard of {}: ", since, found.name);
+        const std::string source = locationOf(found.source), listener = locationOf(found.listener);
+        Diagnostic reported{Severity::warning, {}, {}, {}, DiagnosticCode("sealed")};
+        reported.text = fmt::format("{}nothing is heard of {}: ", since, found.name);
         if (seal.proven)
-            told.text += seal.sourceInside
-                             ? fmt::format("it is at {}, closed in by {}, and the listener is outside, at {}", source,
-                                           shapes, listener)
-                             : fmt::format("the listener is at {}, closed in by {}, and the source is outside, at {}",
-                                           listener, shapes, source);
+            reported.text +=
+                seal.sourceInside
+                    ? fmt::format("it is at {}, closed in by {}, and the listener is outside, at {}", source, shapes,
+                                  listener)
+                    : fmt::format("the listener is at {}, closed in by {}, and the source is outside, at {}", listener,
+                                  shapes, source);
         else
-            told.text += seal.sourceInside
-                             ? fmt::format("no way was found out from its place, {}, past {}, to the listener at {}",
-                                           source, shapes, listener)
-                             : fmt::format("no way was found in from its place, {}, past {}, to the listener at {}",
-                                           source, shapes, listener);
+            reported.text +=
+                seal.sourceInside
+                    ? fmt::format("no way was found out from its place, {}, past {}, to the listener at {}", source,
+                                  shapes, listener)
+                    : fmt::format("no way was found in from its place, {}, past {}, to the listener at {}", source,
+                                  shapes, listener);
         if (const auto where = lineOf(scene, document, found.sound)) {
-            told.file = document.string();
-            told.where = *where;
+            reported.file = document.string();
+            reported.where = *where;
         }
-        diagnostics.add(std::move(told));
+        diagnostics.add(std::move(reported));
     }
 }
 

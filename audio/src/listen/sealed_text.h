@@ -11,13 +11,13 @@
 namespace rtsg {
 
 /// A warning for each. `start`: scene time of the first sample. `document`: see AcousticOptions.
-void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
-                const std::filesystem::path& document, Diagnostics& diagnostics);
+void reportSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
+                  const std::filesystem::path& document, Diagnostics& diagnostics);
 
 /// A warning for each that the author does not mean, by a MetadataBoolean "opening" TRUE in the metadata of a shape
 /// beside.
-void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
-               Diagnostics& diagnostics);
+void reportLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
+                 Diagnostics& diagnostics);
 /// Sets RoomOpening::Beside::name of all; openings that the author intends are no leaks.
 void nameShapes(const Scene& scene, RoomOpenings& openings);
 

@@ -20,8 +20,8 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
-#include "place_figures.h"
-#include "response/places.h"
+#include "position_figures.h"
+#include "response/listening_positions.h"
 #include "response/sealed_result.h"
 #include "room_materials.h"
 #include "scene/source_pattern.h"
@@ -85,7 +85,7 @@ struct SoundRenderer::Impl {
     std::size_t blockAt = 0;       // of report.sound.samples
     long long dropped = 0;         // frames before them
     double start = 0;
-    std::size_t toldSealed = 0, toldLeaks = 0;
+    std::size_t reportedSealed = 0, reportedLeaks = 0;
     bool hadSounds = false;
     double measured = 0;                   // share of a survey
     std::unique_ptr<EarCorrelation> ears;  // once figures were asked for
@@ -154,12 +154,13 @@ struct SoundRenderer::Impl {
     }
 
     /// Reports the findings since the last call.
-    void tell(const Scene& scene, Diagnostics& diagnostics) {
+    void addDiagnostics(const Scene& scene, Diagnostics& diagnostics) {
         const std::span<const SealedSource> sealed = renderer->sealed();
         const std::span<const SoundLeak> leaks = renderer->leaks();
-        tellSealed(scene, sealed.subspan(std::exchange(toldSealed, sealed.size())), start, options.render.document,
-                   diagnostics);
-        tellLeaks(scene, leaks.subspan(std::exchange(toldLeaks, leaks.size())), options.render.document, diagnostics);
+        reportSealed(scene, sealed.subspan(std::exchange(reportedSealed, sealed.size())), start,
+                     options.render.document, diagnostics);
+        reportLeaks(scene, leaks.subspan(std::exchange(reportedLeaks, leaks.size())), options.render.document,
+                    diagnostics);
     }
 };
 
@@ -335,11 +336,11 @@ Result<> SoundRenderer::measure() {
     return {};
 }
 
-Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
+Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPosition> positions) {
     if (!impl_->refused.empty()) return fail("listening failed: " + impl_->refused);
     if (auto ok = begin(); !ok) return std::unexpected(ok.error());
-    if (places.empty()) places = impl_->renderer->scene().places();
-    auto report = surveyAt(places, Keeps::echograms);
+    if (positions.empty()) positions = impl_->renderer->scene().positions();
+    auto report = surveyAt(positions, Keeps::echograms);
     if (report) describeRoom(*report);
     return report;
 }
@@ -378,23 +379,23 @@ Result<RoomMap> SoundRenderer::map(double height, double step) {
         if (!grid) return std::unexpected(grid.error());
         map.grid = std::move(*grid);
     }
-    std::vector<ListeningPlace> places;
-    for (const std::size_t point : map.grid.inside) places.push_back({{}, map.grid.place(point)});
-    auto report = surveyAt(places, Keeps::figures);
+    std::vector<ListeningPosition> positions;
+    for (const std::size_t point : map.grid.inside) positions.push_back({{}, map.grid.position(point)});
+    auto report = surveyAt(positions, Keeps::figures);
     if (!report) return std::unexpected(report.error());
     map.report = std::move(*report);
     describeRoom(map.report);
     return map;
 }
 
-Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPlace>& places, Keeps keeps) {
+Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPosition>& positions, Keeps keeps) {
     // More would need much memory, and save little time.
     constexpr std::size_t kTogether = 16;
     const auto start = Clock::now();
     Impl& s = *impl_;
     const SoundScene& sounds = s.renderer->scene();
     std::vector<glm::dvec3> listeners;
-    for (const ListeningPlace& place : places) listeners.push_back(place.position);
+    for (const ListeningPosition& listener : positions) listeners.push_back(listener.position);
     const ListenerPose& pose = sounds.listener();
     const glm::dmat3 axes(pose.right, pose.up, pose.back);
     const bool levels = s.options.render.levels == AcousticOptions::Levels::x3d;
@@ -403,33 +404,33 @@ Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPlace>& pl
     report.title = "Room acoustics";
     report.air = s.renderer->air();
     report.speech = s.options.speech;
-    const std::size_t all = sounds.emitters().size() * places.size();
+    const std::size_t all = sounds.emitters().size() * positions.size();
     std::size_t done = 0;
     for (const SoundEmitter& emitter : sounds.emitters())
-        for (std::size_t first = 0; first < places.size(); first += kTogether) {
+        for (std::size_t first = 0; first < positions.size(); first += kTogether) {
             s.measured = static_cast<double>(done) / static_cast<double>(all);
             if (s.options.progress && !s.options.progress(s.measured)) return fail("cancelled");
             const auto some =
-                std::span<const glm::dvec3>(listeners).subspan(first, std::min(kTogether, places.size() - first));
+                std::span<const glm::dvec3>(listeners).subspan(first, std::min(kTogether, positions.size() - first));
             done += some.size();
             auto sources = measureAt(emitter, some);
             if (!sources) return std::unexpected(sources.error());
             std::uint64_t rays = 0;
             for (std::size_t i = 0; i < sources->size(); ++i) {
                 const ListenReport::Source& source = (*sources)[i];
-                const ListeningPlace& place = places[first + i];
+                const ListeningPosition& listener = positions[first + i];
                 rays = std::max(rays, source.trace.rays);
                 RoomReport::Pair& pair = report.pairs.emplace_back();
                 pair.source = source.source, pair.sourceAt = source.position;
-                pair.listener = place.name, pair.listenerAt = place.position;
+                pair.listener = listener.name, pair.listenerAt = listener.position;
                 pair.metrics = source.metrics;
                 pair.speech = source.speech;
                 pair.schroederHz = source.schroederHz;
                 pair.escaped = source.trace.escaped;
                 pair.bandsTraced = source.trace.bandsTraced;
                 if (sounds.sound(emitter).directional(levels)) pair.sourceAim = emitter.aim();
-                pair.listenerAxes = place.axes.value_or(axes);
-                pair.headRadius = place.axes ? place.headRadius : pose.headRadius();
+                pair.listenerAxes = listener.axes.value_or(axes);
+                pair.headRadius = listener.axes ? listener.headRadius : pose.headRadius();
                 if (keeps == Keeps::figures) continue;
                 pair.echogram = source.trace.echogram();
                 if (source.directed) pair.directed = source.directed->echogram();
@@ -439,7 +440,7 @@ Result<RoomReport> SoundRenderer::surveyAt(const std::vector<ListeningPlace>& pl
         }
     if (report.pairs.empty()) return fail("there is no source of sound to measure the room with");
     report.seconds = secondsSince(start);
-    s.tell(world().scene(), report.diagnostics);
+    s.addDiagnostics(world().scene(), report.diagnostics);
     return report;
 }
 
@@ -492,15 +493,15 @@ ListenReport SoundRenderer::finish() {
     for (StreamedSound& stream : s.report.streams)
         stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
-    s.tell(world().scene(), s.report.diagnostics);
+    s.addDiagnostics(world().scene(), s.report.diagnostics);
     if (s.hadSounds)
-        tellUnheard(world().scene(), s.renderer->unheard(), s.report.diagnostics);
+        reportUnheard(world().scene(), s.renderer->unheard(), s.report.diagnostics);
     else
-        tellNoSounds(world().scene(), s.report.diagnostics);
+        reportNoSounds(world().scene(), s.report.diagnostics);
     if (const auto& materials = s.options.render.materials)
         for (const std::string& name : s.renderer->scene().unusedMaterials())
             s.report.diagnostics.warningAt(
-                materials->rows().at(name).place,
+                materials->rows().at(name).location,
                 fmt::format("nothing in the scene is made of '{}': no AcousticProperties, Appearance or Material has "
                             "that DEF name, or it as \"acousticMaterial\" in its metadata",
                             name));

@@ -13,7 +13,7 @@ namespace rtsg {
 namespace {
 
 std::string whyText(const UnheardSource& source) {
-    constexpr double kNoPlace = 1e9;
+    constexpr double kNowhere = 1e9;
     switch (source.why) {
         case UnheardSource::Why::off:
             return "it is not enabled";
@@ -28,28 +28,28 @@ std::string whyText(const UnheardSource& source) {
         case UnheardSource::Why::far:
             break;
     }
-    if (!(source.nearest < kNoPlace)) return "it is at no place";
+    if (!(source.nearest < kNowhere)) return "it is at no place";
     return fmt::format("the listener is out of its reach{}{}, {:.4g} m away at the nearest",
                        source.reach.empty() ? "" : ": ", source.reach, source.nearest);
 }
 
 }  // namespace
 
-void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics) {
+void reportUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics) {
     // Says nothing of an empty source whose reason has been reported.
     if (!diagnostics.all().empty() && std::ranges::all_of(unheard, [](const UnheardSource& source) {
             return source.why == UnheardSource::Why::empty || source.why == UnheardSource::Why::still;
         }))
         return;
-    constexpr std::size_t kMost = 8;
-    for (const UnheardSource& source : unheard.first(std::min(kMost, unheard.size())))
-        diagnostics.warningAt(scene.find(source.sound) ? scene.placeOf(source.sound) : NodePlace(),
+    constexpr std::size_t kMax = 8;
+    for (const UnheardSource& source : unheard.first(std::min(kMax, unheard.size())))
+        diagnostics.warningAt(scene.find(source.sound) ? scene.locationOf(source.sound) : NodeLocation(),
                               fmt::format("nothing is heard of {}: {}", source.name, whyText(source)));
-    if (unheard.size() > kMost)
-        diagnostics.warning({}, fmt::format("nor is anything heard of {} more sounds", unheard.size() - kMost));
+    if (unheard.size() > kMax)
+        diagnostics.warning({}, fmt::format("nor is anything heard of {} more sounds", unheard.size() - kMax));
 }
 
-void tellNoSounds(const Scene& scene, Diagnostics& diagnostics) {
+void reportNoSounds(const Scene& scene, Diagnostics& diagnostics) {
     const Node* first = nullptr;
     std::size_t count = 0;
     scene.forEachNode([&](const Node& node) {
@@ -58,7 +58,7 @@ void tellNoSounds(const Scene& scene, Diagnostics& diagnostics) {
         if (count++ == 0) first = &node;
     });
     if (!first) return diagnostics.warning({}, "the scene has no sounds");
-    diagnostics.warningAt(scene.placeOf(first->id()),
+    diagnostics.warningAt(scene.locationOf(first->id()),
                           fmt::format("nothing is heard of {}{}: it was never in what is shown (a Switch or LOD may "
                                       "leave it out)",
                                       nameOf(scene, *first),

@@ -9,9 +9,9 @@
 namespace rtsg {
 
 /// A warning for each of the first of them, as far as their nodes are still there with their lines.
-void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics);
+void reportUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics);
 
 /// Tells that a scene has no sounds, or where the first of those is that are not shown.
-void tellNoSounds(const Scene& scene, Diagnostics& diagnostics);
+void reportNoSounds(const Scene& scene, Diagnostics& diagnostics);
 
 }  // namespace rtsg

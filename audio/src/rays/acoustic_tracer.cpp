@@ -31,9 +31,9 @@ Bands times(const Bands& bands, double factor) {
 
 /// TraceResult::across. Up is that of X3D.
 glm::dvec3 axisAcross(const glm::dvec3& source, const glm::dvec3& listener) {
-    const glm::dvec3 way = source - listener, right(-way.z, 0, way.x);
+    const glm::dvec3 displacement = source - listener, right(-displacement.z, 0, displacement.x);
     const double length = glm::length(right);
-    return length > 1e-6 * glm::length(way) ? right / length : glm::dvec3(1, 0, 0);
+    return length > 1e-6 * glm::length(displacement) ? right / length : glm::dvec3(1, 0, 0);
 }
 
 }  // namespace
@@ -83,11 +83,11 @@ MetricsEstimate TraceResult::metrics() const {
 
 namespace {
 
-constexpr double kMost = 60;  // seconds of an echogram that is as long as it need be
+constexpr double kMax = 60;  // seconds of an echogram that is as long as it need be
 
 /// A ray that is followed until its energy is gone.
 struct FadingRay {
-    static constexpr int kMostReflections = 4000;
+    static constexpr int kMaxReflections = 4000;
     static constexpr double kGone = 3e-7, kShort = 10;
 
     ProbeRay ray;  // its energy: of the band of each class from which air takes least, the lowest
@@ -96,8 +96,8 @@ struct FadingRay {
 
     bool goesOn(double speedOfSound) const {
         // Sound that fades slowly in a small room would take rays without end.
-        const bool tooSlow = reflections > kMostReflections && ray.metres > kShort * speedOfSound;
-        return ray.most() > kGone && ray.metres < kMost * speedOfSound && !tooSlow;
+        const bool tooSlow = reflections > kMaxReflections && ray.metres > kShort * speedOfSound;
+        return ray.maximum() > kGone && ray.metres < kMax * speedOfSound && !tooSlow;
     }
     void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes,
               const Bands& attenuation) {
@@ -120,7 +120,7 @@ double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, 
     double longest = 0;
     std::vector<FadingRay> lanes;
     for (int sent = 0; sent < kRays || !lanes.empty();) {
-        for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent)
+        for (; lanes.size() < AcousticRays::kMax && sent < kRays; ++sent)
             lanes.push_back({.ray = {.origin = source, .direction = evenDirection(sent, kRays), .energy = full},
                              .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent)))});
         AcousticRays rays;
@@ -168,7 +168,7 @@ struct WorthyImages {
 WorthyImages imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options,
                          double seconds) {
     constexpr std::size_t kFew = 4000;
-    constexpr double kShares[] = {3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 1e-7};
+    constexpr double kFractions[] = {3e-2, 3e-3, 3e-4, 3e-5, 3e-6, 1e-7};
     ImageSourceOptions asked;
     asked.maxOrder = options.imageOrder;
     asked.maxCandidates = options.maxImageCandidates;
@@ -176,13 +176,13 @@ WorthyImages imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& sou
     asked.pattern = options.pattern;
     std::optional<ImageCandidates> best;
     if (options.imageOrder >= TraceOptions().imageOrder)
-        for (const double tried : kShares) {
+        for (const double tried : kFractions) {
             ImageSourceOptions some = asked;
-            some.minShare = tried;
+            some.minFraction = tried;
             if (best) some.maxCandidates = std::min(kFew, asked.maxCandidates);
             ImageCandidates candidates(geometry, source, some);
             if (!candidates.found().complete) break;
-            asked.minShare = tried;
+            asked.minFraction = tried;
             best = std::move(candidates);
             if (best->found().candidates > kFew / 4) break;
         }
@@ -197,10 +197,10 @@ double bandOf(const Energy<N>& energy, const BandClasses& classes, std::size_t b
 }
 
 /// The share of energy that air leaves after some metres.
-Bands airShare(const Bands& attenuation, double metres) {
-    Bands share;
-    for (std::size_t b = 0; b < kBandCount; ++b) share[b] = std::exp(-attenuation[b] * metres);
-    return share;
+Bands airFraction(const Bands& attenuation, double metres) {
+    Bands fraction;
+    for (std::size_t b = 0; b < kBandCount; ++b) fraction[b] = std::exp(-attenuation[b] * metres);
+    return fraction;
 }
 
 /// Listeners that hear one source from the same place, and so share its rays.
@@ -234,7 +234,7 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
               const EnergyHistogram& known, const TraceOptions& options, const Bands& attenuation, double weight) {
     const std::size_t count = result.batches.size();
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
-    const Bands perBin = airShare(attenuation, metresPerBin);
+    const Bands perBin = airFraction(attenuation, metresPerBin);
     Bands tried{};
     const auto mixIn = [&](std::vector<Bands>& mean, std::vector<Energy<N>>& bins, const EnergyHistogram& times) {
         for (Bands& bin : mean)
@@ -242,7 +242,7 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
         while (!bins.empty() && !(largest<N>(bins.back()) > 0)) bins.pop_back();
         if (mean.size() < bins.size()) mean.resize(bins.size(), Bands{});
         // Air absorbs as at the middle of each bin.
-        Bands air = airShare(attenuation, (times.startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
+        Bands air = airFraction(attenuation, (times.startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
         for (std::size_t k = 0; k < bins.size(); ++k)
             for (std::size_t b = 0; b < kBandCount; ++b) {
                 mean[k][b] += weight * bandOf<N>(bins[k], classes, b) * air[b];
@@ -267,18 +267,18 @@ struct Fate {
 template <std::size_t N>
 Fate fateOf(const std::vector<Batch<N>>& batches, const BandClasses& classes, const Bands& attenuation) {
     Fate fate;
-    const double share = 1.0 / static_cast<double>(batches.size());
+    const double fraction = 1.0 / static_cast<double>(batches.size());
     const auto collect = [&](const std::vector<std::pair<Energy<N>, double>>& rays, Bands& into) {
         for (const auto& [energy, metres] : rays) {
-            const Bands left = airShare(attenuation, metres);
-            for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, classes, b) * left[b];
+            const Bands left = airFraction(attenuation, metres);
+            for (std::size_t b = 0; b < kBandCount; ++b) into[b] += fraction * bandOf<N>(energy, classes, b) * left[b];
         }
     };
     Bands sent{};
     for (const Batch<N>& batch : batches) {
         collect(batch.escaped, fate.escaped);
         collect(batch.truncated, fate.truncated);
-        for (std::size_t b = 0; b < kBandCount; ++b) sent[b] += share * bandOf<N>(batch.sent, classes, b);
+        for (std::size_t b = 0; b < kBandCount; ++b) sent[b] += fraction * bandOf<N>(batch.sent, classes, b);
     }
     for (std::size_t b = 0; b < kBandCount; ++b) fate.absorbed[b] = sent[b] - fate.escaped[b] - fate.truncated[b];
     return fate;
@@ -288,11 +288,11 @@ Fate fateOf(const std::vector<Batch<N>>& batches, const BandClasses& classes, co
 template <std::size_t N>
 void addExits(const std::vector<Batch<N>>& batches, const BandClasses& classes, const Bands& attenuation,
               std::vector<EscapedRay>& exits) {
-    constexpr std::size_t kMostExits = 4096;
+    constexpr std::size_t kMaxExits = 4096;
     for (const Batch<N>& batch : batches)
         for (const typename Batch<N>::Exit& exit : batch.exits) {
-            if (exits.size() >= kMostExits) return;
-            Bands energy = airShare(attenuation, exit.metres);
+            if (exits.size() >= kMaxExits) return;
+            Bands energy = airFraction(attenuation, exit.metres);
             for (std::size_t b = 0; b < kBandCount; ++b) energy[b] *= bandOf<N>(exit.energy, classes, b);
             exits.push_back({exit.origin, exit.direction, energy});
         }
@@ -301,15 +301,16 @@ void addExits(const std::vector<Batch<N>>& batches, const BandClasses& classes, 
 /// Finds the images of listeners with which walls that scatter are connected: few, as each of these walls chooses from
 /// all. Ways through walls that let sound pass have no end of their own, so that none are looked for there.
 void connect(const AcousticGeometry& geometry, const TraceOptions& options, std::vector<Ear>& ears) {
-    constexpr std::size_t kMostOfOne = 64, kMostOfAll = 96;
+    constexpr std::size_t kMaxOfOne = 64, kMaxOfAll = 96;
     const auto materials = geometry.materials();
     if (options.connectedOrder <= 0 || std::any_of(materials.begin(), materials.end(), [](const AcousticMaterial& m) {
-            return std::any_of(m.transmission.begin(), m.transmission.end(), [](double share) { return share > 0; });
+            return std::any_of(m.transmission.begin(), m.transmission.end(),
+                               [](double fraction) { return fraction > 0; });
         }))
         return;
     for (Ear& ear : ears)
         ear.images = ListenerImages(geometry, ear.position, options.connectedOrder,
-                                    std::min(kMostOfOne, kMostOfAll / ears.size()));
+                                    std::min(kMaxOfOne, kMaxOfAll / ears.size()));
 }
 
 /// Adds rays to the batches of a group's results; energies are in at most N classes of bands.
@@ -376,7 +377,7 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     result.seconds = seconds;
     if (options.lateral) result.across = axisAcross(source, listener);
     result.bandsTraced = static_cast<int>(bandClasses(geometry.materials()).count);
-    result.imageShare = worth.options.minShare;
+    result.imageFraction = worth.options.minFraction;
     chooseReceiver(geometry, source, listener, options, result);
     ImageSourceOptions asked = worth.options;
     asked.ball = result.receiverRadius;
@@ -409,7 +410,7 @@ std::vector<TraceResult> AcousticTracer::trace(const glm::dvec3& source, std::sp
             options.maxSeconds > 0
                 ? options.maxSeconds
                 : std::clamp(decaySeconds(*geometry_, group.source, options) + 2 * farthest / options.air.speedOfSound,
-                             1.0, kMost);
+                             1.0, kMax);
         const WorthyImages worth = imagesWorth(*geometry_, group.source, options, seconds);
         for (std::size_t k = 0; k < group.results.size(); ++k)
             startResult(*geometry_, group.source, group.listeners[k], options, worth, seconds, *group.results[k]);
@@ -439,14 +440,14 @@ double AcousticTracer::refineTo(std::span<TraceResult> results, const glm::dvec3
                                 std::span<const glm::dvec3> listeners, const TraceOptions& options, double error,
                                 std::uint64_t maxRays, const std::function<bool()>& goOn) const {
     const auto worst = [&] {
-        double most = 0;
-        for (const TraceResult& result : results) most = std::max(most, largestError(result.metrics()));
-        return most;
+        double maximum = 0;
+        for (const TraceResult& result : results) maximum = std::max(maximum, largestError(result.metrics()));
+        return maximum;
     };
     const auto sent = [&] {
-        std::uint64_t most = 0;
-        for (const TraceResult& result : results) most = std::max(most, result.rays);
-        return most;
+        std::uint64_t maximum = 0;
+        for (const TraceResult& result : results) maximum = std::max(maximum, result.rays);
+        return maximum;
     };
     double now = worst();
     for (std::uint64_t rays = sent(); now > error && rays > 0 && rays < maxRays && (!goOn || goOn()); rays = sent()) {

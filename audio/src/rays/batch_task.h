@@ -15,7 +15,7 @@
 
 #include <rtsg/audio/trace_result.h>
 
-#include "energy_under_way.h"
+#include "energy_in_transit.h"
 #include "near_walls.h"
 #include "response/band_classes.h"
 #include "response/listener_images.h"
@@ -46,10 +46,10 @@ void add(Energy<N>& target, const Energy<N>& energy, double factor = 1) {
 
 /// The shares into which a wall divides energy.
 template <std::size_t N>
-struct Shares {
+struct Fractions {
     Energy<N> diffuse{}, mirror{}, through{};  // nothing where there are fewer classes
 
-    Shares(const AcousticMaterial& material, const BandClasses& classes) {
+    Fractions(const AcousticMaterial& material, const BandClasses& classes) {
         for (std::size_t c = 0; c < classes.count; ++c) {
             const std::size_t b = classes.first[c];
             const double reflected = std::max(0.0, material.reflected(b));
@@ -91,7 +91,7 @@ struct Ear {
     glm::dvec3 across;  // TraceResult::across
     bool sided;         // whether that is asked for
     int imageOrder;
-    double imageShare;
+    double imageFraction;
     ListenerImages images;  // sound that is scattered and then reflected on one of their paths is connected there
     NearWalls near;
 
@@ -104,7 +104,7 @@ struct Ear {
           across(result.across),
           sided(across != glm::dvec3(0)),
           imageOrder(result.imageOrder),
-          imageShare(result.imageShare) {}
+          imageFraction(result.imageFraction) {}
 };
 
 /// The data that all batches of one run share.
@@ -116,10 +116,10 @@ struct Task {
     std::vector<Ear> ears;
     const TraceOptions& options;
     double seconds;
-    std::vector<Shares<N>> walls;
+    std::vector<Fractions<N>> walls;
     std::span<const ReflectingPlane> planes;
     bool transmits;  // any of them
-    EnergyUnderWay underWay;
+    EnergyInTransit underway;
 
     Task(const AcousticGeometry& g, const BandClasses& apart, const glm::dvec3& s, std::vector<Ear> e,
          const TraceOptions& o, double length)
@@ -130,10 +130,10 @@ struct Task {
           options(o),
           seconds(length),
           planes(g.planes()),
-          underWay(g, apart, s, o, length * o.air.speedOfSound) {
+          underway(g, apart, s, o, length * o.air.speedOfSound) {
         for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material, classes);
         transmits =
-            std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });
+            std::any_of(walls.begin(), walls.end(), [](const Fractions<N>& w) { return largest<N>(w.through) > 0; });
     }
 };
 

@@ -24,7 +24,7 @@
 #include "response/directions.h"
 #include "response/listener_choice.h"
 #include "response/listener_images.h"
-#include "response/places.h"
+#include "response/listening_positions.h"
 #include "signal/random.h"
 
 namespace rtsg::trace {
@@ -48,7 +48,7 @@ class BatchTracer {
             for (std::size_t i = 0; i < ears_.size(); ++i) {
                 choice_.add({ears_[i].position, i, ListenerImages::kNone}, 1);
                 for (std::uint32_t k = 0; k < ears_[i].images.all().size(); ++k)
-                    choice_.add({ears_[i].images.all()[k].position, i, k}, ears_[i].images.all()[k].share);
+                    choice_.add({ears_[i].images.all()[k].position, i, k}, ears_[i].images.all()[k].fraction);
             }
         earlyLooks_ = std::max(1.0, 0.4 * std::sqrt(static_cast<double>(ears_.size())));
         laterLooks_ = kLaterLooks * earlyLooks_;
@@ -60,8 +60,8 @@ class BatchTracer {
         shiftU_ = random_.uniform(), shiftV_ = random_.uniform();
         initial_ = 1 / static_cast<double>(rays);
         std::uint64_t sent = 0, asked = 0;
-        lanes_.rays.count = RayLanes<N>::kMost;
-        for (std::uint32_t free = (1u << RayLanes<N>::kMost) - 1;;) {
+        lanes_.rays.count = RayLanes<N>::kMax;
+        for (std::uint32_t free = (1u << RayLanes<N>::kMax) - 1;;) {
             if (sent >= asked) {
                 asked = sent + kBetweenQuestions;
                 if (task_.options.goOn && !task_.options.goOn()) return;
@@ -70,7 +70,7 @@ class BatchTracer {
             while (free != 0 && sent < rays)
                 if (start(std::countr_zero(free), sent++)) free &= free - 1;
             if (free != 0) closeRanks(free);
-            while (lanes_.rays.count < RayLanes<N>::kMost && !parts_.empty()) startPart(lanes_.rays.count++);
+            while (lanes_.rays.count < RayLanes<N>::kMax && !parts_.empty()) startPart(lanes_.rays.count++);
             if (lanes_.rays.count == 0) break;
             free = step();
         }
@@ -104,11 +104,14 @@ class BatchTracer {
         std::uint32_t image;
         MirrorSequence mirrors;  // so far
     };
-    void arrive(const Connection& way, const glm::dvec3& point, const glm::dvec3& facing, const AcousticHit& hit) {
-        const glm::dvec3 toListener = ears_[way.ear].position - point;
+    void arrive(const Connection& connection, const glm::dvec3& point, const glm::dvec3& facing,
+                const AcousticHit& hit) {
+        const glm::dvec3 toListener = ears_[connection.ear].position - point;
         const double distance = glm::length(toListener);
-        if (!(distance > 0)) return receive(way.ear, way.energy, way.factor, way.travelled, facing);
-        ask(way.ear, way.energy, way.factor, way.travelled, point, facing, toListener / distance, distance, hit);
+        if (!(distance > 0))
+            return receive(connection.ear, connection.energy, connection.factor, connection.travelled, facing);
+        ask(connection.ear, connection.energy, connection.factor, connection.travelled, point, facing,
+            toListener / distance, distance, hit);
     }
     /// Whether nothing is in between will be asked, with others.
     void ask(std::size_t who, const Energy<N>& energy, double factor, double travelled, const glm::dvec3& point,
@@ -119,7 +122,7 @@ class BatchTracer {
         events_.energy[at] = energy;
         events_.factor[at] = factor;
         events_.travelled[at] = travelled;
-        if (events_.rays.count == AcousticRays::kMost) askEvents();
+        if (events_.rays.count == AcousticRays::kMax) askEvents();
     }
 
     /// Ray number `ray`; whether it carries anything.
@@ -154,7 +157,7 @@ class BatchTracer {
     /// ended.
     std::uint32_t step() {
         AcousticRays& rays = lanes_.rays;
-        for (int i = 0; i < RayLanes<N>::kMost; ++i) rays.maxDistance[i] = maxDistance_ - lanes_.travelled[i];
+        for (int i = 0; i < RayLanes<N>::kMax; ++i) rays.maxDistance[i] = maxDistance_ - lanes_.travelled[i];
         std::uint32_t met = geometry_.closestOf(rays, hits_);
         const std::uint32_t asked = (1u << rays.count) - 1;
         cornered_ = 0;
@@ -165,7 +168,7 @@ class BatchTracer {
                 leave(i);
         });
         forEachBit(asked & comeBy(), [&](int i) {
-            hearOnTheWay(i, (met >> i & 1) != 0 ? hits_[static_cast<std::size_t>(i)].distance : rays.maxDistance[i]);
+            hearAlong(i, (met >> i & 1) != 0 ? hits_[static_cast<std::size_t>(i)].distance : rays.maxDistance[i]);
         });
         return met == 0 ? asked : asked & ~interact(met);
     }
@@ -211,14 +214,14 @@ class BatchTracer {
     /// Keeps some of the rays that leave, each with the same chance (Vitter 1985, algorithm R).
     void escape(int i) {
         batch_.escaped.emplace_back(lanes_.energyOf(i), lanes_.travelled[i]);
-        const auto most = static_cast<std::size_t>(std::max(0, task_.options.exits));
-        if (most == 0) return;
+        const auto maximum = static_cast<std::size_t>(std::max(0, task_.options.exits));
+        if (maximum == 0) return;
         std::size_t at = batch_.exits.size();
-        if (at < most)
+        if (at < maximum)
             batch_.exits.emplace_back();
         else
             at = static_cast<std::size_t>(exitRandom_.uniform() * static_cast<double>(batch_.escaped.size()));
-        if (at >= most) return;
+        if (at >= maximum) return;
         typename Batch<N>::Exit& exit = batch_.exits[at];
         exit = {lanes_.rays.origin[i], lanes_.rays.direction[i], lanes_.energyOf(i), lanes_.travelled[i]};
         for (double& e : exit.energy) e /= initial_;
@@ -233,12 +236,12 @@ class BatchTracer {
         if (mirrored == 0 || std::ranges::find(wasTried_, 0) != wasTried_.end()) return mirrored;
         // In single precision, twice as many at a time; candidates that might only pass by rounding are tested in
         // double precision.
-        constexpr int kMost = RayLanes<N>::kMost;
+        constexpr int kMax = RayLanes<N>::kMax;
         constexpr float kRounding = 1e-5f;
         const glm::dvec3 center = ears_[0].position;
-        alignas(64) float ox[kMost], oy[kMost], oz[kMost], dx[kMost], dy[kMost], dz[kMost];
-        alignas(64) float most[kMost] = {};  // squares of half the ways through balls
-        for (int i = 0; i < kMost; ++i) {
+        alignas(64) float ox[kMax], oy[kMax], oz[kMax], dx[kMax], dy[kMax], dz[kMax];
+        alignas(64) float maximum[kMax] = {};  // squares of half the ways through balls
+        for (int i = 0; i < kMax; ++i) {
             ox[i] = static_cast<float>(center.x - o.x[i]), dx[i] = static_cast<float>(d.x[i]);
             oy[i] = static_cast<float>(center.y - o.y[i]), dy[i] = static_cast<float>(d.y[i]);
             oz[i] = static_cast<float>(center.z - o.z[i]), dz[i] = static_cast<float>(d.z[i]);
@@ -246,17 +249,17 @@ class BatchTracer {
         for (const Ear& ear : ears_) {
             const glm::vec3 off(ear.position - center);
             const auto square = static_cast<float>(ear.radius * ear.radius);
-            for (int i = 0; i < kMost; ++i) {
+            for (int i = 0; i < kMax; ++i) {
                 const float x = off.x + ox[i], y = off.y + oy[i], z = off.z + oz[i];
                 const float nearest = x * dx[i] + y * dy[i] + z * dz[i];
                 const float half2 = square - ((x * x + y * y + z * z) * (1 - kRounding) - nearest * nearest);
-                most[i] = half2 > most[i] ? half2 : most[i];
+                maximum[i] = half2 > maximum[i] ? half2 : maximum[i];
             }
         }
-        return mirrored & lanesWhere([&](int i) { return most[i] > 0; });
+        return mirrored & lanesWhere([&](int i) { return maximum[i] > 0; });
     }
     /// Lets listeners hear a ray that a mirror sent here, along its way.
-    void hearOnTheWay(int i, double length) {
+    void hearAlong(int i, double length) {
         const glm::dvec3 origin = lanes_.rays.origin[i], direction = lanes_.rays.direction[i];
         for (std::size_t who = 0; who < ears_.size(); ++who) {
             const Ear& ear = ears_[who];
@@ -279,7 +282,7 @@ class BatchTracer {
     /// Not where it is one of the images of the source, nor where images of the listener were looked for.
     bool countsInBall(int i, const Ear& ear) const {
         if (!lanes_.onlyMirrors[i]) return ear.images.of(lanes_.mirrors[i]) == ListenerImages::kNone;
-        return !(lanes_.mirrorOrder[i] <= ear.imageOrder && lanes_.mirrorShare[i] >= ear.imageShare);
+        return !(lanes_.mirrorOrder[i] <= ear.imageOrder && lanes_.mirrorFraction[i] >= ear.imageFraction);
     }
 
     /// Mean intensity over the ball is energy times chord over volume.
@@ -306,9 +309,9 @@ class BatchTracer {
         const double side = glm::dot(ears_[who].across, from);
         receive(who, energy, factor, travelled, side * side);
         if (ears_[who].near.reach() > 0)
-            ears_[who].near.echo(from, [&](double later, const Bands& shares) {
+            ears_[who].near.echo(from, [&](double later, const Bands& fractions) {
                 Energy<N> back;
-                for (std::size_t c = 0; c < N; ++c) back[c] = energy[c] * shares[c];
+                for (std::size_t c = 0; c < N; ++c) back[c] = energy[c] * fractions[c];
                 receive(who, back, factor, travelled + later, kLateralOfWalls);
             });
     }
@@ -316,9 +319,9 @@ class BatchTracer {
     void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, double lateral) {
         if (travelled >= maxDistance_) return;
         const auto bin = static_cast<std::size_t>(std::max(0.0, (travelled - ears_[who].startMetres) * binsPerMetre_));
-        const auto addTo = [&](std::vector<Energy<N>>& bins, double share) {
+        const auto addTo = [&](std::vector<Energy<N>>& bins, double fraction) {
             if (bin >= bins.size()) bins.resize(bin + 1 + bin / 4, Energy<N>{});
-            add<N>(bins[bin], energy, share);
+            add<N>(bins[bin], energy, fraction);
         };
         addTo(batch_.heard[who].bins, factor);
         if (ears_[who].sided) addTo(batch_.heard[who].lateral, factor * lateral);
@@ -326,11 +329,11 @@ class BatchTracer {
 
     /// Lets walls act on the rays that met them, and returns a bit for each that goes on.
     std::uint32_t interact(std::uint32_t met) {
-        lanes_.arrive(met, hits_, task_.walls, task_.underWay.known());
+        lanes_.arrive(met, hits_, task_.walls, task_.underway.known());
         std::uint32_t left = lanes_.left(met);
         const std::uint32_t scattering = lanes_.scatters(left) & ~lanesWhere([&](int i) { return lanes_.again[i]; });
-        alignas(64) double choice[RayLanes<N>::kMost], look[RayLanes<N>::kMost], across[RayLanes<N>::kMost],
-            round[RayLanes<N>::kMost];
+        alignas(64) double choice[RayLanes<N>::kMax], look[RayLanes<N>::kMax], across[RayLanes<N>::kMax],
+            round[RayLanes<N>::kMax];
         drawPairs(random_, choice, look);
         drawPairs(random_, across, round);
         if (choice_.size() > 0)
@@ -342,7 +345,7 @@ class BatchTracer {
                 nextEvent(0, 1, lanes_.rays.origin[i], lanes_.rays.facing[i], lanes_.scattered(i),
                           hits_[static_cast<std::size_t>(i)], lanes_.travelled[i]);
             });
-        if (task_.underWay.known()) {
+        if (task_.underway.known()) {
             left = weigh(left);
             lanes_.goOn(choice, across, round, task_.planes);
             return left;
@@ -362,13 +365,13 @@ class BatchTracer {
     /// it.
     std::uint32_t weigh(std::uint32_t lanes) {
         constexpr double kMuch = 4, kLittle = 1.0 / 8, kScatters = 0.05;
-        constexpr int kMostAtOnce = 8, kMostParts = 4096;
-        double usual[RayLanes<N>::kMost], has[RayLanes<N>::kMost];
-        for (int i = 0; i < RayLanes<N>::kMost; ++i) usual[i] = task_.underWay.at(lanes_.travelled[i]) * initial_;
-        lanes_.leftMost(has);
+        constexpr int kMaxAtOnce = 8, kMaxParts = 4096;
+        double usual[RayLanes<N>::kMax], has[RayLanes<N>::kMax];
+        for (int i = 0; i < RayLanes<N>::kMax; ++i) usual[i] = task_.underway.at(lanes_.travelled[i]) * initial_;
+        lanes_.leftMaximum(has);
         const std::uint32_t ofParts = lanes & lanesWhere([&](int i) { return lanes_.isPart[i]; });
         wallsOfParts_ += std::popcount(ofParts), wallsOfSent_ += std::popcount(lanes & ~ofParts);
-        std::fill_n(lanes_.again, RayLanes<N>::kMost, false);
+        std::fill_n(lanes_.again, RayLanes<N>::kMax, false);
         std::uint32_t result = lanes;
         forEachBit(lanes & lanesWhere([&](int i) { return has[i] < kLittle * usual[i]; }), [&](int i) {
             const double chance = has[i] / (usual[i] / 2);
@@ -379,8 +382,8 @@ class BatchTracer {
         });
         if (wallsOfParts_ >= kWallsOfParts * wallsOfSent_) return result;
         forEachBit(lanes & ~cornered_ & lanesWhere([&](int i) { return has[i] > kMuch * usual[i]; }), [&](int i) {
-            if (!(lanes_.scattering(i) > kScatters) || lanes_.parts[i] >= kMostParts) return;
-            const int into = static_cast<int>(std::min<double>(kMostAtOnce, has[i] / usual[i] / 1.5));
+            if (!(lanes_.scattering(i) > kScatters) || lanes_.parts[i] >= kMaxParts) return;
+            const int into = static_cast<int>(std::min<double>(kMaxAtOnce, has[i] / usual[i] / 1.5));
             parts_.insert(parts_.end(), static_cast<std::size_t>(into - 1), lanes_.split(i, into));
         });
         return result;
@@ -399,12 +402,12 @@ class BatchTracer {
 
     /// Connects scattering walls to the only listener.
     void lookForListener(std::uint32_t from) {
-        constexpr int kMost = RayLanes<N>::kMost;
+        constexpr int kMax = RayLanes<N>::kMax;
         const AcousticRays& rays = lanes_.rays;
         const glm::dvec3 ear = ears_[0].position;
-        alignas(64) double factor[kMost], distance[kMost];
+        alignas(64) double factor[kMax], distance[kMax];
         AcousticRays::Vectors& direction = towardsListener_;
-        for (int i = 0; i < kMost; ++i) {
+        for (int i = 0; i < kMax; ++i) {
             const double x = ear.x - rays.origin.x[i], y = ear.y - rays.origin.y[i], z = ear.z - rays.origin.z[i];
             const double towards = x * rays.facing.x[i] + y * rays.facing.y[i] + z * rays.facing.z[i];
             distance[i] = std::sqrt(x * x + y * y + z * z);
@@ -458,12 +461,12 @@ class BatchTracer {
 
     /// Connects scattering walls to some of the listeners and their images, chosen at random in proportion to their
     /// possible contribution. `round`: numbers in [0, 1).
-    void connectSome(std::uint32_t from, const double (&round)[RayLanes<N>::kMost]) {
-        std::int32_t looks[RayLanes<N>::kMost];
-        for (int i = 0; i < RayLanes<N>::kMost; ++i) looks[i] = static_cast<std::int32_t>(looksOf(i) + round[i]);
+    void connectSome(std::uint32_t from, const double (&round)[RayLanes<N>::kMax]) {
+        std::int32_t looks[RayLanes<N>::kMax];
+        for (int i = 0; i < RayLanes<N>::kMax; ++i) looks[i] = static_cast<std::int32_t>(looksOf(i) + round[i]);
         forEachBit(from & lanesWhere([&](int i) { return looks[i] > 0; }),
                    [&](int i) { connectSome(i, looks[i], looksOf(i)); });
-        for (int i = 0; i < RayLanes<N>::kMost; ++i) lanes_.wallsMet[i] += static_cast<std::int32_t>(from >> i & 1);
+        for (int i = 0; i < RayLanes<N>::kMax; ++i) lanes_.wallsMet[i] += static_cast<std::int32_t>(from >> i & 1);
     }
     double looksOf(int i) const { return lanes_.wallsMet[i] < kEarly ? earlyLooks_ : laterLooks_; }
     /// So many times; as often as `mean` in the mean.
@@ -503,7 +506,7 @@ class BatchTracer {
             target.ear,
             target.image,
             {}};
-        while (connections_.rays.count == AcousticRays::kMost) followConnections();
+        while (connections_.rays.count == AcousticRays::kMax) followConnections();
     }
 
     /// Each way to an image to its next mirror. If those so far are a way to the image, the listener is next.
@@ -514,24 +517,24 @@ class BatchTracer {
         const int count = std::exchange(rays.count, 0);
         for (int i = 0; i < count; ++i) {
             if (!(met >> i & 1)) continue;
-            Connection way = connections_.of[i];
+            Connection connection = connections_.of[i];
             const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
-            const Shares<N>& wall = task_.walls[hit.material];
-            for (std::size_t b = 0; b < N; ++b) way.energy[b] *= wall.mirror[b];
-            if (!(largest<N>(way.energy) > 0)) continue;
+            const Fractions<N>& wall = task_.walls[hit.material];
+            for (std::size_t b = 0; b < N; ++b) connection.energy[b] *= wall.mirror[b];
+            if (!(largest<N>(connection.energy) > 0)) continue;
             const glm::dvec3 point = rays.origin[i] + rays.direction[i] * hit.distance;
             const double cosine = glm::dot(rays.direction[i], hit.normal);
             const glm::dvec3 direction = rays.direction[i] - hit.normal * (2 * cosine);
             const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
             const double left = rays.maxDistance[i] - hit.distance;
-            way.mirrors.append(hit.plane);
-            if (ears_[way.ear].images.of(way.mirrors) == way.image) {
-                arrive(way, point, facing, hit);
-            } else if (!way.mirrors.full()) {
+            connection.mirrors.append(hit.plane);
+            if (ears_[connection.ear].images.of(connection.mirrors) == connection.image) {
+                arrive(connection, point, facing, hit);
+            } else if (!connection.mirrors.full()) {
                 // No farther than those that were read already.
                 const int at = rays.count;
                 rays.add(point, facing, direction, left, hit.plane, hit.clear);
-                connections_.of[at] = way;
+                connections_.of[at] = connection;
             }
         }
     }
@@ -553,13 +556,13 @@ class BatchTracer {
     /// The sound that listeners hear of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;
-        std::size_t ear[AcousticRays::kMost];
-        Energy<N> energy[AcousticRays::kMost];
-        double factor[AcousticRays::kMost], travelled[AcousticRays::kMost];
+        std::size_t ear[AcousticRays::kMax];
+        Energy<N> energy[AcousticRays::kMax];
+        double factor[AcousticRays::kMax], travelled[AcousticRays::kMax];
     } events_;
     struct {
         AcousticRays rays;
-        Connection of[AcousticRays::kMost];
+        Connection of[AcousticRays::kMax];
     } connections_;
     ListenerChoice choice_;
     double earlyLooks_, laterLooks_;  // of one wall, for all listeners together

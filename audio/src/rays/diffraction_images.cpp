@@ -23,9 +23,9 @@ namespace {
 
 /// An image that brings less of any octave than this is left as it is: where it begins or ends the level steps by .09
 /// dB.
-constexpr double kLeastOfAll = 0.02;
+constexpr double kMinOfAll = 0.02;
 /// Each is as much work as direct sound: a room has six walls.
-constexpr std::size_t kMostBentImages = 8;
+constexpr std::size_t kMaxBentImages = 8;
 /// m; an edge by which the way is so much longer brings at 125 Hz less than -18 dB of the image: half of
 /// fresnelBeyond().
 constexpr double kDetour = 2;
@@ -33,9 +33,9 @@ constexpr double kDetour = 2;
 /// A wall, and the image of the source in it.
 struct WallImage {
     std::uint32_t plane = 0;
-    glm::dvec3 place{0};
-    double way = 0;     // m, to the listener
-    double energy = 0;  // at most
+    glm::dvec3 position{0};
+    double pathLength = 0;  // m, to the listener
+    double energy = 0;      // at most
 };
 
 double sumOver(const std::vector<Arrival>& arrivals) {
@@ -45,7 +45,7 @@ double sumOver(const std::vector<Arrival>& arrivals) {
 }
 
 /// The energy in the faintest octave from 125 Hz to 4 kHz, since images bring the high tones behind a screen.
-double leastOf(const std::vector<Arrival>& arrivals) {
+double smallestOf(const std::vector<Arrival>& arrivals) {
     Bands sum{};
     for (const Arrival& one : arrivals)
         for (std::size_t b = 0; b < kBandCount; ++b) sum[b] += one.energy[b];
@@ -55,7 +55,7 @@ double leastOf(const std::vector<Arrival>& arrivals) {
 /// Images of the source in planes before which it and the listener are, the loudest first; those of less than `least`
 /// are left out.
 std::vector<WallImage> wallImages(const AcousticGeometry& geometry, const glm::dvec3& source,
-                                  const glm::dvec3& listener, double least) {
+                                  const glm::dvec3& listener, double minimum) {
     std::vector<WallImage> images;
     const auto planes = geometry.planes();
     for (std::uint32_t p = 0; p < planes.size(); ++p) {
@@ -63,10 +63,10 @@ std::vector<WallImage> wallImages(const AcousticGeometry& geometry, const glm::d
         const double from = plane.signedDistance(source), to = plane.signedDistance(listener);
         if (!(from * to > 0)) continue;
         WallImage image{p, source - plane.normal * (2 * from), 0, 0};
-        image.way = glm::distance(image.place, listener);
-        image.energy = plane.mirrors / (4 * std::numbers::pi * image.way * image.way);
-        const glm::dvec3 by = glm::mix(image.place, listener, from / (from + to));
-        if (image.energy > least && glm::distance(by, plane.center) < plane.radius) images.push_back(image);
+        image.pathLength = glm::distance(image.position, listener);
+        image.energy = plane.mirrors / (4 * std::numbers::pi * image.pathLength * image.pathLength);
+        const glm::dvec3 by = glm::mix(image.position, listener, from / (from + to));
+        if (image.energy > minimum && glm::distance(by, plane.center) < plane.radius) images.push_back(image);
     }
     std::ranges::sort(images, std::greater{}, &WallImage::energy);
     return images;
@@ -74,16 +74,16 @@ std::vector<WallImage> wallImages(const AcousticGeometry& geometry, const glm::d
 
 /// The wall's material at a place on the mirror; none where no surface faces source and listener.
 std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const MirrorWorld& world,
-                                       const glm::dvec3& place) {
+                                       const glm::dvec3& position) {
     AcousticHit hit;
-    const double reach = 1e-3 + 4 * placeRounding(place);
+    const double reach = 1e-3 + 4 * positionRounding(position);
     const auto isMirror = [&](const glm::dvec3& normal) { return glm::dot(normal, world.normal()) > 0.999; };
-    if (!geometry.closest(place + world.normal() * reach, -world.normal(), 2 * reach, kNoPlane, hit) ||
+    if (!geometry.closest(position + world.normal() * reach, -world.normal(), 2 * reach, kNoPlane, hit) ||
         (!isMirror(hit.normal) && !isMirror(-hit.normal)))
         return {};
     // A surface that faces away is the back of a body's face.
     bool faces = false;
-    geometry.surfacesNear(place, reach, [&](const NearSurface& surface) {
+    geometry.surfacesNear(position, reach, [&](const NearSurface& surface) {
         faces = faces || isMirror(surface.normal) || (surface.solid == kNoSolid && isMirror(-surface.normal));
     });
     if (!faces) return {};
@@ -91,8 +91,8 @@ std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const M
 }
 
 /// The radius, at a share of an image's way, of the zone in which waves of a metre are about in phase.
-double zoneRadius(const WallImage& image, double share) {
-    return std::sqrt(image.way * share * (1 - share));
+double zoneRadius(const WallImage& image, double fraction) {
+    return std::sqrt(image.pathLength * fraction * (1 - fraction));
 }
 
 /// The material of a wall where it mirrors the image, if it is large enough to mirror waves of a metre. A small one, as
@@ -101,8 +101,8 @@ std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const 
                                         const WallImage& image, const glm::dvec3& listener) {
     // A bound of work; and more than half of the zone, as beside another wall half of it is there.
     constexpr int kRound = 8, kEnough = 5;
-    const double share = world.height(listener) / (world.height(listener) - world.height(image.place));
-    const glm::dvec3 by = glm::mix(listener, image.place, share), normal = world.normal();
+    const double fraction = world.height(listener) / (world.height(listener) - world.height(image.position));
+    const glm::dvec3 by = glm::mix(listener, image.position, fraction), normal = world.normal();
     const std::optional<std::uint32_t> material = surfaceAt(geometry, world, by);
     if (!material) return {};
     const glm::dvec3 across =
@@ -112,7 +112,7 @@ std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const 
     for (int i = 0; i < kRound; ++i) {
         const double angle = 2 * std::numbers::pi * (i + 0.5) / kRound;
         const glm::dvec3 aside = std::cos(angle) * across + std::sin(angle) * other;
-        found += surfaceAt(geometry, world, by + zoneRadius(image, share) * aside).has_value();
+        found += surfaceAt(geometry, world, by + zoneRadius(image, fraction) * aside).has_value();
     }
     if (found < kEnough) return {};
     return material;
@@ -121,17 +121,17 @@ std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const 
 /// Whether a body blocks the path to the image, or is so near to it that it diffracts its sound.
 bool isBeside(const MirrorWorld& world, const WallImage& image, const glm::dvec3& listener) {
     constexpr int kRound = 8;  // a bound of work
-    const glm::dvec3 way = glm::normalize(listener - image.place);
-    const glm::dvec3 side =
-        glm::normalize(glm::cross(way, std::abs(way.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
-    const glm::dvec3 other = glm::cross(way, side);
+    const glm::dvec3 displacement = glm::normalize(listener - image.position);
+    const glm::dvec3 side = glm::normalize(
+        glm::cross(displacement, std::abs(displacement.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+    const glm::dvec3 other = glm::cross(displacement, side);
     for (const double radius : {0.0, 1.0, 0.5, 0.2}) {
         const double off = radius * zoneRadius(image, 0.5);
         for (int i = 0; i < (radius > 0 ? kRound : 1); ++i) {
             const double angle = 2 * std::numbers::pi * i / kRound;
             const glm::dvec3 aside = off * (std::cos(angle) * side + std::sin(angle) * other);
-            if (!seen(world, listener + 0.2 * aside, 0.5 * (listener + image.place) + aside) ||
-                !seen(world, image.place + 0.2 * aside, 0.5 * (listener + image.place) + aside))
+            if (!seen(world, listener + 0.2 * aside, 0.5 * (listener + image.position) + aside) ||
+                !seen(world, image.position + 0.2 * aside, 0.5 * (listener + image.position) + aside))
                 return true;
         }
     }
@@ -143,10 +143,11 @@ bool endsBeside(const WallImage& image, const BentParts& known) {
     constexpr float kMuch = 0.3f;  // of its pressure: 3 dB
     EdgeTonePressures sum{};
     for (const ImagePart& part : known.images)
-        if (glm::distance(part.image, image.place) < 1e-5 * (1 + glm::length(image.place)))
+        if (glm::distance(part.image, image.position) < 1e-5 * (1 + glm::length(image.position)))
             for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += part.pressure[t];
-    return std::ranges::any_of(
-        sum, [&](const std::complex<float>& one) { return std::abs(one) * static_cast<float>(image.way) > kMuch; });
+    return std::ranges::any_of(sum, [&](const std::complex<float>& one) {
+        return std::abs(one) * static_cast<float>(image.pathLength) > kMuch;
+    });
 }
 
 /// Folds the route of a wave, so that each place is on the side of the mirror where source and listener are.
@@ -164,30 +165,32 @@ void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const 
               std::uint32_t material, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
               TraceResult& result) {
     const double c = options.air.speedOfSound;
-    const glm::dmat3 turn = trace::mirroring(world.normal());
+    const glm::dmat3 rotation = trace::mirroring(world.normal());
     TraceOptions own = options;
-    if (options.pattern) own.pattern = [&](const glm::dvec3& direction) { return options.pattern(turn * direction); };
+    if (options.pattern)
+        own.pattern = [&](const glm::dvec3& direction) { return options.pattern(rotation * direction); };
     const auto known = std::ranges::find_if(result.arrivals, [&](const Arrival& one) {
-        return one.order == 1 && std::abs(one.seconds * c - image.way) < 1e-6 * (1 + image.way) &&
-               glm::distance(listener + one.direction * image.way, image.place) < 1e-4 * image.way;
+        return one.order == 1 && std::abs(one.seconds * c - image.pathLength) < 1e-6 * (1 + image.pathLength) &&
+               glm::distance(listener + one.direction * image.pathLength, image.position) < 1e-4 * image.pathLength;
     });
     std::vector<Arrival> arrivals;
     const Bands attenuation = airAttenuation(options.air);
     if (known != result.arrivals.end()) {
         Arrival& direct = arrivals.emplace_back();
-        direct.seconds = image.way / c;
-        direct.direction = (image.place - listener) / image.way;
-        direct.turn = glm::mat3(1.0f);
+        direct.seconds = image.pathLength / c;
+        direct.direction = (image.position - listener) / image.pathLength;
+        direct.rotation = glm::mat3(1.0f);
         const double sent = own.pattern ? own.pattern(-direct.direction) : 1;
         for (std::size_t b = 0; b < kBandCount; ++b)
-            direct.energy[b] =
-                sent * std::exp(-attenuation[b] * image.way) / (4 * std::numbers::pi * image.way * image.way);
+            direct.energy[b] = sent * std::exp(-attenuation[b] * image.pathLength) /
+                               (4 * std::numbers::pi * image.pathLength * image.pathLength);
     }
     EdgeField field;
-    addBending(world, image.place, listener, own, std::min(result.seconds, (image.way + kDetour) / c), arrivals, field);
+    addBending(world, image.position, listener, own, std::min(result.seconds, (image.pathLength + kDetour) / c),
+               arrivals, field);
     // Sound 60 dB below that in the open counts as none, so that a sealed room stays sealed.
-    constexpr double kLeastOfImage = 1e-6;
-    if (!(sumOver(arrivals) * 4 * std::numbers::pi * image.way * image.way > kLeastOfImage)) return;
+    constexpr double kMinOfImage = 1e-6;
+    if (!(sumOver(arrivals) * 4 * std::numbers::pi * image.pathLength * image.pathLength > kMinOfImage)) return;
     Bands mirrors{};
     for (std::size_t b = 0; b < kBandCount; ++b) mirrors[b] = geometry.materials()[material].mirrored(b);
     if (known != result.arrivals.end()) result.arrivals.erase(known);
@@ -199,7 +202,7 @@ void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const 
     for (Arrival& one : arrivals) {
         if (one.straight >= 0) one.straight += shift;
         for (std::size_t b = 0; b < kBandCount; ++b) one.energy[b] *= mirrors[b];
-        if (one.turn == glm::mat3(1.0f)) one.turn = glm::mat3(turn);
+        if (one.rotation == glm::mat3(1.0f)) one.rotation = glm::mat3(rotation);
         ++one.order;
         result.arrivals.push_back(one);
     }
@@ -228,14 +231,14 @@ BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, co
 void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                    const TraceOptions& options, const BentParts& known, TraceResult& result) {
     if (!diffractionParts().images) return;
-    const double least = kLeastOfAll * leastOf(result.arrivals);
+    const double minimum = kMinOfAll * smallestOf(result.arrivals);
     std::size_t looked = 0;
-    for (const WallImage& image : wallImages(geometry, source, listener, least)) {
+    for (const WallImage& image : wallImages(geometry, source, listener, minimum)) {
         const MirrorWorld world(geometry, image.plane, listener);
         const std::optional<std::uint32_t> material = materialOf(geometry, world, image, listener);
         if (!material || endsBeside(image, known) || !isBeside(world, image, listener)) continue;
         addImage(geometry, world, image, *material, source, listener, options, result);
-        if (++looked == kMostBentImages) break;
+        if (++looked == kMaxBentImages) break;
     }
 }
 

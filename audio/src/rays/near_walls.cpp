@@ -22,8 +22,8 @@ constexpr double kAlike = 0.98;
 /// none lies in a plane of two axes.
 glm::dvec3 evenPair(int i) {
     constexpr int kHalf = kDirections / 2;
-    static const glm::dmat3 turn({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
-    return i < kHalf ? turn * evenDirection(i, kDirections) : -(turn * evenDirection(i - kHalf, kDirections));
+    static const glm::dmat3 rotation({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
+    return i < kHalf ? rotation * evenDirection(i, kDirections) : -(rotation * evenDirection(i - kHalf, kDirections));
 }
 
 }  // namespace
@@ -40,9 +40,9 @@ NearWalls::NearWalls(const AcousticGeometry& geometry, const BandClasses& classe
 }
 
 void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& listener) {
-    for (int first = 0; first < kDirections; first += AcousticRays::kMost) {
+    for (int first = 0; first < kDirections; first += AcousticRays::kMax) {
         AcousticRays rays;
-        for (int i = first; i < first + AcousticRays::kMost; ++i)
+        for (int i = first; i < first + AcousticRays::kMax; ++i)
             rays.add(listener, glm::dvec3(0), evenPair(i), kFlat * reach_, kNoPlane);
         AcousticHits hits;
         const std::uint32_t met = geometry.closestOf(rays, hits);
@@ -56,8 +56,8 @@ void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classe
         }
     }
     for (Wall& wall : walls_) {
-        wall.way /= static_cast<double>(wall.views.size());
-        wall.wayTo /= static_cast<double>(wall.views.size());
+        wall.pathLength /= static_cast<double>(wall.views.size());
+        wall.directionTo /= static_cast<double>(wall.views.size());
     }
 }
 
@@ -69,12 +69,12 @@ void NearWalls::follow(const AcousticGeometry& geometry, const BandClasses& clas
     glm::dvec3 point = listener, ahead = direction;
     Bands left{};
     std::fill_n(left.begin(), classes.count, 1.0);
-    for (double way = hit.distance;; way += hit.distance) {
+    for (double pathLength = hit.distance;; pathLength += hit.distance) {
         point += ahead * hit.distance;
         const AcousticMaterial& material = geometry.materials()[hit.material];
         const double across = glm::dot(hit.normal, ahead);
         const glm::dvec3 normal = across > 0 ? -hit.normal : hit.normal;
-        if (std::ranges::any_of(material.scattering, [](double share) { return share > 0; })) {
+        if (std::ranges::any_of(material.scattering, [](double fraction) { return fraction > 0; })) {
             auto wall = std::ranges::find_if(walls_, [&](const Wall& w) {
                 return w.material == hit.material && glm::dot(w.normal, normal) > kAlike;
             });
@@ -84,16 +84,16 @@ void NearWalls::follow(const AcousticGeometry& geometry, const BandClasses& clas
                 wall->material = hit.material;
             }
             wall->views.push_back({direction, left});
-            wall->way += way;
-            wall->wayTo += point - listener;
+            wall->pathLength += pathLength;
+            wall->directionTo += point - listener;
         }
-        double most = 0;
+        double maximum = 0;
         for (std::size_t c = 0; c < classes.count; ++c) {
             left[c] *= std::max(0.0, material.mirrored(classes.first[c]));
-            most = std::max(most, left[c]);
+            maximum = std::max(maximum, left[c]);
         }
         ahead -= hit.normal * (2 * across);
-        if (!(most > 0) || !geometry.closest(point, ahead, reach_ - way, hit.plane, hit)) return;
+        if (!(maximum > 0) || !geometry.closest(point, ahead, reach_ - pathLength, hit.plane, hit)) return;
     }
 }
 
@@ -133,9 +133,9 @@ EnergyHistogram echoOf(const NearWalls& walls, const BandClasses& classes, std::
                        const EnergyHistogram& like, double speedOfSound) {
     EnergyHistogram result{like.binsPerSecond, {}, like.start};
     for (const Arrival& arrival : arrivals)
-        walls.echo(arrival.direction, [&](double later, const Bands& shares) {
+        walls.echo(arrival.direction, [&](double later, const Bands& fractions) {
             Bands energy{};
-            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] = arrival.energy[b] * shares[classes.of[b]];
+            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] = arrival.energy[b] * fractions[classes.of[b]];
             result.add(arrival.seconds + later / speedOfSound, energy);
         });
     return result;

@@ -42,9 +42,9 @@ class NearWalls {
         for (const Wall& wall : walls_) {
             const double across = glm::dot(wall.normal, from);
             if (!(across > 0)) continue;
-            Bands shares{};
-            for (std::size_t c = 0; c < classes_; ++c) shares[c] = wall.back[c] * across;
-            visit(std::max(0.0, wall.way - glm::dot(wall.wayTo, from)), shares);
+            Bands fractions{};
+            for (std::size_t c = 0; c < classes_; ++c) fractions[c] = wall.back[c] * across;
+            visit(std::max(0.0, wall.pathLength - glm::dot(wall.directionTo, from)), fractions);
         }
     }
 
@@ -57,10 +57,10 @@ class NearWalls {
     struct Wall {
         glm::dvec3 normal{0};  // towards where it is seen from
         std::uint32_t material = 0;
-        std::vector<View> views;  // until `back` is known
-        double way = 0;           // m to it, the mean over these
-        glm::dvec3 wayTo{0};      // to its middle, m
-        Bands back{};             // by class, of what lights it straight on
+        std::vector<View> views;    // until `back` is known
+        double pathLength = 0;      // m to it, the mean over these
+        glm::dvec3 directionTo{0};  // to its middle, m
+        Bands back{};               // by class, of what lights it straight on
     };
 
     void look(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& listener);

@@ -18,7 +18,7 @@ struct ProbeRay {
     Bands energy{};  // by class of bands
     double metres = 0;
 
-    double most() const { return *std::max_element(energy.begin(), energy.end()); }
+    double maximum() const { return *std::max_element(energy.begin(), energy.end()); }
     /// Goes to a wall, loses the absorbed share there, and continues at random in proportion to the shares of energy.
     void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes, Random& random) {
         double scattered = 0, mirrored = 0, through = 0;

@@ -27,7 +27,7 @@ void forEachBit(std::uint32_t bits, const Visit& visit) {
 template <class Test>
 std::uint32_t lanesWhere(const Test& test) {
     std::uint32_t lanes = 0;
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
+    for (int i = 0; i < AcousticRays::kMax; ++i) {
         const bool is = test(i);
         lanes |= std::uint32_t{is} << i;
     }
@@ -35,10 +35,10 @@ std::uint32_t lanesWhere(const Test& test) {
 }
 
 /// Pairs of numbers in [0, 1), with 32 bits each.
-inline void drawPairs(Random& random, double (&first)[AcousticRays::kMost], double (&second)[AcousticRays::kMost]) {
+inline void drawPairs(Random& random, double (&first)[AcousticRays::kMax], double (&second)[AcousticRays::kMax]) {
     // A number from 1 to 2 has these bits above its fraction's; taking 1 away is exact.
     constexpr std::uint64_t kOne = std::bit_cast<std::uint64_t>(1.0);
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
+    for (int i = 0; i < AcousticRays::kMax; ++i) {
         const std::uint64_t bits = random.next();
         first[i] = std::bit_cast<double>(kOne | (bits >> 32) << 20) - 1;
         second[i] = std::bit_cast<double>(kOne | (bits & 0xFFFFFFFF) << 20) - 1;
@@ -48,7 +48,7 @@ inline void drawPairs(Random& random, double (&first)[AcousticRays::kMost], doub
 template <std::size_t N>
 class RayLanes {
   public:
-    static constexpr int kMost = AcousticRays::kMost;
+    static constexpr int kMax = AcousticRays::kMax;
     using Vectors = AcousticRays::Vectors;
 
     enum class Event : std::uint8_t { emitted, diffuse, mirror };
@@ -56,19 +56,19 @@ class RayLanes {
     /// From the last hit; `facing`: normal of the surface there, on the side of the ray; `except`: its plane.
     AcousticRays rays;
     Vectors before;  // where they came from to there
-    alignas(64) double energy[N][kMost] = {};
-    alignas(64) double travelled[kMost] = {};  // metres
-    double scatteredAt[kMost] = {};            // distance travelled when it was last scattered, if ever
-    double roulette[kMost] = {};               // share of a ray's first energy at which roulette is played next
-    Event last[kMost] = {};
-    int mirrorOrder[kMost] = {};        // reflections while all were mirror-like
-    MirrorSequence mirrors[kMost];      // since the last reflection that was not mirror-like
-    double mirrorShare[kMost] = {};     // at most, of energy that they left
-    bool onlyMirrors[kMost] = {};       // so far
-    std::int32_t wallsMet[kMost] = {};  // as far as they scatter
-    std::int32_t parts[kMost] = {};     // that one that was sent has been split into
-    bool isPart[kMost] = {};
-    bool again[kMost] = {};  // it goes to a wall where one that it is a part of has been
+    alignas(64) double energy[N][kMax] = {};
+    alignas(64) double travelled[kMax] = {};  // metres
+    double scatteredAt[kMax] = {};            // distance travelled when it was last scattered, if ever
+    double roulette[kMax] = {};               // share of a ray's first energy at which roulette is played next
+    Event last[kMax] = {};
+    int mirrorOrder[kMax] = {};        // reflections while all were mirror-like
+    MirrorSequence mirrors[kMax];      // since the last reflection that was not mirror-like
+    double mirrorFraction[kMax] = {};  // at most, of energy that they left
+    bool onlyMirrors[kMax] = {};       // so far
+    std::int32_t wallsMet[kMax] = {};  // as far as they scatter
+    std::int32_t parts[kMax] = {};     // that one that was sent has been split into
+    bool isPart[kMax] = {};
+    bool again[kMax] = {};  // it goes to a wall where one that it is a part of has been
 
     Energy<N> energyOf(int i) const { return column(energy, i); }
     void start(int i, const glm::dvec3& origin, const glm::dvec3& direction, const Energy<N>& with, double playedAt) {
@@ -78,7 +78,7 @@ class RayLanes {
         for (std::size_t b = 0; b < N; ++b) energy[b][i] = with[b];
         travelled[i] = 0, scatteredAt[i] = -std::numeric_limits<double>::infinity();
         roulette[i] = playedAt, last[i] = Event::emitted;
-        mirrorOrder[i] = 0, mirrors[i] = {}, mirrorShare[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
+        mirrorOrder[i] = 0, mirrors[i] = {}, mirrorFraction[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
         parts[i] = 1, isPart[i] = again[i] = false;
     }
     void copy(int from, int to) {
@@ -88,7 +88,7 @@ class RayLanes {
         for (std::size_t b = 0; b < N; ++b) energy[b][to] = energy[b][from];
         travelled[to] = travelled[from], scatteredAt[to] = scatteredAt[from];
         roulette[to] = roulette[from], last[to] = last[from];
-        mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorShare[to] = mirrorShare[from];
+        mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorFraction[to] = mirrorFraction[from];
         onlyMirrors[to] = onlyMirrors[from], wallsMet[to] = wallsMet[from];
         parts[to] = parts[from], isPart[to] = isPart[from], again[to] = again[from];
     }
@@ -102,7 +102,7 @@ class RayLanes {
         Event last;
         int mirrorOrder;
         MirrorSequence mirrors;
-        double mirrorShare;
+        double mirrorFraction;
         bool onlyMirrors;
         std::int32_t wallsMet, parts;
     };
@@ -110,22 +110,22 @@ class RayLanes {
     // The members below belong to the walls that were met last.
 
     /// Moves rays to their hits. `met`: a bit for each that hit something; for others `hits` means nothing. Rays can be
-    /// split if `keepsWay`.
-    void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls,
-                bool keepsWay = false) {
-        alignas(64) double distance[kMost] = {};
-        const Shares<N>* shares[kMost];
-        if (keepsWay) keepWay();
-        for (int i = 0; i < kMost; ++i) {
+    /// split if `keepsDistance`.
+    void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Fractions<N>>& walls,
+                bool keepsDistance = false) {
+        alignas(64) double distance[kMax] = {};
+        const Fractions<N>* fractions[kMax];
+        if (keepsDistance) keepDistance();
+        for (int i = 0; i < kMax; ++i) {
             const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
             const bool any = (met >> i & 1) != 0;
             distance[i] = any ? hit.distance : 0;
             normal_.set(i, hit.normal);
-            shares[i] = &walls[any ? hit.material : 0];
+            fractions[i] = &walls[any ? hit.material : 0];
             rays.except[i] = hit.plane;
         }
         Vectors &o = rays.origin, &d = rays.direction, &n = normal_, &f = rays.facing;
-        for (int i = 0; i < kMost; ++i) {
+        for (int i = 0; i < kMax; ++i) {
             before.x[i] = o.x[i], before.y[i] = o.y[i], before.z[i] = o.z[i];
             o.x[i] += d.x[i] * distance[i], o.y[i] += d.y[i] * distance[i], o.z[i] += d.z[i] * distance[i];
             travelled[i] += distance[i];
@@ -134,10 +134,10 @@ class RayLanes {
             f.x[i] = side * n.x[i], f.y[i] = side * n.y[i], f.z[i] = side * n.z[i];
         }
         for (std::size_t b = 0; b < N; ++b)
-            for (int i = 0; i < kMost; ++i) {
-                diffuse_[b][i] = energy[b][i] * shares[i]->diffuse[b];
-                mirror_[b][i] = energy[b][i] * shares[i]->mirror[b];
-                through_[b][i] = energy[b][i] * shares[i]->through[b];
+            for (int i = 0; i < kMax; ++i) {
+                diffuse_[b][i] = energy[b][i] * fractions[i]->diffuse[b];
+                mirror_[b][i] = energy[b][i] * fractions[i]->mirror[b];
+                through_[b][i] = energy[b][i] * fractions[i]->through[b];
             }
         addUp(diffuse_, diffuseSum_), addUp(mirror_, mirrorSum_), addUp(through_, throughSum_);
     }
@@ -145,12 +145,12 @@ class RayLanes {
     /// The scattered share of the energy that the wall leaves.
     double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
     /// By lane, the largest share that the wall leaves in any band.
-    void leftMost(double (&most)[kMost]) const {
-        for (int i = 0; i < kMost; ++i) most[i] = 0;
+    void leftMaximum(double (&maximum)[kMax]) const {
+        for (int i = 0; i < kMax; ++i) maximum[i] = 0;
         for (std::size_t b = 0; b < N; ++b)
-            for (int i = 0; i < kMost; ++i) {
+            for (int i = 0; i < kMax; ++i) {
                 const double all = diffuse_[b][i] + mirror_[b][i] + through_[b][i];
-                most[i] = all > most[i] ? all : most[i];
+                maximum[i] = all > maximum[i] ? all : maximum[i];
             }
     }
     /// Multiplies the energy that the wall leaves by a factor.
@@ -162,9 +162,22 @@ class RayLanes {
     /// other parts.
     Part split(int i, int into) {
         parts[i] *= into;
-        Part part{before[i],         rays.direction[i], way_.facing[i], way_.before[i], way_.except[i], energyOf(i),
-                  way_.travelled[i], scatteredAt[i],    roulette[i],    last[i],        mirrorOrder[i], mirrors[i],
-                  mirrorShare[i],    onlyMirrors[i],    wallsMet[i],    parts[i]};
+        Part part{before[i],
+                  rays.direction[i],
+                  pathLength_.facing[i],
+                  pathLength_.before[i],
+                  pathLength_.except[i],
+                  energyOf(i),
+                  pathLength_.travelled[i],
+                  scatteredAt[i],
+                  roulette[i],
+                  last[i],
+                  mirrorOrder[i],
+                  mirrors[i],
+                  mirrorFraction[i],
+                  onlyMirrors[i],
+                  wallsMet[i],
+                  parts[i]};
         for (double& e : part.energy) e /= into;
         scale(i, 1.0 / into);
         return part;
@@ -176,7 +189,7 @@ class RayLanes {
         for (std::size_t b = 0; b < N; ++b) energy[b][i] = part.energy[b];
         travelled[i] = part.travelled, scatteredAt[i] = part.scatteredAt;
         roulette[i] = part.roulette, last[i] = part.last;
-        mirrorOrder[i] = part.mirrorOrder, mirrors[i] = part.mirrors, mirrorShare[i] = part.mirrorShare;
+        mirrorOrder[i] = part.mirrorOrder, mirrors[i] = part.mirrors, mirrorFraction[i] = part.mirrorFraction;
         onlyMirrors[i] = part.onlyMirrors, wallsMet[i] = part.wallsMet;
         parts[i] = part.parts, isPart[i] = again[i] = true;
     }
@@ -190,24 +203,24 @@ class RayLanes {
 
     /// Chooses how each ray continues, with probabilities equal to its shares of energy: `choice`, in [0, 1). Scattered
     /// rays go in the direction of `across` and `round`, see cosineDirections().
-    void goOn(const double (&choice)[kMost], const double (&across)[kMost], const double (&round)[kMost],
+    void goOn(const double (&choice)[kMax], const double (&across)[kMax], const double (&round)[kMax],
               std::span<const ReflectingPlane> planes) {
-        alignas(64) std::int64_t event[kMost];
-        for (int i = 0; i < kMost; ++i) {
+        alignas(64) std::int64_t event[kMax];
+        for (int i = 0; i < kMax; ++i) {
             const double d = diffuseSum_[i], m = mirrorSum_[i], t = throughSum_[i], at = choice[i] * (d + m + t);
             // Rounding may put the choice past the last share; a share of nothing is never chosen.
             const bool scatters = (d > 0) & ((at < d) | (m + t <= 0));
             const bool reflects = (m > 0) & ((at < d + m) | (t <= 0));
             event[i] = scatters ? kScatters : reflects ? kReflects : kPasses;
         }
-        turn(event, across, round);
+        rotate(event, across, round);
         weigh(event);
-        for (int i = 0; i < kMost; ++i) {
+        for (int i = 0; i < kMax; ++i) {
             const bool scatters = event[i] == kScatters;
             mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
             scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
         }
-        for (int i = 0; i < kMost; ++i) {
+        for (int i = 0; i < kMax; ++i) {
             const bool scatters = event[i] == kScatters;
             onlyMirrors[i] = onlyMirrors[i] & !scatters;
             last[i] = scatters ? Event::diffuse : last[i];
@@ -217,27 +230,27 @@ class RayLanes {
             last[i] = Event::mirror;
             ++mirrorOrder[i];
             mirrors[i].append(plane);
-            if (plane < planes.size()) mirrorShare[i] *= planes[plane].mirrors;
+            if (plane < planes.size()) mirrorFraction[i] *= planes[plane].mirrors;
         });
     }
     /// Those of `lanes` whose energy is below `of` times that of the next Russian roulette.
     std::uint32_t faint(std::uint32_t lanes, double of) const {
         return lanes & lanesWhere([&](int i) {
-                   double most = energy[0][i];
-                   for (std::size_t b = 1; b < N; ++b) most = energy[b][i] > most ? energy[b][i] : most;
-                   return !(most >= roulette[i] * of);
+                   double maximum = energy[0][i];
+                   for (std::size_t b = 1; b < N; ++b) maximum = energy[b][i] > maximum ? energy[b][i] : maximum;
+                   return !(maximum >= roulette[i] * of);
                });
     }
 
   private:
     static constexpr std::int64_t kScatters = 0, kReflects = 1, kPasses = 2;
-    using Energies = double[N][kMost];
+    using Energies = double[N][kMax];
 
     /// Keeps where rays start to the wall that is met next, for parts of them that go there once more.
-    void keepWay() {
-        way_.before = before, way_.facing = rays.facing;
-        std::copy_n(rays.except, kMost, way_.except);
-        std::copy_n(travelled, kMost, way_.travelled);
+    void keepDistance() {
+        pathLength_.before = before, pathLength_.facing = rays.facing;
+        std::copy_n(rays.except, kMax, pathLength_.except);
+        std::copy_n(travelled, kMax, pathLength_.travelled);
     }
 
     static Energy<N> column(const Energies& of, int i) {
@@ -245,16 +258,16 @@ class RayLanes {
         for (std::size_t b = 0; b < N; ++b) result[b] = of[b][i];
         return result;
     }
-    static void addUp(const Energies& energies, double (&sum)[kMost]) {
-        for (int i = 0; i < kMost; ++i) sum[i] = energies[0][i];
+    static void addUp(const Energies& energies, double (&sum)[kMax]) {
+        for (int i = 0; i < kMax; ++i) sum[i] = energies[0][i];
         for (std::size_t b = 1; b < N; ++b)
-            for (int i = 0; i < kMost; ++i) sum[i] += energies[b][i];
+            for (int i = 0; i < kMax; ++i) sum[i] += energies[b][i];
     }
-    void turn(const std::int64_t (&event)[kMost], const double (&across)[kMost], const double (&round)[kMost]) {
+    void rotate(const std::int64_t (&event)[kMax], const double (&across)[kMax], const double (&round)[kMax]) {
         cosineDirections(rays.facing, across, round, scattered_);
-        const auto along = [&](double(&direction)[kMost], double(&facing)[kMost], const double(&away)[kMost],
-                               const double(&normal)[kMost]) {
-            for (int i = 0; i < kMost; ++i) {
+        const auto along = [&](double(&direction)[kMax], double(&facing)[kMax], const double(&away)[kMax],
+                               const double(&normal)[kMax]) {
+            for (int i = 0; i < kMax; ++i) {
                 const double mirrored = direction[i] - normal[i] * (2 * cosine_[i]);
                 direction[i] = event[i] == kScatters ? away[i] : event[i] == kReflects ? mirrored : direction[i];
                 facing[i] = event[i] == kPasses ? -facing[i] : facing[i];
@@ -265,9 +278,9 @@ class RayLanes {
         along(rays.direction.z, rays.facing.z, scattered_.z, normal_.z);
     }
     /// Gives each ray the energy of its event, divided by the probability of the event.
-    void weigh(const std::int64_t (&event)[kMost]) {
+    void weigh(const std::int64_t (&event)[kMax]) {
         for (std::size_t b = 0; b < N; ++b)
-            for (int i = 0; i < kMost; ++i) {
+            for (int i = 0; i < kMax; ++i) {
                 const double all = diffuseSum_[i] + mirrorSum_[i] + throughSum_[i];
                 if constexpr (N == 1) {
                     energy[b][i] = all;
@@ -282,13 +295,13 @@ class RayLanes {
 
     struct {
         Vectors before, facing;
-        std::uint32_t except[kMost];
-        double travelled[kMost];
-    } way_ = {};
+        std::uint32_t except[kMax];
+        double travelled[kMax];
+    } pathLength_ = {};
     Vectors normal_, scattered_;
-    alignas(64) double cosine_[kMost] = {};  // of the normal with the way there
+    alignas(64) double cosine_[kMax] = {};  // of the normal with the way there
     alignas(64) Energies diffuse_ = {}, mirror_ = {}, through_ = {};
-    alignas(64) double diffuseSum_[kMost] = {}, mirrorSum_[kMost] = {}, throughSum_[kMost] = {};
+    alignas(64) double diffuseSum_[kMax] = {}, mirrorSum_[kMax] = {}, throughSum_[kMax] = {};
 };
 
 }  // namespace rtsg::trace

@@ -17,9 +17,9 @@ namespace rtsg {
 using HeatColor = std::array<double, 3>;
 
 /// `share`: from 0, dark blue, to 1, yellow.
-inline HeatColor heatColor(double share) {
+inline HeatColor heatColor(double fraction) {
     constexpr HeatColor kStops[] = {{24, 22, 74}, {44, 75, 142}, {33, 132, 148}, {86, 183, 116}, {250, 226, 72}};
-    const double at = 4 * std::clamp(share, 0.0, 1.0);
+    const double at = 4 * std::clamp(fraction, 0.0, 1.0);
     const auto i = static_cast<std::size_t>(std::min(3.0, at));
     const double w = at - static_cast<double>(i);
     HeatColor color;

@@ -62,8 +62,8 @@ std::string marked(std::string_view text) {
 
 }  // namespace
 
-std::string percentText(double share) {
-    return fmt::format("{:.2g} %", 100 * share);
+std::string percentText(double fraction) {
+    return fmt::format("{:.2g} %", 100 * fraction);
 }
 
 std::string sizeText(const RoomOpening& opening) {
@@ -77,8 +77,8 @@ std::string openingsJson(const RoomOpenings& openings) {
         text += fmt::format(
             "{}{{\"kind\":\"{}\",\"share\":{},\"share_ci95\":{},\"share_bands\":{},\"rays\":{},\"center\":{},"
             "\"normal\":{},\"length\":{},\"width\":{},\"area\":{},\"boundary_edges\":{},\"beside\":[",
-            &opening == openings.openings.data() ? "" : ",", kindOf(opening), jsonNumber(opening.meanShare()),
-            jsonNumber(opening.shareCi95), jsonArray(opening.share), opening.rays, jsonPoint(opening.center),
+            &opening == openings.openings.data() ? "" : ",", kindOf(opening), jsonNumber(opening.meanFraction()),
+            jsonNumber(opening.fractionCi95), jsonArray(opening.fraction), opening.rays, jsonPoint(opening.center),
             jsonPoint(opening.normal), jsonNumber(opening.length), jsonNumber(opening.width), jsonNumber(opening.area),
             opening.boundaryEdges);
         for (const RoomOpening::Beside& beside : opening.beside)
@@ -98,8 +98,8 @@ std::string lossesText(const RoomReport& report) {
         text += fmt::format("  {}: {}\n", printable(losses.source), percentText(losses.openings.escaped));
         for (const RoomOpening& opening : losses.openings.openings)
             text += fmt::format("    {:<8} {:>8} +- {:<8} {} ({:.3g} m2) at {}; beside: {}\n", kindOf(opening),
-                                percentText(opening.meanShare()), percentText(opening.shareCi95), sizeText(opening),
-                                opening.area, centerText(opening.center), namesOf(opening));
+                                percentText(opening.meanFraction()), percentText(opening.fractionCi95),
+                                sizeText(opening), opening.area, centerText(opening.center), namesOf(opening));
         if (losses.openings.elsewhere > kNothing)
             text += fmt::format("    {:<8} {:>8}\n", "other", percentText(losses.openings.elsewhere));
     }
@@ -120,8 +120,8 @@ std::string lossesHtml(const RoomReport& report) {
             page += fmt::format(
                 "<tr><th>{}</th><td>{} <i>&#177;{}</i></td><td>{}</td><td>{:.3g}</td><td>{}</td>"
                 "<td>{}</td></tr>\n",
-                kindOf(opening), percentText(opening.meanShare()), percentText(opening.shareCi95), sizeText(opening),
-                opening.area, centerText(opening.center), marked(namesOf(opening)));
+                kindOf(opening), percentText(opening.meanFraction()), percentText(opening.fractionCi95),
+                sizeText(opening), opening.area, centerText(opening.center), marked(namesOf(opening)));
         if (losses.openings.elsewhere > kNothing)
             page += fmt::format("<tr><th>other</th><td>{}</td><td></td><td></td><td></td><td></td></tr>\n",
                                 percentText(losses.openings.elsewhere));

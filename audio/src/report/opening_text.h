@@ -18,6 +18,6 @@ std::string lossesHtml(const RoomReport& report);
 /// 3 m x 1 mm, say.
 std::string sizeText(const RoomOpening& opening);
 /// 12 %, .5 %; two digits.
-std::string percentText(double share);
+std::string percentText(double fraction);
 
 }  // namespace rtsg

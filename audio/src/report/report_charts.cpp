@@ -181,7 +181,7 @@ std::string decayChart(const RoomReport::Pair& pair) {
 }
 
 std::string reflectogram(const RoomReport::Pair& pair) {
-    constexpr std::size_t kBand = kBand1k, kMostDrawn = 600;
+    constexpr std::size_t kBand = kBand1k, kMaxDrawn = 600;
     constexpr double kShown = 0.2, kLowest = -50;
     const Echogram& echogram = pair.echogram;
     const double first = firstOf(echogram);
@@ -191,12 +191,12 @@ std::string reflectogram(const RoomReport::Pair& pair) {
     svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" class=\"early\"/>\n",
                        frame.x, frame.y, early - frame.x, frame.height);
     svg += frame.draw(10, true, true);
-    double most = 0;
-    for (const Arrival& arrival : echogram.arrivals) most = std::max(most, arrival.energy[kBand]);
-    if (!(most > 0))
-        for (const Bands& bin : echogram.late.bins) most = std::max(most, bin[kBand]);
+    double maximum = 0;
+    for (const Arrival& arrival : echogram.arrivals) maximum = std::max(maximum, arrival.energy[kBand]);
+    if (!(maximum > 0))
+        for (const Bands& bin : echogram.late.bins) maximum = std::max(maximum, bin[kBand]);
     const auto level = [&](double energy) {
-        return most > 0 && energy > 0 ? 10 * std::log10(energy / most) : 2 * kLowest;
+        return maximum > 0 && energy > 0 ? 10 * std::log10(energy / maximum) : 2 * kLowest;
     };
     // Energy of milliseconds of all that has no exact time.
     std::string area;
@@ -215,7 +215,7 @@ std::string reflectogram(const RoomReport::Pair& pair) {
     for (const Arrival& arrival : echogram.arrivals)
         if (arrival.seconds - first <= kShown && level(arrival.energy[kBand]) > kLowest) drawn.push_back(&arrival);
     std::ranges::stable_sort(drawn, std::greater(), [](const Arrival* one) { return one->energy[kBand]; });
-    drawn.resize(std::min(drawn.size(), kMostDrawn));
+    drawn.resize(std::min(drawn.size(), kMaxDrawn));
     std::ranges::reverse(drawn);
     for (const Arrival* arrival : drawn) {
         const double x = frame.atTime(arrival->seconds - first), y = frame.atLevel(level(arrival->energy[kBand]));
@@ -240,9 +240,9 @@ std::string energogram(const RoomReport::Pair& pair) {
     for (const Arrival& arrival : echogram.arrivals) add(arrival.seconds, arrival.energy);
     for (std::size_t i = 0; i < echogram.late.bins.size(); ++i)
         add(echogram.late.startOf(i) + 0.5 / echogram.late.binsPerSecond, echogram.late.bins[i]);
-    double most = 0;
+    double maximum = 0;
     for (const Bands& cell : cells)
-        for (const double energy : cell) most = std::max(most, energy);
+        for (const double energy : cell) maximum = std::max(maximum, energy);
     const ChartFrame frame{34, 6, 1000, 180, seconds, kLowestDb};
     std::string svg = openSvg(1074, 210, "energogram") + "<g shape-rendering=\"crispEdges\">\n";
     const double height = frame.height / kBandCount, width = frame.width / kColumns;
@@ -252,7 +252,7 @@ std::string energogram(const RoomReport::Pair& pair) {
                            y + height / 2 + 3.5, octaveText(kBandHz[b]));
         for (std::size_t k = 0; k < kColumns; ++k) {
             if (!(cells[k][b] > 0)) continue;
-            const double db = 10 * std::log10(cells[k][b] / most);
+            const double db = 10 * std::log10(cells[k][b] / maximum);
             if (db < kLowestDb) continue;
             svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"{}\"/>\n",
                                frame.x + width * static_cast<double>(k), y, width + 0.2, height + 0.2,

@@ -28,30 +28,30 @@ struct PlanScale {
         const glm::dvec2 size = glm::max(high - low, glm::dvec2(1e-3));
         pixels = std::min((kWidth - 2 * kMargin) / size.x, (kHeight - 2 * kMargin) / size.y);
     }
-    glm::dvec2 at(const glm::dvec2& place) const { return (place - low) * pixels + kMargin; }
-    glm::dvec2 at(const glm::dvec3& place) const { return at(glm::dvec2(place.x, place.z)); }
+    glm::dvec2 at(const glm::dvec2& point) const { return (point - low) * pixels + kMargin; }
+    glm::dvec2 at(const glm::dvec3& position) const { return at(glm::dvec2(position.x, position.z)); }
     glm::dvec2 size() const { return (high - low) * pixels + 2 * kMargin; }
 };
 
 /// Places and their numbers, those of one name and place once.
 struct PlanMarks {
-    std::vector<std::pair<std::string, glm::dvec3>> places;
+    std::vector<std::pair<std::string, glm::dvec3>> listeners;
 
     void add(const std::string& name, const glm::dvec3& at) {
         const std::pair mark(name, at);
-        if (std::ranges::find(places, mark) == places.end()) places.push_back(mark);
+        if (std::ranges::find(listeners, mark) == listeners.end()) listeners.push_back(mark);
     }
 };
 
 std::string markText(const PlanScale& scale, const PlanMarks& marks, std::string_view kind, std::string_view letter) {
-    constexpr std::size_t kMostNumbered = 40;
+    constexpr std::size_t kMaxNumbered = 40;
     std::string svg;
-    for (std::size_t i = 0; i < marks.places.size(); ++i) {
-        const glm::dvec2 at = scale.at(marks.places[i].second);
-        svg +=
-            fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" class=\"{}\"><title>{}</title></circle>\n", at.x,
-                        at.y, marks.places.size() <= kMostNumbered ? 9 : 3, kind, escapedText(marks.places[i].first));
-        if (marks.places.size() <= kMostNumbered)
+    for (std::size_t i = 0; i < marks.listeners.size(); ++i) {
+        const glm::dvec2 at = scale.at(marks.listeners[i].second);
+        svg += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" class=\"{}\"><title>{}</title></circle>\n",
+                           at.x, at.y, marks.listeners.size() <= kMaxNumbered ? 9 : 3, kind,
+                           escapedText(marks.listeners[i].first));
+        if (marks.listeners.size() <= kMaxNumbered)
             svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"mark\">{}{}</text>\n", at.x, at.y + 3.5, letter,
                                i + 1);
     }
@@ -105,12 +105,12 @@ std::string timesChart(const RoomReport& report) {
                         {mean.edt, "edt", "EDT"},
                         {mean.t20, "t20", "T20"},
                         {mean.t30, "t30", "T30"}};
-    double most = 0;
+    double maximum = 0;
     for (const Row& row : rows)
         for (const double value : row.values)
-            if (std::isfinite(value)) most = std::max(most, value);
-    if (!(most > 0)) return "";
-    const double step = niceStep(1.08 * most, 5), high = std::ceil(1.02 * most / step) * step;
+            if (std::isfinite(value)) maximum = std::max(maximum, value);
+    if (!(maximum > 0)) return "";
+    const double step = niceStep(1.08 * maximum, 5), high = std::ceil(1.02 * maximum / step) * step;
     const auto atBand = [&](double octave) { return kLeft + kWidth * (octave + 0.5) / kBandCount; };
     const auto atTime = [&](double seconds) { return kTop + kHeight * (1 - seconds / high); };
     std::string svg = fmt::format(

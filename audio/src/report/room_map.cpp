@@ -114,8 +114,7 @@ class MapCanvas {
           cell_(cell),
           mapWidth_(static_cast<int>(grid.columns) * cell),
           mapHeight_(static_cast<int>(grid.rows) * cell),
-          picture_(std::max(mapWidth_, kLeastWidth) + 2 * kAround + kScale, mapHeight_ + 2 * kAround + kHead,
-                   kMapPaper) {
+          picture_(std::max(mapWidth_, kMinWidth) + 2 * kAround + kScale, mapHeight_ + 2 * kAround + kHead, kMapPaper) {
         picture_.space = ColorSpace::display;
     }
 
@@ -136,8 +135,8 @@ class MapCanvas {
             fill(static_cast<int>(at.x), static_cast<int>(at.y), 2, 2, kMapInk);
         }
     }
-    void source(const glm::dvec3& place) {
-        const glm::dvec2 at = pixel({place.x, place.z});
+    void source(const glm::dvec3& position) {
+        const glm::dvec2 at = pixel({position.x, position.z});
         const int x = static_cast<int>(at.x), y = static_cast<int>(at.y);
         fill(x - 6, y - 6, 13, 13, kMapPaper);
         fill(x - 4, y - 4, 9, 9, {.8f, .1f, .1f, 1});
@@ -168,11 +167,11 @@ class MapCanvas {
     static constexpr int kAround = 40, kHead = 34, kTop = kAround + kHead, kGap = 14, kBar = 22, kScale = 130;
 
   private:
-    static constexpr int kLeastWidth = 420;
+    static constexpr int kMinWidth = 420;
 
-    glm::dvec2 pixel(const glm::dvec2& place) const {
-        return {kAround + ((place.x - grid_.x) / grid_.step + .5) * cell_,
-                kTop + ((place.y - grid_.z) / grid_.step + .5) * cell_};
+    glm::dvec2 pixel(const glm::dvec2& point) const {
+        return {kAround + ((point.x - grid_.x) / grid_.step + .5) * cell_,
+                kTop + ((point.y - grid_.z) / grid_.step + .5) * cell_};
     }
 
     const FloorGrid& grid_;
@@ -184,8 +183,8 @@ class MapCanvas {
 
 Picture RoomMap::picture(const MapFigure& figure) const {
     constexpr int kLongSide = 840;
-    const auto most = static_cast<int>(std::max(grid.columns, grid.rows));
-    MapCanvas canvas(grid, std::clamp(kLongSide / std::max(1, most), 2, 96));
+    const auto maximum = static_cast<int>(std::max(grid.columns, grid.rows));
+    MapCanvas canvas(grid, std::clamp(kLongSide / std::max(1, maximum), 2, 96));
     const std::vector<double> all = values(figure);
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (const double value : all)

@@ -13,7 +13,7 @@
 namespace rtsg {
 namespace {
 
-constexpr std::size_t kMostLines = 20'000, kMostPoints = 10'000;
+constexpr std::size_t kMaxLines = 20'000, kMaxPoints = 10'000;
 
 /// The line in which a triangle crosses a height.
 std::optional<RoomPlan::Line> cutOf(const std::array<glm::dvec3, 3>& corners, double height) {
@@ -51,7 +51,7 @@ RoomPlan planOf(const WallsVersion& walls, double height, const AcousticBox& box
             if (high.x < box.low.x - margin || low.x > box.high.x + margin || high.y < box.low.z - margin ||
                 low.y > box.high.z + margin)
                 continue;
-            if (plan.lines.size() < kMostLines)
+            if (plan.lines.size() < kMaxLines)
                 plan.lines.push_back(*line);
             else
                 ++plan.leftOut;
@@ -82,7 +82,8 @@ std::vector<char> reachedFrom(const AcousticGeometry& geometry, const RoomSize& 
             const std::size_t point = ahead.back(), column = point % grid.columns, row = point / grid.columns;
             ahead.pop_back();
             const auto next = [&](bool there, std::size_t other) {
-                if (there && !reached[other] && canSee(geometry, grid.place(point), grid.place(other))) reach(other);
+                if (there && !reached[other] && canSee(geometry, grid.position(point), grid.position(other)))
+                    reach(other);
             };
             next(column > 0, point - 1);
             next(column + 1 < grid.columns, point + 1);
@@ -91,10 +92,10 @@ std::vector<char> reachedFrom(const AcousticGeometry& geometry, const RoomSize& 
         }
     };
     // Parts that furniture separates are seen from other places.
-    const std::size_t step = std::max<std::size_t>(1, room.places.size() / kSeeds);
-    for (std::size_t i = 0; i < room.places.size(); i += step)
+    const std::size_t step = std::max<std::size_t>(1, room.positions.size() / kSeeds);
+    for (std::size_t i = 0; i < room.positions.size(); i += step)
         for (std::size_t point = 0; point < count; ++point) {
-            if (reached[point] || !canSee(geometry, room.places[i], grid.place(point))) continue;
+            if (reached[point] || !canSee(geometry, room.positions[i], grid.position(point))) continue;
             reach(point);
             flood();
         }
@@ -110,9 +111,9 @@ Result<FloorGrid> gridIn(const AcousticGeometry& geometry, const RoomSize& room,
     grid.step = step;
     const glm::dvec3 size = room.box.high - room.box.low;
     const double columns = std::floor(size.x / step), rows = std::floor(size.z / step);
-    if (!(columns * rows <= static_cast<double>(kMostPoints)))
+    if (!(columns * rows <= static_cast<double>(kMaxPoints)))
         return fail(fmt::format("a step of {} m makes {:.0f} points, and there may be {}: take a larger one", step,
-                                columns * rows, kMostPoints));
+                                columns * rows, kMaxPoints));
     grid.columns = static_cast<std::size_t>(std::max(1.0, columns));
     grid.rows = static_cast<std::size_t>(std::max(1.0, rows));
     const auto first = [&](double low, double length, std::size_t count) {

@@ -33,15 +33,15 @@ RoomReport::Average RoomReport::average() const {
 }
 
 int RoomReport::bandsTraced() const {
-    int most = 0;
-    for (const Pair& pair : pairs) most = std::max(most, pair.bandsTraced);
-    return most;
+    int maximum = 0;
+    for (const Pair& pair : pairs) maximum = std::max(maximum, pair.bandsTraced);
+    return maximum;
 }
 
 int RoomReport::bandsMeasured() const {
-    int most = 0;
-    for (const Pair& pair : pairs) most = std::max(most, pair.metrics.bandsApart);
-    return most;
+    int maximum = 0;
+    for (const Pair& pair : pairs) maximum = std::max(maximum, pair.metrics.bandsApart);
+    return maximum;
 }
 
 double RoomReport::meanSpeech() const {
@@ -90,10 +90,10 @@ std::string slopesText(const MetricsEstimate& metrics) {
 }
 
 std::string escapeText(const RoomReport::Pair& pair) {
-    const double share = pair.escaped[kBand1k];
-    if (share < 0.5 || std::isfinite(pair.metrics.value.t20[kBand1k])) return "";
+    const double fraction = pair.escaped[kBand1k];
+    if (fraction < 0.5 || std::isfinite(pair.metrics.value.t20[kBand1k])) return "";
     return fmt::format("no reverberation time: {} of the sound leaves, and what comes back is no decay",
-                       percentText(share));
+                       percentText(fraction));
 }
 
 namespace {
@@ -136,11 +136,11 @@ std::string jsonRoom(const RoomReport& report) {
     return text + "]}";
 }
 
-std::string placeText(const glm::dvec3& p) {
+std::string positionText(const glm::dvec3& p) {
     return fmt::format("{:.2f} {:.2f} {:.2f}", p.x, p.y, p.z);
 }
 
-std::string jsonPlace(const glm::dvec3& p) {
+std::string jsonPosition(const glm::dvec3& p) {
     return fmt::format("[{},{},{}]", jsonNumber(p.x), jsonNumber(p.y), jsonNumber(p.z));
 }
 
@@ -163,8 +163,8 @@ std::string RoomReport::toText() const {
     text += fmt::format("  {:<12}{:>9}  ({})\n", "STI", reportNumber(meanSpeech(), 3), speechText(speech));
     text += roomText(*this) + lossesText(*this);
     for (const Pair& pair : pairs) {
-        text += fmt::format("\n{} at {}, heard from {} at {}\n{}\n", printable(pair.source), placeText(pair.sourceAt),
-                            printable(pair.listener), placeText(pair.listenerAt), head);
+        text += fmt::format("\n{} at {}, heard from {} at {}\n{}\n", printable(pair.source),
+                            positionText(pair.sourceAt), printable(pair.listener), positionText(pair.listenerAt), head);
         for (const ReportFigure& figure : kReportFigures) {
             text += bandsLine(figure.title(), pair.metrics.value.*figure.values, figure.digits);
             text += bandsLine("  95 % +-", pair.metrics.ci95.*figure.values, figure.digits);
@@ -186,8 +186,8 @@ std::string RoomReport::toJson() const {
         text += fmt::format(
             "{}{{\"source\":{},\"position\":{},\"listener\":{},\"listener_position\":{},{},\"ci95\":{{{}}},"
             "{},{},\"escaped\":{}}}",
-            &pair == pairs.data() ? "" : ",", jsonString(pair.source), jsonPlace(pair.sourceAt),
-            jsonString(pair.listener), jsonPlace(pair.listenerAt), jsonFigures(pair.metrics.value),
+            &pair == pairs.data() ? "" : ",", jsonString(pair.source), jsonPosition(pair.sourceAt),
+            jsonString(pair.listener), jsonPosition(pair.listenerAt), jsonFigures(pair.metrics.value),
             jsonFigures(pair.metrics.ci95), jsonSlopes(pair.metrics), jsonSpeech(pair.speech), jsonArray(pair.escaped));
     const Average all = average();
     text += fmt::format("],\"average\":{{\"mean\":{{{}}},\"deviation\":{{{}}},\"count\":{{{}}}}},\"single\":{{",

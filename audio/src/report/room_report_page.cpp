@@ -71,8 +71,8 @@ std::string octavesHead(std::string_view first, double schroederHz) {
 /// How well a figure is known, by its interval in just noticeable differences: a half, one, more.
 std::string_view certainty(double half, double noticeable) {
     if (!std::isfinite(half) || !(noticeable > 0)) return "";
-    const double share = half / noticeable;
-    return share <= 0.5 ? "q1" : share <= 1 ? "q2" : "q3";
+    const double fraction = half / noticeable;
+    return fraction <= 0.5 ? "q1" : fraction <= 1 ? "q2" : "q3";
 }
 
 /// How far a value is from the mean of all, in just noticeable differences: within one, two, more.
@@ -126,7 +126,7 @@ std::string cards(const RoomReport& report, const RoomMetrics& mean) {
 
 /// Names of the marks of the plan.
 std::string planKey(const RoomReport& report) {
-    constexpr std::size_t kMostNamed = 40;
+    constexpr std::size_t kMaxNamed = 40;
     std::vector<std::string> sources, listeners;
     const auto add = [](std::vector<std::string>& into, const std::string& name, const glm::dvec3& at) {
         std::string text =
@@ -136,9 +136,9 @@ std::string planKey(const RoomReport& report) {
     for (const RoomReport::Pair& pair : report.pairs)
         add(sources, pair.source, pair.sourceAt), add(listeners, pair.listener, pair.listenerAt);
     std::string rows;
-    for (std::size_t i = 0; i < sources.size() && i < kMostNamed; ++i)
+    for (std::size_t i = 0; i < sources.size() && i < kMaxNamed; ++i)
         rows += fmt::format("<tr><th>S{}</th><td class=\"text\">{}</td></tr>\n", i + 1, sources[i]);
-    for (std::size_t i = 0; i < listeners.size() && i < kMostNamed; ++i)
+    for (std::size_t i = 0; i < listeners.size() && i < kMaxNamed; ++i)
         rows += fmt::format("<tr><th>{}</th><td class=\"text\">{}</td></tr>\n", i + 1, listeners[i]);
     return "<table>\n" + rows + "</table>\n";
 }
@@ -215,7 +215,7 @@ std::string timesSection(const RoomReport& report, const RoomReport::Average& al
 }
 
 /// All pairs, a row each, with the colours of how far they are from the mean.
-std::string placesSection(const RoomReport& report, const RoomMetrics& mean) {
+std::string positionsSection(const RoomReport& report, const RoomMetrics& mean) {
     constexpr double kNoticeableSpeech = 0.03;
     if (report.pairs.size() < 2) return "";
     std::string text =
@@ -290,7 +290,7 @@ std::string RoomReport::toHtml() const {
                 : std::string("Air takes nothing. ");
     page += "STI for " + escapedText(speechText(speech)) + ".</p>\n";
     page += cards(*this, all.mean) + roomSection(*this) + materialsSection(*this) + timesSection(*this, all, low) +
-            placesSection(*this, all.mean);
+            positionsSection(*this, all.mean);
     if (pairs.size() > 1)
         page += "<h2>Mean over places</h2>\n<p>With the standard deviation among them.</p>\n" +
                 figuresTable(all.mean, all.deviation, low, Around::deviation);

@@ -8,18 +8,18 @@
 #include <numbers>
 
 #include "response/directions.h"
-#include "response/places.h"
+#include "response/listening_positions.h"
 #include "signal/random.h"
 #include "walls/even_direction.h"
 
 namespace rtsg {
 namespace {
 
-constexpr int kChains = AcousticRays::kMost, kSteps = 3000;
+constexpr int kChains = AcousticRays::kMax, kSteps = 3000;
 /// Walls until it hardly matters any more where a chain began.
 constexpr int kSettled = 8;
 constexpr double kFarthest = 1e6;  // m
-constexpr double kMostOpen = 0.25;
+constexpr double kMaxOpen = 0.25;
 /// Places from which the volume is seen, and those that they are to see.
 constexpr std::size_t kLookouts = 32, kOthers = 256;
 constexpr int kLooks = 1024;
@@ -48,12 +48,12 @@ struct WalkingRay {
 /// The sums over walking rays.
 struct Walked {
     double length = 0;
-    std::uint64_t ways = 0, left = 0;
+    std::uint64_t segments = 0, left = 0;
     std::map<std::uint32_t, std::uint64_t> hits;  // by material
     AcousticBox box;
-    std::vector<glm::dvec3> places;
+    std::vector<glm::dvec3> positions;
 
-    std::uint64_t ends() const { return ways + left; }
+    std::uint64_t ends() const { return segments + left; }
 };
 
 Walked walk(const AcousticGeometry& geometry, const glm::dvec3& inside) {
@@ -78,13 +78,13 @@ Walked walk(const AcousticGeometry& geometry, const glm::dvec3& inside) {
             }
             if (settled) {
                 walked.length += hits[i].distance;
-                ++walked.ways;
+                ++walked.segments;
                 ++walked.hits[hits[i].material];
                 walked.box.extend(ray.origin + ray.direction * hits[i].distance);
                 // One in each of some steps, with a chance that grows with the way, is evenly spread.
-                const double share = ray.random.uniform();
-                if (ray.random.uniform() * 4 * walked.length < hits[i].distance * static_cast<double>(walked.ways))
-                    walked.places.push_back(ray.origin + ray.direction * (share * hits[i].distance));
+                const double fraction = ray.random.uniform();
+                if (ray.random.uniform() * 4 * walked.length < hits[i].distance * static_cast<double>(walked.segments))
+                    walked.positions.push_back(ray.origin + ray.direction * (fraction * hits[i].distance));
             }
             ray.scatter(hits[i]);
         }
@@ -93,47 +93,47 @@ Walked walk(const AcousticGeometry& geometry, const glm::dvec3& inside) {
 }
 
 /// Selects this many of them, spread over the whole walk.
-std::vector<glm::dvec3> someOf(const std::vector<glm::dvec3>& places, std::size_t count, std::size_t from) {
+std::vector<glm::dvec3> someOf(const std::vector<glm::dvec3>& positions, std::size_t count, std::size_t from) {
     std::vector<glm::dvec3> some;
-    const std::size_t step = std::max<std::size_t>(1, places.size() / std::max<std::size_t>(1, count));
-    for (std::size_t i = from; i < places.size() && some.size() < count; i += step) some.push_back(places[i]);
+    const std::size_t step = std::max<std::size_t>(1, positions.size() / std::max<std::size_t>(1, count));
+    for (std::size_t i = from; i < positions.size() && some.size() < count; i += step) some.push_back(positions[i]);
     return some;
 }
 
 /// How far a ray goes until it leaves a box that it starts in.
-double wayThrough(const AcousticBox& box, const glm::dvec3& from, const glm::dvec3& direction) {
-    double way = kFarthest;
+double pathThrough(const AcousticBox& box, const glm::dvec3& from, const glm::dvec3& direction) {
+    double distance = kFarthest;
     for (int axis = 0; axis < 3; ++axis) {
         const double d = direction[axis];
-        if (d != 0) way = std::min(way, ((d > 0 ? box.high[axis] : box.low[axis]) - from[axis]) / d);
+        if (d != 0) distance = std::min(distance, ((d > 0 ? box.high[axis] : box.low[axis]) - from[axis]) / d);
     }
-    return std::max(0.0, way);
+    return std::max(0.0, distance);
 }
 
-double volumeBy(const AcousticGeometry& geometry, const std::vector<glm::dvec3>& places, const AcousticBox& box) {
-    const std::vector<glm::dvec3> lookouts = someOf(places, kLookouts, 0), others = someOf(places, kOthers, 1);
+double volumeBy(const AcousticGeometry& geometry, const std::vector<glm::dvec3>& positions, const AcousticBox& box) {
+    const std::vector<glm::dvec3> lookouts = someOf(positions, kLookouts, 0), others = someOf(positions, kOthers, 1);
     double seen = 0;
     std::uint64_t asked = 0, visible = 0;
-    for (const glm::dvec3& place : lookouts) {
-        for (int first = 0; first < kLooks; first += AcousticRays::kMost) {
+    for (const glm::dvec3& position : lookouts) {
+        for (int first = 0; first < kLooks; first += AcousticRays::kMax) {
             AcousticRays rays;
-            for (int i = 0; i < AcousticRays::kMost; ++i)
-                rays.add(place, glm::dvec3(0), evenDirection(first + i, kLooks), kFarthest, kNoPlane);
+            for (int i = 0; i < AcousticRays::kMax; ++i)
+                rays.add(position, glm::dvec3(0), evenDirection(first + i, kLooks), kFarthest, kNoPlane);
             AcousticHits hits;
             const std::uint32_t met = geometry.closestOf(rays, hits);
-            for (int i = 0; i < AcousticRays::kMost; ++i) {
+            for (int i = 0; i < AcousticRays::kMax; ++i) {
                 // In its openings the room ends at the box around all of its walls.
                 const double distance = (met >> i & 1) != 0 ? hits[static_cast<std::size_t>(i)].distance
-                                                            : wayThrough(box, place, rays.direction[i]);
+                                                            : pathThrough(box, position, rays.direction[i]);
                 seen += 4 * std::numbers::pi / 3 * distance * distance * distance / kLooks;
             }
         }
         for (const glm::dvec3& other : others) {
-            const double distance = glm::distance(place, other);
+            const double distance = glm::distance(position, other);
             if (!(distance > 0)) continue;
             AcousticHit hit;
             ++asked;
-            visible += geometry.closest(place, (other - place) / distance, distance, kNoPlane, hit) ? 0 : 1;
+            visible += geometry.closest(position, (other - position) / distance, distance, kNoPlane, hit) ? 0 : 1;
         }
     }
     if (lookouts.empty() || visible == 0) return std::numeric_limits<double>::quiet_NaN();
@@ -146,12 +146,12 @@ RoomSize measureRoom(const AcousticGeometry& geometry, const glm::dvec3& inside)
     RoomSize room;
     const Walked walked = walk(geometry, inside);
     const auto ends = static_cast<double>(walked.ends());
-    if (walked.ways < 1000 || static_cast<double>(walked.left) > kMostOpen * ends) return room;
+    if (walked.segments < 1000 || static_cast<double>(walked.left) > kMaxOpen * ends) return room;
     room.box = walked.box;
-    room.places = someOf(walked.places, kOthers, 0);
-    room.volume = volumeBy(geometry, walked.places, walked.box);
+    room.positions = someOf(walked.positions, kOthers, 0);
+    room.volume = volumeBy(geometry, walked.positions, walked.box);
     // Only ways that end at a wall count; those through openings have no length.
-    room.surface = 4 * room.volume * static_cast<double>(walked.ways) / walked.length;
+    room.surface = 4 * room.volume * static_cast<double>(walked.segments) / walked.length;
     room.openings = room.surface * static_cast<double>(walked.left) / ends;
     for (const auto& [material, hits] : walked.hits)
         room.surfaces.push_back({material, room.surface * static_cast<double>(hits) / ends});

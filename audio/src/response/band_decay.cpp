@@ -5,7 +5,7 @@ namespace rtsg::trace {
 namespace {
 
 /// The window's length, and the share of the largest window's energy that begins the response.
-constexpr double kOnsetSeconds = 0.001, kOnsetShare = 0.01;
+constexpr double kOnsetSeconds = 0.001, kOnsetFraction = 0.01;
 
 }  // namespace
 
@@ -47,7 +47,7 @@ class BandDecay::Window {
         return true;
     }
     /// No later one holds more.
-    double mostToCome() const { return decay_.exactFrom(goes_.index) + decay_.binsAfter(seconds - kOnsetSeconds); }
+    double maxToCome() const { return decay_.exactFrom(goes_.index) + decay_.binsAfter(seconds - kOnsetSeconds); }
 
   private:
     static constexpr double kNever = std::numeric_limits<double>::infinity();
@@ -92,13 +92,13 @@ std::vector<double> BandDecay::bandOf(const EnergyHistogram& histogram, std::siz
 double BandDecay::findOnset() const {
     // Direct sound mostly is a hundredth of all there is, and then of any window: nothing need be looked through.
     Window first(*this);
-    if (first.next() && first.at >= kOnsetShare * all_) return first.seconds;
-    double most = 0;
+    if (first.next() && first.at >= kOnsetFraction * all_) return first.seconds;
+    double maximum = 0;
     for (Window window(*this); window.next();) {
-        most = std::max({most, window.before, window.at});
-        if (window.mostToCome() <= most) break;
+        maximum = std::max({maximum, window.before, window.at});
+        if (window.maxToCome() <= maximum) break;
     }
-    const double enough = kOnsetShare * most;
+    const double enough = kOnsetFraction * maximum;
     double time = 0, energy = 0;
     for (Window window(*this); window.next(); time = window.seconds, energy = window.at) {
         if (window.before >= enough)  // it grew evenly since then
@@ -115,8 +115,8 @@ void BandDecay::beginAt(double onset) {
     for (; first < arrivals_->after.size() && arrivals_->after[first].first < onset; ++first)
         moment_ -= arrivals_->after[first].first * (exactFrom(first) - exactFrom(first + 1));
     for (std::size_t bin = 0; bin + 1 < tail_.size() && startOf(bin) < onset; ++bin) {
-        const double share = std::min(1.0, (onset - startOf(bin)) * binsPerSecond_);
-        moment_ -= share * (tail_[bin] - tail_[bin + 1]) * (startOf(bin) + share / 2 / binsPerSecond_);
+        const double fraction = std::min(1.0, (onset - startOf(bin)) * binsPerSecond_);
+        moment_ -= fraction * (tail_[bin] - tail_[bin + 1]) * (startOf(bin) + fraction / 2 / binsPerSecond_);
     }
     total_ = exactFrom(first) + binsAfter(onset);
 }

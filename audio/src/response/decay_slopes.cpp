@@ -12,22 +12,22 @@ namespace {
 
 /// Logarithms of both shares of the energy at the start and of both rates, 1/s; the slower one last.
 using Parameters = std::array<double, 4>;
-using Place = std::pair<double, double>;  // seconds, dB
+using DecayPoint = std::pair<double, double>;  // seconds, dB
 
 double model(const Parameters& p, double seconds) {
     return 10 * std::log10(std::exp(p[0] - std::exp(p[2]) * seconds) + std::exp(p[1] - std::exp(p[3]) * seconds));
 }
 
-double misfit(const Parameters& p, std::span<const Place> places) {
+double misfit(const Parameters& p, std::span<const DecayPoint> positions) {
     double sum = 0;
-    for (const auto& [seconds, level] : places) sum += std::pow(model(p, seconds) - level, 2);
+    for (const auto& [seconds, level] : positions) sum += std::pow(model(p, seconds) - level, 2);
     return sum;
 }
 
 /// dB and dB/s of the line through the places between two levels.
-std::pair<double, double> lineThrough(std::span<const Place> places, double fromDb, double toDb) {
+std::pair<double, double> lineThrough(std::span<const DecayPoint> positions, double fromDb, double toDb) {
     double n = 0, t = 0, l = 0, tt = 0, tl = 0;
-    for (const auto& [seconds, level] : places)
+    for (const auto& [seconds, level] : positions)
         if (level <= fromDb && level >= toDb)
             n += 1, t += seconds, l += level, tt += seconds * seconds, tl += seconds * level;
     const double slope = (n * tl - t * l) / (n * tt - t * t);
@@ -50,15 +50,15 @@ Parameters solved(std::array<Parameters, 4> a, Parameters b) {
 }
 
 /// One step from `p`; `damping` tells how far it trusts that the model is straight.
-Parameters stepped(const Parameters& p, std::span<const Place> places, double damping) {
+Parameters stepped(const Parameters& p, std::span<const DecayPoint> positions, double damping) {
     std::array<Parameters, 4> normal{};
     Parameters right{};
-    for (const auto& [seconds, level] : places) {
+    for (const auto& [seconds, level] : positions) {
         const double first = std::exp(p[0] - std::exp(p[2]) * seconds),
                      second = std::exp(p[1] - std::exp(p[3]) * seconds);
-        const double perShare = 10 / std::log(10.0) / (first + second);
-        const Parameters slope{perShare * first, perShare * second, -perShare * first * std::exp(p[2]) * seconds,
-                               -perShare * second * std::exp(p[3]) * seconds};
+        const double perPart = 10 / std::log(10.0) / (first + second);
+        const Parameters slope{perPart * first, perPart * second, -perPart * first * std::exp(p[2]) * seconds,
+                               -perPart * second * std::exp(p[3]) * seconds};
         const double off = level - model(p, seconds);
         for (std::size_t i = 0; i < 4; ++i) {
             right[i] += slope[i] * off;
@@ -74,26 +74,26 @@ Parameters stepped(const Parameters& p, std::span<const Place> places, double da
 }  // namespace
 
 DecaySlopes fitSlopes(std::span<const double> levelDb, double gridSeconds) {
-    constexpr double kFrom = -5, kTo = -50, kLeast = -45;
+    constexpr double kFrom = -5, kTo = -50, kMin = -45;
     constexpr int kRounds = 200;
     constexpr double kApart = 1.1;                      // slopes that are nearer than this are one
     const double rateOfSlope = -std::log(10.0) / 10.0;  // 1/s of dB/s
-    if (levelDb.empty() || levelDb.back() > kLeast) return {};
-    std::vector<Place> places;
+    if (levelDb.empty() || levelDb.back() > kMin) return {};
+    std::vector<DecayPoint> positions;
     for (std::size_t k = 0; k < levelDb.size(); ++k)
         if (levelDb[k] <= kFrom && levelDb[k] >= kTo)
-            places.emplace_back(static_cast<double>(k) * gridSeconds, levelDb[k]);
-    if (places.size() < 8) return {};
-    const auto [lateDb, lateSlope] = lineThrough(places, -35, kTo);
-    const auto [earlyDb, earlySlope] = lineThrough(places, kFrom, -15);
+            positions.emplace_back(static_cast<double>(k) * gridSeconds, levelDb[k]);
+    if (positions.size() < 8) return {};
+    const auto [lateDb, lateSlope] = lineThrough(positions, -35, kTo);
+    const auto [earlyDb, earlySlope] = lineThrough(positions, kFrom, -15);
     if (!(lateSlope < 0) || !(earlySlope < lateSlope)) return {};
     const double late = std::min(0.9, std::pow(10.0, lateDb / 10));
     Parameters p{std::log(1 - late), std::log(late), std::log(rateOfSlope * earlySlope),
                  std::log(rateOfSlope * lateSlope)};
-    double now = misfit(p, places), damping = 1e-3;
+    double now = misfit(p, positions), damping = 1e-3;
     for (int round = 0; round < kRounds && damping < 1e9; ++round) {
-        const Parameters next = stepped(p, places, damping);
-        const double then = misfit(next, places);
+        const Parameters next = stepped(p, positions, damping);
+        const double then = misfit(next, positions);
         damping *= then < now ? 0.3 : 4;
         if (then < now) p = next, now = then;
     }

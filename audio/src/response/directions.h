@@ -36,9 +36,9 @@ inline glm::dvec3 cosineDirection(const glm::dvec3& normal, Random& random) {
 
 /// The same as cosineDirection() for sixteen rays side by side. `across` and `round` are two numbers in [0, 1) for
 /// each.
-inline void cosineDirections(const AcousticRays::Vectors& normal, const double (&across)[AcousticRays::kMost],
-                             const double (&round)[AcousticRays::kMost], AcousticRays::Vectors& direction) {
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
+inline void cosineDirections(const AcousticRays::Vectors& normal, const double (&across)[AcousticRays::kMax],
+                             const double (&round)[AcousticRays::kMax], AcousticRays::Vectors& direction) {
+    for (int i = 0; i < AcousticRays::kMax; ++i) {
         // Sine of half the angle by its series, to 1e-13 up to a right angle. Sine and cosine of the whole angle are
         // computed from it, so that they always belong to one angle, which is accurate to 1e-6.
         constexpr double kPi = std::numbers::pi;

@@ -16,7 +16,7 @@ class FirstOf {
     FirstOf(std::size_t count, Before before) : count_(count), before_(before) {}
 
     void add(const Item& item) {
-        ++told_;
+        ++reported_;
         if (full_ && !before_(item, last_)) return;
         items_.push_back(item);
         if (items_.size() >= 4 * count_) sort();
@@ -25,7 +25,7 @@ class FirstOf {
         sort();
         return items_;
     }
-    std::size_t told() const { return told_; }
+    std::size_t reported() const { return count_; }
     /// The last item that is kept: only items before it still count. At first there is none.
     const Item& last() const { return last_; }
 
@@ -38,7 +38,7 @@ class FirstOf {
         full_ = true;
     }
 
-    std::size_t count_, told_ = 0;
+    std::size_t count_, reported_ = 0;
     Before before_;
     std::vector<Item> items_;
     Item last_{};

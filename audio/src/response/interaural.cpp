@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kEarFft = 2048;
 /// Delays are so much finer than samples: a quarter of one is a hundredth of a period at 2 kHz.
 constexpr std::size_t kFiner = 4;
-constexpr double kMostDelay = 0.001;  // s
+constexpr double kMaxDelay = 0.001;  // s
 constexpr double kEarlySeconds = 0.08;
 
 }  // namespace
@@ -31,9 +31,9 @@ void EarCorrelation::Function::add(const Function& other, double factor) {
 }
 
 double EarCorrelation::Function::coefficient() const {
-    double most = 0;
-    for (const double value : cross) most = std::max(most, std::abs(value));
-    return most / std::sqrt(left * right);
+    double maximum = 0;
+    for (const double value : cross) maximum = std::max(maximum, std::abs(value));
+    return maximum / std::sqrt(left * right);
 }
 
 EarCorrelation::Functions EarCorrelation::functionsFrom(const Hrtf& head, double across) const {
@@ -62,7 +62,7 @@ EarCorrelation::Functions EarCorrelation::functionsFrom(const Hrtf& head, double
                 functions[b].right += weight * static_cast<double>(std::norm(ears[1][k]));
             }
     }
-    const auto delays = static_cast<std::size_t>(std::floor(kMostDelay * rate_ * kFiner));
+    const auto delays = static_cast<std::size_t>(std::floor(kMaxDelay * rate_ * kFiner));
     for (std::size_t b = 0; b < kBandCount; ++b) {
         fine->inverse(std::move(products[b]), turned);
         // From the spectrum of one side to the sum over it, as the energies are: the inverse halves each bin.
@@ -85,9 +85,9 @@ EarCorrelation::EarCorrelation(const Hrtf& head) : rate_(head.sampleRate()) {
     for (std::size_t i = 0; i < kRings; ++i) {
         const double angle = std::numbers::pi * static_cast<double>(i) / (kRings - 1);
         rings_.push_back(functionsFrom(head, -std::cos(angle)));
-        const double share = std::sin(angle);
-        all += share;
-        for (std::size_t b = 0; b < kBandCount; ++b) even_[b].add(rings_.back()[b], share);
+        const double fraction = std::sin(angle);
+        all += fraction;
+        for (std::size_t b = 0; b < kBandCount; ++b) even_[b].add(rings_.back()[b], fraction);
     }
     for (Function& function : even_) {
         const Function sum = function;
@@ -106,8 +106,8 @@ struct TimeWindow {
         double sum = 0;
         for (std::size_t i = 0; i < bins.size(); ++i) {
             const double start = times.startOf(i), length = 1 / times.binsPerSecond;
-            const double share = (std::min(end, start + length) - std::max(begin, start)) / length;
-            if (share > 0) sum += std::min(1.0, share) * bins[i][band];
+            const double fraction = (std::min(end, start + length) - std::max(begin, start)) / length;
+            if (fraction > 0) sum += std::min(1.0, fraction) * bins[i][band];
         }
         return sum;
     }
@@ -138,9 +138,9 @@ EarCorrelation::Function EarCorrelation::exactOf(std::span<const Arrival> arriva
         if (!(arrival.seconds >= begin && arrival.seconds < end)) continue;
         const double ring = ringOf(arrival.direction, across, kRings);
         const auto low = std::min(static_cast<std::size_t>(ring), kRings - 2);
-        const double share = ring - static_cast<double>(low);
-        energy[low] += (1 - share) * arrival.energy[band];
-        energy[low + 1] += share * arrival.energy[band];
+        const double fraction = ring - static_cast<double>(low);
+        energy[low] += (1 - fraction) * arrival.energy[band];
+        energy[low + 1] += fraction * arrival.energy[band];
     }
     Function sum;
     for (std::size_t i = 0; i < kRings; ++i)
@@ -151,8 +151,8 @@ EarCorrelation::Function EarCorrelation::exactOf(std::span<const Arrival> arriva
 double EarCorrelation::coefficient(Function sum, double random, double lateral, std::size_t band) const {
     constexpr double kEven = 1.0 / 3;
     if (random > 0) {
-        const double share = lateral < kEven ? lateral / kEven : (1 - lateral) / (1 - kEven);
-        const double evenly = std::clamp(share, 0.0, 1.0), rest = (1 - evenly) * random;
+        const double fraction = lateral < kEven ? lateral / kEven : (1 - lateral) / (1 - kEven);
+        const double evenly = std::clamp(fraction, 0.0, 1.0), rest = (1 - evenly) * random;
         sum.add(even_[band], evenly * random);
         if (lateral < kEven)
             sum.add(rings_[kRings / 2][band], rest);

@@ -30,10 +30,10 @@ class ListenerChoice {
     explicit ListenerChoice(std::size_t planes) : sideAt_(2 * planes, kUnseen) {}
 
     /// `share`: of energy that mirrors leave on the way at most. All of them before the first choice.
-    void add(const Target& target, double share) {
+    void add(const Target& target, double fraction) {
         if (targets_.empty()) center_ = target.position;
         targets_.push_back(target);
-        shares_.push_back(share);
+        fractions_.push_back(fraction);
     }
     std::size_t size() const { return targets_.size(); }
     const Target& target(std::size_t i) const { return targets_[i]; }
@@ -107,9 +107,9 @@ class ListenerChoice {
             if (lane == 0) before.rows.emplace_back();
             before.of.push_back(static_cast<std::uint32_t>(i));
             Row& row = before.rows.back();
-            const glm::vec3 place(targets_[i].position - center_);
-            row.x[lane] = place.x, row.y[lane] = place.y, row.z[lane] = place.z;
-            row.worth[lane] = static_cast<float>(shares_[i] * towards);
+            const glm::vec3 position(targets_[i].position - center_);
+            row.x[lane] = position.x, row.y[lane] = position.y, row.z[lane] = position.z;
+            row.worth[lane] = static_cast<float>(fractions_[i] * towards);
         }
         weighed_.resize(std::max(weighed_.size(), before.rows.size()));
     }
@@ -136,7 +136,7 @@ class ListenerChoice {
 
     glm::dvec3 center_{0};
     std::vector<Target> targets_;
-    std::vector<double> shares_;
+    std::vector<double> fractions_;
     std::vector<std::uint32_t> sideAt_;  // in `sides_`
     std::vector<Before> sides_;
     Before passing_;

@@ -14,19 +14,19 @@ namespace {
 /// A way from the listener outwards.
 struct MirroredRay {
     glm::dvec3 origin, direction, facing{0};
-    glm::dvec3 image;      // of the listener, by the planes that were hit
-    glm::dmat3 turn{1.0};  // of the listener on its way there
-    Bands share = allBands(1);
-    std::array<std::uint32_t, MirrorSequence::kMost> met{};
+    glm::dvec3 image;          // of the listener, by the planes that were hit
+    glm::dmat3 rotation{1.0};  // of the listener on its way there
+    Bands fraction = allBands(1);
+    std::array<std::uint32_t, MirrorSequence::kMax> met{};
     std::uint32_t plane = kNoPlane;
 };
 
 /// An image of the listener, to which several ways may lead that turn and move the listener alike.
 struct FoundImage {
     glm::dvec3 position;
-    glm::dmat3 turn;
-    double share, worth;  // worth: share times rays
-    std::vector<MirrorSequence> ways;
+    glm::dmat3 rotation;
+    double fraction, worth;  // worth: share times rays
+    std::vector<MirrorSequence> sequences;
 };
 
 class ImageFinder {
@@ -37,11 +37,12 @@ class ImageFinder {
     void add(const MirroredRay& ray, int order) {
         MirrorSequence planes;
         for (int i = order; i-- > 0;) planes.append(ray.met[static_cast<std::size_t>(i)]);
-        const double share = *std::max_element(ray.share.begin(), ray.share.end());
+        const double fraction = *std::max_element(ray.fraction.begin(), ray.fraction.end());
         FoundImage& image = imageOf(ray, order);
-        image.share = std::max(image.share, share);
-        image.worth += share;
-        if (std::find(image.ways.begin(), image.ways.end(), planes) == image.ways.end()) image.ways.push_back(planes);
+        image.fraction = std::max(image.fraction, fraction);
+        image.worth += fraction;
+        if (std::find(image.sequences.begin(), image.sequences.end(), planes) == image.sequences.end())
+            image.sequences.push_back(planes);
     }
 
   private:
@@ -51,10 +52,10 @@ class ImageFinder {
         for (FoundImage& image : found) {
             if (glm::distance(image.position, ray.image) > same) continue;
             bool alike = true;
-            for (int i = 0; i < 3; ++i) alike = alike && glm::distance(image.turn[i], ray.turn[i]) < 1e-3;
+            for (int i = 0; i < 3; ++i) alike = alike && glm::distance(image.rotation[i], ray.rotation[i]) < 1e-3;
             if (alike) return image;
         }
-        return found.emplace_back(FoundImage{ray.image, ray.turn, 0, 0, {}});
+        return found.emplace_back(FoundImage{ray.image, ray.rotation, 0, 0, {}});
     }
 };
 
@@ -63,16 +64,16 @@ bool mirrorIn(const AcousticGeometry& geometry, const AcousticHit& hit, int orde
     const auto planes = geometry.planes();
     if (hit.plane >= planes.size()) return false;
     const AcousticMaterial& material = geometry.materials()[hit.material];
-    double most = 0;
-    for (std::size_t b = 0; b < kBandCount; ++b) most = std::max(most, ray.share[b] *= material.mirrored(b));
-    if (!(most > 0)) return false;
+    double maximum = 0;
+    for (std::size_t b = 0; b < kBandCount; ++b) maximum = std::max(maximum, ray.fraction[b] *= material.mirrored(b));
+    if (!(maximum > 0)) return false;
     const ReflectingPlane& plane = planes[hit.plane];
     const double cosine = glm::dot(ray.direction, plane.normal);
     ray.origin += ray.direction * hit.distance;
     ray.direction -= plane.normal * (2 * cosine);
     ray.facing = cosine > 0 ? -plane.normal : plane.normal;
     ray.image -= plane.normal * (2 * plane.signedDistance(ray.image));
-    ray.turn = (glm::dmat3(1.0) - 2.0 * glm::outerProduct(plane.normal, plane.normal)) * ray.turn;
+    ray.rotation = (glm::dmat3(1.0) - 2.0 * glm::outerProduct(plane.normal, plane.normal)) * ray.rotation;
     ray.plane = ray.met[static_cast<std::size_t>(order - 1)] = hit.plane;
     return true;
 }
@@ -80,15 +81,15 @@ bool mirrorIn(const AcousticGeometry& geometry, const AcousticHit& hit, int orde
 }  // namespace
 
 ListenerImages::ListenerImages(const AcousticGeometry& geometry, const glm::dvec3& listener, int maxOrder,
-                               std::size_t most) {
+                               std::size_t maximum) {
     constexpr int kRays = 512;
     if (geometry.planes().empty()) return;
     ImageFinder finder;
-    for (int first = 0; first < kRays; first += AcousticRays::kMost) {
+    for (int first = 0; first < kRays; first += AcousticRays::kMax) {
         std::vector<MirroredRay> rays;
-        for (int i = first; i < first + AcousticRays::kMost; ++i)
+        for (int i = first; i < first + AcousticRays::kMax; ++i)
             rays.push_back({.origin = listener, .direction = evenDirection(i, kRays), .image = listener});
-        for (int order = 1; order <= std::min(maxOrder, MirrorSequence::kMost) && !rays.empty(); ++order) {
+        for (int order = 1; order <= std::min(maxOrder, MirrorSequence::kMax) && !rays.empty(); ++order) {
             AcousticRays asked;
             AcousticHits hits;
             for (const MirroredRay& ray : rays) asked.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
@@ -104,14 +105,15 @@ ListenerImages::ListenerImages(const AcousticGeometry& geometry, const glm::dvec
     }
     std::stable_sort(finder.found.begin(), finder.found.end(),
                      [](const FoundImage& a, const FoundImage& b) { return a.worth > b.worth; });
-    if (finder.found.size() > most) finder.found.resize(most);
-    std::size_t ways = 0;
-    for (const FoundImage& image : finder.found) ways += image.ways.size();
-    if (ways == 0) return;
-    slots_.resize(std::bit_ceil(2 * ways));
+    if (finder.found.size() > maximum) finder.found.resize(maximum);
+    std::size_t sequences = 0;
+    for (const FoundImage& image : finder.found) sequences += image.sequences.size();
+    if (sequences == 0) return;
+    slots_.resize(std::bit_ceil(2 * sequences));
     for (const FoundImage& image : finder.found) {
-        for (const MirrorSequence& way : image.ways) remember(way, static_cast<std::uint32_t>(images_.size()));
-        images_.push_back({image.position, image.share});
+        for (const MirrorSequence& sequence : image.sequences)
+            remember(sequence, static_cast<std::uint32_t>(images_.size()));
+        images_.push_back({image.position, image.fraction});
     }
 }
 

@@ -22,13 +22,13 @@ namespace rtsg::trace {
 /// Planes that a path was mirrored in one after the other, as long as they are few.
 class MirrorSequence {
   public:
-    static constexpr int kMost = 3;
+    static constexpr int kMax = 3;
 
     void append(std::uint32_t plane) {
         const bool fits = !full() && plane < (1u << kBits) - 1;
         planes_ = fits ? planes_ << kBits | (plane + 1) : kTooLong;
     }
-    bool full() const { return (planes_ >> (kBits * (kMost - 1))) != 0; }
+    bool full() const { return (planes_ >> (kBits * (kMax - 1))) != 0; }
     std::uint64_t number() const { return planes_; }
     friend bool operator==(const MirrorSequence&, const MirrorSequence&) = default;
 
@@ -42,13 +42,13 @@ class ListenerImages {
   public:
     struct Image {
         glm::dvec3 position{0};
-        double share = 1;  // of energy that the mirrors of its ways leave at most, in any band
+        double fraction = 1;  // of energy that the mirrors of its ways leave at most, in any band
     };
     static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
     ListenerImages() = default;
     /// At most `most` images of at most `maxOrder` mirrors; none where there are no planes to mirror in.
-    ListenerImages(const AcousticGeometry& geometry, const glm::dvec3& listener, int maxOrder, std::size_t most);
+    ListenerImages(const AcousticGeometry& geometry, const glm::dvec3& listener, int maxOrder, std::size_t maximum);
 
     const std::vector<Image>& all() const { return images_; }
     /// The image that leads to the listener by these planes, in the order in which sound meets them; kNone: none of

@@ -36,7 +36,7 @@ void PressureSum::walk(bool backwards) {
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
         Node& node = nodes_[backwards ? nodes_.size() - 1 - i : i];
         if (i > 0) {
-            const double metres = std::abs(node.way - nodes_[backwards ? nodes_.size() - i : i - 1].way);
+            const double metres = std::abs(node.pathLength - nodes_[backwards ? nodes_.size() - i : i - 1].pathLength);
             const ToneSums on = byOctaves<double>(
                 speedOfSound_, [&](double k) { return kHalfWidth * k * metres; }, [](double y) { return 2 * y; });
             const ToneSums left = byOctaves<double>(
@@ -56,7 +56,7 @@ void PressureSum::walk(bool backwards) {
 
 void PressureSum::addEnergies(std::vector<Arrival>& arrivals) {
     constexpr double kSphere = 4 * std::numbers::pi;
-    std::ranges::stable_sort(nodes_, {}, &Node::way);
+    std::ranges::stable_sort(nodes_, {}, &Node::pathLength);
     walk(false);
     walk(true);
     for (const Node& one : nodes_)

@@ -24,12 +24,12 @@ class PressureSum {
 
     /// `pressure`: of each tone re the phase of its way, m. The energies go to an arrival.
     template <class Pressure>
-    void add(std::size_t arrival, double way, const Pressure& pressure) {
+    void add(std::size_t arrival, double pathLength, const Pressure& pressure) {
         Node& node = nodes_.emplace_back();
         node.arrival = arrival;
-        node.way = way;
+        node.pathLength = pathLength;
         // Relative to the first path, so that phases are small numbers.
-        const auto turned = turnedBy(way - nodes_.front().way, speedOfSound_);
+        const auto turned = turnedBy(pathLength - nodes_.front().pathLength, speedOfSound_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
             const std::complex<double> value = std::complex<double>(pressure(t)) * turned[t];
             node.real[t] = static_cast<float>(value.real());
@@ -43,7 +43,7 @@ class PressureSum {
   private:
     struct Node {
         std::size_t arrival = 0;
-        double way = 0;
+        double pathLength = 0;
         std::array<float, kEdgeTones> real{}, imaginary{}, energy{};
     };
 

@@ -40,9 +40,9 @@ class ReachRecorder final : public AcousticGeometry {
         const std::uint32_t met = geometry_->closestOf(rays, hits);
         AcousticBox& box = reached_.local();
         for (int i = 0; i < rays.count; ++i) {
-            const double way = met >> i & 1 ? hits[static_cast<std::size_t>(i)].distance : rays.maxDistance[i];
+            const double distance = met >> i & 1 ? hits[static_cast<std::size_t>(i)].distance : rays.maxDistance[i];
             box.extend(rays.origin[i]);
-            box.extend(rays.origin[i] + rays.direction[i] * std::min(way, longest_));
+            box.extend(rays.origin[i] + rays.direction[i] * std::min(distance, longest_));
         }
         return met;
     }

@@ -61,14 +61,14 @@ class DecayCurve {
         constexpr double kFlat = 1e-9;  // dB
         const auto energyAt = [&](double decibels) { return std::pow(10.0, decibels / 10) * total_; };
         if (pieces_.empty() || pieces_.back().from > energyAt(toDb - 10)) return kNan;
-        const double most = energyAt(fromDb), least = energyAt(toDb);
+        const double maximum = energyAt(fromDb), minimum = energyAt(toDb);
         Sums sums;
         for (Piece piece : pieces_) {
-            if (piece.from < least) break;
-            if (piece.to >= most && piece.from > most) continue;
-            const bool last = piece.to < least;
-            if (piece.from > most) piece = piece.below(most);
-            if (last) piece = piece.above(least);
+            if (piece.from < minimum) break;
+            if (piece.to >= maximum && piece.from > maximum) continue;
+            const bool last = piece.to < minimum;
+            if (piece.from > maximum) piece = piece.below(maximum);
+            if (last) piece = piece.above(minimum);
             sums.add(piece, total_);
             if (last) break;
         }
@@ -92,15 +92,15 @@ class DecayCurve {
 
         void add(const Piece& p, double total) {
             constexpr double kEven = 0.25;  // so far the series below are exact to 1e-8
-            const double middle = (p.from + p.to) / 2, share = (p.from - p.to) / middle, half = p.length / 2;
-            if (share > kEven) {
+            const double middle = (p.from + p.to) / 2, fraction = (p.from - p.to) / middle, half = p.length / 2;
+            if (fraction > kEven) {
                 add({p.start, half, p.from, middle}, total);
                 add({p.start + half, half, middle, p.to}, total);
                 return;
             }
-            const double at = p.start + half, decibels = 10 / std::numbers::ln10, square = share * share;
+            const double at = p.start + half, decibels = 10 / std::numbers::ln10, square = fraction * fraction;
             const double mean = decibels * (std::log(middle / total) - square / 24 * (1 + square * 3 / 40));
-            const double moment = -decibels * p.length * share / 12 * (1 + square / 20);
+            const double moment = -decibels * p.length * fraction / 12 * (1 + square / 20);
             one += p.length;
             time += p.length * at;
             timeSquared += p.length * (at * at + p.length * p.length / 12);
@@ -223,8 +223,8 @@ double studentT95(double degreesOfFreedom) {
     const double low = std::floor(degreesOfFreedom), high = low + 1;
     if (low == degreesOfFreedom || low > 1e6) return whole(low);
     // In between its logarithm is all but linear in 1 / n: 3 % off below two degrees, .5 % above.
-    const double share = (1 / low - 1 / degreesOfFreedom) / (1 / low - 1 / high);
-    return whole(low) * std::pow(whole(high) / whole(low), share);
+    const double fraction = (1 / low - 1 / degreesOfFreedom) / (1 / low - 1 / high);
+    return whole(low) * std::pow(whole(high) / whole(low), fraction);
 }
 
 namespace {
@@ -250,9 +250,9 @@ Bands curvature(const RoomMetrics& metrics) {
 
 bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
     constexpr double kStraight = 1.1;
-    const double least = estimate.value.t30[band] - estimate.ci95.t30[band];
-    const double most = estimate.value.t20[band] + estimate.ci95.t20[band];
-    return least > kStraight * most;  // false for values that are not finite
+    const double minimum = estimate.value.t30[band] - estimate.ci95.t30[band];
+    const double maximum = estimate.value.t20[band] + estimate.ci95.t20[band];
+    return minimum > kStraight * maximum;  // false for values that are not finite
 }
 
 namespace {

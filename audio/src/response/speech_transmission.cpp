@@ -103,7 +103,7 @@ double maskingDb(double level) {
 
 /// A.5: from the remaining modulations to the index.
 SpeechEstimate indexOf(const Modulated& modulated, const SpeechOptions& options) {
-    constexpr double kMostDb = 15;  // of a ratio of signal to noise that counts
+    constexpr double kMaxDb = 15;  // of a ratio of signal to noise that counts
     const VoiceTable& voice = options.female ? kFemale : kMale;
     SpeechEstimate result;
     if (std::ranges::all_of(modulated.energy, [](double e) { return !(e > 0); })) return result;
@@ -114,14 +114,14 @@ SpeechEstimate indexOf(const Modulated& modulated, const SpeechOptions& options)
         const double speech = intensityOf(decibels);
         const double noise = options.noise ? intensityOf((*options.noise)[kSpeechFirst + k]) : 0;
         const double masked = lower > 0 ? lower * intensityOf(maskingDb(10 * std::log10(lower))) : 0;
-        const double share = speech / (speech + noise + masked + intensityOf(kThresholdDb[k]));
+        const double fraction = speech / (speech + noise + masked + intensityOf(kThresholdDb[k]));
         lower = speech + noise;
         if (voice.levelDb[k] == kNoSpeech) continue;
         double index = 0;
         for (const std::complex<double>& one : modulated.at[k]) {
-            const double m = modulated.energy[k] > 0 ? std::abs(one) / modulated.energy[k] * share : 0;
-            const double ratio = m <= 0 ? -kMostDb : m >= 1 ? kMostDb : 10 * std::log10(m / (1 - m));
-            index += (std::clamp(ratio, -kMostDb, kMostDb) + kMostDb) / (2 * kMostDb) / kModulationsHz.size();
+            const double m = modulated.energy[k] > 0 ? std::abs(one) / modulated.energy[k] * fraction : 0;
+            const double ratio = m <= 0 ? -kMaxDb : m >= 1 ? kMaxDb : 10 * std::log10(m / (1 - m));
+            index += (std::clamp(ratio, -kMaxDb, kMaxDb) + kMaxDb) / (2 * kMaxDb) / kModulationsHz.size();
         }
         if (k > 0) sum -= voice.repeats[k - 1] * std::sqrt(before * index);
         sum += voice.weight[k] * index;

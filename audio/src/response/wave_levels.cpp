@@ -71,7 +71,7 @@ class Levels {
         addFaint(all);
         for (const ImageGroup& one : groups_)
             if (one.arrival != kNone)
-                all.add(one.arrival, imageWay(one), [&, straight = straightPressure(one.arrival)](std::size_t t) {
+                all.add(one.arrival, imagePath(one), [&, straight = straightPressure(one.arrival)](std::size_t t) {
                     return one.withDirect[t] * straight(t);
                 });
         clearEnergies();
@@ -83,14 +83,15 @@ class Levels {
     }
 
   private:
-    double imageWay(const ImageGroup& group) const { return glm::distance(group.image, listener_); }
+    double imagePath(const ImageGroup& group) const { return glm::distance(group.image, listener_); }
 
-    std::size_t find(std::uint32_t order, double way, const std::optional<glm::dvec3>& place) const {
-        const double seconds = way / c_;
+    std::size_t find(std::uint32_t order, double pathLength, const std::optional<glm::dvec3>& position) const {
+        const double seconds = pathLength / c_;
         for (std::size_t i = 0; i < known_; ++i) {
             const Arrival& one = arrivals_[i];
             if (one.order != order || !(std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds)) continue;
-            if (!place || glm::distance(listener_ + one.direction * way, *place) < 1e-4 * way) return i;
+            if (!position || glm::distance(listener_ + one.direction * pathLength, *position) < 1e-4 * pathLength)
+                return i;
         }
         return kNone;
     }
@@ -103,19 +104,19 @@ class Levels {
             if (known == groups_.end()) {
                 groupOf_.push_back(groups_.size());
                 groups_.push_back({part.image, part.whole});
-                const std::size_t found = find(1, imageWay(groups_.back()), part.image);
+                const std::size_t found = find(1, imagePath(groups_.back()), part.image);
                 if (std::ranges::none_of(groups_, [&](const ImageGroup& one) { return one.arrival == found; }))
                     groups_.back().arrival = found;
             } else {
                 groupOf_.push_back(static_cast<std::size_t>(known - groups_.begin()));
             }
         }
-        for (std::size_t g = 0; g < groups_.size(); ++g) setShares(g);
+        for (std::size_t g = 0; g < groups_.size(); ++g) setFractions(g);
     }
 
-    void setShares(std::size_t number) {
+    void setFractions(std::size_t number) {
         ImageGroup& group = groups_[number];
-        const double way = imageWay(group);
+        const double pathLength = imagePath(group);
         std::array<Complex, kEdgeTones> sum{};
         if (group.arrival != kNone) {
             const auto straight = straightPressure(group.arrival);
@@ -127,7 +128,7 @@ class Levels {
         for (std::size_t p = 0; p < parts_.images.size(); ++p) {
             const ImagePart& part = parts_.images[p];
             if (groupOf_[p] != number) continue;
-            const auto turned = turnedBy(part.seconds * c_ - way, c_);
+            const auto turned = turnedBy(part.seconds * c_ - pathLength, c_);
             for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += Complex(part.pressure[t]) * turned[t];
         }
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
@@ -155,7 +156,7 @@ class Levels {
         const auto own = [&](std::size_t t) { return std::sqrt(1 - one.withDirect[t] * one.withDirect[t]); };
         PressureSum sum(c_);
         if (one.arrival != kNone)
-            sum.add(one.arrival, imageWay(one),
+            sum.add(one.arrival, imagePath(one),
                     [&, straight = straightPressure(one.arrival)](std::size_t t) { return own(t) * straight(t); });
         for (std::size_t p = 0; p < parts_.images.size(); ++p)
             if (groupOf_[p] == group)
@@ -206,13 +207,13 @@ class Levels {
 
     /// The one that comes next to it in time of those that `counts`, of two as near the earlier one.
     template <class Counts>
-    std::size_t nearest(std::size_t place, const Counts& counts) const {
-        std::size_t before = place, after = place + 1;
+    std::size_t nearest(std::size_t index, const Counts& counts) const {
+        std::size_t before = index, after = index + 1;
         while (before > 0 && !counts(summed_[before - 1])) --before;
         while (after < summed_.size() && !counts(summed_[after])) ++after;
         if (before == 0) return after < summed_.size() ? summed_[after] : kNone;
         const auto apart = [&](std::size_t other) {
-            return std::abs(arrivals_[summed_[other]].seconds - arrivals_[summed_[place]].seconds);
+            return std::abs(arrivals_[summed_[other]].seconds - arrivals_[summed_[index]].seconds);
         };
         return summed_[after < summed_.size() && apart(after) < apart(before - 1) ? after : before - 1];
     }
@@ -223,10 +224,10 @@ class Levels {
         for (std::size_t b = 0; b < kBandCount; ++b)
             for (bool any = true; any;) {
                 any = false;
-                for (std::size_t place = 0; place < summed_.size(); ++place) {
-                    double& energy = arrivals_[summed_[place]].energy[b];
+                for (std::size_t index = 0; index < summed_.size(); ++index) {
+                    double& energy = arrivals_[summed_[index]].energy[b];
                     if (!(energy < 0)) continue;
-                    const std::size_t to = nearest(place, [&](std::size_t i) { return arrivals_[i].energy[b] > 0; });
+                    const std::size_t to = nearest(index, [&](std::size_t i) { return arrivals_[i].energy[b] > 0; });
                     if (to != kNone) arrivals_[to].energy[b] += energy;
                     any = any || (to != kNone && arrivals_[to].energy[b] < 0);
                     energy = 0;
@@ -248,15 +249,15 @@ class Levels {
         }
         const auto counts = [&](std::size_t i) -> bool { return counting[i]; };
         std::vector<std::size_t> to(summed_.size(), kNone);
-        for (std::size_t place = 0; place < summed_.size(); ++place)
-            if (!counts(summed_[place])) to[place] = nearest(place, counts);
+        for (std::size_t index = 0; index < summed_.size(); ++index)
+            if (!counts(summed_[index])) to[index] = nearest(index, counts);
         std::vector<bool> left(arrivals_.size(), true);
-        for (std::size_t place = 0; place < summed_.size(); ++place) {
-            const Arrival& from = arrivals_[summed_[place]];
+        for (std::size_t index = 0; index < summed_.size(); ++index) {
+            const Arrival& from = arrivals_[summed_[index]];
             const bool nothing = std::ranges::none_of(from.energy, [](double one) { return one > 0; });
-            if (to[place] != kNone)
-                for (std::size_t b = 0; b < kBandCount; ++b) arrivals_[to[place]].energy[b] += from.energy[b];
-            left[summed_[place]] = summed_[place] < known_ || (to[place] == kNone && !nothing);
+            if (to[index] != kNone)
+                for (std::size_t b = 0; b < kBandCount; ++b) arrivals_[to[index]].energy[b] += from.energy[b];
+            left[summed_[index]] = summed_[index] < known_ || (to[index] == kNone && !nothing);
         }
         std::size_t kept = 0;
         for (std::size_t i = 0; i < arrivals_.size(); ++i)

@@ -9,10 +9,10 @@ namespace rtsg {
 namespace {
 
 /// Unit; any.
-glm::dvec3 squareTo(const glm::dvec3& way) {
-    const glm::dvec3 size = glm::abs(way);
+glm::dvec3 squareTo(const glm::dvec3& displacement) {
+    const glm::dvec3 size = glm::abs(displacement);
     const bool x = size.x <= size.y && size.x <= size.z, y = !x && size.y <= size.z;
-    return glm::normalize(glm::cross(way, glm::dvec3(x, y, !x && !y)));
+    return glm::normalize(glm::cross(displacement, glm::dvec3(x, y, !x && !y)));
 }
 
 }  // namespace
@@ -80,10 +80,11 @@ glm::dvec3 PlacedBody::at(double angle, bool far, double along, double off) cons
     return body_.center + body_.radius * off * out + axis_ * (fromAlong_ + along);
 }
 
-bool PlacedBody::has(const glm::dvec3& place) const {
+bool PlacedBody::has(const glm::dvec3& position) const {
     constexpr double kRounding = 1e-4;  // radians: corners in single precision are off by less
     if (body_.sphere || body_.halfArc >= std::numbers::pi) return true;
-    const glm::dvec3 way = place - body_.center, across = way - body_.axis * glm::dot(way, body_.axis);
+    const glm::dvec3 displacement = position - body_.center,
+                     across = displacement - body_.axis * glm::dot(displacement, body_.axis);
     return glm::dot(across, body_.middle) >= glm::length(across) * std::cos(body_.halfArc + kRounding);
 }
 

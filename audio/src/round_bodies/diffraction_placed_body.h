@@ -9,7 +9,7 @@
 
 #include <rtsg/audio/acoustic_geometry.h>
 
-#include "diffraction_round_way.h"
+#include "diffraction_detour.h"
 
 namespace rtsg {
 
@@ -37,7 +37,7 @@ class PlacedBody {
     /// Along the axis, from the source on, to both ends.
     std::array<double, 2> ends() const { return {-body_.halfLength - fromAlong_, body_.halfLength - fromAlong_}; }
     /// Whether the surface is there, of a part of a cylinder.
-    bool has(const glm::dvec3& place) const;
+    bool has(const glm::dvec3& position) const;
 
   private:
     double straight() const;  // between both, square to the axis

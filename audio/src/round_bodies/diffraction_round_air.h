@@ -31,7 +31,7 @@ class RoundAir {
     bool isEnd(const RoundSide& side, std::size_t end) const;
 
   private:
-    bool isOnBody(const glm::dvec3& place) const;
+    bool isOnBody(const glm::dvec3& position) const;
     bool isFreeAlong(const RoundSide& side, double offset) const;
 
     const AcousticGeometry& geometry_;

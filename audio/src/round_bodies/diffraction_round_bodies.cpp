@@ -26,7 +26,7 @@ constexpr std::size_t kBeside = 5;
 
 /// A wave that comes by a way round bodies.
 struct RoundWave {
-    double way = 0;
+    double pathLength = 0;
     glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
     std::uint32_t order = 1;
     TonePressures pressure{};  // re the phase of its way
@@ -108,11 +108,11 @@ class RoundBends {
     bool addSide(const RoundSide& side, bool beside, std::vector<RoundWave>& waves) const {
         constexpr double kRounding = 1e-6;  // of the radius
         RoundWave main;
-        main.way = side.way().length();
+        main.pathLength = side.path().length();
         main.first = side.first();
         main.last = side.last();
         main.direction = side.arriving(side.last(), listener_);
-        if (!(main.way < longest_)) return false;
+        if (!(main.pathLength < longest_)) return false;
         const std::array<bool, 2> past = side.past();
         const bool within = !past[0] && !past[1];
         TonePressures left;
@@ -138,7 +138,7 @@ class RoundBends {
                 // image alone is added.
                 if (missed)
                     main.pressure[tone] += std::polar(1 / side.placed().path().distance(),
-                                                      -k * (side.placed().path().distance() - main.way));
+                                                      -k * (side.placed().path().distance() - main.pathLength));
                 else if (side.lit() && !beside)
                     main.pressure[tone] -= side.pressure(beside, k, 0);
                 main.pressure[tone] *= left[tone];
@@ -171,11 +171,11 @@ class RoundBends {
     /// Whether the bodies are parts of one, or stand on each other on one axis.
     static bool isOnOneAxis(const RoundBody& a, const RoundBody& b) {
         constexpr double kOff = 0.05;  // of the radius: a tolerance of drawing
-        const glm::dvec3 way = b.center - a.center;
+        const glm::dvec3 displacement = b.center - a.center;
         const double off = kOff * std::max(a.radius, b.radius);
-        if (a.sphere || b.sphere) return a.sphere == b.sphere && glm::length(way) < off;
+        if (a.sphere || b.sphere) return a.sphere == b.sphere && glm::length(displacement) < off;
         return glm::length(glm::cross(a.axis, b.axis)) < kOff &&
-               glm::length(way - a.axis * glm::dot(way, a.axis)) < off;
+               glm::length(displacement - a.axis * glm::dot(displacement, a.axis)) < off;
     }
     /// Weakens a wave by the share that a body near its path takes away, so that there is no step where the body begins
     /// to hide the path.
@@ -186,7 +186,8 @@ class RoundBends {
         const double leg = side.placed().path().distance();
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
-                left[tone] *= 1.0 + leg * side.pressure(true, k, 0) * std::polar(1.0, -k * (side.way().length() - leg));
+                left[tone] *=
+                    1.0 + leg * side.pressure(true, k, 0) * std::polar(1.0, -k * (side.path().length() - leg));
             });
     }
 
@@ -209,27 +210,29 @@ class RoundBends {
             if (!next || next->lit()) return false;
             const double moved = glm::distance(next->last(), first.last());
             first = *next;
-            if (moved < 1e-9 * first.way().length()) break;
+            if (moved < 1e-9 * first.path().length()) break;
         }
         const glm::dvec3 over = second->first() - first.last();
         const double between = glm::length(over);
         // The second one as from where the source is on the way made straight.
         const std::optional<RoundSide> whole =
-            between > 0 ? sideOf(other, backwards, second->first() - over * (first.way().length() / between), listener_)
-                        : std::nullopt;
+            between > 0
+                ? sideOf(other, backwards, second->first() - over * (first.path().length() / between), listener_)
+                : std::nullopt;
         if (!whole || !first.touches() || !second->touches() || !air_.isFree(first, source_, second->first()) ||
             !air_.isFree(*second, first.last(), listener_))
             return false;
         RoundWave wave;
-        wave.way = first.way().length() + second->way().length() - between;
+        wave.pathLength = first.path().length() + second->path().length() - between;
         wave.order = 2;
         wave.first = first.first();
         wave.last = second->last();
         wave.direction = second->arriving(second->last(), listener_);
-        if (!(wave.way < longest_)) return false;
+        if (!(wave.pathLength < longest_)) return false;
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
-                wave.pressure[tone] = first.way().length() * first.pressure(false, k, 0) * whole->pressure(false, k, 0);
+                wave.pressure[tone] =
+                    first.path().length() * first.pressure(false, k, 0) * whole->pressure(false, k, 0);
             });
         waves.push_back(wave);
         return true;
@@ -244,21 +247,21 @@ class RoundBends {
     /// Adds the wave beyond an end of a cylinder that is in the air, or subtracts the missing part; returns whether the
     /// end is in the air.
     bool addEnd(const RoundSide& side, std::size_t end, const RoundWave& main, std::vector<RoundWave>& waves) const {
-        const RoundWay& way = side.way();
+        const Detour& path = side.path();
         const PlacedBody& placed = side.placed();
         const double at = placed.ends()[end];
         RoundWave wave;
-        wave.way = side.lengthByEnd(end);
-        wave.first = placed.at(way.firstAngle(), side.far(), at);
-        wave.last = placed.at(way.lastAngle(), side.far(), at);
+        wave.pathLength = side.lengthByEnd(end);
+        wave.first = placed.at(path.firstAngle(), side.far(), at);
+        wave.last = placed.at(path.lastAngle(), side.far(), at);
         wave.direction = side.arriving(wave.last, listener_);
         if (!air_.isEnd(side, end)) return false;
-        if (side.past()[end] && !air_.isFree(side, source_, listener_, at - way.middleAlong())) return false;
+        if (side.past()[end] && !air_.isFree(side, source_, listener_, at - path.middleAlong())) return false;
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
                 wave.pressure[tone] = side.byEnd(end, k) * main.pressure[tone];
-                any = any || std::abs(wave.pressure[tone]) * wave.way > 1e-3;
+                any = any || std::abs(wave.pressure[tone]) * wave.pathLength > 1e-3;
             });
         if (any) waves.push_back(wave);
         return any;
@@ -268,27 +271,28 @@ class RoundBends {
     void removeImages(const PlacedBody& placed) {
         std::erase_if(arrivals_, [&](const Arrival& arrival) {
             if (arrival.order != 1) return false;
-            const glm::dvec3 image = listener_ + arrival.direction * (arrival.seconds * c()), way = source_ - image;
-            const double apart = glm::length(way);
+            const glm::dvec3 image = listener_ + arrival.direction * (arrival.seconds * c()),
+                             displacement = source_ - image;
+            const double apart = glm::length(displacement);
             if (!(apart > 0)) return false;
-            const glm::dvec3 normal = way / apart, middle = 0.5 * (source_ + image);
+            const glm::dvec3 normal = displacement / apart, middle = 0.5 * (source_ + image);
             const double towards = glm::dot(arrival.direction, normal);
             if (!(std::abs(towards) > 1e-12)) return false;
             const glm::dvec3 by = listener_ + arrival.direction * (glm::dot(middle - listener_, normal) / towards);
             return liesOn(placed, by, normal);
         });
     }
-    static bool liesOn(const PlacedBody& placed, const glm::dvec3& place, const glm::dvec3& normal) {
+    static bool liesOn(const PlacedBody& placed, const glm::dvec3& position, const glm::dvec3& normal) {
         const RoundBody& body = placed.body();
-        glm::dvec3 way = place - body.center;
+        glm::dvec3 displacement = position - body.center;
         if (!body.sphere) {
-            const double along = glm::dot(way, body.axis);
+            const double along = glm::dot(displacement, body.axis);
             if (std::abs(along) > body.halfLength * (1 + 1e-6) + 1e-6) return false;
-            way -= body.axis * along;
+            displacement -= body.axis * along;
         }
-        const double radius = glm::length(way), rounding = 1e-3 * body.radius + 1e-5;
+        const double radius = glm::length(displacement), rounding = 1e-3 * body.radius + 1e-5;
         return radius < body.radius + rounding && radius > body.radius - 2 * placed.depth() - rounding &&
-               std::abs(glm::dot(way, normal)) > radius * std::cos(body.facet + 0.01) && placed.has(place);
+               std::abs(glm::dot(displacement, normal)) > radius * std::cos(body.facet + 0.01) && placed.has(position);
     }
 
     double sentTo(const glm::dvec3& by) const {
@@ -297,16 +301,16 @@ class RoundBends {
 
     void addWave(const RoundWave& side) {
         EdgeWave wave;
-        wave.seconds = side.way / c();
+        wave.seconds = side.pathLength / c();
         wave.direction = side.direction;
         // If source and listener move a little, it touches the body elsewhere, with the same length to first order.
         wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
         wave.order = side.order;
-        wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
+        wave.route.over = side.pathLength - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
                           glm::distance(side.last, listener_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
-        weaken(wave.pressure, sentTo(side.first), attenuation_, side.way);
-        if (!isFaint(wave.pressure, side.way)) field_.waves.push_back(wave);
+        weaken(wave.pressure, sentTo(side.first), attenuation_, side.pathLength);
+        if (!isFaint(wave.pressure, side.pathLength)) field_.waves.push_back(wave);
     }
 
     const AcousticGeometry& geometry_;

@@ -4,7 +4,7 @@
 // Sound goes by at most two sides of a body. The path by one side turns continuously into direct sound and its
 // reflection by the surface; the mirror images in the facets, which represent the same reflection, are removed. Where a
 // cylinder ends in the air, its waves end by Fresnel's integral. If a second body hides the first one from the
-// listener, sound goes round both: the product of their effects. Field: diffraction_round_way.h. Threading: pure
+// listener, sound goes round both: the product of their effects. Field: diffraction_detour.h. Threading: pure
 // functions over const geometry.
 #pragma once
 

@@ -10,8 +10,8 @@
 
 #include <glm/glm.hpp>
 
+#include "diffraction_detour.h"
 #include "diffraction_placed_body.h"
-#include "diffraction_round_way.h"
 
 namespace rtsg {
 
@@ -21,9 +21,9 @@ class RoundSide {
     RoundSide(const PlacedBody& placed, bool far);
 
     const PlacedBody& placed() const { return placed_; }
-    const RoundWay& way() const { return way_; }
+    const Detour& path() const { return detour_; }
     bool far() const { return far_; }
-    bool lit() const { return way_.lit(); }
+    bool lit() const { return detour_.lit(); }
     /// The places where it comes to the body and where it leaves.
     const glm::dvec3& first() const { return first_; }
     const glm::dvec3& last() const { return last_; }
@@ -50,7 +50,7 @@ class RoundSide {
   private:
     PlacedBody placed_;
     bool far_;
-    RoundWay way_;
+    Detour detour_;
     glm::dvec3 first_, last_;
 };
 

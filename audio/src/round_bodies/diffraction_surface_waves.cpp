@@ -49,33 +49,34 @@ class SurfaceTable {
         const Complex down = std::polar(1.0, -2 * kSurfacePi / 3);
         const GaussRule<kNodes> rule;
         for (std::size_t n = 0; n < kNodes; ++n) {
-            const AirySlopes right(kRight * rule.places[n]), left(kLeft * rule.places[n]);
-            add(kRight * rule.places[n], kRight * rule.weights[n] * right.ai / Complex(right.bi, -right.ai));
+            const AirySlopes right(kRight * rule.positions[n]), left(kLeft * rule.positions[n]);
+            add(kRight * rule.positions[n], kRight * rule.weights[n] * right.ai / Complex(right.bi, -right.ai));
             const Complex top = std::polar(1.0, kSurfacePi / 6) / (kSurfaceI * down) * left.ai;
             const Complex bottom = std::polar(1.0, kSurfacePi * (1.0 / 6 - 4.0 / 3)) * Complex(left.ai, -left.bi);
-            add(kLeft * rule.places[n] * down, -down * kLeft * rule.weights[n] * top / bottom);
+            add(kLeft * rule.positions[n] * down, -down * kLeft * rule.weights[n] * top / bottom);
         }
     }
 
     Complex at(double xi) const {
         // Lagrange's cubic through four places next to each other.
-        const double place = (xi - kLight) / kStep;
-        const std::size_t first = std::min(static_cast<std::size_t>(std::max(0.0, place - 1)), kSteps - 3);
-        const double a = place - double(first), b = a - 1, c = a - 2, d = a - 3;
-        return -b * c * d / 6 * places_[first] + a * c * d / 2 * places_[first + 1] -
-               a * b * d / 2 * places_[first + 2] + a * b * c / 6 * places_[first + 3];
+        const double position = (xi - kLight) / kStep;
+        const std::size_t first = std::min(static_cast<std::size_t>(std::max(0.0, position - 1)), kSteps - 3);
+        const double a = position - double(first), b = a - 1, c = a - 2, d = a - 3;
+        return -b * c * d / 6 * terms_[first] + a * c * d / 2 * terms_[first + 1] - a * b * d / 2 * terms_[first + 2] +
+               a * b * c / 6 * terms_[first + 3];
     }
 
   private:
     static constexpr std::size_t kSteps = 140;
     static constexpr double kStep = (kDark - kLight) / kSteps;
 
-    void add(const Complex& place, const Complex& share) {
+    void add(const Complex& position, const Complex& fraction) {
         for (std::size_t i = 0; i <= kSteps; ++i)
-            places_[i] += share / std::sqrt(kSurfacePi) * std::exp(-kSurfaceI * (kLight + kStep * double(i)) * place);
+            terms_[i] +=
+                fraction / std::sqrt(kSurfacePi) * std::exp(-kSurfaceI * (kLight + kStep * double(i)) * position);
     }
 
-    std::array<Complex, kSteps + 1> places_{};
+    std::array<Complex, kSteps + 1> terms_{};
 };
 
 /// The sum over waves that creep: where W' is 0.
@@ -87,11 +88,11 @@ Complex creeping(double xi) {
                                                            {6.1633073556, 0.3579079437},
                                                            {7.3721772551, 0.3423012444},
                                                            {8.4884867340, 0.3304762291}}};
-    const Complex turn = std::polar(1.0, kSurfacePi / 3);
+    const Complex phase = std::polar(1.0, kSurfacePi / 3);
     Complex sum = 0;
     for (const auto& [zero, airy] : kWaves) {
-        const Complex place = zero / turn;
-        sum += std::exp(-kSurfaceI * xi * place) * turn / (4 * kSurfacePi * airy * airy * place);
+        const Complex position = zero / phase;
+        sum += std::exp(-kSurfaceI * xi * position) * phase / (4 * kSurfacePi * airy * airy * position);
     }
     return 2.0 * kSurfaceI * std::sqrt(kSurfacePi) * sum;
 }

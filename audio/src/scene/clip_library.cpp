@@ -71,7 +71,7 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     samplesRead_ += sound->samples.size();
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
     if (!damage.empty())
-        diagnostics_.warningAt(voice.place,
+        diagnostics_.warningAt(voice.location,
                                fmt::format("{}: {} is damaged or cut short: {}", voice.name, resource->name(), damage));
     return sound;
 }
@@ -83,8 +83,8 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
         if (sound) return std::make_shared<const SoundBuffer>(std::move(*sound));
         reasons += "; " + sound.error().text;
     }
-    diagnostics_.warningAt(voice.place, fmt::format("{} is silent: no sound that can be read{}", voice.name,
-                                                    voice.urls.empty() ? "; url is empty" : reasons));
+    diagnostics_.warningAt(voice.location, fmt::format("{} is silent: no sound that can be read{}", voice.name,
+                                                       voice.urls.empty() ? "; url is empty" : reasons));
     return nullptr;
 }
 
@@ -115,7 +115,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice)
         if (!(*buffer)->samples.empty()) return at->second = *buffer;
         why = "it is empty";
     }
-    diagnostics_.warningAt(voice.place, fmt::format("{} is silent: {}", voice.name, why));
+    diagnostics_.warningAt(voice.location, fmt::format("{} is silent: {}", voice.name, why));
     return at->second = silence();
 }
 
@@ -141,9 +141,9 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
                 sound.samples.push_back(std::isfinite(sample) ? sample : 0);
             }
         if (none > 0)
-            diagnostics_.warningAt(voice.place, fmt::format("{}: {} of the {} samples of its buffer are no finite "
-                                                            "numbers: 0 counts",
-                                                            voice.name, none, frames * channels));
+            diagnostics_.warningAt(voice.location, fmt::format("{}: {} of the {} samples of its buffer are no finite "
+                                                               "numbers: 0 counts",
+                                                               voice.name, none, frames * channels));
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         return std::make_shared<const SoundBuffer>(std::move(sound));
     }

@@ -151,7 +151,7 @@ class TableReader {
                 name = std::string(cells[i].text);
                 if (name.empty()) return wrong("a material without a name", cells[i].column);
                 if (rows.contains(name))
-                    return wrong(fmt::format("'{}' is there already, in line {}", name, rows[name].place.where.line),
+                    return wrong(fmt::format("'{}' is there already, in line {}", name, rows[name].location.where.line),
                                  cells[i].column);
                 continue;
             }
@@ -163,10 +163,10 @@ class TableReader {
         }
         if (std::ranges::none_of(absorption.values, [](const auto& value) { return value.has_value(); }))
             return wrong(fmt::format("'{}' has no absorption", name), 1);
-        MaterialTable::Row made{{}, {file_, {number_, 1}}};
-        made.material.absorption = absorption.all(0);
-        made.material.scattering = scattering.all(kUsualScattering);
-        rows.emplace(std::move(name), std::move(made));
+        MaterialTable::Row created{{}, {file_, {number_, 1}}};
+        created.material.absorption = absorption.all(0);
+        created.material.scattering = scattering.all(kUsualScattering);
+        rows.emplace(std::move(name), std::move(created));
         return {};
     }
 
@@ -197,10 +197,10 @@ Result<MaterialTable> MaterialTable::parse(std::string_view text, const std::str
 }
 
 Result<MaterialTable> MaterialTable::read(const std::filesystem::path& file) {
-    constexpr std::uintmax_t kMost = std::uintmax_t{1} << 24;
+    constexpr std::uintmax_t kMax = std::uintmax_t{1} << 24;
     std::error_code problem;
     const std::uintmax_t size = std::filesystem::file_size(file, problem);
-    if (!problem && size > kMost)
+    if (!problem && size > kMax)
         return fail("this is no table of materials: it has more than 16 MiB", {}, file.string());
     std::ifstream in(file, std::ios::binary);
     std::ostringstream text;

@@ -16,7 +16,7 @@ namespace rtsg {
 void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
     const SoundNode& sound = *process.placed;
     const SoundEmitter at{{}, process.placed, block.emitter.worldFromLocal, {}};
-    const glm::dvec3 way = at.position() - block.listener.position, local = at.localFrom(-way);
+    const glm::dvec3 displacement = at.position() - block.listener.position, local = at.localFrom(-displacement);
     const double level = sound.intensity * sound.level(local) * sound.coneGain(local);
     PanGains gains{{{level, 0}, {0, level}}};
     if (sound.spatialize) {
@@ -24,8 +24,9 @@ void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, Au
         two_.resize(2);
         for (std::vector<float>& channel : two_) channel.assign(block.frames, 0.0f);
         mixInto(std::span(two_).first(stereo ? 2 : 1), in_, false);
-        const double distance = glm::length(way);
-        const glm::dvec3 direction = distance > 0 ? block.listener.toLocal(way) / distance : glm::dvec3(0, 0, -1);
+        const double distance = glm::length(displacement);
+        const glm::dvec3 direction =
+            distance > 0 ? block.listener.toLocal(displacement) / distance : glm::dvec3(0, 0, -1);
         if (sound.head) {
             if (!stereo) two_[1] = two_[0];
             return panByHead(direction, level, block, out);
@@ -62,7 +63,7 @@ void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const G
     const double gain = level * kHalfPower, before = heard_.value_or(gain);
     heard_ = gain;
     panned_.reset();
-    head_.turn(block.head, direction, block.frames);
+    head_.setDirection(block.head, direction, block.frames);
     out.resize(2);
     for (std::size_t e = 0; e < 2; ++e) {
         for (std::size_t i = 0; i < block.frames; ++i) {

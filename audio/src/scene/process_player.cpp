@@ -19,24 +19,28 @@ double loudness(std::span<const float> response, double rate) {
     return 0.00125 / std::max(power, 0.000125) * 44100 / rate;
 }
 
-struct Share {
+struct ChannelGain {
     unsigned to, from;
     float gain;
 };
 constexpr float kHalfPower = std::numbers::sqrt2_v<float> / 2;
 /// The shares of the standard layouts: two channels are left and right, four add left and right surround, and six have
 /// centre and low frequencies before these.
-std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
-    static constexpr Share k1To2[] = {{0, 0, 1}, {1, 0, 1}}, k1To6[] = {{2, 0, 1}},
-                           k2To1[] = {{0, 0, .5f}, {0, 1, .5f}}, k2To4[] = {{0, 0, 1}, {1, 1, 1}},
-                           k4To1[] = {{0, 0, .25f}, {0, 1, .25f}, {0, 2, .25f}, {0, 3, .25f}},
-                           k4To2[] = {{0, 0, .5f}, {0, 2, .5f}, {1, 1, .5f}, {1, 3, .5f}},
-                           k4To6[] = {{0, 0, 1}, {1, 1, 1}, {4, 2, 1}, {5, 3, 1}},
-                           k6To1[] = {{0, 0, kHalfPower}, {0, 1, kHalfPower}, {0, 2, 1}, {0, 4, .5f}, {0, 5, .5f}},
-                           k6To2[] = {{0, 0, 1}, {0, 2, kHalfPower}, {0, 4, kHalfPower},
-                                      {1, 1, 1}, {1, 2, kHalfPower}, {1, 5, kHalfPower}},
-                           k6To4[] = {{0, 0, 1},          {0, 2, kHalfPower}, {1, 1, 1},
-                                      {1, 2, kHalfPower}, {2, 4, 1},          {3, 5, 1}};
+std::span<const ChannelGain> fractionsOf(std::size_t from, std::size_t to) {
+    static constexpr ChannelGain k1To2[] = {{0, 0, 1}, {1, 0, 1}}, k1To6[] = {{2, 0, 1}},
+                                 k2To1[] = {{0, 0, .5f}, {0, 1, .5f}}, k2To4[] = {{0, 0, 1}, {1, 1, 1}},
+                                 k4To1[] = {{0, 0, .25f}, {0, 1, .25f}, {0, 2, .25f}, {0, 3, .25f}},
+                                 k4To2[] = {{0, 0, .5f}, {0, 2, .5f}, {1, 1, .5f}, {1, 3, .5f}},
+                                 k4To6[] = {{0, 0, 1}, {1, 1, 1}, {4, 2, 1}, {5, 3, 1}},
+                                 k6To1[] = {{0, 0, kHalfPower},
+                                            {0, 1, kHalfPower},
+                                            {0, 2, 1},
+                                            {0, 4, .5f},
+                                            {0, 5, .5f}},
+                                 k6To2[] = {{0, 0, 1}, {0, 2, kHalfPower}, {0, 4, kHalfPower},
+                                            {1, 1, 1}, {1, 2, kHalfPower}, {1, 5, kHalfPower}},
+                                 k6To4[] = {{0, 0, 1},          {0, 2, kHalfPower}, {1, 1, 1},
+                                            {1, 2, kHalfPower}, {2, 4, 1},          {3, 5, 1}};
     switch (10 * from + to) {
         case 12:
         case 14:
@@ -68,24 +72,24 @@ std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
 }  // namespace
 
 void mixInto(std::span<std::vector<float>> out, std::span<const std::vector<float>> in, bool discrete) {
-    const auto add = [&](const Share& share) {
-        const std::vector<float>& from = in[share.from];
-        std::vector<float>& to = out[share.to];
-        for (std::size_t i = 0; i < from.size(); ++i) to[i] += share.gain * from[i];
+    const auto add = [&](const ChannelGain& gain) {
+        const std::vector<float>& from = in[gain.from];
+        std::vector<float>& to = out[gain.to];
+        for (std::size_t i = 0; i < from.size(); ++i) to[i] += gain.gain * from[i];
     };
-    if (const auto shares = sharesOf(in.size(), out.size()); !discrete && !shares.empty()) {
-        std::ranges::for_each(shares, add);
+    if (const auto gains = fractionsOf(in.size(), out.size()); !discrete && !gains.empty()) {
+        std::ranges::for_each(gains, add);
         return;
     }
     for (unsigned c = 0; c < std::min(out.size(), in.size()); ++c) add({c, c, 1});
 }
 
 bool silenceNoSound(AudioChannels& out, double gain) {
-    const auto most = static_cast<float>(kLoudest / std::max(1.0, std::abs(gain)));
+    const auto maximum = static_cast<float>(kLoudest / std::max(1.0, std::abs(gain)));
     bool any = false;
     for (std::vector<float>& channel : out)
         for (float& sample : channel)
-            if (!(std::abs(sample) <= most)) {
+            if (!(std::abs(sample) <= maximum)) {
                 sample = 0;
                 any = true;
             }
@@ -96,9 +100,9 @@ bool silenceNoSound(AudioChannels& out, double gain) {
 void AudioMix::find(const std::vector<SoundVoice>& voices, std::int64_t first) {
     if (std::ranges::equal(voices, order_, {}, &SoundVoice::node, &std::pair<NodeId, Playing*>::first)) return;
     order_.clear();
-    std::map<std::uint32_t, unsigned> ways;
+    std::map<std::uint32_t, unsigned> channels;
     for (const SoundVoice& voice : voices) {
-        Playing& one = players_[{voice.node.value, ways[voice.node.value]++}];
+        Playing& one = players_[{voice.node.value, channels[voice.node.value]++}];
         one.heard = first;
         order_.emplace_back(voice.node, &one);
     }
@@ -113,7 +117,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     const std::int64_t first = block.first;
     const std::size_t frames = block.frames;
     find(voices, first);
-    std::size_t channels = layout.least;
+    std::size_t channels = layout.minimum;
     for (std::size_t i = 0; i < voices.size(); ++i)
         channels = std::max(channels, order_[i].second->player.channels(voices[i], clips));
     processes_.resize(processes.size());
@@ -124,7 +128,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
         processes_[i]->render(*processes[i], block, processed_[i]);
         channels = std::max(channels, processed_[i].size());
     }
-    if (layout.most > 0) channels = std::min(channels, layout.most);
+    if (layout.maximum > 0) channels = std::min(channels, layout.maximum);
     if (layout.exactly > 0) channels = layout.exactly;
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
@@ -209,8 +213,8 @@ void ProcessPlayer::filter(const AudioProcess& process, double rate, AudioChanne
         filters_[k] = Biquad();
         filters_[k].process(c, out[k]);
         for (std::size_t i = 0; i < old.size(); ++i) {
-            const float share = static_cast<float>(i + 1) / static_cast<float>(old.size());
-            out[k][i] = old[i] + (out[k][i] - old[i]) * share;
+            const float gain = static_cast<float>(i + 1) / static_cast<float>(old.size());
+            out[k][i] = old[i] + (out[k][i] - old[i]) * gain;
         }
     }
     filtered_ = true;

@@ -47,7 +47,7 @@ struct GraphBlock {
 
 struct AudioLayout {
     bool discrete = false;
-    std::size_t exactly = 0, least = 1, most = 0;  // channels; 0: as many as there are
+    std::size_t exactly = 0, minimum = 1, maximum = 0;  // channels; 0: as many as there are
 };
 
 /// Mixes voices and processes, into as many channels as the one with the most has, or as the layout says.

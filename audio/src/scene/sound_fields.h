@@ -42,15 +42,15 @@ inline double number(Time value, double otherwise) {
 /// every frame.
 class FieldNumbers {
   public:
-    FieldNumbers(const Scene& scene, const Node& node, std::function<void(std::string)> tell)
-        : scene_(scene), node_(node), tell_(std::move(tell)) {}
+    FieldNumbers(const Scene& scene, const Node& node, std::function<void(std::string)> report)
+        : scene_(scene), node_(node), report_(std::move(report)) {}
 
     /// `otherwise` for a number that is not finite, which is reported.
     template <class T>
     double any(Field<T> field, double otherwise) const {
         const double value = number(node_.get(field), std::nan(""));
         if (!std::isnan(value)) return value;
-        tell(field.index, "no finite number", otherwise);
+        report(field.index, "no finite number", otherwise);
         return otherwise;
     }
     /// The nearest number of the field's range, too.
@@ -59,7 +59,7 @@ class FieldNumbers {
         const FieldDef& def = node_.type().fields[field.index];
         const double value = any(field, otherwise), nearest = std::clamp(value, def.min, def.max);
         if (value != nearest && !def.inRange(Value(node_.get(field))))
-            tell(field.index, value < nearest ? "too small" : "too large", nearest);
+            report(field.index, value < nearest ? "too small" : "too large", nearest);
         return nearest;
     }
     /// The number in a field that not every type has.
@@ -73,20 +73,20 @@ class FieldNumbers {
     glm::dvec3 vector(Field<Vec3f> field, const glm::dvec3& otherwise, std::string_view outcome) const {
         const glm::dvec3 value = node_.get(field);
         if (std::isfinite(value.x + value.y + value.z)) return value;
-        tell_(fmt::format("{}: its {} is no finite vector: {}", nameOf(scene_, node_),
-                          node_.type().fields[field.index].name, outcome));
+        report_(fmt::format("{}: its {} is no finite vector: {}", nameOf(scene_, node_),
+                            node_.type().fields[field.index].name, outcome));
         return otherwise;
     }
 
   private:
-    void tell(FieldIndex field, std::string_view what, double counts) const {
-        tell_(fmt::format("{}: its {} is {}: {:g} counts", nameOf(scene_, node_), node_.type().fields[field].name, what,
-                          counts));
+    void report(FieldIndex field, std::string_view what, double counts) const {
+        report_(fmt::format("{}: its {} is {}: {:g} counts", nameOf(scene_, node_), node_.type().fields[field].name,
+                            what, counts));
     }
 
     const Scene& scene_;
     const Node& node_;
-    std::function<void(std::string)> tell_;
+    std::function<void(std::string)> report_;
 };
 
 }  // namespace rtsg

@@ -13,7 +13,7 @@
 namespace rtsg {
 namespace {
 
-constexpr int kMostAudioNodes = 1000;  // looked at for one Sound
+constexpr int kMaxAudioNodes = 1000;  // looked at for one Sound
 
 /// The factor of so many cents, within the range that the Web Audio API gives them (1.3.2, nominal range of detune).
 double detuned(double cents) {
@@ -59,7 +59,7 @@ Biquad::Type filterType(std::string_view name) {
 constexpr glm::dvec3 kOutOfHearing{1e12};
 
 /// Reads the place and the level of a Sound or SpatialSound; false if the node is neither.
-bool readPlace(const Node& node, const FieldNumbers& in, SoundNode& sound) {
+bool readPosition(const Node& node, const FieldNumbers& in, SoundNode& sound) {
     if (node.is(x3d::Sound::type)) {
         using S = x3d::Sound;
         sound.enabled = node.get(S::enabled);
@@ -120,15 +120,15 @@ std::vector<float> numbersOf(const Scene& scene, const Node& node, std::string_v
 
 }  // namespace
 
-bool SoundScene::tellPitch(const Scene& scene, const Node& node, double pitch) {
+bool SoundScene::reportPitch(const Scene& scene, const Node& node, double pitch) {
     if (pitch > 0) return true;
-    warnOnce(scene.placeOf(node.id()), fmt::format("{} is silent: its pitch is not above 0", nameOf(scene, node)));
+    warnOnce(scene.locationOf(node.id()), fmt::format("{} is silent: its pitch is not above 0", nameOf(scene, node)));
     return false;
 }
 
 FieldNumbers SoundScene::numbersIn(const Scene& scene, const Node& node) {
     return {scene, node,
-            [this, &scene, &node](std::string text) { warnOnce(scene.placeOf(node.id()), std::move(text)); }};
+            [this, &scene, &node](std::string text) { warnOnce(scene.locationOf(node.id()), std::move(text)); }};
 }
 
 bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, Branch to) {
@@ -136,7 +136,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
     SoundVoice voice;
     voice.node = node.id();
     voice.name = nameOf(scene, node);
-    voice.place = scene.placeOf(node.id());
+    voice.location = scene.locationOf(node.id());
     voice.gain = gain;
     if (node.is(x3d::AudioClip::type)) {
         if (!node.get(x3d::AudioClip::load)) return true;
@@ -144,7 +144,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(x3d::AudioClip::loop);
         const double pitch = in.any(x3d::AudioClip::pitch, 0);
-        if (!tellPitch(scene, node, pitch)) return true;
+        if (!reportPitch(scene, node, pitch)) return true;
         voice.pitch = std::clamp(pitch, 1e-3, 1e3);
     } else if (node.is(x3d::MovieTexture::type)) {
         using M = x3d::MovieTexture;
@@ -155,7 +155,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(M::loop);
         const double pitch = in.any(M::pitch, 0);
-        if (!tellPitch(scene, node, pitch)) return true;
+        if (!reportPitch(scene, node, pitch)) return true;
         voice.pitch = std::clamp(speed * pitch, 1e-3, 1e3);
     } else if (node.is(x3d::BufferAudioSource::type)) {
         using B = x3d::BufferAudioSource;
@@ -196,8 +196,8 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
 bool SoundScene::readProcess(const Scene& scene, const Node& node, double above, int depth, Branch to) {
     using Kind = AudioProcess::Kind;
     const FieldNumbers in = numbersIn(scene, node);
-    auto made = std::make_shared<AudioProcess>();
-    AudioProcess& process = *made;
+    auto created = std::make_shared<AudioProcess>();
+    AudioProcess& process = *created;
     process.node = node.id();
     process.name = nameOf(scene, node);
     process.gain = above * in.any("gain", 0, 1);
@@ -218,8 +218,8 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         }
     } else if (node.is(x3d::Delay::type)) {
         process.kind = Kind::delay;
-        const double most = std::min(in.within(x3d::Delay::maxDelayTime, 1), 180.0);
-        process.delay = std::min(in.within(x3d::Delay::delayTime, 0), most);
+        const double maximum = std::min(in.within(x3d::Delay::maxDelayTime, 1), 180.0);
+        process.delay = std::min(in.within(x3d::Delay::delayTime, 0), maximum);
     } else if (node.is(x3d::Convolver::type)) {
         process.kind = Kind::convolver;
         process.buffer = node.get(x3d::Convolver::buffer);
@@ -247,7 +247,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         const auto asked = static_cast<std::size_t>(std::max(0, node.get(A::fftSize)));
         process.fftSize = std::clamp<std::size_t>(std::bit_floor(asked), 32, 32768);
         if (process.fftSize != asked)
-            warnOnce(scene.placeOf(node.id()),
+            warnOnce(scene.locationOf(node.id()),
                      fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
                                  nameOf(scene, node), process.fftSize));
         process.smoothing = std::clamp(in.any(A::smoothingTimeConstant, 0), 0.0, 1.0);
@@ -257,7 +257,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         return false;
     }
     if (process.kind == Kind::splitter && readOutputs(scene, node, depth, process, to)) {
-        to.processes.push_back(std::move(made));
+        to.processes.push_back(std::move(created));
         return true;
     }
     for (const NodeId child : node.get(Field<Array<NodeId>>{node.type().findExact("children")}))
@@ -266,14 +266,14 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         else
             readVoices(scene, child, 1, depth + 1, {process.voices, process.inputs, to.sound});
     if (to.fed) process.inputs.push_back(to.fed);
-    to.processes.push_back(std::move(made));
+    to.processes.push_back(std::move(created));
     return true;
 }
 
 /// A Sound or SpatialSound between other nodes: 16.4.18 has the latter as the PannerNode of the Web Audio API.
 bool SoundScene::readPanner(const Scene& scene, const Node& node, double above, int depth, Branch to) {
     auto placed = std::make_shared<SoundNode>();
-    if (!readPlace(node, numbersIn(scene, node), *placed)) return false;
+    if (!readPosition(node, numbersIn(scene, node), *placed)) return false;
     auto panner = std::make_shared<AudioProcess>();
     panner->kind = AudioProcess::Kind::panner;
     panner->node = node.id();
@@ -321,21 +321,22 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     const Node* node = scene.effectiveNode(id);
     if (!node) return;
     if (depth > 32)
-        return warnOnce(scene.placeOf(id),
+        return warnOnce(scene.locationOf(id),
                         fmt::format("{} is nested too deeply: what is below is not heard", to.sound));
     // A few lines of USE make as many paths through the audio graph as they like.
-    if (++visits_ > kMostAudioNodes)
-        return warnOnce(scene.placeOf(id),
-                        fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", to.sound,
-                                    kMostAudioNodes));
+    if (++visits_ > kMaxAudioNodes)
+        return warnOnce(
+            scene.locationOf(id),
+            fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", to.sound, kMaxAudioNodes));
     if (!fieldOr(*node, "enabled", true)) return;
     const double above = gain;
     gain *= numbersIn(scene, *node).any("gain", 0, 1);
     if (readSource(scene, *node, gain, to)) {
         if (to.fed)
-            warnOnce(scene.placeOf(id), fmt::format("{} of {} is a source: as an output of a ChannelSplitter it hears "
-                                                    "nothing of it",
-                                                    node->type().name, to.sound));
+            warnOnce(scene.locationOf(id),
+                     fmt::format("{} of {} is a source: as an output of a ChannelSplitter it hears "
+                                 "nothing of it",
+                                 node->type().name, to.sound));
         return;
     }
     if (readPanner(scene, *node, above, depth, to) || readProcess(scene, *node, above, depth, to)) return;
@@ -343,7 +344,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     const FieldIndex children = node->type().findExact("children");
     const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
     if (!node->is(x3d::Gain::type))
-        warnOnce(scene.placeOf(node->id()),
+        warnOnce(scene.locationOf(node->id()),
                  fmt::format("{} of {} is {}", node->type().name, to.sound,
                              silent ? "not a source that can be heard" : "passed through unprocessed"));
     if (silent) return;
@@ -372,7 +373,7 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         for (const NodeId child : node.get(D::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     };
-    if (readPlace(node, in, sound)) {
+    if (readPosition(node, in, sound)) {
         for (const NodeId child : inputsOf(node))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     } else if (node.is(x3d::AudioDestination::type)) {

@@ -23,19 +23,19 @@ namespace {
 /// The coordinate of things without a place: out of hearing, but a number (metres).
 constexpr double kNowhere = 1e12;
 
-double shareOf(double value) {
+double fractionOf(double value) {
     return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0;
 }
 
 /// Reads octave bands from a metadata node called `name`; false if there are none. `tell`: reports invalid ones.
-bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, const TellMaterial& tell,
+bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, const ReportMaterial& report,
                        int depth = 0) {
     const Node* node = scene.find(id);
     if (!node || depth > 8) return false;
     std::vector<double> values;
     if (node->is(x3d::MetadataSet::type)) {
         for (const NodeId child : node->get(x3d::MetadataSet::value))
-            if (bandsFromMetadata(scene, child, name, bands, tell, depth + 1)) return true;
+            if (bandsFromMetadata(scene, child, name, bands, report, depth + 1)) return true;
         return false;
     }
     if (node->is(x3d::MetadataFloat::type) && node->get(x3d::MetadataFloat::name).view() == name) {
@@ -46,16 +46,17 @@ bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Ban
         return false;
     }
     if (values.size() < 6 || values.size() > kBandCount) {
-        if (tell)
-            tell(id, fmt::format("{} of the metadata has {} value{}, and octave bands are 10 or 9 (from 31.5 Hz on), 8 "
-                                 "(from 63 Hz) or 7 or 6 (from 125 Hz): the field counts",
-                                 name, values.size(), values.size() == 1 ? "" : "s"));
+        if (report)
+            report(id,
+                   fmt::format("{} of the metadata has {} value{}, and octave bands are 10 or 9 (from 31.5 Hz on), 8 "
+                               "(from 63 Hz) or 7 or 6 (from 125 Hz): the field counts",
+                               name, values.size(), values.size() == 1 ? "" : "s"));
         return false;
     }
     const auto wrong = std::ranges::find_if(values, [](double value) { return !(value >= 0 && value <= 1); });
-    if (tell && wrong != values.end())
-        tell(id, fmt::format("{} of the metadata has the value {:g}, outside 0 to 1: {:g} counts", name, *wrong,
-                             shareOf(*wrong)));
+    if (report && wrong != values.end())
+        report(id, fmt::format("{} of the metadata has the value {:g}, outside 0 to 1: {:g} counts", name, *wrong,
+                               fractionOf(*wrong)));
     const int count = static_cast<int>(values.size());
     // From 31.5 Hz, from 63 Hz, or from 125 Hz.
     const int first = count >= 9 ? 0 : count == 8 ? 1 : 2;
@@ -101,15 +102,15 @@ FoundPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rotatio
     found.pose.up = axes[1];
     found.pose.back = axes[2];
     found.isSomewhere = !camera.nowhere;
-    const glm::dvec3 turn = m[0] + m[1] + m[2] + glm::dvec3(orientation.x, orientation.y, orientation.z);
-    found.isTurned = std::isfinite(turn.x + turn.y + turn.z + double{orientation.angle});
+    const glm::dvec3 rotation = m[0] + m[1] + m[2] + glm::dvec3(orientation.x, orientation.y, orientation.z);
+    found.isTurned = std::isfinite(rotation.x + rotation.y + rotation.z + double{orientation.angle});
     return found;
 }
 
 }  // namespace
 
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const AcousticMaterial& defaults,
-                                  const TellMaterial& tell) {
+                                  const ReportMaterial& report) {
     using P = x3d::AcousticProperties;
     if (!node.get(P::enabled)) return defaults;
     Bands absorption = allBands(static_cast<double>(node.get(P::absorption)));
@@ -117,14 +118,14 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const Ac
     Bands specular = allBands(static_cast<double>(node.get(P::specular)));
     Bands refraction = allBands(static_cast<double>(node.get(P::refraction)));
     const NodeId metadata = node.get(P::metadata);
-    bandsFromMetadata(scene, metadata, "absorption", absorption, tell);
-    bandsFromMetadata(scene, metadata, "diffuse", diffuse, tell);
-    bandsFromMetadata(scene, metadata, "specular", specular, tell);
-    bandsFromMetadata(scene, metadata, "refraction", refraction, tell);
+    bandsFromMetadata(scene, metadata, "absorption", absorption, report);
+    bandsFromMetadata(scene, metadata, "diffuse", diffuse, report);
+    bandsFromMetadata(scene, metadata, "specular", specular, report);
+    bandsFromMetadata(scene, metadata, "refraction", refraction, report);
     AcousticMaterial material;
     for (std::size_t b = 0; b < kBandCount; ++b) {
-        const double a = shareOf(absorption[b]), through = std::min(shareOf(refraction[b]), 1 - a);
-        const double left = 1 - a - through, d = shareOf(diffuse[b]), s = shareOf(specular[b]);
+        const double a = fractionOf(absorption[b]), through = std::min(fractionOf(refraction[b]), 1 - a);
+        const double left = 1 - a - through, d = fractionOf(diffuse[b]), s = fractionOf(specular[b]);
         material.absorption[b] = a;
         material.transmission[b] = through;
         // Fields are in single precision: where diffuse is all that is left, rounding leaves no mirror.
@@ -204,9 +205,10 @@ auto emitterFrom(Emitters& emitters, std::uint32_t slot) {
 }  // namespace
 
 glm::dvec3 SoundEmitter::aim() const {
-    const glm::dvec3 way = glm::dmat3(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]) * sound->direction;
-    const double length = glm::length(way);
-    return length > 0 && std::isfinite(length) ? way / length : glm::dvec3(0);
+    const glm::dvec3 displacement =
+        glm::dmat3(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]) * sound->direction;
+    const double length = glm::length(displacement);
+    return length > 0 && std::isfinite(length) ? displacement / length : glm::dvec3(0);
 }
 
 glm::dvec3 SoundEmitter::position() const {
@@ -297,31 +299,32 @@ FoundPose foundPose(const Scene& scene, const Placed& placed) {
 ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
     const auto [now, isSomewhere, isTurned] = foundPose(scene, placed);
     ListenerPose& pose = poses_[placed.id.slot];
-    const auto tell = [&](std::string_view text) {
-        warnOnce(scene.placeOf(placed.node), fmt::format("{}: its {}", nameOf(scene, scene.node(placed.node)), text));
+    const auto report = [&](std::string_view text) {
+        warnOnce(scene.locationOf(placed.node),
+                 fmt::format("{}: its {}", nameOf(scene, scene.node(placed.node)), text));
     };
     if (isSomewhere)
         pose.position = now.position;
     else
-        tell("position in the world is no place: the last that was one counts, or 0 0 10");
+        report("position in the world is no place: the last that was one counts, or 0 0 10");
     if (isTurned)
         pose.right = now.right, pose.up = now.up, pose.back = now.back;
     else
-        tell("orientation in the world is no rotation: the last that was one counts, or 0 0 1 0");
+        report("orientation in the world is no rotation: the last that was one counts, or 0 0 1 0");
     return pose;
 }
 
 /// The distance of the ears if it is that of a head, or of microphones; 0 if it is not given.
 double SoundScene::earDistance(const Scene& scene, const Node& node) {
-    constexpr double kMost = 0.5;
-    const double told = std::max(0.0, numbersIn(scene, node).any("interauralDistance", 0, 0));
-    if (told > kMost)
-        warnOnce(scene.placeOf(node.id()),
-                 fmt::format("{}: its interauralDistance is too large: {:g} m count", nameOf(scene, node), kMost));
-    return std::min(told, kMost);
+    constexpr double kMax = 0.5;
+    const double reported = std::max(0.0, numbersIn(scene, node).any("interauralDistance", 0, 0));
+    if (reported > kMax)
+        warnOnce(scene.locationOf(node.id()),
+                 fmt::format("{}: its interauralDistance is too large: {:g} m count", nameOf(scene, node), kMax));
+    return std::min(reported, kMax);
 }
 
-void SoundScene::findPlaces(const Scene& scene) {
+void SoundScene::findPositions(const Scene& scene) {
     std::map<std::uint32_t, const Placed*> listeners, views;  // by slot
     for (const auto& [slot, placed] : others_) {
         const Node* node = scene.find(placed.node);
@@ -334,17 +337,17 @@ void SoundScene::findPlaces(const Scene& scene) {
     const auto& chosen = listeners.empty() ? views : listeners;
     std::map<std::string, int> named, seen;
     for (const auto& [slot, placed] : chosen) ++named[nameOf(scene, scene.node(placed->node))];
-    places_.clear();
+    positions_.clear();
     for (const auto& [slot, placed] : chosen) {
         std::string name = nameOf(scene, scene.node(placed->node));
         if (named[name] > 1) name += fmt::format(" {}", ++seen[name]);
         const ListenerPose pose = poseOf(scene, *placed);
-        places_.push_back({std::move(name), pose.position, glm::dmat3(pose.right, pose.up, pose.back)});
+        positions_.push_back({std::move(name), pose.position, glm::dmat3(pose.right, pose.up, pose.back)});
         ListenerPose head;
         head.earDistance = earDistance(scene, scene.node(placed->node));
-        places_.back().headRadius = head.headRadius();
+        positions_.back().headRadius = head.headRadius();
     }
-    if (places_.empty()) places_.push_back({"listener", listener_.position, {}});
+    if (positions_.empty()) positions_.push_back({"listener", listener_.position, {}});
 }
 
 void SoundScene::chooseListener(const Scene& scene) {
@@ -383,7 +386,7 @@ void SoundScene::readMaterial(const Scene& scene, NodeId id) {
     const Node* node = scene.effectiveNode(id);
     if (node && materials_) {
         if (const std::string_view asked = askedMaterial(scene, *node); !asked.empty() && !materials_->find(asked))
-            warnOnce(scene.placeOf(id),
+            warnOnce(scene.locationOf(id),
                      fmt::format("{}: the table of materials has no '{}'", nameOf(scene, *node), asked));
         if (const std::string_view name = materialName(scene, id); !name.empty()) {
             usedMaterials_.emplace(name);
@@ -391,10 +394,10 @@ void SoundScene::readMaterial(const Scene& scene, NodeId id) {
         }
     }
     const bool says = node && node->is(x3d::AcousticProperties::type);
-    const auto tell = [&](NodeId metadata, std::string text) {
-        warnOnce(scene.placeOf(metadata), fmt::format("{}: {}", nameOf(scene, *node), text));
+    const auto report = [&](NodeId metadata, std::string text) {
+        warnOnce(scene.locationOf(metadata), fmt::format("{}: {}", nameOf(scene, *node), text));
     };
-    walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_, tell) : defaults_);
+    walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_, report) : defaults_);
 }
 
 void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
@@ -413,7 +416,7 @@ void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const I
 }
 
 /// Whether there are others than before.
-bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
+bool SoundScene::moveEmitters(const Scene& scene, const InstanceDelta& delta) {
     bool others = false;
     const auto emitterAt = [&](InstanceId id) -> SoundEmitter* {
         const auto it = emitterFrom(*emitters_, id.slot);
@@ -476,10 +479,10 @@ void SoundScene::nameEmitters() {
     std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
 }
 
-void SoundScene::warnOnce(const NodePlace& place, std::string text) {
+void SoundScene::warnOnce(const NodeLocation& location, std::string text) {
     // This many texts of a scene that keeps making new names are remembered; further ones are not reported.
-    constexpr std::size_t kMost = 1000;
-    if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warningAt(place, std::move(text));
+    constexpr std::size_t kMax = 1000;
+    if (reported_.size() < kMax && reported_.insert(text).second) diagnostics_.warningAt(location, std::move(text));
 }
 
 /// Names sounds that lead to a stream, since nobody hears them here.
@@ -491,7 +494,7 @@ void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
         const TypeIndex type{static_cast<std::uint16_t>(change.index)};
         if (type != x3d::StreamAudioDestination::type) continue;
         if (const Node* node = scene.find(change.node))
-            warnOnce(scene.placeOf(node->id()),
+            warnOnce(scene.locationOf(node->id()),
                      fmt::format("{} {} is heard by nobody: rtsg listen --stream-out writes it to a file",
                                  node->type().name, nameOf(scene, *node)));
     }
@@ -550,7 +553,7 @@ void SoundScene::readAir(const Scene& scene, const ChangeSet& changes) {
             into = numberFromMetadata(scene, metadata, name);
             if (!into || (*into >= low && *into <= high)) return;
             warnOnce(
-                scene.placeOf(metadata),
+                scene.locationOf(metadata),
                 fmt::format("{} of the metadata is {:.6g}; it counts from {:g} to {:g} only", name, *into, low, high));
             into.reset();
         };
@@ -568,7 +571,7 @@ void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const Insta
     nameSilent(scene, changes);
     readAir(scene, changes);
     readWalls(scene, changes, delta);
-    if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
+    if (moveEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
     // Listeners and views.
     for (const InstanceId id : delta.placedRemoved) {
         others_.erase(id.slot);
@@ -585,7 +588,7 @@ void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const Insta
     if (changes.isSnapshot() || !delta.placedAdded.empty() || !delta.placedRemoved.empty() ||
         !delta.placedMoved.empty() || !delta.placedRebound.empty() || !delta.placedChanged.empty()) {
         chooseListener(scene);
-        findPlaces(scene);
+        findPositions(scene);
     }
 }
 

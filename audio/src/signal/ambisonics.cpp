@@ -28,10 +28,10 @@ void ambisonicGains(int order, const glm::dvec3& direction, std::span<double> ga
             const int k = std::abs(m);
             double norm = m == 0 ? 1 : 2;
             for (int f = l - k + 1; f <= l + k; ++f) norm /= f;
-            const double turn = m >= 0 ? std::cos(m * azimuth) : std::sin(k * azimuth);
+            const double angle = m >= 0 ? std::cos(m * azimuth) : std::sin(k * azimuth);
             const int channel = l * l + l + m;  // ACN
             gains[static_cast<std::size_t>(channel)] =
-                std::sqrt(norm) * p[static_cast<std::size_t>(l)][static_cast<std::size_t>(k)] * turn;
+                std::sqrt(norm) * p[static_cast<std::size_t>(l)][static_cast<std::size_t>(k)] * angle;
         }
 }
 

@@ -19,13 +19,13 @@ double amplitudeOf(double decibels) {
 }
 
 /// At the ends of the spectrum the formulas have no value: uses their limits.
-bool atTheEnds(Biquad::Type type, double share, double q, double a, Biquad::Coefficients& c) {
+bool atTheEnds(Biquad::Type type, double fraction, double q, double a, Biquad::Coefficients& c) {
     using enum Biquad::Type;
     const auto flat = [&](double gain) {
         c = {gain, 0, 0, 0, 0};
         return true;
     };
-    const bool low = !(share > 0), high = share >= 1;
+    const bool low = !(fraction > 0), high = fraction >= 1;
     switch (type) {
         case lowpass:
             return high ? flat(1) : low ? flat(0) : false;
@@ -50,10 +50,10 @@ bool atTheEnds(Biquad::Type type, double share, double q, double a, Biquad::Coef
 }  // namespace
 
 Biquad::Coefficients Biquad::coefficients(Type type, double hz, double sampleRate, double q, double gainDb) {
-    const double a = std::pow(10.0, gainDb / 40), share = 2 * hz / sampleRate;
+    const double a = std::pow(10.0, gainDb / 40), fraction = 2 * hz / sampleRate;
     Coefficients ends;
-    if (atTheEnds(type, share, q, a, ends)) return ends;
-    const double w = kPi * share, c = std::cos(w), s = std::sin(w);
+    if (atTheEnds(type, fraction, q, a, ends)) return ends;
+    const double w = kPi * fraction, c = std::cos(w), s = std::sin(w);
     const double alpha = type == Type::lowpass || type == Type::highpass ? s / (2 * amplitudeOf(q)) : s / (2 * q);
     const double shelf = s / 2 * std::numbers::sqrt2, root = 2 * shelf * std::sqrt(a);
     double b0 = 1, b1 = 0, b2 = 0, a0 = 1 + alpha, a1 = -2 * c, a2 = 1 - alpha;
@@ -191,9 +191,9 @@ std::vector<double> halfRateFilter(unsigned factor, std::size_t reach) {
     std::vector<double> taps(2 * reach + 1);
     double sum = 0;
     for (std::size_t i = 0; i < taps.size(); ++i) {
-        const double t = static_cast<double>(i) - middle, share = t / (middle + 1);
+        const double t = static_cast<double>(i) - middle, fraction = t / (middle + 1);
         const double sinc = t == 0 ? 2 * cutoff : std::sin(2 * kPi * cutoff * t) / (kPi * t);
-        taps[i] = sinc * bessel0(kBeta * std::sqrt(1 - share * share)) / bessel0(kBeta);
+        taps[i] = sinc * bessel0(kBeta * std::sqrt(1 - fraction * fraction)) / bessel0(kBeta);
         sum += taps[i];
     }
     for (double& tap : taps) tap /= sum;
@@ -253,8 +253,8 @@ std::vector<double> SpectrumAnalyser::decibels(double smoothing) {
     const std::size_t size = ring_.size();
     std::vector<std::complex<double>> x(size);
     for (std::size_t i = 0; i < size; ++i) {
-        const double turn = 2 * kPi * static_cast<double>(i) / static_cast<double>(size);
-        const double window = 0.42 - 0.5 * std::cos(turn) + 0.08 * std::cos(2 * turn);
+        const double angle = 2 * kPi * static_cast<double>(i) / static_cast<double>(size);
+        const double window = 0.42 - 0.5 * std::cos(angle) + 0.08 * std::cos(2 * angle);
         x[i] = window * static_cast<double>(ring_[(written_ + i) % size]);
     }
     for (std::size_t i = 1, j = 0; i < size; ++i) {
@@ -265,17 +265,17 @@ std::vector<double> SpectrumAnalyser::decibels(double smoothing) {
     }
     for (std::size_t length = 2; length <= size; length *= 2)
         for (std::size_t k = 0; k < length / 2; ++k) {
-            const auto turn = std::polar(1.0, -2 * kPi * static_cast<double>(k) / static_cast<double>(length));
+            const auto angle = std::polar(1.0, -2 * kPi * static_cast<double>(k) / static_cast<double>(length));
             for (std::size_t i = 0; i < size; i += length) {
-                const auto a = x[i + k], b = x[i + k + length / 2] * turn;
+                const auto a = x[i + k], b = x[i + k + length / 2] * angle;
                 x[i + k] = a + b;
                 x[i + k + length / 2] = a - b;
             }
         }
-    const double share = std::clamp(smoothing, 0.0, 1.0);
+    const double fraction = std::clamp(smoothing, 0.0, 1.0);
     std::vector<double> result(size / 2);
     for (std::size_t i = 0; i < result.size(); ++i) {
-        smoothed_[i] = share * smoothed_[i] + (1 - share) * std::abs(x[i]) / static_cast<double>(size);
+        smoothed_[i] = fraction * smoothed_[i] + (1 - fraction) * std::abs(x[i]) / static_cast<double>(size);
         result[i] = decibelsOf(smoothed_[i]);
     }
     return result;
@@ -302,9 +302,9 @@ PeriodicWave PeriodicWave::named(std::string_view type) {
 }
 
 PeriodicWave PeriodicWave::custom(std::span<const float> real, std::span<const float> imag) {
-    constexpr std::size_t kMost = 4096;
+    constexpr std::size_t kMax = 4096;
     PeriodicWave wave;
-    for (std::size_t k = 1; k < std::min(kMost, std::max(real.size(), imag.size())); ++k) {
+    for (std::size_t k = 1; k < std::min(kMax, std::max(real.size(), imag.size())); ++k) {
         const auto finite = [&](std::span<const float> values) {
             return k < values.size() && std::isfinite(values[k]) ? static_cast<double>(values[k]) : 0.0;
         };
@@ -326,13 +326,13 @@ void PeriodicWave::normalise() {
     for (double& value : sines_) value /= peak;
 }
 
-double PeriodicWave::at(double phase, std::size_t most) const {
+double PeriodicWave::at(double phase, std::size_t maximum) const {
     const auto step = std::polar(1.0, 2 * kPi * phase);
-    std::complex<double> turn(1);
+    std::complex<double> angle(1);
     double sum = 0;
-    for (std::size_t k = 1; k < cosines_.size() && k <= most; ++k) {
-        turn *= step;
-        sum += cosines_[k] * turn.real() + sines_[k] * turn.imag();
+    for (std::size_t k = 1; k < cosines_.size() && k <= maximum; ++k) {
+        angle *= step;
+        sum += cosines_[k] * angle.real() + sines_[k] * angle.imag();
     }
     return sum;
 }

@@ -50,13 +50,13 @@ BandFilters::BandFilters(std::size_t fftSize, int sampleRate, const Classes& cla
 }
 
 std::shared_ptr<const BandFilters> BandFilters::kept(std::size_t fftSize, int sampleRate, const Classes& classes) {
-    constexpr std::size_t kMost = 4;
+    constexpr std::size_t kMax = 4;
     thread_local std::vector<std::shared_ptr<const BandFilters>> all;
     auto found = std::ranges::find_if(all, [&](const auto& one) {
         return one->size_ == fftSize && one->rate_ == sampleRate && one->classes_ == classes;
     });
     if (found == all.end()) {
-        if (all.size() == kMost) all.erase(all.begin());
+        if (all.size() == kMax) all.erase(all.begin());
         all.push_back(std::make_shared<BandFilters>(fftSize, sampleRate, classes));
         found = std::prev(all.end());
     }

@@ -15,7 +15,7 @@ namespace rtsg {
 namespace {
 
 /// The least in which noise of many beginnings goes round, milliseconds; a power of two, for the transform.
-constexpr std::size_t kLeastSize = 4096;
+constexpr std::size_t kMinSize = 4096;
 
 std::size_t millisecondOf(int sampleRate) {
     return static_cast<std::size_t>(sampleRate / 1000);
@@ -31,11 +31,11 @@ double gaussian(Random& random) {
 std::vector<float> smoothed(const EnergySteps& late, std::size_t band, double factor, std::size_t half) {
     const std::size_t count = late.bins.size();
     std::vector<float> energy(count);
-    const double share = factor / static_cast<double>(2 * half + 1);
+    const double fraction = factor / static_cast<double>(2 * half + 1);
     double within = 0;  // a part goes to each bin from the one `half` before on, which is counted where it begins
     std::vector<double> starts(count + 1);
     for (std::size_t k = 0; k < count; ++k) {
-        const double part = share * late.bins[k][band];
+        const double part = fraction * late.bins[k][band];
         const std::size_t first = k > half ? k - half : 0, last = std::min(count - 1, k + half);
         starts[first] += part;
         starts[last + 1] -= part;
@@ -79,20 +79,20 @@ BandNoise::BandNoise(int sampleRate, std::size_t size, std::uint64_t seed) : rat
 std::shared_ptr<const BandNoise> BandNoise::of(std::uint64_t seed, int sampleRate, std::size_t frames, int channels) {
     const std::size_t millisecond = millisecondOf(sampleRate), whole = RealFft::sizeFor(frames / millisecond + 1);
     return std::make_shared<const BandNoise>(sampleRate,
-                                             millisecond * (channels > 2 ? std::max(kLeastSize, whole) : whole), seed);
+                                             millisecond * (channels > 2 ? std::max(kMinSize, whole) : whole), seed);
 }
 
 std::shared_ptr<const BandNoise> BandNoise::kept(int sampleRate, std::size_t frames) {
-    constexpr std::size_t kMost = 2;  // 8 MB each at 48 kHz, and more the longer
+    constexpr std::size_t kMax = 2;  // 8 MB each at 48 kHz, and more the longer
     static std::mutex mutex;
     static std::vector<std::shared_ptr<const BandNoise>> all;
     const std::size_t millisecond = millisecondOf(sampleRate);
-    const std::size_t size = millisecond * std::max(kLeastSize, RealFft::sizeFor(frames / millisecond + 1));
+    const std::size_t size = millisecond * std::max(kMinSize, RealFft::sizeFor(frames / millisecond + 1));
     const std::lock_guard lock(mutex);
     auto found =
         std::ranges::find_if(all, [&](const auto& one) { return one->rate_ == sampleRate && one->size_ == size; });
     if (found == all.end()) {
-        if (all.size() == kMost) all.erase(all.begin());
+        if (all.size() == kMax) all.erase(all.begin());
         all.push_back(std::make_shared<BandNoise>(sampleRate, size, 0));
         found = std::prev(all.end());
     }
@@ -104,10 +104,11 @@ void BandNoise::add(const EnergySteps& late, double factor, std::uint64_t seed, 
                     std::span<float> samples) const {
     if (late.bins.empty()) return;
     // Channels of one seed are as far from each other in the noise as the golden section leaves.
-    const double place = static_cast<double>(channel) * std::numbers::phi + Random(Random::mix(seed, 0x5EED)).uniform();
+    const double position =
+        static_cast<double>(channel) * std::numbers::phi + Random(Random::mix(seed, 0x5EED)).uniform();
     // The noise has its energy in each bin where these are its milliseconds.
     const std::size_t cell = millisecondOf(rate_), begin = static_cast<std::size_t>(std::llround(late.start * rate_));
-    const auto first = static_cast<std::size_t>((place - std::floor(place)) * static_cast<double>(size_ / cell));
+    const auto first = static_cast<std::size_t>((position - std::floor(position)) * static_cast<double>(size_ / cell));
     const std::size_t offset = (first + 1) * cell - begin % cell;
     const double perSample = factor * late.binsPerSecond / rate_;
     for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -135,8 +136,8 @@ void BandNoise::addBand(const std::vector<float>& energy, const EnergySteps& lat
         const float step = (to - from) / static_cast<float>(end - at);
         for (float before = from; at < end;) {
             // Go to the end of the noise, where it starts again.
-            const std::size_t place = (offset + at) % size_, run = std::min(end - at, size_ - place);
-            const float* const noise = bands_[band].data() + place;
+            const std::size_t position = (offset + at) % size_, run = std::min(end - at, size_ - position);
+            const float* const noise = bands_[band].data() + position;
             float* const sum = samples.data() + at;
             for (std::size_t i = 0; i < run; ++i)
                 sum[i] += noise[i] *

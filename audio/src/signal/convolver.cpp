@@ -92,8 +92,8 @@ std::span<float> convolve(Workspace& work, const History& history, const std::ve
 
 /// The memory of an input: its spectra by blocks and, if a response has long parts, by long blocks.
 struct Input {
-    Input(std::size_t size, std::size_t inTurn)
-        : block(size), turn(inTurn % kLong), filled(turn), window(2 * size), history() {}
+    Input(std::size_t size, std::size_t inOrder)
+        : block(size), phase(inOrder % kLong), filled(phase), window(2 * size), history() {}
 
     /// Something of the last two blocks is no silence.
     bool sounds() const {
@@ -119,14 +119,14 @@ struct Input {
         risen += risen < rise ? block : 0;
         history.grow(1, bins());
         workspace(2 * block).fft.forward(window, history.next());
-        isWhole = false;
-        turn = (turn + 1) % kLong;
+        isComplete = false;
+        phase = (phase + 1) % kLong;
         if (longHistory.size() == 0) return;
         const auto middle = longWindow.begin() + static_cast<std::ptrdiff_t>(longBlock());
         std::copy_n(fresh, block, middle + static_cast<std::ptrdiff_t>(filled * block));
         if (++filled < kLong) return;
         filled = 0;
-        isWhole = true;
+        isComplete = true;
         workspace(2 * longBlock()).fft.forward(longWindow, longHistory.next());
         std::copy(middle, longWindow.end(), longWindow.begin());
     }
@@ -140,14 +140,14 @@ struct Input {
         std::ranges::fill(window, 0.0f);
         std::ranges::fill(longWindow, 0.0f);
         history.silence(), longHistory.silence();
-        filled = turn;
+        filled = phase;
         risen = rise = 0;
     }
 
     std::size_t block;
-    std::size_t turn;      // as if long blocks had been filled from the first block on, with or without long parts
-    std::size_t filled;    // blocks of the long one that is not whole yet
-    bool isWhole = false;  // a long one was, with the last block
+    std::size_t phase;        // as if long blocks had been filled from the first block on, with or without long parts
+    std::size_t filled;       // blocks of the long one that is not whole yet
+    bool isComplete = false;  // a long one was, with the last block
     std::size_t risen = 0, rise = 0;  // samples of what begins softly: so far, and of all
     std::vector<float> window, longWindow;
     History history, longHistory;
@@ -159,7 +159,7 @@ struct Input {
         longHistory.grow(parts, longBlock() + 1);
         if (!first) return;
         longWindow.assign(2 * longBlock(), 0);
-        filled = turn;
+        filled = phase;
         Workspace& work = workspace(2 * block);
         for (std::size_t age = 0; age < std::min(history.size(), kLong + filled); ++age) {
             work.fft.inverse(history[age], work.time);
@@ -234,8 +234,8 @@ struct Convolver::Impl {
     std::size_t faded = 0;  // samples
 };
 
-Convolver::Convolver(std::size_t blockSize, std::size_t fadeSamples, std::size_t turn)
-    : impl_(std::make_unique<Impl>(std::make_shared<Input>(std::max<std::size_t>(2, blockSize), turn),
+Convolver::Convolver(std::size_t blockSize, std::size_t fadeSamples, std::size_t phase)
+    : impl_(std::make_unique<Impl>(std::make_shared<Input>(std::max<std::size_t>(2, blockSize), phase),
                                    std::max<std::size_t>(1, fadeSamples))) {}
 Convolver::Convolver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Convolver::~Convolver() = default;
@@ -316,9 +316,9 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
         if (s.waits && !s.started && s.input->sounds()) s.input->beginSoftly(s.onceIn > 0 ? s.onceIn : s.fadeLength);
         s.input->take(input);
     }
-    const bool isNew = s.takeWaiting(), isWhole = s.input->isWhole;
-    if (isWhole || (isNew && !s.fading)) s.hearAhead(s.current);
-    if (s.fading && (isWhole || isNew)) s.hearAhead(s.next);
+    const bool isNew = s.takeWaiting(), isComplete = s.input->isComplete;
+    if (isComplete || (isNew && !s.fading)) s.hearAhead(s.current);
+    if (s.fading && (isComplete || isNew)) s.hearAhead(s.next);
     if (!s.fading) {
         if (!s.started || s.current.empty()) return;
         const auto result = s.hear(s.current);
@@ -330,8 +330,8 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
     const auto fresh = s.hear(s.next);
     for (std::size_t i = 0; i < s.block(); ++i) {
         const double part = static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeSamples);
-        const float share = s.evenly ? static_cast<float>(std::min(1.0, part)) : fadeIn(part);
-        output[i] += before[i] + (fresh[i] - before[i]) * share;
+        const float fraction = s.evenly ? static_cast<float>(std::min(1.0, part)) : fadeIn(part);
+        output[i] += before[i] + (fresh[i] - before[i]) * fraction;
     }
     s.faded += s.block();
     if (s.faded < s.fadeSamples) return;

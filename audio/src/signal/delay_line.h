@@ -29,9 +29,9 @@ class DelayLine {
         if (delay < SincTable::kHalf) delay = std::round(delay);
         const double position = static_cast<double>(index) - delay;
         const double whole = std::floor(position), fraction = position - whole;
-        const auto place = static_cast<std::ptrdiff_t>(whole);
-        if (fraction == 0) return at(place);
-        const std::ptrdiff_t first = place - (SincTable::kHalf - 1);
+        const auto offset = static_cast<std::ptrdiff_t>(whole);
+        if (fraction == 0) return at(offset);
+        const std::ptrdiff_t first = offset - (SincTable::kHalf - 1);
         if (const float* taps = tapsAt(first)) return sinc().weighted(fraction, taps);
         std::array<float, kTaps> samples;
         for (std::size_t k = 0; k < kTaps; ++k) samples[k] = at(first + static_cast<std::ptrdiff_t>(k));

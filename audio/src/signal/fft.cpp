@@ -44,26 +44,26 @@ class Vectorised {
   public:
     Vectorised(std::size_t size, bool isInverse) {
         // Other sizes, and larger ones, it may take by the sum that defines them; those with an odd half are wrong.
-        if (size < kLeast || size > kMost || !std::has_single_bit(size) || !quickTransforms()) return;
+        if (size < kMin || size > kMax || !std::has_single_bit(size) || !quickTransforms()) return;
         const float scale = isInverse ? 1.0f / static_cast<float>(size) : 1.0f;
-        if (!quickTransforms()->make(size, isInverse, scale, made_)) made_.context = nullptr;
+        if (!quickTransforms()->make(size, isInverse, scale, created_)) created_.context = nullptr;
     }
     ~Vectorised() {
-        if (made_.context) quickTransforms()->destroy(made_);
+        if (created_.context) quickTransforms()->destroy(created_);
     }
     Vectorised(const Vectorised&) = delete;
     Vectorised& operator=(const Vectorised&) = delete;
 
-    explicit operator bool() const { return made_.context != nullptr; }
+    explicit operator bool() const { return created_.context != nullptr; }
     /// An inverse one writes over its input.
     template <class To, class From>
     void operator()(To* to, From* from) const {
-        made_.run(made_.context, to, from, sizeof(From));
+        created_.run(created_.context, to, from, sizeof(From));
     }
 
   private:
-    static constexpr std::size_t kLeast = 16, kMost = std::size_t{1} << 17;
-    QuickTransform made_;
+    static constexpr std::size_t kMin = 16, kMax = std::size_t{1} << 17;
+    QuickTransform created_;
 };
 #endif
 
@@ -89,11 +89,11 @@ struct RealFft::Plans {
 
 RealFft::RealFft(std::size_t size) : size_(size), plans_(std::make_unique<Plans>(size)) {}
 std::shared_ptr<const RealFft> RealFft::kept(std::size_t size) {
-    constexpr std::size_t kMost = 8;
+    constexpr std::size_t kMax = 8;
     thread_local std::vector<std::shared_ptr<const RealFft>> all;
     auto found = std::ranges::find_if(all, [size](const auto& fft) { return fft->size() == size; });
     if (found == all.end()) {
-        if (all.size() == kMost) all.erase(all.begin());
+        if (all.size() == kMax) all.erase(all.begin());
         all.push_back(std::make_shared<RealFft>(size));
         found = std::prev(all.end());
     }

@@ -24,9 +24,9 @@ namespace rtsg {
 class HeadFilter {
   public:
     /// The direction that the next blocks come from: a unit vector in the listener's frame. Once a block at most.
-    void turn(const Hrtf& hrtf, const glm::dvec3& towards, std::size_t block) {
-        constexpr double kTurn = 1e-5;  // radians
-        if (heard_ && &hrtf == head_ && glm::distance(towards, from_) < kTurn) return;
+    void setDirection(const Hrtf& hrtf, const glm::dvec3& towards, std::size_t block) {
+        constexpr double kFullTurn = 1e-5;  // radians
+        if (heard_ && &hrtf == head_ && glm::distance(towards, from_) < kFullTurn) return;
         if (ears_.empty()) {
             ears_.resize(2);
             for (Ear& ear : ears_) {
@@ -88,9 +88,9 @@ class HeadFilter {
             const std::size_t first = line.written() - count;
             delays.resize(count);
             read.resize(count);
-            const double blockSize = static_cast<double>(count), way = to - from;
+            const double blockSize = static_cast<double>(count), distance = to - from;
             // If the direction jumps, one sound fades into the other, because a moving delay would change the pitch.
-            const bool jumps = std::abs(way) > 0.01 * blockSize;
+            const bool jumps = std::abs(distance) > 0.01 * blockSize;
             if (jumps) {
                 std::ranges::fill(delays, from);
                 before.resize(count);
@@ -100,14 +100,14 @@ class HeadFilter {
                 const double a = fromGrowth, b = toGrowth;
                 for (std::size_t i = 0; i < count; ++i) {
                     const double u = static_cast<double>(i + 1) / blockSize;
-                    delays[i] = from + u * (a + u * (3 * way - 2 * a - b + u * (a + b - 2 * way)));
+                    delays[i] = from + u * (a + u * (3 * distance - 2 * a - b + u * (a + b - 2 * distance)));
                 }
             }
             line.read(first, delays, read);
             for (std::size_t i = 0; jumps && i < count; ++i)
                 read[i] = before[i] + (read[i] - before[i]) * static_cast<float>(i + 1) / static_cast<float>(count);
             from = to;
-            grew = jumps ? 0 : way;
+            grew = jumps ? 0 : distance;
             fromGrowth = jumps ? 0 : toGrowth;
             toGrowth = 0;
             filter.process(read, output);

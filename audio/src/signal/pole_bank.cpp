@@ -45,24 +45,24 @@ void PoleBank::process(std::span<const float> ahead, const Weights& before, cons
 void PoleBank::addTaps(const Weights& before, const Weights& now, std::span<float> heard) const {
     const float step = 1 / static_cast<float>(heard.size());
     for (std::size_t t = 0; t < kTaps; ++t) {
-        const float from = before[kPoles + t], way = (now[kPoles + t] - from) * step;
+        const float from = before[kPoles + t], lane = (now[kPoles + t] - from) * step;
         const float* const input = input_.data() + (kTaps - 1 - t);
-        for (std::size_t i = 0; i < heard.size(); ++i) heard[i] += input[i] * (from + way * static_cast<float>(i + 1));
+        for (std::size_t i = 0; i < heard.size(); ++i) heard[i] += input[i] * (from + lane * static_cast<float>(i + 1));
     }
 }
 
 void PoleBank::addPoles(const Weights& before, const Weights& now, std::span<float> heard) {
-    Eight keeps, values, weights, ways;
+    Eight keeps, values, weights, lanes;
     std::memcpy(&keeps, keeps_.data(), sizeof keeps);
     std::memcpy(&values, values_.data(), sizeof values);
     std::memcpy(&weights, before.data(), sizeof weights);
-    std::memcpy(&ways, now.data(), sizeof ways);
-    ways = (ways - weights) / static_cast<float>(heard.size());
+    std::memcpy(&lanes, now.data(), sizeof lanes);
+    lanes = (lanes - weights) / static_cast<float>(heard.size());
     const Eight takes = 1 - keeps;
     const float* const input = input_.data() + (kTaps - 1 - kAhead);
     for (std::size_t i = 0; i < heard.size(); ++i) {
         values = keeps * values + takes * input[i];
-        const Eight parts = values * (weights + ways * static_cast<float>(i + 1));
+        const Eight parts = values * (weights + lanes * static_cast<float>(i + 1));
         heard[i] += ((parts[0] + parts[1]) + (parts[2] + parts[3])) + ((parts[4] + parts[5]) + (parts[6] + parts[7]));
     }
     std::memcpy(values_.data(), &values, sizeof values);
@@ -112,12 +112,13 @@ PoleFit::PoleFit(int sampleRate, std::vector<double> hz) : hz_(std::move(hz)) {
     for (std::size_t k = 0; k < Factors::kSize; ++k) normal[k][k] = kRidge;
     std::vector<double> counts;
     for (const double f : hz_) {
-        const double turn = 2 * std::numbers::pi * f / sampleRate;
+        const double angle = 2 * std::numbers::pi * f / sampleRate;
         auto& of = values_.emplace_back();
-        for (std::size_t k = 0; k < PoleBank::kPoles; ++k) of[k] = (1 - keeps[k]) / (1.0 - std::polar(keeps[k], -turn));
+        for (std::size_t k = 0; k < PoleBank::kPoles; ++k)
+            of[k] = (1 - keeps[k]) / (1.0 - std::polar(keeps[k], -angle));
         for (std::size_t t = 0; t < PoleBank::kTaps; ++t)
             of[PoleBank::kPoles + t] =
-                std::polar(1.0, turn * (static_cast<double>(PoleBank::kAhead) - static_cast<double>(t)));
+                std::polar(1.0, angle * (static_cast<double>(PoleBank::kAhead) - static_cast<double>(t)));
         // Edges diffract high tones less than low ones; the small values must be accurate, too.
         const double count = f < kTop * sampleRate ? std::sqrt(f / 1000) : 0;
         counts.push_back(count);

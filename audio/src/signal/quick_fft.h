@@ -16,8 +16,8 @@ struct QuickTransform {
 
 struct QuickTransforms {
     /// False where the library has none. Forward, `scale` is 1; backward the reciprocal of the size.
-    bool (*make)(std::size_t size, bool isInverse, float scale, QuickTransform& made);
-    void (*destroy)(QuickTransform& made);
+    bool (*make)(std::size_t size, bool isInverse, float scale, QuickTransform& created);
+    void (*destroy)(QuickTransform& created);
 };
 
 // Increase it with every change of the declarations above.

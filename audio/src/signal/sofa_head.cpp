@@ -60,29 +60,29 @@ class SofaHead final : public Hrtf::Impl {
 
     /// The measured direction that is next to one, which goes where it can be compared: the library's own search takes
     /// from the heap.
-    int nearestTo(std::array<float, 3>& place) const {
-        const float size = std::sqrt(place[0] * place[0] + place[1] * place[1] + place[2] * place[2]);
+    int nearestTo(std::array<float, 3>& position) const {
+        const float size = std::sqrt(position[0] * position[0] + position[1] * position[1] + position[2] * position[2]);
         const float radius = std::clamp(size, easy->lookup->radius_min, easy->lookup->radius_max);
         if (size > 0)
-            for (float& x : place) x *= radius / size;
+            for (float& x : position) x *= radius / size;
         const float* at = easy->hrtf->SourcePosition.values;
         unsigned nearest = 0;
-        float least = std::numeric_limits<float>::infinity();
+        float minimum = std::numeric_limits<float>::infinity();
         for (unsigned m = 0; m < easy->hrtf->M; ++m, at += 3) {
-            const float x = at[0] - place[0], y = at[1] - place[1], z = at[2] - place[2];
+            const float x = at[0] - position[0], y = at[1] - position[1], z = at[2] - position[2];
             const float squared = x * x + y * y + z * z;
-            if (squared < least) least = squared, nearest = m;
+            if (squared < minimum) minimum = squared, nearest = m;
         }
         return static_cast<int>(nearest);
     }
 
     std::array<double, 2> raw(const glm::dvec3& direction, float* room, const float*& responses) const override {
         // SOFA's axes: ahead, left, up.
-        std::array<float, 3> place{static_cast<float>(-direction.z), static_cast<float>(-direction.x),
-                                   static_cast<float>(direction.y)};
-        const int nearest = nearestTo(place);
+        std::array<float, 3> position{static_cast<float>(-direction.z), static_cast<float>(-direction.x),
+                                      static_cast<float>(direction.y)};
+        const int nearest = nearestTo(position);
         std::array<float, 2> delays{};
-        responses = mysofa_interpolate(easy->hrtf, place.data(), nearest,
+        responses = mysofa_interpolate(easy->hrtf, position.data(), nearest,
                                        mysofa_neighborhood(easy->neighborhood, nearest), room, delays.data());
         // In samples, as files have them (AES69, Data.Delay), of the rate that was asked for: the library's manual says
         // seconds.

@@ -34,24 +34,24 @@ struct SphereOrder {
 /// Waves go with e^(i w t): (2 m + 1) i^m (-i / x^2) / h'_m(x), h: spherical Hankel functions of the second kind, x:
 /// the radius in wave lengths times 2 pi. Source: Morse and Ingard, Theoretical Acoustics, 8.2.
 std::vector<SphereOrder> ordersOf(std::size_t bins, double step) {
-    constexpr double kLeast = 1e-9;
+    constexpr double kMin = 1e-9;
     std::vector<SphereOrder> orders;
     for (std::size_t k = 1; k < bins; ++k) {
         const double x = static_cast<double>(k) * step;
         std::complex<double> before = std::polar(1 / x, std::numbers::pi / 2 - x);  // h_0
         std::complex<double> now = before * std::complex<double>(1 / x, 1);         // h_1
-        std::complex<double> turn(0, -1);
+        std::complex<double> angle(0, -1);
         for (std::size_t m = 0;; ++m) {
             const double order = static_cast<double>(m);
             // The derivative from h_m and h_(m+1): h'_m = m / x h_m - h_(m+1).
             const std::complex<double> slope = order / x * before - now;
-            const std::complex<double> factor = (2 * order + 1) / (x * x) * turn / slope;
-            if (order > x && std::abs(factor) < kLeast) break;
+            const std::complex<double> factor = (2 * order + 1) / (x * x) * angle / slope;
+            if (order > x && std::abs(factor) < kMin) break;
             if (orders.size() <= m) orders.push_back({std::vector<double>(bins), std::vector<double>(bins), k});
             orders[m].real[k] = factor.real();
             orders[m].imaginary[k] = factor.imag();
             before = std::exchange(now, (2 * order + 3) / x * now - before);
-            turn *= std::complex<double>(0, 1);
+            angle *= std::complex<double>(0, 1);
         }
     }
     return orders;
@@ -123,9 +123,9 @@ class SphereHead final : public Hrtf::Impl {
   private:
     /// The share that is kept of a frequency, given as a share of half the sample rate. It falls to 0, so that
     /// responses ring no longer than there is room.
-    static double keptOf(double share) {
+    static double keptOf(double fraction) {
         constexpr double kFrom = 0.9;
-        const double c = std::cos(std::clamp((share - kFrom) / (1 - kFrom), 0.0, 1.0) * std::numbers::pi / 2);
+        const double c = std::cos(std::clamp((fraction - kFrom) / (1 - kFrom), 0.0, 1.0) * std::numbers::pi / 2);
         return c * c;
     }
 

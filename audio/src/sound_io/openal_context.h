@@ -42,8 +42,8 @@ class BoundContext {
 class ShortPeriods {
   public:
     ShortPeriods() {
-        static std::atomic<bool> told = false;
-        if (told.exchange(true) || std::getenv("ALSOFT_CONF")) return;
+        static std::atomic<bool> reported = false;
+        if (reported.exchange(true) || std::getenv("ALSOFT_CONF")) return;
         constexpr std::string_view kSettings = "[general]\nfrequency = 48000\nperiod_size = 256\nperiods = 3\n";
         file_ = memfd_create("openal", MFD_CLOEXEC);
         if (file_ < 0 || ::write(file_, kSettings.data(), kSettings.size()) < 0) return;

@@ -226,7 +226,7 @@ Result<SoundBuffer> readPipe(const std::string& path, std::optional<RawSound> ra
     SoundStreamDecoder decoder(raw);
     SoundBuffer sound;
     bool cancelled = false;
-    const auto isWhole = [&] { return decoder.channels() > 0 && sound.seconds() >= seconds; };
+    const auto isComplete = [&] { return decoder.channels() > 0 && sound.seconds() >= seconds; };
     const auto take = [&](std::span<const float> samples) -> Result<> {
         sound.channels = decoder.channels();
         sound.sampleRate = decoder.sampleRate();
@@ -237,7 +237,7 @@ Result<SoundBuffer> readPipe(const std::string& path, std::optional<RawSound> ra
     };
     const auto wanted = [&] {
         cancelled = cancelled || (goOn && !goOn());
-        return !cancelled && !isWhole();
+        return !cancelled && !isComplete();
     };
     auto ok = follow(*pipe, decoder, wanted, take);
     if (ok && cancelled) ok = fail("cancelled");

@@ -65,13 +65,13 @@ std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes
     if (isOgg(info) && !endsAsOggDoes(bytes))
         return fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds());
     if (info.frames < 0 || info.frames == SF_COUNT_MAX) return {};
-    const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
+    const double promised = static_cast<double>(info.frames) * promisedFraction(bytes);
     std::string missing = missingSound(promised, sound);
     if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);
     return missing;
 }
 
-constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
+constexpr std::uint64_t kMaxSamples = std::uint64_t{1} << 29;
 
 Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
     if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
@@ -157,7 +157,7 @@ Result<double> soundSeconds(const Resource& resource) {
     // An Ogg stream says at its end how long it is.
     std::string damage;
     if (isOgg(info) && info.frames == SF_COUNT_MAX) {
-        const auto sound = readAll(SoundBytes::of(resource), kMostSamples, damage);
+        const auto sound = readAll(SoundBytes::of(resource), kMaxSamples, damage);
         return sound ? Result<double>(sound->seconds()) : std::unexpected(sound.error());
     }
     if (info.samplerate < 1 || info.frames < 0 || info.frames == SF_COUNT_MAX)

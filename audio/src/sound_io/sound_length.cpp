@@ -36,9 +36,9 @@ struct Sound {
 };
 
 Sound findSound(const SoundBytes& file, const Layout& layout, std::int64_t at) {
-    constexpr int kMostParts = 1000;
+    constexpr int kMaxParts = 1000;
     std::uint64_t longSize = 0;  // of RF64
-    for (int part = 0; part < kMostParts; ++part) {
+    for (int part = 0; part < kMaxParts; ++part) {
         const std::string head = file.part(at, layout.name + layout.size);
         if (static_cast<std::int64_t>(head.size()) < layout.name + layout.size) break;
         const std::string_view name = std::string_view(head).substr(0, 4);
@@ -77,7 +77,7 @@ Sound soundIn(const SoundBytes& file) {
 
 }  // namespace
 
-double promisedShare(const SoundBytes& file) {
+double promisedFraction(const SoundBytes& file) {
     // Who writes into a pipe gives a size that no such file has. Some programs count their header in.
     constexpr std::uint64_t kUnknown = 0x7fff0000, kHeader = 64;
     const Sound sound = soundIn(file);

@@ -14,7 +14,7 @@ namespace rtsg {
 
 /// The length of the sound in a WAV, RF64, W64, AIFF or AU file by its header, divided by the existing length; 1 if it
 /// is not longer, if the header does not tell, and for other files.
-double promisedShare(const SoundBytes& file);
+double promisedFraction(const SoundBytes& file);
 /// A text, empty unless more than `tolerated` frames are missing of the `promised` ones (0 or less: not known).
 std::string missingSound(double promised, const SoundBuffer& sound, double tolerated = 0);
 /// A text: it ends with an error.

@@ -10,9 +10,9 @@
 namespace rtsg {
 namespace {
 
-constexpr int kFewLanes = AcousticRays::kMost;
+constexpr int kFewLanes = AcousticRays::kMax;
 /// Walls that reach farther from the middle of rays, or off their plane, are left to the BVH; metres.
-constexpr double kFarthestFew = 1e4, kMostOffPlane = 1e-7;
+constexpr double kFarthestFew = 1e4, kMaxOffPlane = 1e-7;
 
 /// The nearest triangle along each of sixteen rays, and its distance.
 struct Nearest {
@@ -106,10 +106,10 @@ bool FewWalls::addTriangle(const glm::dvec3 (&corners)[3], const ReflectingPlane
     const glm::dvec3 middle = (corners[0] + corners[1] + corners[2]) / 3.0;
     double size = 0;
     for (const glm::dvec3& corner : corners) {
-        if (!(std::abs(on.signedDistance(corner)) < kMostOffPlane)) return false;
+        if (!(std::abs(on.signedDistance(corner)) < kMaxOffPlane)) return false;
         size = std::max(size, glm::length(corner));
     }
-    const double wider = 2 * kMostOffPlane + 0x1p-30 * size;
+    const double wider = 2 * kMaxOffPlane + 0x1p-30 * size;
     for (int e = 0; e < 3; ++e) {
         const glm::dvec3 edge = corners[(e + 1) % 3] - corners[e];
         glm::dvec3 inwards = glm::cross(on.normal, edge);
@@ -127,7 +127,7 @@ void FewWalls::build(const PagedArray<Wall>& walls, const WallPlanes& planes, co
     usable_ = false;
     planes_.clear();
     triangles_.clear();
-    if (count_ > kMostTriangles || slots_.size() > kMostTriangles || !planes.usable()) return;
+    if (count_ > kMaxTriangles || slots_.size() > kMaxTriangles || !planes.usable()) return;
     std::vector<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> order;  // plane, slot, triangle
     for (const std::uint32_t slot : slots_) {
         const Instance& info = rays.instance(slot).info;

@@ -20,7 +20,7 @@ namespace rtsg {
 
 class FewWalls {
   public:
-    static constexpr std::size_t kMostTriangles = 48;
+    static constexpr std::size_t kMaxTriangles = 48;
 
     /// The wall in this slot was one and is another.
     void change(std::uint32_t slot, const Wall& before, const Wall& now);

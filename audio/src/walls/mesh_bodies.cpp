@@ -26,7 +26,7 @@ bool standInEachOther(const MeshBody& a, const MeshBody& b) {
 MeshBodies::MeshBodies(const Mesh& mesh) {
     corners_.reserve(mesh.triangleCount);
     std::vector<std::uint32_t> first;
-    std::vector<glm::dvec3> places;
+    std::vector<glm::dvec3> positions;
     std::vector<std::uint32_t> numbers;  // of the corners of triangles
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
         for (std::uint32_t c = 0; c < 3; ++c) {
@@ -34,30 +34,30 @@ MeshBodies::MeshBodies(const Mesh& mesh) {
             const auto [known, fresh] = corners_.try_emplace(corner, static_cast<std::uint32_t>(first.size()));
             if (fresh) {
                 first.push_back(known->second);
-                places.emplace_back(corner);
+                positions.emplace_back(corner);
             }
             numbers.push_back(known->second);
             if (c > 0) first[groupOf(first, known->second)] = groupOf(first, numbers[numbers.size() - 2]);
         }
     // By their ends, the lower number first: how often more that way than the other.
-    std::unordered_map<std::uint64_t, int> turns;
-    turns.reserve(2 * numbers.size());
+    std::unordered_map<std::uint64_t, int> rounds;
+    rounds.reserve(2 * numbers.size());
     std::vector<MeshBody> sums(first.size());
     for (std::size_t i = 0; i < numbers.size(); i += 3) {
         const std::uint32_t group = groupOf(first, numbers[i]);
         glm::dvec3 to[3];
         for (std::size_t c = 0; c < 3; ++c) {
             const std::uint32_t a = numbers[i + c], b = numbers[i + (c + 1) % 3];
-            if (a != b) turns[std::uint64_t{std::min(a, b)} << 32 | std::max(a, b)] += a < b ? 1 : -1;
-            sums[group].low = glm::min(sums[group].low, places[a]);
-            sums[group].high = glm::max(sums[group].high, places[a]);
-            to[c] = places[a] - places[group];
+            if (a != b) rounds[std::uint64_t{std::min(a, b)} << 32 | std::max(a, b)] += a < b ? 1 : -1;
+            sums[group].low = glm::min(sums[group].low, positions[a]);
+            sums[group].high = glm::max(sums[group].high, positions[a]);
+            to[c] = positions[a] - positions[group];
         }
         // About a corner of it, so that nothing is lost to rounding far from the origin.
         sums[group].volume += glm::dot(to[0], glm::cross(to[1], to[2])) / 6;
     }
-    for (const auto& [ends, turn] : turns)
-        if (turn != 0) sums[groupOf(first, static_cast<std::uint32_t>(ends >> 32))].volume = 0;
+    for (const auto& [ends, rotation] : rounds)
+        if (rotation != 0) sums[groupOf(first, static_cast<std::uint32_t>(ends >> 32))].volume = 0;
     std::vector<std::uint32_t> closed;
     for (std::uint32_t g = 0; g < first.size(); ++g)
         if (first[g] == g && sums[g].volume != 0) closed.push_back(g);

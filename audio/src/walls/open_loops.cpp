@@ -12,7 +12,7 @@ namespace {
 using Ends = std::array<std::uint32_t, 2>;
 
 /// Corners by number: those at one place have one.
-std::vector<std::uint32_t> weldedCorners(const Mesh& mesh, std::vector<Vec3f>& places) {
+std::vector<std::uint32_t> weldedCorners(const Mesh& mesh, std::vector<Vec3f>& positions) {
     const std::size_t count = std::size_t{mesh.triangleCount} * 3;
     std::vector<std::uint32_t> order(count), number(count);
     // + 0: there is one zero.
@@ -23,8 +23,8 @@ std::vector<std::uint32_t> weldedCorners(const Mesh& mesh, std::vector<Vec3f>& p
     };
     std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return before(at(a), at(b)); });
     for (const std::uint32_t k : order) {
-        if (places.empty() || places.back() != at(k)) places.push_back(at(k));
-        number[k] = static_cast<std::uint32_t>(places.size() - 1);
+        if (positions.empty() || positions.back() != at(k)) positions.push_back(at(k));
+        number[k] = static_cast<std::uint32_t>(positions.size() - 1);
     }
     return number;
 }
@@ -56,7 +56,7 @@ bool lieOnOneLine(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
 }
 
 /// A loop's corners where it turns; none if it goes round nothing.
-std::vector<Vec3f> turnsOf(const std::vector<Vec3f>& loop) {
+std::vector<Vec3f> windingOf(const std::vector<Vec3f>& loop) {
     std::vector<Vec3f> kept;
     for (const Vec3f& corner : loop) {
         kept.push_back(corner);
@@ -78,20 +78,20 @@ std::vector<Vec3f> turnsOf(const std::vector<Vec3f>& loop) {
 
 std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh) {
     std::vector<std::vector<Vec3f>> loops;
-    if (mesh.triangleCount > kMostTrianglesWithLoops || mesh.isClosed()) return loops;
-    std::vector<Vec3f> places;
-    const std::vector<Ends> edges = singleEdges(weldedCorners(mesh, places));
-    std::vector<std::vector<std::uint32_t>> beside(places.size());  // edges by corner
+    if (mesh.triangleCount > kMaxTrianglesWithLoops || mesh.isClosed()) return loops;
+    std::vector<Vec3f> positions;
+    const std::vector<Ends> edges = singleEdges(weldedCorners(mesh, positions));
+    std::vector<std::vector<std::uint32_t>> beside(positions.size());  // edges by corner
     for (std::uint32_t i = 0; i < edges.size(); ++i)
         for (const std::uint32_t end : edges[i]) beside[end].push_back(i);
     std::vector<bool> used(edges.size());
     for (std::uint32_t first = 0; first < edges.size(); ++first) {
         if (used[first]) continue;
         used[first] = true;
-        std::vector<Vec3f> loop{places[edges[first][0]]};
+        std::vector<Vec3f> loop{positions[edges[first][0]]};
         std::uint32_t at = edges[first][1];
         while (at != edges[first][0]) {
-            loop.push_back(places[at]);
+            loop.push_back(positions[at]);
             const auto next =
                 std::find_if(beside[at].begin(), beside[at].end(), [&](std::uint32_t e) { return !used[e]; });
             if (next == beside[at].end()) break;  // no loop: an edge that three triangles share ends it
@@ -99,7 +99,7 @@ std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh) {
             at = edges[*next][0] == at ? edges[*next][1] : edges[*next][0];
         }
         if (at != edges[first][0]) continue;
-        loop = turnsOf(loop);
+        loop = windingOf(loop);
         if (loop.size() >= 3) loops.push_back(std::move(loop));
     }
     return loops;

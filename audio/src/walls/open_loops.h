@@ -11,7 +11,7 @@
 namespace rtsg {
 
 /// In larger meshes no loops are looked for.
-constexpr std::uint32_t kMostTrianglesWithLoops = 1'000'000;
+constexpr std::uint32_t kMaxTrianglesWithLoops = 1'000'000;
 
 /// Each closed and in the mesh's own frame, without corners at which it goes straight on.
 std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh);

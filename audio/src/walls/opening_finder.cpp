@@ -52,13 +52,14 @@ void OpeningFinder::look(const glm::dvec3& source) {
 }
 
 /// Whether at least this share of all directions leads to the sky. Once that is known, no more are asked about.
-bool OpeningFinder::seesSky(const glm::dvec3& at, double share) const {
+bool OpeningFinder::seesSky(const glm::dvec3& at, double fraction) const {
     constexpr int kPacket = 16;
     static_assert(kDirections % kPacket == 0);
-    const int least = static_cast<int>(std::ceil(share * kDirections));
+    const int minimum = static_cast<int>(std::ceil(fraction * kDirections));
     const Vec3f origin = rays_.fromWorld(at);
     int seen = 0;
-    for (int first = 0; first < kDirections && seen < least && seen + kDirections - first >= least; first += kPacket) {
+    for (int first = 0; first < kDirections && seen < minimum && seen + kDirections - first >= minimum;
+         first += kPacket) {
         RayPacket16 packet;
         for (int i = 0; i < kPacket; ++i) {
             Ray ray;
@@ -69,7 +70,7 @@ bool OpeningFinder::seesSky(const glm::dvec3& at, double share) const {
         }
         seen += kPacket - std::popcount(rays_.occluded(packet, false, RayKind::sound));
     }
-    return seen >= least;
+    return seen >= minimum;
 }
 
 Hit OpeningFinder::meet(const glm::dvec3& from, const glm::dvec3& direction) const {
@@ -91,7 +92,7 @@ bool OpeningFinder::goesOn(const glm::dvec3& from, const glm::dvec3& direction, 
 }
 
 /// The last place on its way that is not outside; none if it starts there.
-std::optional<glm::dvec3> OpeningFinder::placeBefore(const EscapedRay& ray) const {
+std::optional<glm::dvec3> OpeningFinder::positionBefore(const EscapedRay& ray) const {
     double far = glm::distance(ray.origin, middle_) + radius_;
     double near = std::min(1e-3, 1e-3 * far);
     if (seesSky(ray.origin + ray.direction * near, kOutside)) return std::nullopt;
@@ -105,7 +106,7 @@ std::optional<glm::dvec3> OpeningFinder::placeBefore(const EscapedRay& ray) cons
 /// The plane of an opening, and about how wide it is: from what rays beside one that goes through meet first.
 std::optional<Outline> OpeningFinder::firstLook(const glm::dvec3& before, const glm::dvec3& direction) const {
     constexpr int kAround = 32, kHalvings = 12;
-    constexpr double kFirst = 0.02, kMost = 60, kGrowth = 1.5;  // tangents of angles
+    constexpr double kFirst = 0.02, kMax = 60, kGrowth = 1.5;  // tangents of angles
     const glm::dvec3 u = anyAcross(direction), v = glm::cross(direction, u);
     std::vector<glm::dvec3> rim;
     // At first all is wall; then anything much farther away than most, with a view of the sky, is outside.
@@ -114,15 +115,15 @@ std::optional<Outline> OpeningFinder::firstLook(const glm::dvec3& before, const 
         std::vector<double> away;
         rim.clear();
         for (int i = 0; i < kAround; ++i) {
-            const double turn = 2 * std::numbers::pi * (i + 0.5) / kAround;
+            const double angle = 2 * std::numbers::pi * (i + 0.5) / kAround;
             const auto towards = [&](double tangent) {
-                return glm::normalize(direction + tangent * (std::cos(turn) * u + std::sin(turn) * v));
+                return glm::normalize(direction + tangent * (std::cos(angle) * u + std::sin(angle) * v));
             };
             Hit met;
             double inside = 0, outside = kFirst;
-            while (outside < kMost && goesOn(before, towards(outside), wall, kOutside, met))
+            while (outside < kMax && goesOn(before, towards(outside), wall, kOutside, met))
                 inside = std::exchange(outside, outside * kGrowth);
-            if (outside >= kMost) continue;
+            if (outside >= kMax) continue;
             for (int k = 0; k < kHalvings; ++k) {
                 const double between = (inside + outside) / 2;
                 (goesOn(before, towards(between), wall, kOutside, met) ? inside : outside) = between;
@@ -154,7 +155,7 @@ std::optional<Outline> OpeningFinder::firstLook(const glm::dvec3& before, const 
 bool OpeningFinder::open(const Outline& outline, const glm::dvec2& at, Hit& met) const {
     constexpr double kBefore = 0.3, kSeesOutside = 0.03, kFacade = 0.18;
     const double before = kBefore * outline.halfWidth;
-    const glm::dvec3 start = outline.place(at) - outline.normal * before;
+    const glm::dvec3 start = outline.position(at) - outline.normal * before;
     if (!goesOn(start, outline.normal, 2 * before, kSeesOutside, met)) return false;
     met = {};
     // Straight back there may be another opening, or the side of a deep one.
@@ -168,30 +169,32 @@ bool OpeningFinder::open(const Outline& outline, const glm::dvec2& at, Hit& met)
 
 /// The rim in several directions from the centre, as an ellipse has them.
 bool OpeningFinder::feelRim(const Outline& about, int directions, int halvings, Rim& rim) const {
-    constexpr double kFirst = 0.2, kMost = 8, kGrowth = 1.25;
+    constexpr double kFirst = 0.2, kMax = 8, kGrowth = 1.25;
     rim = {};
     rim.closed = true;
     for (int i = 0; i < directions; ++i) {
-        const double turn = 2 * std::numbers::pi * (i + 0.5) / directions;
-        const glm::dvec2 way(std::cos(turn) * about.halfLength, std::sin(turn) * about.halfWidth);
+        const double angle = 2 * std::numbers::pi * (i + 0.5) / directions;
+        const glm::dvec2 direction(std::cos(angle) * about.halfLength, std::sin(angle) * about.halfWidth);
         Hit met;
         double inside = 0, outside = kFirst;
-        while (outside < kMost && open(about, way * outside, met)) inside = std::exchange(outside, outside * kGrowth);
-        if (outside >= kMost) {
+        while (outside < kMax && open(about, direction * outside, met))
+            inside = std::exchange(outside, outside * kGrowth);
+        if (outside >= kMax) {
             rim.closed = false;
-            rim.corners.push_back(about.place(way * kMost));
+            rim.corners.push_back(about.position(direction * kMax));
             rim.slots.push_back(kNoInstance);
             continue;
         }
         for (int k = 0; k < halvings; ++k) {
             const double between = (inside + outside) / 2;
-            (open(about, way * between, met) ? inside : outside) = between;
+            (open(about, direction * between, met) ? inside : outside) = between;
         }
-        rim.corners.push_back(about.place(way * ((inside + outside) / 2)));
-        const bool shut = !open(about, way * outside, met) && met;
+        rim.corners.push_back(about.position(direction * ((inside + outside) / 2)));
+        const bool shut = !open(about, direction * outside, met) && met;
         rim.slots.push_back(shut ? met.instance : kNoInstance);
         if (!shut) continue;
-        rim.walls.push_back(about.place(way * outside) + about.normal * (double{met.t} - 0.3 * about.halfWidth));
+        rim.walls.push_back(about.position(direction * outside) +
+                            about.normal * (double{met.t} - 0.3 * about.halfWidth));
     }
     return rim.closed;
 }
@@ -209,7 +212,7 @@ void OpeningFinder::tilt(Outline& outline, Rim& rim) {
 
 std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) {
     constexpr int kRounds = 12;
-    const auto before = placeBefore(ray);
+    const auto before = positionBefore(ray);
     if (!before) return std::nullopt;
     const auto seen = firstLook(*before, ray.direction);
     Hit met;

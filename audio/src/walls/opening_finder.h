@@ -41,10 +41,10 @@ class OpeningFinder {
     static constexpr double kOutdoors = 0.3;
 
     void look(const glm::dvec3& source);
-    bool seesSky(const glm::dvec3& at, double share) const;
+    bool seesSky(const glm::dvec3& at, double fraction) const;
     Hit meet(const glm::dvec3& from, const glm::dvec3& direction) const;
     bool goesOn(const glm::dvec3& from, const glm::dvec3& direction, double wall, double sky, Hit& met) const;
-    std::optional<glm::dvec3> placeBefore(const EscapedRay& ray) const;
+    std::optional<glm::dvec3> positionBefore(const EscapedRay& ray) const;
     std::optional<Outline> firstLook(const glm::dvec3& before, const glm::dvec3& direction) const;
     bool open(const Outline& outline, const glm::dvec2& at, Hit& met) const;
     struct Rim;

@@ -23,8 +23,8 @@ std::array<glm::dvec3, 3> principalAxes(glm::dmat3 m) {
         for (int p = 0; p < 2; ++p)
             for (int q = p + 1; q < 3; ++q) {
                 if (!(std::abs(m[p][q]) > 0)) continue;
-                const double turn = 0.5 * std::atan2(2 * m[p][q], m[q][q] - m[p][p]);
-                const double c = std::cos(turn), s = std::sin(turn);
+                const double angle = 0.5 * std::atan2(2 * m[p][q], m[q][q] - m[p][p]);
+                const double c = std::cos(angle), s = std::sin(angle);
                 glm::dmat3 rotation(1);
                 rotation[p][p] = rotation[q][q] = c;
                 rotation[p][q] = -s, rotation[q][p] = s;
@@ -66,22 +66,22 @@ double Outline::width() const {
 
 glm::dvec2 Outline::rectangle() const {
     constexpr double kRound = 0.8;
-    constexpr int kTurns = 360;
+    constexpr int kSteps = 360;
     glm::dvec2 best(extent(0), extent(std::numbers::pi / 2));
-    for (int i = 1; i < kTurns && halfWidth > kRound * halfLength; ++i) {
-        const double turn = i * std::numbers::pi / 2 / kTurns;
-        const glm::dvec2 size(extent(turn), extent(turn + std::numbers::pi / 2));
+    for (int i = 1; i < kSteps && halfWidth > kRound * halfLength; ++i) {
+        const double angle = i * std::numbers::pi / 2 / kSteps;
+        const glm::dvec2 size(extent(angle), extent(angle + std::numbers::pi / 2));
         if (size.x * size.y < best.x * best.y) best = size;
     }
     return halfWidth > kRound * halfLength && best.x < best.y ? glm::dvec2(best.y, best.x) : best;
 }
 
 /// From end to end in a direction, radians from `along`.
-double Outline::extent(double turn) const {
-    const glm::dvec2 way(std::cos(turn), std::sin(turn));
+double Outline::extent(double angle) const {
+    const glm::dvec2 direction(std::cos(angle), std::sin(angle));
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (const glm::dvec2& corner : corners) {
-        const double at = glm::dot(corner, way);
+        const double at = glm::dot(corner, direction);
         low = std::min(low, at);
         high = std::max(high, at);
     }
@@ -109,10 +109,10 @@ Outline outlineOf(const std::vector<glm::dvec3>& corners, const glm::dvec3& norm
     if (!(std::abs(area) > 0)) return result;
     const glm::dvec2 c = first / area;
     const double xx = second.x / area - c.x * c.x, yy = second.y / area - c.y * c.y, xy = second.z / area - c.x * c.y;
-    const double turn = 0.5 * std::atan2(2 * xy, xx - yy), half = std::hypot((xx - yy) / 2, xy), mean = (xx + yy) / 2;
+    const double angle = 0.5 * std::atan2(2 * xy, xx - yy), half = std::hypot((xx - yy) / 2, xy), mean = (xx + yy) / 2;
     result.center = middle + u * c.x + v * c.y;
     result.normal = normal;
-    result.along = u * std::cos(turn) + v * std::sin(turn);
+    result.along = u * std::cos(angle) + v * std::sin(angle);
     result.across = glm::cross(normal, result.along);
     result.halfLength = std::sqrt(3 * std::max(0.0, mean + half));
     result.halfWidth = std::sqrt(3 * std::max(0.0, mean - half));
@@ -121,14 +121,14 @@ Outline outlineOf(const std::vector<glm::dvec3>& corners, const glm::dvec3& norm
     return result;
 }
 
-std::optional<FittedPlane> planeOf(std::vector<glm::dvec3> places) {
-    constexpr std::size_t kLeast = 8;
+std::optional<FittedPlane> planeOf(std::vector<glm::dvec3> positions) {
+    constexpr std::size_t kMin = 8;
     constexpr int kTrims = 6;
-    if (places.size() < kLeast) return std::nullopt;
+    if (positions.size() < kMin) return std::nullopt;
     FittedPlane plane;
-    std::size_t kept = places.size();
+    std::size_t kept = positions.size();
     for (int trim = 0; trim < kTrims; ++trim) {
-        const std::span<const glm::dvec3> best = std::span(places).first(kept);
+        const std::span<const glm::dvec3> best = std::span(positions).first(kept);
         plane.middle = glm::dvec3(0);
         for (const glm::dvec3& p : best) plane.middle += p / static_cast<double>(kept);
         glm::dmat3 spread(0);
@@ -138,11 +138,11 @@ std::optional<FittedPlane> planeOf(std::vector<glm::dvec3> places) {
         plane.normal = axes[2];
         plane.across = std::sqrt(std::max(0.0, glm::dot(axes[1], spread * axes[1])));
         plane.off = std::sqrt(std::max(0.0, glm::dot(axes[2], spread * axes[2])));
-        std::sort(places.begin(), places.end(), [&](const glm::dvec3& a, const glm::dvec3& b) {
+        std::sort(positions.begin(), positions.end(), [&](const glm::dvec3& a, const glm::dvec3& b) {
             return std::abs(glm::dot(a - plane.middle, plane.normal)) <
                    std::abs(glm::dot(b - plane.middle, plane.normal));
         });
-        kept = std::max(kLeast, places.size() * 3 / 5);
+        kept = std::max(kMin, positions.size() * 3 / 5);
     }
     return plane;
 }

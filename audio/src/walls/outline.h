@@ -20,7 +20,7 @@ struct Outline {
     double area = 0;
     std::vector<glm::dvec2> corners;  // metres along and across, from `center`
 
-    glm::dvec3 place(const glm::dvec2& at) const { return center + along * at.x + across * at.y; }
+    glm::dvec3 position(const glm::dvec2& at) const { return center + along * at.x + across * at.y; }
     glm::dvec2 flat(const glm::dvec3& p) const { return {glm::dot(p - center, along), glm::dot(p - center, across)}; }
     /// Whether a place before or behind it lies within `slack` of what is `scale` times as large.
     bool holds(const glm::dvec3& p, double scale, double slack) const;
@@ -30,7 +30,7 @@ struct Outline {
     double width() const;
 
   private:
-    double extent(double turn) const;
+    double extent(double angle) const;
     glm::dvec2 rectangle() const;
 };
 
@@ -44,6 +44,6 @@ struct FittedPlane {
 };
 
 /// By least squares of the three fifths that lie best on it. None of less than eight places.
-std::optional<FittedPlane> planeOf(std::vector<glm::dvec3> places);
+std::optional<FittedPlane> planeOf(std::vector<glm::dvec3> positions);
 
 }  // namespace rtsg::opening

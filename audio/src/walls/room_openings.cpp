@@ -52,11 +52,11 @@ class OpeningSearch {
 
     /// All that can be told apart: those that several rays felt alike first, then those that one ray alone felt.
     std::vector<Felt> all() {
-        constexpr std::size_t kMost = 24;
-        constexpr double kLeastOfUsual = 0.3;  // what less goes through, for its area, is one ray's mistake
+        constexpr std::size_t kMax = 24;
+        constexpr double kMinOfUsual = 0.3;  // what less goes through, for its area, is one ray's mistake
         std::vector<Felt> found, alone;
         std::vector<std::size_t> aloneBy;
-        for (std::size_t i = 0; i < exits_.size() && found.size() + alone.size() < kMost; ++i) {
+        for (std::size_t i = 0; i < exits_.size() && found.size() + alone.size() < kMax; ++i) {
             if (leadsThrough(found, exits_[i])) continue;
             const Felt* const first = by(i);
             if (!first) continue;
@@ -74,7 +74,7 @@ class OpeningSearch {
         const double usual = exitsPerArea(found);
         for (std::size_t k = 0; k < alone.size(); ++k)
             if (!leadsThrough(found, exits_[aloneBy[k]]) && !oneOf(found, alone[k].outline) &&
-                exitsPerArea({&alone[k], 1}) >= kLeastOfUsual * usual)
+                exitsPerArea({&alone[k], 1}) >= kMinOfUsual * usual)
                 found.push_back(std::move(alone[k]));
         return found;
     }
@@ -139,9 +139,9 @@ class OpeningSearch {
             if (*std::max_element(alike.begin(), alike.end()) == kEnough) break;
         }
         const Felt* best = nullptr;
-        const std::size_t most = *std::max_element(alike.begin(), alike.end());
-        for (std::size_t k = 0; most > 1 && k < tries.size(); ++k)
-            if (alike[k] == most && (!best || tries[k]->outline.area < best->outline.area)) best = tries[k];
+        const std::size_t maximum = *std::max_element(alike.begin(), alike.end());
+        for (std::size_t k = 0; maximum > 1 && k < tries.size(); ++k)
+            if (alike[k] == maximum && (!best || tries[k]->outline.area < best->outline.area)) best = tries[k];
         return best;
     }
 
@@ -171,7 +171,7 @@ RoomOpening::Beside besideOf(const RayInstance& instance) {
 RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<std::size_t>& by,
                       std::span<const EscapedRay> exits, const Bands& all, const Bands& escaped, double volume) {
     constexpr std::size_t kNamed = 3;
-    constexpr double kLeastOfRim = 0.05, kFresh = 1;
+    constexpr double kMinOfRim = 0.05, kFresh = 1;
     RoomOpening result;
     result.center = felt.outline.center;
     result.normal = felt.outline.normal;
@@ -184,35 +184,36 @@ RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<s
     Bands squares{};
     for (const std::size_t i : by)
         for (std::size_t b = 0; b < kBandCount; ++b) {
-            result.share[b] += exits[i].energy[b];
+            result.fraction[b] += exits[i].energy[b];
             squares[b] += exits[i].energy[b] * exits[i].energy[b];
         }
     double half = 0;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double unit = all[b] > 0 ? escaped[b] / all[b] : 0;
-        result.share[b] *= unit;
+        result.fraction[b] *= unit;
         if (!(squares[b] > 0)) continue;
         // Each is a Poisson event. Those that carry most, fresh from the source, are few, and that none came does not
         // say that none can: so one more counts as if it had, as in the wider side of an exact interval (Garwood 1936)
         // where all are equal. Bands are of the same rays: their errors go together.
         half += 1.96 * (std::sqrt(squares[b] + kFresh * kFresh) + kFresh) * unit / kBandCount;
     }
-    result.shareCi95 = half;
+    result.fractionCi95 = half;
     result.rays = by.size();
-    std::vector<std::pair<double, std::uint32_t>> most;
+    std::vector<std::pair<double, std::uint32_t>> maximum;
     for (const auto& [slot, metres] : felt.beside)
-        if (rays.instance(slot).mesh) most.emplace_back(-metres, slot);  // the most first
-    std::sort(most.begin(), most.end());
+        if (rays.instance(slot).mesh) maximum.emplace_back(-metres, slot);  // the most first
+    std::sort(maximum.begin(), maximum.end());
     // The gaps at the ends of a long opening tell nothing.
-    for (std::size_t i = 0; i < std::min(kNamed, most.size()) && most[i].first <= kLeastOfRim * most[0].first; ++i)
-        result.beside.push_back(besideOf(rays.instance(most[i].second)));
+    for (std::size_t i = 0; i < std::min(kNamed, maximum.size()) && maximum[i].first <= kMinOfRim * maximum[0].first;
+         ++i)
+        result.beside.push_back(besideOf(rays.instance(maximum[i].second)));
     return result;
 }
 
 }  // namespace
 
-double RoomOpening::meanShare() const {
-    return meanOfBands(share);
+double RoomOpening::meanFraction() const {
+    return meanOfBands(fraction);
 }
 
 RoomOpenings findRoomOpenings(const RayView& rays, const glm::dvec3& source, std::span<const EscapedRay> exits,
@@ -233,11 +234,11 @@ RoomOpenings findRoomOpenings(const RayView& rays, const glm::dvec3& source, std
     }
     for (std::size_t k = 0; k < found.size(); ++k) {
         result.openings.push_back(described(rays, found[k], by[k], exits, all, escaped, finder.volume()));
-        result.elsewhere -= result.openings.back().meanShare();
+        result.elsewhere -= result.openings.back().meanFraction();
     }
     result.elsewhere = std::max(0.0, result.elsewhere);
     std::stable_sort(result.openings.begin(), result.openings.end(),
-                     [](const RoomOpening& a, const RoomOpening& b) { return a.meanShare() > b.meanShare(); });
+                     [](const RoomOpening& a, const RoomOpening& b) { return a.meanFraction() > b.meanFraction(); });
     return result;
 }
 

@@ -86,15 +86,15 @@ void WallPlanes::release(std::uint32_t number) {
     for (const OnPlane& on : slot.planes) {
         Surfaces& surfaces = surfaces_[on.plane];
         const std::uint64_t before = surfaces.boxes.work();
-        surfaces.boxes.erase(on.place);
+        surfaces.boxes.erase(on.index);
         work_ += 1 + surfaces.boxes.work() - before;
         const Surface moved = surfaces.all.back();
-        surfaces.all[on.place] = moved;
+        surfaces.all[on.index] = moved;
         surfaces.all.pop_back();
-        slots_[moved.slot].planes[moved.number].place = on.place;
-        const auto made = std::find_if(surfaces.made.begin(), surfaces.made.end(),
-                                       [&](const auto& m) { return m.first == slot.material; });
-        if (--made->second == 0) surfaces.made.erase(made);
+        slots_[moved.slot].planes[moved.number].index = on.index;
+        const auto created = std::find_if(surfaces.created.begin(), surfaces.created.end(),
+                                          [&](const auto& m) { return m.first == slot.material; });
+        if (--created->second == 0) surfaces.created.erase(created);
         markDirty(on.plane);
         if (surfaces.all.empty()) index_.erase(on.plane);
     }
@@ -112,16 +112,16 @@ void WallPlanes::put(std::uint32_t number, std::uint32_t local, std::uint32_t pl
     work_ += 1 + surfaces.boxes.work() - before;
     slot.planes.push_back({plane, static_cast<std::uint32_t>(surfaces.all.size())});
     surfaces.all.push_back({number, local});
-    const auto made = std::find_if(surfaces.made.begin(), surfaces.made.end(),
-                                   [&](const auto& m) { return m.first == slot.material; });
-    if (made != surfaces.made.end())
-        ++made->second;
+    const auto created = std::find_if(surfaces.created.begin(), surfaces.created.end(),
+                                      [&](const auto& m) { return m.first == slot.material; });
+    if (created != surfaces.created.end())
+        ++created->second;
     else
-        surfaces.made.emplace_back(slot.material, 1);
+        surfaces.created.emplace_back(slot.material, 1);
     markDirty(plane);
 }
 
-void WallPlanes::place(std::uint32_t number, const Wall& wall) {
+void WallPlanes::insertWall(std::uint32_t number, const Wall& wall) {
     Slot& slot = slots_[number];
     slot.mesh = planesOf(wall.mesh);
     slot.material = wall.material;
@@ -145,7 +145,7 @@ void WallPlanes::change(std::uint32_t number, const Wall& wall) {
     release(number);
     if (!wall.mesh || determinantSign(wall.worldFromLocal) == 0) return;
     if (usable()) {
-        place(number, wall);
+        insertWall(number, wall);
         return;
     }
     Slot& slot = slots_[number];
@@ -156,8 +156,8 @@ void WallPlanes::change(std::uint32_t number, const Wall& wall) {
 
 void WallPlanes::materialChanged(std::uint32_t material) {
     for (std::uint32_t plane = 0; plane < surfaces_.size(); ++plane)
-        for (const auto& made : surfaces_[plane].made)
-            if (made.first == material) markDirty(plane);
+        for (const auto& created : surfaces_[plane].created)
+            if (created.first == material) markDirty(plane);
 }
 
 void WallPlanes::measure(std::uint32_t number, const PagedArray<Wall>& walls,
@@ -169,8 +169,8 @@ void WallPlanes::measure(std::uint32_t number, const PagedArray<Wall>& walls,
     plane = index_[number];
     // A plane that nobody uses mirrors nothing.
     plane.mirrors = 0;
-    for (const auto& made : surfaces.made)
-        plane.mirrors = std::max(plane.mirrors, materials[made.first].mostMirrored());
+    for (const auto& created : surfaces.created)
+        plane.mirrors = std::max(plane.mirrors, materials[created.first].maxMirrored());
     if (surfaces.all.size() == 1) {
         const Surface only = surfaces.all[0];
         const Extent extent = extentOf(slots_[only.slot].mesh->planes[only.number], walls[only.slot].worldFromLocal);
@@ -190,7 +190,7 @@ void WallPlanes::settle(const PagedArray<Wall>& walls, std::span<const AcousticM
         slots_[number].queued = false;
         if (!slots_[number].waiting) continue;
         slots_[number].waiting = false;
-        place(number, walls[number]);
+        insertWall(number, walls[number]);
     }
     planes_.resize(surfaces_.size());
     for (const std::uint32_t plane : dirty_) measure(plane, walls, materials);

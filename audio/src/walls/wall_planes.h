@@ -54,7 +54,7 @@ class WallPlanes {
     };
     struct OnPlane {
         std::uint32_t plane = kNoPlane;
-        std::uint32_t place = 0;  // among the surfaces of the plane
+        std::uint32_t index = 0;  // among the surfaces of the plane
     };
     struct Slot {
         std::shared_ptr<const MeshPlanes> mesh;  // null: not searched
@@ -68,13 +68,13 @@ class WallPlanes {
     /// The surfaces that lie on one plane.
     struct Surfaces {
         std::vector<Surface> all;
-        BoxTree boxes;                                            // in the order of `all`
-        std::vector<std::pair<std::uint32_t, std::size_t>> made;  // of which materials, and how many of each
+        BoxTree boxes;                                               // in the order of `all`
+        std::vector<std::pair<std::uint32_t, std::size_t>> created;  // of which materials, and how many of each
         bool dirty = false;
     };
 
     void release(std::uint32_t slot);
-    void place(std::uint32_t slot, const Wall& wall);
+    void insertWall(std::uint32_t slot, const Wall& wall);
     void put(std::uint32_t slot, std::uint32_t number, std::uint32_t plane, const Wall& wall);
     void measure(std::uint32_t plane, const PagedArray<Wall>& walls, std::span<const AcousticMaterial> materials);
     void markDirty(std::uint32_t plane);

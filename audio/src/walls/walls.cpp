@@ -54,8 +54,8 @@ void Walls::detach(std::uint32_t slot) {
     const auto list = slotsOf_.find(slots_[slot].geometry.value);
     if (list == slotsOf_.end()) return;
     auto& users = list->second;
-    users[slots_[slot].place] = users.back();
-    slots_[users.back()].place = slots_[slot].place;
+    users[slots_[slot].userIndex] = users.back();
+    slots_[users.back()].userIndex = slots_[slot].userIndex;
     users.pop_back();
     if (users.empty()) slotsOf_.erase(list);
 }

@@ -109,9 +109,9 @@ struct Elements<Array<E>> {
     static std::size_t count(const Array<E>& value) { return value.size(); }
     static const E& at(const Array<E>& value, std::size_t i) { return value[i]; }
     static Array<E> make(std::span<const E> elements) {
-        auto made = Array<E>::ofSize(elements.size());
-        std::ranges::copy(elements, made.mutableData());
-        return made;
+        auto created = Array<E>::ofSize(elements.size());
+        std::ranges::copy(elements, created.mutableData());
+        return created;
     }
 };
 
@@ -195,7 +195,7 @@ struct Chaser {
     using E = ElementOf<N>;
     using M = Motion<E>;
     /// Steps that are closer together than the duration over this number are merged.
-    static constexpr double kMostSteps = 256;
+    static constexpr double kMaxSteps = 256;
 
     /// 39.3.1: a duration is finite and not negative; any other value counts as 0.
     static double duration(const Node& node) {
@@ -274,9 +274,9 @@ struct Chaser {
             return list;
         };
         for (std::size_t j = done; j < times.size(); ++j) {
-            const bool replaced = j + 1 == times.size() && now - times[j].seconds <= whole / kMostSteps;
+            const bool replaced = j + 1 == times.size() && now - times[j].seconds <= whole / kMaxSteps;
             if (replaced && times[j].seconds == now) break;
-            if (replaced && j > done && times[j].seconds - times[j - 1].seconds <= whole / kMostSteps) break;
+            if (replaced && j > done && times[j].seconds - times[j - 1].seconds <= whole / kMaxSteps) break;
             const auto list = resized(part<E>(steps, j * each, each, {}));
             kept.insert(kept.end(), list.begin(), list.end());
             keptTimes.push_back(times[j]);
@@ -382,10 +382,10 @@ struct Damper {
                     if (!(M::size(distance(i, e)) <= tolerance)) return false;
             return true;
         }
-        double longestWay() {
-            double way = 0;
-            for (std::size_t i = 0; i < began_.size(); ++i) way = std::max(way, M::size(began_[i]));
-            return way;
+        double longestPath() {
+            double distance = 0;
+            for (std::size_t i = 0; i < began_.size(); ++i) distance = std::max(distance, M::size(began_[i]));
+            return distance;
         }
 
       private:
@@ -450,7 +450,7 @@ struct Damper {
     /// How far from the destination is near enough: if the author leaves it open, a hundred-thousandth of the way.
     static double tolerance(const Node& node, Course& course) {
         const double given = node.get(N::tolerance);
-        return given >= 0 ? given : course.longestWay() * 1e-5;
+        return given >= 0 ? given : course.longestPath() * 1e-5;
     }
     static double onTime(Cascade& cascade, const Node& node) {
         begin(cascade, node);

@@ -65,25 +65,25 @@ std::optional<Channel> channelOf(std::string_view word) {
 /// `2 Zrotation Xrotation 1 Zrotation ...`: each number says how many channels the next joint has.
 void readChannels(Cascade& cascade, const Node& node, Sheet& sheet) {
     std::size_t missing = 0;  // of the joint before
-    const auto tell = [&](const std::string& text) { cascade.warn(node, "channels: " + text); };
+    const auto report = [&](const std::string& text) { cascade.warn(node, "channels: " + text); };
     for (const std::string_view word : wordsOf(node.get(M::channels).view())) {
         std::size_t number = 0;
         const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
         if (error == std::errc() && end == word.data() + word.size()) {
-            if (missing) tell(fmt::format("{} fewer than said before \"{}\"", missing, word));
+            if (missing) report(fmt::format("{} fewer than said before \"{}\"", missing, word));
             sheet.tracks.push_back({sheet.channels.size(), 0});
             missing = number;
             continue;
         }
-        if (!missing) tell(fmt::format("\"{}\" is one more than said", word));
+        if (!missing) report(fmt::format("\"{}\" is one more than said", word));
         if (sheet.tracks.empty()) continue;
         const auto channel = channelOf(word);
-        if (!channel) tell(fmt::format("\"{}\" is no channel: its numbers are passed over", word));
+        if (!channel) report(fmt::format("\"{}\" is no channel: its numbers are passed over", word));
         sheet.channels.push_back(channel.value_or(Channel{}));
         ++sheet.tracks.back().count;
         if (missing) --missing;
     }
-    if (missing) tell(fmt::format("{} fewer than said at the end", missing));
+    if (missing) report(fmt::format("{} fewer than said at the end", missing));
 }
 
 Sheet readSheet(Cascade& cascade, const Node& node) {
@@ -113,16 +113,16 @@ Range rangeOf(const Node& node, std::size_t frames) {
 }
 
 /// `steps` steps on from `index`; how many of them began a cycle anew, and whether the end was passed without a loop.
-struct Way {
+struct Segment {
     std::int64_t index = 0, sinceCycle = 0, taken = 0;
     bool cycled = false, over = false;
 };
-Way walk(std::int32_t index, std::int64_t step, std::int64_t steps, Range range, bool loop) {
+Segment walk(std::int32_t index, std::int64_t step, std::int64_t steps, Range range, bool loop) {
     const std::int64_t size = std::abs(step), length = range.high - range.low;
     const std::int64_t left = (step > 0 ? range.high - index : index - range.low) / size;  // in this cycle
     if (steps <= left) return {index + steps * step, 0, steps};
     if (!loop) return {index + left * step, 0, left + 1, false, true};
-    const std::int64_t turn = length / size + 1, after = (steps - left - 1) % turn;
+    const std::int64_t round = length / size + 1, after = (steps - left - 1) % round;
     return {(step > 0 ? range.low : range.high) + after * step, after, steps, true};
 }
 
@@ -136,22 +136,22 @@ struct Row {
 };
 
 void poseJoint(Cascade& cascade, const Node& node, const Node& joint, const Row& row, Track track) {
-    glm::dquat turn(1, 0, 0, 0);
-    Vec3f place = joint.get(J::translation), scale = joint.get(J::scale);
+    glm::dquat rotation(1, 0, 0, 0);
+    Vec3f position = joint.get(J::translation), scale = joint.get(J::scale);
     bool moves[3] = {false, false, false};
     for (std::size_t i = track.first; i < track.first + track.count; ++i) {
         const Channel channel = row.sheet.channels[i];
         if (channel.moves == Moves::nothing || !row.counts(i)) continue;
         moves[static_cast<int>(channel.moves)] = true;
         const float value = row.values[i];
-        if (channel.moves == Moves::position) place[channel.axis] = value;
+        if (channel.moves == Moves::position) position[channel.axis] = value;
         if (channel.moves == Moves::scale) scale[channel.axis] = value;
         glm::dvec3 axis(0);
         axis[channel.axis] = 1;
-        if (channel.moves == Moves::rotation) turn = turn * turnAbout(axis, glm::radians(double(value)));
+        if (channel.moves == Moves::rotation) rotation = rotation * rotationAround(axis, glm::radians(double(value)));
     }
-    if (moves[static_cast<int>(Moves::position)]) setJoint(cascade, node, joint, J::translation, place);
-    if (moves[static_cast<int>(Moves::rotation)]) setJoint(cascade, node, joint, J::rotation, toRotation(turn));
+    if (moves[static_cast<int>(Moves::position)]) setJoint(cascade, node, joint, J::translation, position);
+    if (moves[static_cast<int>(Moves::rotation)]) setJoint(cascade, node, joint, J::rotation, toRotation(rotation));
     if (moves[static_cast<int>(Moves::scale)]) setJoint(cascade, node, joint, J::scale, scale);
 }
 
@@ -201,16 +201,16 @@ std::int32_t goOnWithMotion(Cascade& cascade, const Node& node, std::int32_t ind
     const double steps = std::floor((cascade.now() - due) / duration) + 1;
     if (!(steps >= 1)) return index;
     const auto whole = static_cast<std::int64_t>(std::min(steps, 1e15));
-    const Way way = walk(index, node.get(M::frameIncrement), whole, range, node.get(M::loop));
-    const double next = due + double(way.taken) * duration;
-    cascade.emit(node, M::elapsedTime, Time{node.get(M::elapsedTime).seconds + double(way.taken) * duration});
-    if (way.cycled) cascade.emit(node, M::cycleTime, Time{next - double(way.sinceCycle + 1) * duration});
+    const Segment stretch = walk(index, node.get(M::frameIncrement), whole, range, node.get(M::loop));
+    const double next = due + double(stretch.taken) * duration;
+    cascade.emit(node, M::elapsedTime, Time{node.get(M::elapsedTime).seconds + double(stretch.taken) * duration});
+    if (stretch.cycled) cascade.emit(node, M::cycleTime, Time{next - double(stretch.sinceCycle + 1) * duration});
     cascade.store(node, M::_due, Time{next});
-    if (way.over) {
+    if (stretch.over) {
         cascade.store(node, M::_isPlaying, false);
         cascade.store(node, M::_isOver, true);
     }
-    return static_cast<std::int32_t>(way.index);
+    return static_cast<std::int32_t>(stretch.index);
 }
 
 double motionOnTime(Cascade& cascade, const Node& node) {
@@ -246,10 +246,10 @@ void stepByHand(Cascade& cascade, const Node& node, int direction) {
     if (!node.get(M::enabled) || frames == 0) return;
     const Range range = rangeOf(node, frames);
     const std::int64_t increment = node.get(M::frameIncrement);
-    const Way way = walk(std::clamp(node.get(M::frameIndex), range.low, range.high),
-                         (increment ? increment : 1) * direction, 1, range, node.get(M::loop));
-    if (way.over) return;
-    cascade.emit(node, M::frameIndex, static_cast<std::int32_t>(way.index));
+    const Segment stretch = walk(std::clamp(node.get(M::frameIndex), range.low, range.high),
+                                 (increment ? increment : 1) * direction, 1, range, node.get(M::loop));
+    if (stretch.over) return;
+    cascade.emit(node, M::frameIndex, static_cast<std::int32_t>(stretch.index));
     cascade.store(node, M::_isStale, true);
     cascade.store(node, M::_due, Time{cascade.now() + node.get(M::frameDuration).seconds});
 }
@@ -292,9 +292,9 @@ void humanoidOnEvent(Cascade& cascade, const Node& humanoid, FieldIndex field, E
 
 void forEachHumanoidOf(const Scene& scene, const Node& node, FieldIndex field,
                        const std::function<void(const Node&)>& visit) {
-    constexpr int kMostInstances = 64;  // a PROTO's body in a PROTO's body ...
+    constexpr int kMaxInstances = 64;  // a PROTO's body in a PROTO's body ...
     std::vector<NodeId> inside{node.id()}, found;
-    for (int depth = 0; depth < kMostInstances && !inside.empty(); ++depth) {
+    for (int depth = 0; depth < kMaxInstances && !inside.empty(); ++depth) {
         std::vector<NodeId> next;
         for (const NodeId id : inside)
             for (const ParentRef& parent : scene.parents(id)) {

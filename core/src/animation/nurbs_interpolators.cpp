@@ -48,7 +48,7 @@ std::optional<NurbsCurve> curveOf(Cascade& cascade, const Node& node) {
     const int order = node.get(N::order);
     if (!NurbsBasis::fits(order, points.size())) {
         cascade.warn(node, std::to_string(points.size()) + " control points for an order of " + std::to_string(order) +
-                               "; the order is from 2 to " + std::to_string(NurbsBasis::kMostOrder) +
+                               "; the order is from 2 to " + std::to_string(NurbsBasis::kMaxOrder) +
                                ", and there are as many points at least");
         return std::nullopt;
     }
@@ -105,12 +105,12 @@ void surface(Cascade& cascade, const Node& node, FieldIndex field, EventValue ev
                                std::to_string(orderV));
         return;
     }
-    const NurbsSurface made{basisOf(cascade, node, orderU, nu, node.get(N::uKnot), " along u"),
-                            basisOf(cascade, node, orderV, nv, node.get(N::vKnot), " along v"),
-                            nurbsPoints(points, spanOf(node.get(N::weight)))};
-    const double u = within(made.u, fraction.x), v = within(made.v, fraction.y);
-    cascade.emit(node, N::position_changed, Vec3f(made.at(u, v)));
-    if (const Vec3d normal = made.normal(u, v); normal != Vec3d(0))
+    const NurbsSurface created{basisOf(cascade, node, orderU, nu, node.get(N::uKnot), " along u"),
+                               basisOf(cascade, node, orderV, nv, node.get(N::vKnot), " along v"),
+                               nurbsPoints(points, spanOf(node.get(N::weight)))};
+    const double u = within(created.u, fraction.x), v = within(created.v, fraction.y);
+    cascade.emit(node, N::position_changed, Vec3f(created.at(u, v)));
+    if (const Vec3d normal = created.normal(u, v); normal != Vec3d(0))
         cascade.emit(node, N::normal_changed, Vec3f(normal));
 }
 

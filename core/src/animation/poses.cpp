@@ -82,10 +82,10 @@ void showPose(Cascade& cascade, const Node& pose, std::int32_t task, double frac
         const auto between = [&](const float* a, const glm::dvec3& b) {
             return Vec3f(fraction < 1 ? glm::mix(glm::dvec3(a[0], a[1], a[2]), b, fraction) : b);
         };
-        const glm::dquat turn =
+        const glm::dquat rotation =
             fraction < 1 ? alongShorterArc(glm::normalize(turned), aim.rotation, fraction) : aim.rotation;
         setJoint(cascade, pose, *joint, J::translation, between(f, aim.translation));
-        setJoint(cascade, pose, *joint, J::rotation, toRotation(turn));
+        setJoint(cascade, pose, *joint, J::rotation, toRotation(rotation));
         setJoint(cascade, pose, *joint, J::scale, between(f + 7, aim.scale));
     }
 }

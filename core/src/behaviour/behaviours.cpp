@@ -1,13 +1,13 @@
 // The table of built-in behaviours by node type.
 #include "behaviours.h"
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg {
 
 std::span<const BuiltinBehaviour> builtinBehaviours() {
-    static const auto& table = lasting([] {
+    static const auto& table = neverDestroyed([] {
         using namespace behaviours;
         std::vector<BuiltinBehaviour> t;
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime, .last = true}});

@@ -12,7 +12,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
-#include "scene/places.h"
+#include "scene/world_transforms.h"
 #include "transitions.h"
 #include "words.h"
 

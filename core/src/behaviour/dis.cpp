@@ -30,19 +30,20 @@ template <>
 constexpr double kDisTimeout<x3d::ReceiverPdu> = 144;
 
 template <class T>
-void tell(Cascade& cascade, const Node& node, Field<T> field, const T& value) {
+void sendField(Cascade& cascade, const Node& node, Field<T> field, const T& value) {
     if (!(node.get(field) == value)) cascade.emit(node, field, value);
 }
 /// Sends an unsigned number through a field of signed ones; one that is too large for it becomes the largest, with a
 /// warning.
 template <class T>
-void tellNumber(Cascade& cascade, const Node& node, Field<std::int32_t> field, T value) {
+void sendNumber(Cascade& cascade, const Node& node, Field<std::int32_t> field, T value) {
     if constexpr (sizeof(T) > 4) {
-        constexpr auto most = std::numeric_limits<std::int32_t>::max();
-        if (value > static_cast<T>(most)) cascade.warn(node, fmt::format("{} is more than the field can hold", value));
-        tell(cascade, node, field, static_cast<std::int32_t>(std::min(value, static_cast<T>(most))));
+        constexpr auto maximum = std::numeric_limits<std::int32_t>::max();
+        if (value > static_cast<T>(maximum))
+            cascade.warn(node, fmt::format("{} is more than the field can hold", value));
+        sendField(cascade, node, field, static_cast<std::int32_t>(std::min(value, static_cast<T>(maximum))));
     } else {
-        tell(cascade, node, field, static_cast<std::int32_t>(value));
+        sendField(cascade, node, field, static_cast<std::int32_t>(value));
     }
 }
 
@@ -52,18 +53,18 @@ bool isReading(const Node& node) {
 }
 
 template <class N>
-void tellMode(Cascade& cascade, const Node& node) {
+void sendMode(Cascade& cascade, const Node& node) {
     const std::string_view mode = node.get(N::networkMode).view();
-    tell(cascade, node, N::isStandAlone, mode == "standAlone");
-    tell(cascade, node, N::isNetworkReader, mode == "networkReader");
-    tell(cascade, node, N::isNetworkWriter, mode == "networkWriter");
+    sendField(cascade, node, N::isStandAlone, mode == "standAlone");
+    sendField(cascade, node, N::isNetworkReader, mode == "networkReader");
+    sendField(cascade, node, N::isNetworkWriter, mode == "networkWriter");
     if (mode != "standAlone" && mode != "networkReader" && mode != "networkWriter")
         cascade.warn(node, fmt::format("networkMode '{}' is none: standAlone, networkReader or networkWriter", mode));
 }
 
 /// isActive of a node that reads. Returns the time at which it ends if nothing is heard.
 template <class N>
-double tellActive(Cascade& cascade, const Node& node) {
+double sendActive(Cascade& cascade, const Node& node) {
     const double until = node.get(N::_heardTime).seconds + kDisTimeout<N>;
     if (!node.get(N::isActive)) return kNever;
     if (isReading<N>(node) && cascade.now() < until) return until;
@@ -78,10 +79,10 @@ double ageOf(const dis::Header& header, double now) {
 }
 
 template <class N>
-void tellHeard(Cascade& cascade, const Node& node, const dis::Header& header, bool hadRtpHeader) {
+void sendHeard(Cascade& cascade, const Node& node, const dis::Header& header, bool hadRtpHeader) {
     cascade.store(node, N::_heardTime, Time{cascade.now()});
-    tell(cascade, node, N::isActive, true);
-    tell(cascade, node, N::isRtpHeaderHeard, hadRtpHeader);
+    sendField(cascade, node, N::isActive, true);
+    sendField(cascade, node, N::isRtpHeaderHeard, hadRtpHeader);
     cascade.emit(node, N::timestamp, Time{cascade.now() - ageOf(header, cascade.now())});
     if (node.get(N::rtpHeaderExpected) && !hadRtpHeader)
         cascade.warn(node, "a PDU came without the RTP header that rtpHeaderExpected says");
@@ -119,8 +120,8 @@ constexpr Field<float> kPart[kParts] = {
     Espdu::articulationParameterValue4_changed, Espdu::articulationParameterValue5_changed,
     Espdu::articulationParameterValue6_changed, Espdu::articulationParameterValue7_changed};
 
-void tellParts(Cascade& cascade, const Node& node, const Array<float>& values) {
-    for (std::size_t i = 0; i < std::min(kParts, values.size()); ++i) tell(cascade, node, kPart[i], values[i]);
+void sendParts(Cascade& cascade, const Node& node, const Array<float>& values) {
+    for (std::size_t i = 0; i < std::min(kParts, values.size()); ++i) sendField(cascade, node, kPart[i], values[i]);
 }
 
 template <class T>
@@ -137,12 +138,12 @@ void setPart(Cascade& cascade, const Node& node, std::size_t part, float value) 
     auto changes = longEnough(node.get(Espdu::articulationParameterChangeIndicatorArray), values.size());
     values.mutableData()[part] = value;
     changes.mutableData()[part] = (changes[part] + 1) & 0xff;
-    tell(cascade, node, Espdu::articulationParameterArray, values);
-    tell(cascade, node, Espdu::articulationParameterChangeIndicatorArray, changes);
+    sendField(cascade, node, Espdu::articulationParameterArray, values);
+    sendField(cascade, node, Espdu::articulationParameterChangeIndicatorArray, changes);
     for (const auto field : {Espdu::articulationParameterDesignatorArray,
                              Espdu::articulationParameterIdPartAttachedToArray, Espdu::articulationParameterTypeArray})
-        tell(cascade, node, field, longEnough(node.get(field), values.size()));
-    tell(cascade, node, Espdu::articulationParameterCount, static_cast<std::int32_t>(values.size()));
+        sendField(cascade, node, field, longEnough(node.get(field), values.size()));
+    sendField(cascade, node, Espdu::articulationParameterCount, static_cast<std::int32_t>(values.size()));
     cascade.emit(node, kPart[part], value);
 }
 
@@ -151,15 +152,15 @@ void takeParts(Cascade& cascade, const Node& node, const std::vector<dis::Articu
         auto values = Array<T>::ofSize(parts.size());
         T* out = values.mutableData();
         for (const dis::Articulation& part : parts) *out++ = static_cast<T>(part.*member);
-        tell(cascade, node, field, values);
+        sendField(cascade, node, field, values);
     };
     list(Espdu::articulationParameterArray, &dis::Articulation::value);
     list(Espdu::articulationParameterChangeIndicatorArray, &dis::Articulation::change);
     list(Espdu::articulationParameterDesignatorArray, &dis::Articulation::designator);
     list(Espdu::articulationParameterIdPartAttachedToArray, &dis::Articulation::attachedTo);
     list(Espdu::articulationParameterTypeArray, &dis::Articulation::type);
-    tellNumber(cascade, node, Espdu::articulationParameterCount, parts.size());
-    tellParts(cascade, node, node.get(Espdu::articulationParameterArray));
+    sendNumber(cascade, node, Espdu::articulationParameterCount, parts.size());
+    sendParts(cascade, node, node.get(Espdu::articulationParameterArray));
 }
 
 // ---- entities ----------------------------------------------------------------------------------------------------
@@ -173,41 +174,41 @@ void takeState(Cascade& cascade, const Node& node, const dis::Pdu& pdu, std::spa
     const bool isDated = (pdu.header.timestamp & 1) && age >= 0 && age < kDisTimeout<Espdu>;
     cascade.store(node, Espdu::_state, rtsg::wordsOf(bytes));
     cascade.store(node, Espdu::_stateTime, Time{cascade.now() - (isDated ? age : 0)});
-    tell(cascade, node, Espdu::marking, String(state.marking));
-    tellNumber(cascade, node, Espdu::forceID, state.force);
-    tellNumber(cascade, node, Espdu::entityKind, state.type.kind);
-    tellNumber(cascade, node, Espdu::entityDomain, state.type.domain);
-    tellNumber(cascade, node, Espdu::entityCountry, state.type.country);
-    tellNumber(cascade, node, Espdu::entityCategory, state.type.category);
-    tellNumber(cascade, node, Espdu::entitySubcategory, state.type.subcategory);
-    tellNumber(cascade, node, Espdu::entitySpecific, state.type.specific);
-    tellNumber(cascade, node, Espdu::entityExtra, state.type.extra);
-    tellNumber(cascade, node, Espdu::deadReckoning, state.deadReckoning);
+    sendField(cascade, node, Espdu::marking, String(state.marking));
+    sendNumber(cascade, node, Espdu::forceID, state.force);
+    sendNumber(cascade, node, Espdu::entityKind, state.type.kind);
+    sendNumber(cascade, node, Espdu::entityDomain, state.type.domain);
+    sendNumber(cascade, node, Espdu::entityCountry, state.type.country);
+    sendNumber(cascade, node, Espdu::entityCategory, state.type.category);
+    sendNumber(cascade, node, Espdu::entitySubcategory, state.type.subcategory);
+    sendNumber(cascade, node, Espdu::entitySpecific, state.type.specific);
+    sendNumber(cascade, node, Espdu::entityExtra, state.type.extra);
+    sendNumber(cascade, node, Espdu::deadReckoning, state.deadReckoning);
     if (state.deadReckoning > 9)
         cascade.warn(node, fmt::format("dead reckoning {} is none of 0 to 9: it stands", state.deadReckoning));
     const bool isBody = dis::isBodyModel(state.deadReckoning);
     const auto vector = [&](const glm::dvec3& v) {
         return Vec3f(isBody ? dis::modelFromBody(v) : frame->sceneFromWorld * v);
     };
-    tell(cascade, node, Espdu::linearVelocity, vector(state.velocity));
-    tell(cascade, node, Espdu::linearAcceleration, vector(state.acceleration));
+    sendField(cascade, node, Espdu::linearVelocity, vector(state.velocity));
+    sendField(cascade, node, Espdu::linearAcceleration, vector(state.acceleration));
     takeParts(cascade, node, state.articulations);
 }
 
 void takeEvent(Cascade& cascade, const Node& node, const dis::EventId& event, const dis::EntityId& author) {
-    tellNumber(cascade, node, Espdu::eventSiteID, event.site);
-    tellNumber(cascade, node, Espdu::eventApplicationID, event.application);
-    tellNumber(cascade, node, Espdu::eventNumber, event.number);
-    tellNumber(cascade, node, Espdu::eventEntityID, author.entity);
+    sendNumber(cascade, node, Espdu::eventSiteID, event.site);
+    sendNumber(cascade, node, Espdu::eventApplicationID, event.application);
+    sendNumber(cascade, node, Espdu::eventNumber, event.number);
+    sendNumber(cascade, node, Espdu::eventEntityID, author.entity);
 }
 void takeMunition(Cascade& cascade, const Node& node, const dis::EntityId& id, const dis::Descriptor& descriptor) {
-    tellNumber(cascade, node, Espdu::munitionSiteID, id.site);
-    tellNumber(cascade, node, Espdu::munitionApplicationID, id.application);
-    tellNumber(cascade, node, Espdu::munitionEntityID, id.entity);
-    tellNumber(cascade, node, Espdu::munitionQuantity, descriptor.quantity);
-    tellNumber(cascade, node, Espdu::firingRate, descriptor.rate);
-    tellNumber(cascade, node, Espdu::fuse, descriptor.fuse);
-    tellNumber(cascade, node, Espdu::warhead, descriptor.warhead);
+    sendNumber(cascade, node, Espdu::munitionSiteID, id.site);
+    sendNumber(cascade, node, Espdu::munitionApplicationID, id.application);
+    sendNumber(cascade, node, Espdu::munitionEntityID, id.entity);
+    sendNumber(cascade, node, Espdu::munitionQuantity, descriptor.quantity);
+    sendNumber(cascade, node, Espdu::firingRate, descriptor.rate);
+    sendNumber(cascade, node, Espdu::fuse, descriptor.fuse);
+    sendNumber(cascade, node, Espdu::warhead, descriptor.warhead);
 }
 
 void takeFire(Cascade& cascade, const Node& node, const dis::Fire& fire) {
@@ -215,13 +216,13 @@ void takeFire(Cascade& cascade, const Node& node, const dis::Fire& fire) {
     if (!frame) return;
     takeEvent(cascade, node, fire.event, fire.firing);
     takeMunition(cascade, node, fire.munition, fire.descriptor);
-    tell(cascade, node, Espdu::fireMissionIndex, static_cast<std::int32_t>(fire.mission));
-    tell(cascade, node, Espdu::firingRange, fire.range);
+    sendField(cascade, node, Espdu::fireMissionIndex, static_cast<std::int32_t>(fire.mission));
+    sendField(cascade, node, Espdu::firingRange, fire.range);
     const glm::dvec3 velocity(fire.velocity);
     const double speed = glm::length(velocity);
-    const glm::dvec3 way = speed > 0 ? velocity / speed * double{fire.range} : glm::dvec3(0);
-    tell(cascade, node, Espdu::munitionStartPoint, Vec3f(frame->toScene(fire.location)));
-    tell(cascade, node, Espdu::munitionEndPoint, Vec3f(frame->toScene(fire.location + way)));
+    const glm::dvec3 displacement = speed > 0 ? velocity / speed * double{fire.range} : glm::dvec3(0);
+    sendField(cascade, node, Espdu::munitionStartPoint, Vec3f(frame->toScene(fire.location)));
+    sendField(cascade, node, Espdu::munitionEndPoint, Vec3f(frame->toScene(fire.location + displacement)));
     cascade.emit(node, Espdu::fired1, true);
     cascade.emit(node, Espdu::firedTime, Time{cascade.now()});
 }
@@ -232,17 +233,17 @@ void takeDetonation(Cascade& cascade, const Node& node, const dis::Detonation& d
     takeEvent(cascade, node, detonation.event, detonation.firing);
     takeMunition(cascade, node, detonation.munition, detonation.descriptor);
     const Vec3f location(frame->toScene(detonation.location));
-    tell(cascade, node, Espdu::munitionEndPoint, location);
-    tell(cascade, node, Espdu::detonationLocation, location);
-    tell(cascade, node, Espdu::detonationRelativeLocation, Vec3f(dis::modelFromBody(detonation.relativeLocation)));
-    tellNumber(cascade, node, Espdu::detonationResult, detonation.result);
+    sendField(cascade, node, Espdu::munitionEndPoint, location);
+    sendField(cascade, node, Espdu::detonationLocation, location);
+    sendField(cascade, node, Espdu::detonationRelativeLocation, Vec3f(dis::modelFromBody(detonation.relativeLocation)));
+    sendNumber(cascade, node, Espdu::detonationResult, detonation.result);
     cascade.emit(node, Espdu::isDetonated, true);
     cascade.emit(node, Espdu::detonateTime, Time{cascade.now()});
 }
 
 void takeCollision(Cascade& cascade, const Node& node, const dis::Collision& collision) {
     takeEvent(cascade, node, collision.event, collision.issuing);
-    tellNumber(cascade, node, Espdu::collisionType, collision.type);
+    sendNumber(cascade, node, Espdu::collisionType, collision.type);
     cascade.emit(node, Espdu::isCollided, true);
     cascade.emit(node, Espdu::collideTime, Time{cascade.now()});
 }
@@ -280,19 +281,19 @@ double reckon(Cascade& cascade, const Node& node) {
     const auto frame = frameOf<Espdu>(cascade, node);
     if (!state || !frame) return kNever;
     const dis::EntityPose pose = dis::deadReckon(*state, cascade.now() - node.get(Espdu::_stateTime).seconds);
-    const Vec3f place(frame->toScene(pose.location));
-    if (!std::isfinite(place.x + place.y + place.z)) {
+    const Vec3f position(frame->toScene(pose.location));
+    if (!std::isfinite(position.x + position.y + position.z)) {
         cascade.warn(node, "its entity is further away than a float can say: it stays where it was");
         return kNever;
     }
-    tell(cascade, node, Espdu::translation, place);
-    tell(cascade, node, Espdu::rotation, toRotation(frame->toScene(pose.worldFromBody)));
+    sendField(cascade, node, Espdu::translation, position);
+    sendField(cascade, node, Espdu::rotation, toRotation(frame->toScene(pose.worldFromBody)));
     return dis::isMoving(*state) ? cascade.now() : kNever;
 }
 
 double espduOnTime(Cascade& cascade, const Node& node) {
-    tellMode<Espdu>(cascade, node);
-    const double end = tellActive<Espdu>(cascade, node);
+    sendMode<Espdu>(cascade, node);
+    const double end = sendActive<Espdu>(cascade, node);
     return std::min(end, reckon(cascade, node));
 }
 
@@ -301,20 +302,20 @@ void espduOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventVal
     for (std::size_t i = 0; i < kParts; ++i)
         if (field == kSetPart[i].index) return setPart(cascade, node, i, value.as<float>());
     if (field == Espdu::articulationParameterArray.index) {
-        tell(cascade, node, Espdu::articulationParameterCount,
-             static_cast<std::int32_t>(value.as<Array<float>>().size()));
-        return tellParts(cascade, node, value.as<Array<float>>());
+        sendField(cascade, node, Espdu::articulationParameterCount,
+                  static_cast<std::int32_t>(value.as<Array<float>>().size()));
+        return sendParts(cascade, node, value.as<Array<float>>());
     }
     if (isReading<Espdu>(node) || !node.get(Espdu::enabled)) return;
     if (field == Espdu::fired1.index || field == Espdu::fired2.index) {
-        if (value.as<bool>()) tell(cascade, node, Espdu::firedTime, Time{cascade.now()});
+        if (value.as<bool>()) sendField(cascade, node, Espdu::firedTime, Time{cascade.now()});
     } else if (field == Espdu::detonationResult.index || field == Espdu::detonationLocation.index ||
                field == Espdu::detonationRelativeLocation.index) {
-        tell(cascade, node, Espdu::isDetonated, true);
-        tell(cascade, node, Espdu::detonateTime, Time{cascade.now()});
+        sendField(cascade, node, Espdu::isDetonated, true);
+        sendField(cascade, node, Espdu::detonateTime, Time{cascade.now()});
     } else if (field == Espdu::collisionType.index) {
-        tell(cascade, node, Espdu::isCollided, true);
-        tell(cascade, node, Espdu::collideTime, Time{cascade.now()});
+        sendField(cascade, node, Espdu::isCollided, true);
+        sendField(cascade, node, Espdu::collideTime, Time{cascade.now()});
     }
 }
 
@@ -327,21 +328,21 @@ bool isOfRadio(const Node& node, const auto& radio) {
 
 void take(Cascade& cascade, const Node& node, const dis::Receiver& r) {
     using N = x3d::ReceiverPdu;
-    tellNumber(cascade, node, N::receiverState, r.state);
-    tell(cascade, node, N::receivedPower, r.power);
-    tellNumber(cascade, node, N::transmitterSiteID, r.transmitter.site);
-    tellNumber(cascade, node, N::transmitterApplicationID, r.transmitter.application);
-    tellNumber(cascade, node, N::transmitterEntityID, r.transmitter.entity);
-    tellNumber(cascade, node, N::transmitterRadioID, r.transmitterRadio);
+    sendNumber(cascade, node, N::receiverState, r.state);
+    sendField(cascade, node, N::receivedPower, r.power);
+    sendNumber(cascade, node, N::transmitterSiteID, r.transmitter.site);
+    sendNumber(cascade, node, N::transmitterApplicationID, r.transmitter.application);
+    sendNumber(cascade, node, N::transmitterEntityID, r.transmitter.entity);
+    sendNumber(cascade, node, N::transmitterRadioID, r.transmitterRadio);
 }
 
 void take(Cascade& cascade, const Node& node, const dis::Signal& s) {
     using N = x3d::SignalPdu;
-    tellNumber(cascade, node, N::encodingScheme, s.encoding);
-    tellNumber(cascade, node, N::tdlType, s.tdlType);
-    tellNumber(cascade, node, N::sampleRate, std::uint64_t{s.sampleRate});
-    tellNumber(cascade, node, N::dataLength, s.bits);
-    tellNumber(cascade, node, N::samples, s.samples);
+    sendNumber(cascade, node, N::encodingScheme, s.encoding);
+    sendNumber(cascade, node, N::tdlType, s.tdlType);
+    sendNumber(cascade, node, N::sampleRate, std::uint64_t{s.sampleRate});
+    sendNumber(cascade, node, N::dataLength, s.bits);
+    sendNumber(cascade, node, N::samples, s.samples);
     auto data = Array<std::int32_t>::ofSize(s.data.size());
     std::ranges::copy(s.data, data.mutableData());
     cascade.emit(node, N::data, data);  // each is more of the signal, though it be the same
@@ -351,28 +352,28 @@ void take(Cascade& cascade, const Node& node, const dis::Transmitter& t) {
     using N = x3d::TransmitterPdu;
     const auto frame = frameOf<N>(cascade, node);
     if (!frame) return;
-    tellNumber(cascade, node, N::radioEntityTypeKind, t.kind);
-    tellNumber(cascade, node, N::radioEntityTypeDomain, t.domain);
-    tellNumber(cascade, node, N::radioEntityTypeCountry, t.country);
-    tellNumber(cascade, node, N::radioEntityTypeCategory, t.category);
-    tellNumber(cascade, node, N::radioEntityTypeNomenclature, t.nomenclature);
-    tellNumber(cascade, node, N::radioEntityTypeNomenclatureVersion, t.nomenclatureVersion);
-    tellNumber(cascade, node, N::transmitState, t.state);
-    tellNumber(cascade, node, N::inputSource, t.inputSource);
-    tell(cascade, node, N::antennaLocation, Vec3f(frame->toScene(t.antennaLocation)));
-    tell(cascade, node, N::relativeAntennaLocation, Vec3f(dis::modelFromBody(t.relativeAntennaLocation)));
-    tellNumber(cascade, node, N::antennaPatternType, t.antennaPatternType);
-    tellNumber(cascade, node, N::antennaPatternLength, t.antennaPattern.size());
-    tellNumber(cascade, node, N::frequency, t.frequency);
-    tell(cascade, node, N::transmitFrequencyBandwidth, t.bandwidth);
-    tell(cascade, node, N::power, t.power);
-    tellNumber(cascade, node, N::modulationTypeSpreadSpectrum, t.spreadSpectrum);
-    tellNumber(cascade, node, N::modulationTypeMajor, t.majorModulation);
-    tellNumber(cascade, node, N::modulationTypeDetail, t.detail);
-    tellNumber(cascade, node, N::modulationTypeSystem, t.system);
-    tellNumber(cascade, node, N::cryptoSystem, t.cryptoSystem);
-    tellNumber(cascade, node, N::cryptoKeyID, t.cryptoKey);
-    tellNumber(cascade, node, N::lengthOfModulationParameters, t.modulationParameters.size());
+    sendNumber(cascade, node, N::radioEntityTypeKind, t.kind);
+    sendNumber(cascade, node, N::radioEntityTypeDomain, t.domain);
+    sendNumber(cascade, node, N::radioEntityTypeCountry, t.country);
+    sendNumber(cascade, node, N::radioEntityTypeCategory, t.category);
+    sendNumber(cascade, node, N::radioEntityTypeNomenclature, t.nomenclature);
+    sendNumber(cascade, node, N::radioEntityTypeNomenclatureVersion, t.nomenclatureVersion);
+    sendNumber(cascade, node, N::transmitState, t.state);
+    sendNumber(cascade, node, N::inputSource, t.inputSource);
+    sendField(cascade, node, N::antennaLocation, Vec3f(frame->toScene(t.antennaLocation)));
+    sendField(cascade, node, N::relativeAntennaLocation, Vec3f(dis::modelFromBody(t.relativeAntennaLocation)));
+    sendNumber(cascade, node, N::antennaPatternType, t.antennaPatternType);
+    sendNumber(cascade, node, N::antennaPatternLength, t.antennaPattern.size());
+    sendNumber(cascade, node, N::frequency, t.frequency);
+    sendField(cascade, node, N::transmitFrequencyBandwidth, t.bandwidth);
+    sendField(cascade, node, N::power, t.power);
+    sendNumber(cascade, node, N::modulationTypeSpreadSpectrum, t.spreadSpectrum);
+    sendNumber(cascade, node, N::modulationTypeMajor, t.majorModulation);
+    sendNumber(cascade, node, N::modulationTypeDetail, t.detail);
+    sendNumber(cascade, node, N::modulationTypeSystem, t.system);
+    sendNumber(cascade, node, N::cryptoSystem, t.cryptoSystem);
+    sendNumber(cascade, node, N::cryptoKeyID, t.cryptoKey);
+    sendNumber(cascade, node, N::lengthOfModulationParameters, t.modulationParameters.size());
 }
 
 template <class N, class Body>
@@ -385,8 +386,8 @@ bool takeRadioPdu(Cascade& cascade, const Node& node, const dis::Pdu& pdu) {
 
 template <class N>
 double radioOnTime(Cascade& cascade, const Node& node) {
-    tellMode<N>(cascade, node);
-    return tellActive<N>(cascade, node);
+    sendMode<N>(cascade, node);
+    return sendActive<N>(cascade, node);
 }
 
 // ---- all of them -------------------------------------------------------------------------------------------------
@@ -396,7 +397,7 @@ void hearAs(Cascade& cascade, const Node& node, const HeardPdu& heard, const aut
     if (!isReading<N>(node)) return;
     const auto pdu = dis::decode(heard.bytes);
     if (!pdu) return cascade.warn(node, fmt::format("a PDU that it was given {}", pdu.error().text));
-    if (take(*pdu)) tellHeard<N>(cascade, node, pdu->header, heard.hadRtpHeader);
+    if (take(*pdu)) sendHeard<N>(cascade, node, pdu->header, heard.hadRtpHeader);
 }
 
 /// The network has found or lost entities: the manager reports them in the next frame.

@@ -10,13 +10,13 @@ namespace rtsg::behaviours {
 namespace {
 
 template <class N>
-double tellAspectRatio(Cascade& cascade, const Node& node) {
+double sendAspectRatio(Cascade& cascade, const Node& node) {
     const float ratio = node.get(N::_aspectRatio);
     if (ratio > 0 && ratio != node.get(N::aspectRatio)) cascade.emit(node, N::aspectRatio, ratio);
     return kNever;
 }
 
-double tellTextSizes(Cascade& cascade, const Node& node) {
+double sendTextSizes(Cascade& cascade, const Node& node) {
     using T = x3d::Text;
     constexpr std::size_t kHead = 5;  // textBounds and origin
     const Array<float> sizes = node.get(T::_measured);
@@ -35,9 +35,9 @@ double tellTextSizes(Cascade& cascade, const Node& node) {
 }  // namespace
 
 void appendMeasures(std::vector<BuiltinBehaviour>& table) {
-    table.push_back({x3d::Text::type, {.onTime = tellTextSizes}});
-    table.push_back({x3d::TextureProjector::type, {.onTime = tellAspectRatio<x3d::TextureProjector>}});
-    table.push_back({x3d::TextureProjectorParallel::type, {.onTime = tellAspectRatio<x3d::TextureProjectorParallel>}});
+    table.push_back({x3d::Text::type, {.onTime = sendTextSizes}});
+    table.push_back({x3d::TextureProjector::type, {.onTime = sendAspectRatio<x3d::TextureProjector>}});
+    table.push_back({x3d::TextureProjectorParallel::type, {.onTime = sendAspectRatio<x3d::TextureProjectorParallel>}});
 }
 
 }  // namespace rtsg::behaviours

@@ -53,12 +53,12 @@ bool loops(const Node& node) {
 
 /// Sends the length that the file or the buffer states.
 template <class N>
-void tellLength(Cascade& cascade, const Node& node) {
+void sendLength(Cascade& cascade, const Node& node) {
     if constexpr (requires { N::duration_changed; }) {
-        const Time duration = node.get(N::_duration), told = node.get(N::duration_changed);
-        if (duration.seconds < 0 && told.seconds == 0)
+        const Time duration = node.get(N::_duration), reported = node.get(N::duration_changed);
+        if (duration.seconds < 0 && reported.seconds == 0)
             cascade.store(node, N::duration_changed, Time{-1});  // nobody has known anything else
-        else if (duration != told)
+        else if (duration != reported)
             cascade.emit(node, N::duration_changed, duration);
     }
     if constexpr (requires { N::length; }) {
@@ -87,7 +87,7 @@ bool accepts(const Node& node, FieldIndex field, EventValue value) {
 
 template <class N>
 double onTime(Cascade& cascade, const Node& node) {
-    tellLength<N>(cascade, node);
+    sendLength<N>(cascade, node);
     const double now = cascade.now(), start = node.get(N::startTime).seconds, end = node.get(N::stopTime).seconds;
     const double speed = std::abs(speedOf(node)), length = lengthOf(node);
     const double cycle = speed > 0 ? length / speed : kNever;
@@ -127,7 +127,7 @@ void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
     });
 }
 
-double tellReduction(Cascade& cascade, const Node& node) {
+double reportReduction(Cascade& cascade, const Node& node) {
     using D = x3d::DynamicsCompressor;
     const float metered = node.get(D::_metered), reduction = metered < 0 ? metered : 0.0f;
     if (reduction != node.get(D::reduction)) cascade.emit(node, D::reduction, reduction);
@@ -144,7 +144,7 @@ Behaviour clockOf() {
 void appendMedia(std::vector<BuiltinBehaviour>& table) {
     table.push_back({x3d::AudioClip::type, clockOf<x3d::AudioClip>()});
     table.push_back({x3d::BufferAudioSource::type, clockOf<x3d::BufferAudioSource>()});
-    table.push_back({x3d::DynamicsCompressor::type, {.onTime = tellReduction}});
+    table.push_back({x3d::DynamicsCompressor::type, {.onTime = reportReduction}});
     table.push_back({x3d::ListenerPointSource::type, clockOf<x3d::ListenerPointSource>()});
     table.push_back({x3d::MicrophoneSource::type, clockOf<x3d::MicrophoneSource>()});
     table.push_back({x3d::MovieTexture::type, clockOf<x3d::MovieTexture>()});

@@ -126,9 +126,9 @@ struct Mobility::State {
     }
     bool store(NodeId node, FieldIndex field) {
         auto& fields = entries[node.value].reached;
-        const auto place = std::ranges::lower_bound(fields, field);
-        if (place != fields.end() && *place == field) return false;
-        fields.insert(place, field);
+        const auto found = std::ranges::lower_bound(fields, field);
+        if (found != fields.end() && *found == field) return false;
+        fields.insert(found, field);
         changedNodes.push_back(node);
         return true;
     }
@@ -136,9 +136,9 @@ struct Mobility::State {
         const auto entry = entries.find(node.value);
         if (entry == entries.end()) return false;
         auto& fields = entry->second.reached;
-        const auto place = std::ranges::lower_bound(fields, field);
-        if (place == fields.end() || *place != field) return false;
-        fields.erase(place);
+        const auto found = std::ranges::lower_bound(fields, field);
+        if (found == fields.end() || *found != field) return false;
+        fields.erase(found);
         if (fields.empty()) entries.erase(entry);
         changedNodes.push_back(node);
         return true;

@@ -60,9 +60,9 @@ bool readAnyEmitter(const Node& emitter, EmissionSpan& span) {
 EmissionSpan wanted(Cascade& cascade, const Node& system, const Node& emitter) {
     EmissionSpan span;
     span.count = std::max(0, system.get(P::maxParticles));
-    if (span.count > double(kMostParticles)) {
-        cascade.warn(system, fmt::format("maxParticles is more than {}: it has so many", kMostParticles));
-        span.count = double(kMostParticles);
+    if (span.count > double(kMaxParticles)) {
+        cascade.warn(system, fmt::format("maxParticles is more than {}: it has so many", kMaxParticles));
+        span.count = double(kMaxParticles);
     }
     span.lifetime = system.get(P::particleLifetime), span.lifetimeVariation = system.get(P::lifetimeVariation);
     span.size = Vec2d(system.get(P::particleSize));
@@ -127,10 +127,10 @@ double particlesOnTime(Cascade& cascade, const Node& node) {
         changed |= std::erase_if(spans, [&, last = spans.back().serial](const EmissionSpan& span) {
                        return span.serial != last && span.over() <= now;
                    }) > 0;
-    if (spans.size() > kMostEmissionSpans) {
+    if (spans.size() > kMaxEmissionSpans) {
         cascade.warn(node, fmt::format("its emitter changes so often that of {} changes at a time the oldest are lost",
-                                       kMostEmissionSpans));
-        spans.erase(spans.begin(), spans.end() - static_cast<std::ptrdiff_t>(kMostEmissionSpans));
+                                       kMaxEmissionSpans));
+        spans.erase(spans.begin(), spans.end() - static_cast<std::ptrdiff_t>(kMaxEmissionSpans));
     }
     if (changed) cascade.store(node, P::_emission, packEmission(spans));
     if (spans.empty()) return kNever;
@@ -145,9 +145,9 @@ double particlesOnTime(Cascade& cascade, const Node& node) {
 
 /// An emitter that is switched on or off wakes the systems that it is in.
 double emitterOnTime(Cascade& cascade, const Node& node) {
-    constexpr int kMostInstances = 64;  // a PROTO's body in a PROTO's body ...
+    constexpr int kMaxInstances = 64;  // a PROTO's body in a PROTO's body ...
     std::vector<NodeId> above{node.id()};
-    for (int depth = 0; depth < kMostInstances && !above.empty(); ++depth) {
+    for (int depth = 0; depth < kMaxInstances && !above.empty(); ++depth) {
         std::vector<NodeId> next;
         for (const NodeId id : above)
             for (const ParentRef& parent : cascade.scene().parents(id)) {

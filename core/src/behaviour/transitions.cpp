@@ -10,8 +10,8 @@
 
 #include "behaviours.h"
 #include "input/viewer_move.h"
-#include "scene/places.h"
 #include "scene/view_pose.h"
+#include "scene/world_transforms.h"
 
 namespace rtsg::behaviours {
 
@@ -45,17 +45,17 @@ struct Transition {
         return t;
     }
     ViewerPose at(double time) const {
-        double share = std::clamp((time - begin) / seconds, 0.0, 1.0);
-        if (eased) share = share * share * (3 - 2 * share);
-        return {glm::mix(from.position, to.position, share),
-                glm::normalize(alongShorterArc(from.orientation, to.orientation, share))};
+        double fraction = std::clamp((time - begin) / seconds, 0.0, 1.0);
+        if (eased) fraction = fraction * fraction * (3 - 2 * fraction);
+        return {glm::mix(from.position, to.position, fraction),
+                glm::normalize(alongShorterArc(from.orientation, to.orientation, fraction))};
     }
 };
 
 void storeOffset(Cascade& cascade, const Node& viewpoint, const ViewFields& fields, const ViewerPose& offset) {
     const glm::dquat& q = offset.orientation;
     cascade.store(viewpoint, fields.userPosition, offset.position);
-    cascade.store(viewpoint, fields.userTurn, Vec4d(q.x, q.y, q.z, q.w));
+    cascade.store(viewpoint, fields.userRotation, Vec4d(q.x, q.y, q.z, q.w));
 }
 void endTransition(Cascade& cascade, const Node& viewpoint, const ViewFields& fields) {
     if (!viewpoint.get(fields.transition).empty()) cascade.store(viewpoint, fields.transition, Array<double>());
@@ -67,9 +67,9 @@ void setCenterOfRotation(Cascade& cascade, const Node& viewpoint, const ViewFiel
     if (fields.centerOfRotation.index != kNoField)
         return cascade.emit(viewpoint, fields.centerOfRotation, Vec3f(center));
     const auto reference = GeoReference::of(cascade.scene(), viewpoint);
-    const auto place = geoPlace(cascade.scene(), viewpoint);
-    if (!reference || !place) return;
-    const Vec3d around(*place * glm::dvec4(center, 1));
+    const auto transform = geoTransform(cascade.scene(), viewpoint);
+    if (!reference || !transform) return;
+    const Vec3d around(*transform * glm::dvec4(center, 1));
     cascade.emit(viewpoint, x3d::GeoViewpoint::centerOfRotation, reference->fromScene(around));
 }
 
@@ -169,7 +169,7 @@ void viewerOnEvent(Cascade& cascade, const Node& root, EventValue value) {
     const Node* viewpoint = cascade.scene().find(move->viewpoint);
     const auto fields = viewpoint ? viewFields(*viewpoint) : std::nullopt;
     if (!fields || move->kind == Kind::stay) return;
-    if (move->kind == Kind::place) {
+    if (move->kind == Kind::jump) {
         endTransition(cascade, *viewpoint, *fields);
         return storeOffset(cascade, *viewpoint, *fields, move->offset);
     }

@@ -46,11 +46,11 @@ void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValu
 
 /// The content of `_index`: the place in the sequence times two, plus 1 if the interval of the last fraction is still
 /// the one whose value has been sent.
-struct Place {
+struct Position {
     std::int32_t index = 0;
-    bool isTold = false;
-    static Place of(std::int32_t stored) { return {stored / 2, stored % 2 != 0}; }
-    std::int32_t stored() const { return index * 2 + (isTold ? 1 : 0); }
+    bool isReported = false;
+    static Position of(std::int32_t stored) { return {stored / 2, stored % 2 != 0}; }
+    std::int32_t stored() const { return index * 2 + (isReported ? 1 : 0); }
 };
 
 /// 30.2.4, 30.3.1: sends the value of the newest key passed, once for each interval between keys; of equal keys, the
@@ -60,13 +60,13 @@ void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue 
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     const auto count = static_cast<std::int32_t>(std::min(key.size(), values.size()));
-    const Place before = Place::of(node.get(N::_index));
+    const Position before = Position::of(node.get(N::_index));
     if (field == N::key.index || field == N::keyValue.index)
-        return cascade.store(node, N::_index, Place{before.index, false}.stored());
+        return cascade.store(node, N::_index, Position{before.index, false}.stored());
     if (key.size() != values.size())
         cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
     if (count == 0) return;
-    Place now{std::clamp(before.index, 0, count - 1), false};
+    Position now{std::clamp(before.index, 0, count - 1), false};
     if (field == N::set_fraction.index) {
         const float fraction = value.as<float>();
         if (std::isnan(fraction)) return;
@@ -74,7 +74,7 @@ void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue 
         const float* const after = std::upper_bound(first, first + count, fraction);
         const float* const passed = after == first ? first : after - 1;
         now = {static_cast<std::int32_t>(std::lower_bound(first, passed, *passed) - first), true};
-        if (before.isTold && before.index == now.index) return;
+        if (before.isReported && before.index == now.index) return;
     } else if (field == N::next.index && value.as<bool>()) {
         now.index = (now.index + 1) % count;
     } else if (field == N::previous.index && value.as<bool>()) {

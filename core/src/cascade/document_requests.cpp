@@ -15,7 +15,7 @@ namespace {
 using Root = x3d::RtsgScene;
 
 /// Between two frames. Reading them is in nobody's time.
-constexpr std::size_t kMostRequests = 64;
+constexpr std::size_t kMaxRequests = 64;
 
 void append(Array<String>& out, std::uint64_t number) {
     out.push_back(String(std::to_string(number)));
@@ -78,7 +78,7 @@ Result<> ScriptPrograms::request(Scene& scene, const DocumentRequest& request) {
     Array<String> waiting = scene.node(scene.root()).get(Root::_requests);
     std::size_t requests = 0;
     for (RequestReader in(waiting); !in.atEnd(); ++requests) (void)nextRequest(in);
-    if (requests >= kMostRequests) return fail(fmt::format("{} documents are asked for already", requests));
+    if (requests >= kMaxRequests) return fail(fmt::format("{} documents are asked for already", requests));
     append(waiting, request);
     return scene.set(scene.root(), Root::_requests, std::move(waiting));
 }
@@ -95,7 +95,7 @@ void Scene::State::serveRequests() {
         const std::shared_ptr<const DocumentServices> services = documents;
         const auto serve = [&] { return services->serve(owner, request, resources.get()); };
         const bool isPiece = request.kind == DocumentRequest::Kind::piece;
-        if (auto ok = isPiece ? madeByScript(serve) : serve(); !ok)
+        if (auto ok = isPiece ? createdByScript(serve) : serve(); !ok)
             diagnostics.warning({}, fmt::format("what a script asked for was not loaded: {}", ok.error().format()));
     }
 }

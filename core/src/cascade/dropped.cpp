@@ -26,25 +26,25 @@ constexpr std::size_t kShortestText = 3;
 }  // namespace
 
 Result<> Scene::State::mayScriptsMake(std::size_t textBytes) {
-    const std::uint64_t most =
+    const std::uint64_t maximum =
         (scriptOptions.resources ? scriptOptions.resources->policy() : ResourcePolicy{}).maximumNodes;
     const std::size_t more = 1 + textBytes / kShortestText;
-    if (scriptMade.size() + more > most) std::erase_if(scriptMade, [&](NodeId id) { return !find(id); });
-    if (scriptMade.size() + more <= most) return {};
-    return fail(fmt::format("scripts may make {} nodes that are there at a time: {} are, and this may be {} more", most,
-                            scriptMade.size(), more));
+    if (scriptCreated.size() + more > maximum) std::erase_if(scriptCreated, [&](NodeId id) { return !find(id); });
+    if (scriptCreated.size() + more <= maximum) return {};
+    return fail(fmt::format("scripts may make {} nodes that are there at a time: {} are, and this may be {} more",
+                            maximum, scriptCreated.size(), more));
 }
 
 Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
     if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
     // An instance of a PROTO is made with its body.
-    return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
+    return scene.state_->createdByScript([&] { return scene.createNode(type, scope); });
 }
 
 Result<DocumentServices::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
     if (auto may = scene.state_->mayScriptsMake(text.size()); !may) return std::unexpected(may.error());
     const Node* node = scene.find(script);
-    return scene.state_->madeByScript([&] {
+    return scene.state_->createdByScript([&] {
         return scene.documents().makePiece(scene, text, node ? node->scope() : NodeId{},
                                            scene.state_->scriptOptions.resources.get());
     });
@@ -53,7 +53,7 @@ Result<DocumentServices::Piece> ScriptPrograms::createPiece(Scene& scene, std::s
 Result<DocumentServices::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
                                                                   NodeId script) {
     if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
-    return scene.state_->madeByScript([&] {
+    return scene.state_->createdByScript([&] {
         return scene.documents().makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get());
     });
 }
@@ -75,12 +75,12 @@ bool Scene::isHeld(NodeId id) const {
 std::vector<bool> Scene::State::findReferred(const std::vector<NodeId>& candidates) {
     std::vector<bool> reached(candidates.size());
     std::vector<NodeId> pending;
-    const auto place = [&](NodeId id) -> std::ptrdiff_t {
+    const auto indexOf = [&](NodeId id) -> std::ptrdiff_t {
         const auto found = std::ranges::lower_bound(candidates, id);
         return found != candidates.end() && *found == id ? found - candidates.begin() : -1;
     };
     const auto reach = [&](NodeId id) {
-        const std::ptrdiff_t i = place(id);
+        const std::ptrdiff_t i = indexOf(id);
         if (i < 0 || reached[static_cast<std::size_t>(i)]) return;
         reached[static_cast<std::size_t>(i)] = true;
         pending.push_back(id);
@@ -89,25 +89,25 @@ std::vector<bool> Scene::State::findReferred(const std::vector<NodeId>& candidat
     std::map<NodeId, std::vector<NodeId>> variables;
     scripts->findHeld(candidates, [&](NodeId script, NodeId node) { variables[script].push_back(node); });
     for (const auto& [script, nodes] : variables)
-        if (place(script) < 0)
+        if (indexOf(script) < 0)
             for (const NodeId id : nodes) reach(id);
     for (const NodeId id : candidates) {
         const Node& node = *find(id);
         const Node::Links* links = node.links_.get();
-        bool referred = held.contains(id.value) || (links && !links->name.empty() && place(node.scope_) < 0);
+        bool referred = held.contains(id.value) || (links && !links->name.empty() && indexOf(node.scope_) < 0);
         std::vector<ParentRef> above;
         if (node.parent_.node) above.push_back(node.parent_);
         if (links) links->parents.appendTo(above);
         for (const ParentRef& p : above) {
             // The root's stacks only point.
             const FieldDef& def = find(p.node)->type_->fields[p.field];
-            referred = referred || (place(p.node) < 0 && !(def.hidden && def.aspect != Aspect::structure));
+            referred = referred || (indexOf(p.node) < 0 && !(def.hidden && def.aspect != Aspect::structure));
         }
         if (links) {
             for (const RouteGroup& group : links->out)
                 for (const OutgoingRoute& r : group.targets.items())
-                    referred = referred || (r.to.node && place(r.to.node) < 0);
-            for (const IncomingRoute& r : links->in.items()) referred = referred || (r.from && place(r.from) < 0);
+                    referred = referred || (r.to.node && indexOf(r.to.node) < 0);
+            for (const IncomingRoute& r : links->in.items()) referred = referred || (r.from && indexOf(r.from) < 0);
         }
         if (referred) reach(id);
     }
@@ -134,17 +134,17 @@ std::vector<bool> Scene::State::findReferred(const std::vector<NodeId>& candidat
 }
 
 void Scene::State::destroyDropped() {
-    if (!scripts || scriptMade.size() < scriptMadeBefore + std::max(kFewest, scriptMadeBefore)) return;
-    std::erase_if(scriptMade, [&](NodeId id) { return !find(id); });
-    const std::vector<bool> referred = findReferred(scriptMade);
+    if (!scripts || scriptCreated.size() < scriptCreatedBefore + std::max(kFewest, scriptCreatedBefore)) return;
+    std::erase_if(scriptCreated, [&](NodeId id) { return !find(id); });
+    const std::vector<bool> referred = findReferred(scriptCreated);
     std::vector<NodeId> kept;
-    for (std::size_t i = 0; i < scriptMade.size(); ++i)
+    for (std::size_t i = 0; i < scriptCreated.size(); ++i)
         if (referred[i])
-            kept.push_back(scriptMade[i]);
+            kept.push_back(scriptCreated[i]);
         else
-            (void)owner.destroyNode(scriptMade[i]);  // one may have gone by another's shutdown()
-    scriptMade.swap(kept);
-    scriptMadeBefore = scriptMade.size();
+            (void)owner.destroyNode(scriptCreated[i]);  // one may have gone by another's shutdown()
+    scriptCreated.swap(kept);
+    scriptCreatedBefore = scriptCreated.size();
 }
 
 }  // namespace rtsg

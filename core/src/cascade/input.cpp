@@ -59,7 +59,7 @@ RunState Scene::State::runState() const {
     // Asked once more, they wait again; so those that wait for a place.
     result.active.insert(result.active.end(), watchers.begin(), watchers.end());
     result.active.insert(result.active.end(), woken.begin(), woken.end());
-    places.forEachAsker([&](NodeId id) { result.active.push_back(id); });
+    worldTransforms.forEachAsker([&](NodeId id) { result.active.push_back(id); });
     std::ranges::sort(result.active);
     result.active.erase(std::unique(result.active.begin(), result.active.end()), result.active.end());
     for (auto copy = sleepers; !copy.empty(); copy.pop()) result.sleepers.push_back(copy.top());

@@ -59,15 +59,15 @@ std::vector<bool> Scene::areInWorld(std::span<const NodeId> ids) const {
         NodeId node;
         bool parentsKnown = false;
     };
-    std::vector<Step> way;
+    std::vector<Step> path;
     std::vector<NodeId> above;
     for (const NodeId id : ids) {
-        way.assign(1, Step{id});
-        while (!way.empty()) {
-            Step& step = way.back();
+        path.assign(1, Step{id});
+        while (!path.empty()) {
+            Step& step = path.back();
             const NodeId at = step.node;
             if (!step.parentsKnown && !known.try_emplace(at.value, false).second) {
-                way.pop_back();
+                path.pop_back();
                 continue;
             }
             above.clear();
@@ -75,10 +75,10 @@ std::vector<bool> Scene::areInWorld(std::span<const NodeId> ids) const {
                 if (s.isHierarchy(*s.find(p.node), p.field)) above.push_back(p.node);
             if (std::exchange(step.parentsKnown, true)) {
                 known[at.value] = std::ranges::any_of(above, [&](NodeId one) { return known.at(one.value); });
-                way.pop_back();
+                path.pop_back();
                 continue;
             }
-            for (const NodeId one : above) way.push_back({one});
+            for (const NodeId one : above) path.push_back({one});
         }
         result.push_back(known.at(id.value));
     }
@@ -166,32 +166,32 @@ using NodeField = std::pair<NodeId, FieldIndex>;
 
 /// Events first, in their order; then fields that changed without one.
 void Listeners::State::gatherFields(const ChangeSet& set, std::vector<Call>& calls) const {
-    std::set<NodeField> told;
-    const auto tell = [&](const FieldEvent& event) {
+    std::set<NodeField> reported;
+    const auto report = [&](const FieldEvent& event) {
         for (const EarPtr& ear : byNode.at(event.node.value))
             if (ear->onField && ear->field == event.field) calls.push_back({ear, event, {}});
     };
     if (set.heard)
         for (const FieldEvent& event : *set.heard) {
             if (!isHeard(event.node)) continue;  // another one listens there
-            told.emplace(event.node, event.field);
-            tell(event);
+            reported.emplace(event.node, event.field);
+            report(event);
         }
     for (const Change& change : set.changes) {
         if (!isHeard(change.node)) continue;
         const auto field = changedField(scene, change);
-        if (!field || !told.emplace(change.node, *field).second) continue;
+        if (!field || !reported.emplace(change.node, *field).second) continue;
         const Node& node = scene.node(change.node);
-        if (node.type().fields[*field].readable()) tell({change.node, *field, node.value(*field)});
+        if (node.type().fields[*field].readable()) report({change.node, *field, node.value(*field)});
     }
 }
 
 void Listeners::State::gatherNodes(const ChangeSet& set, std::vector<Call>& calls) const {
-    std::set<NodeField> told;
+    std::set<NodeField> reported;
     for (const Change& change : set.changes) {
         if (!isHeard(change.node)) continue;
         const auto field = changedField(scene, change);
-        if (!field || !told.emplace(change.node, *field).second) continue;
+        if (!field || !reported.emplace(change.node, *field).second) continue;
         for (const EarPtr& ear : byNode.at(change.node.value))
             if (ear->onNode) calls.push_back({ear, {}, {NodeEvent::Kind::changed, change.node, *field, set.time}});
     }
@@ -206,12 +206,12 @@ void Listeners::State::gatherMoves(const ChangeSet& set, std::vector<Call>& call
     const std::vector<bool> inWorld = scene.areInWorld(ids);
     for (std::size_t i = 0; i < asked.size(); ++i) {
         const EarPtr& ear = asked[i];
-        const auto tell = [&](NodeEvent::Kind kind) {
+        const auto report = [&](NodeEvent::Kind kind) {
             calls.push_back({ear, {}, {kind, ear->node, kNoField, set.time}});
         };
-        if (ear->inWorld != inWorld[i]) tell(inWorld[i] ? NodeEvent::Kind::entered : NodeEvent::Kind::left);
+        if (ear->inWorld != inWorld[i]) report(inWorld[i] ? NodeEvent::Kind::entered : NodeEvent::Kind::left);
         ear->inWorld = inWorld[i];
-        if (!scene.find(ear->node)) tell(NodeEvent::Kind::destroyed);
+        if (!scene.find(ear->node)) report(NodeEvent::Kind::destroyed);
     }
 }
 

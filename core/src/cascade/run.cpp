@@ -16,7 +16,7 @@ namespace {
 /// Sensors are evaluated again while events reach them; a network that never settles is cut off here.
 constexpr int kMaximumRounds = 100;
 /// So many warnings are remembered, so that each is given once.
-constexpr std::size_t kMostRemembered = 10'000;
+constexpr std::size_t kMaxRemembered = 10'000;
 
 /// Sorted, each once. Mostly they are: all comparisons are made at a time, which compilers make vectors of.
 void makeAscending(std::vector<NodeId>& ids) {
@@ -151,23 +151,23 @@ void Cascade::wake(const Node& node) {
 }
 
 const glm::dmat4& Cascade::worldFromLocal(const Node& node, const Node& asker) {
-    lane_.askedForPlace = true;
-    return scene_.state_->places.worldFromLocal(node.id(), asker.id());
+    lane_.askedForTransform = true;
+    return scene_.state_->worldTransforms.worldFromLocal(node.id(), asker.id());
 }
 
 bool Cascade::isShown(const Node& node, const Node& asker) {
-    lane_.askedForPlace = true;
-    return scene_.state_->places.isShown(node.id(), asker.id());
+    lane_.askedForTransform = true;
+    return scene_.state_->worldTransforms.isShown(node.id(), asker.id());
 }
 
-std::span<const Standing> Cascade::otherPlaces(const Node& node, const Node& asker) {
-    lane_.askedForPlace = true;
-    return scene_.state_->places.otherPlaces(node.id(), asker.id());
+std::span<const Standing> Cascade::otherTransforms(const Node& node, const Node& asker) {
+    lane_.askedForTransform = true;
+    return scene_.state_->worldTransforms.otherTransforms(node.id(), asker.id());
 }
 
 const Viewer& Cascade::viewer(const Node& asker) {
-    lane_.askedForPlace = true;
-    return scene_.state_->places.viewer(asker.id());
+    lane_.askedForTransform = true;
+    return scene_.state_->worldTransforms.viewer(asker.id());
 }
 
 void Cascade::warn(const Node& node, const std::string& text) {
@@ -179,7 +179,7 @@ void Cascade::warn(const Node& node, const std::string& text) {
 
 void Scene::State::warn(const Node& node, const std::string& text) {
     // Beyond that, each counts again, and is not kept.
-    const bool isFull = warned.size() >= kMostRemembered;
+    const bool isFull = warned.size() >= kMaxRemembered;
     if (isFull ? warned.contains({node.id(), text}) : !warned.emplace(node.id(), text).second) return;
     const std::string_view name = owner.name(node.id());
     diagnostics.warning(
@@ -441,11 +441,11 @@ void Scene::State::tick(Cascade& cascade, std::span<const NodeId> nodes) {
             lane.late.push_back(id);
             continue;
         }
-        lane.askedForPlace = false;
+        lane.askedForTransform = false;
         const double wanted = onTime(behaviour, cascade, *node);
         if (wanted <= now)
             lane.nextActive.push_back(id);
-        else if (wanted == kUntilMoved && !lane.askedForPlace)
+        else if (wanted == kUntilMoved && !lane.askedForTransform)
             lane.watchers.push_back(id);
         else if (wanted == kUntilMoved)
             continue;
@@ -461,7 +461,7 @@ void Scene::State::gatherDue() {
         due.push_back(sleepers.top().second);
         sleepers.pop();
     }
-    if ((touched | std::exchange(touchedBefore, 0u)) & kPlaceAspects) {
+    if ((touched | std::exchange(touchedBefore, 0u)) & kTransformAspects) {
         due.insert(due.end(), watchers.begin(), watchers.end());
         watchers.clear();
     }
@@ -591,7 +591,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);
-    s.callCrew();
+    s.callTeam();
     Cascade cascade(*this, t, s.started ? s.now : t, s);
     s.now = t;
     s.started = true;
@@ -656,9 +656,9 @@ bool Scene::State::refuseFromWithin() {
 }
 
 bool Scene::State::refuseEndlessDelivery() {
-    if (owner.bus_->inDelivery() < kMostInDelivery) return false;
+    if (owner.bus_->inDelivery() < kMaxInDelivery) return false;
     const std::string text = fmt::format(
-        "{} sets came from within one delivery: what is edited now waits for the next frame", kMostInDelivery);
+        "{} sets came from within one delivery: what is edited now waits for the next frame", kMaxInDelivery);
     if (warned.emplace(owner.root(), text).second) diagnostics.warning({}, text, kFromWithin);
     return true;
 }

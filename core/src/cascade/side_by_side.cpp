@@ -16,30 +16,30 @@ namespace rtsg {
 namespace {
 
 /// One of as many pieces of about the same length.
-std::span<const NodeId> shareOf(std::span<const NodeId> nodes, unsigned part, unsigned parts) {
+std::span<const NodeId> fractionOf(std::span<const NodeId> nodes, unsigned part, unsigned parts) {
     const std::size_t each = (nodes.size() + parts - 1) / parts, first = std::min(part * each, nodes.size());
     return nodes.subspan(first, std::min(each, nodes.size() - first));
 }
 
 }  // namespace
 
-Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
-    constexpr unsigned kMost = 8;
+ThreadTeam* Scene::State::teamFor(std::uint64_t expectedWork) {
+    constexpr unsigned kMax = 8;
     if (threadsAsked < 2 || expectedWork < kWorthDividing) return nullptr;
-    if (!crew) {
-        crew = std::make_unique<Crew>(std::min(threadsAsked, kMost));
-        for (unsigned i = static_cast<unsigned>(lanes.size()); i < crew->parts(); ++i) {
+    if (!team) {
+        team = std::make_unique<ThreadTeam>(std::min(threadsAsked, kMax));
+        for (unsigned i = static_cast<unsigned>(lanes.size()); i < team->parts(); ++i) {
             lanes.push_back(std::make_unique<Lane>());
             lanes.back()->isBeside = true;
             lanes.back()->laneNumber = i + 1;
         }
     }
-    return crew.get();
+    return team.get();
 }
 
-void Scene::State::callCrew() {
+void Scene::State::callTeam() {
     // The first round decides, since every frame has one: if nothing happens any more, no helper wakes.
-    if (crew && std::max(roundWork[0].ticks, roundWork[0].routes) >= kWorthDividing) crew->attend();
+    if (team && std::max(roundWork[0].ticks, roundWork[0].routes) >= kWorthDividing) team->attend();
 }
 
 bool Scene::State::mayDivide() const {
@@ -64,7 +64,7 @@ void Scene::State::takeOver(Lane& lane, std::size_t number) {
     for (std::size_t i = from.pieces; i < to.pieces; ++i) written->append(lane.pieces[i].piece, lane.pieces[i].slot);
     for (std::size_t i = from.heard; i < to.heard; ++i) heard.push_back(std::move(lane.heard[i]));
     for (std::size_t i = from.woken; i < to.woken; ++i) woken.push_back(lane.woken[i]);
-    for (std::size_t i = from.moved; i < to.moved; ++i) places.noteMoved(lane.moved[i]);
+    for (std::size_t i = from.moved; i < to.moved; ++i) worldTransforms.noteMoved(lane.moved[i]);
     for (std::size_t i = from.complaints; i < to.complaints; ++i)
         warn(*lane.complaints[i].node, lane.complaints[i].text);
 }
@@ -102,12 +102,12 @@ bool Scene::State::areKnownLocal(std::span<const NodeId> nodes) const {
            std::memcmp(nodes.data(), localNodes.data(), nodes.size_bytes()) == 0;
 }
 
-bool Scene::State::areLocalBeside(std::span<const NodeId> nodes, Crew& some) {
+bool Scene::State::areLocalBeside(std::span<const NodeId> nodes, ThreadTeam& some) {
     if (areKnownLocal(nodes)) return true;
     std::atomic<Local> all{Local::untilEdited};
     some.run([&](unsigned part) {
         if (all.load(std::memory_order_relaxed) == Local::no) return;
-        const Local own = areLocal(shareOf(nodes, part, some.parts()));
+        const Local own = areLocal(fractionOf(nodes, part, some.parts()));
         Local before = all.load(std::memory_order_relaxed);
         while (own < before && !all.compare_exchange_weak(before, own, std::memory_order_relaxed)) {
         }
@@ -125,19 +125,19 @@ void Scene::State::tickAll(Cascade& cascade, std::span<const NodeId> nodes, std:
     const std::uint64_t before = work;
     const bool isEarly = round < roundWork.size();
     const std::uint64_t likely = isEarly ? std::max<std::uint64_t>(nodes.size(), roundWork[round].ticks) : 0;
-    Crew* some = nodes.size() > 1 && mayDivide() ? crewFor(likely) : nullptr;
+    ThreadTeam* some = nodes.size() > 1 && mayDivide() ? teamFor(likely) : nullptr;
     if (!some || !tickBeside(cascade, nodes, *some)) tick(cascade, nodes);
     if (isEarly) roundWork[round].ticks = work - before;
 }
 
-bool Scene::State::tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some) {
+bool Scene::State::tickBeside(Cascade& cascade, std::span<const NodeId> nodes, ThreadTeam& some) {
     if (!areLocalBeside(nodes, some)) return false;
     endPiece(*this);
     some.run([&](unsigned part) {
         Lane& lane = *lanes[part];
         beginBeside(lane);
         Cascade own(owner, now, cascade.previous(), lane);
-        tick(own, shareOf(nodes, part, some.parts()));
+        tick(own, fractionOf(nodes, part, some.parts()));
         mark(lane);
         lane.ticked.swap(lane.emissions);
         lane.tickedAsLaidOut = isLaidOut(part + 1, lane.ticked);
@@ -262,7 +262,7 @@ void Scene::State::joinEmissions() {
 }
 
 bool Scene::State::layOutStretches(unsigned parts) {
-    constexpr unsigned kPatience = 2, kMostPatience = 64, kStretchesPerPart = 16;
+    constexpr unsigned kPatience = 2, kMaxPatience = 64, kStretchesPerPart = 16;
     const auto layOut = [&] {
         stretches.clear();
         for (std::size_t run = 0; run < emissionRuns.size(); ++run)
@@ -276,16 +276,16 @@ bool Scene::State::layOutStretches(unsigned parts) {
         return true;
     };
     if (dividedAt == linkEdits && (areLaidOut() || layOut())) {
-        if (++goodTurns == kMostPatience) patience = kPatience;
+        if (++fullRounds == kMaxPatience) patience = kPatience;
         return stretches.size() > 1;
     }
     // Dividing costs about as much as a frame, so it is not tried each time if it does not last.
-    goodTurns = 0;
+    fullRounds = 0;
     if (untilDivided > 0) {
         --untilDivided;
         return false;
     }
-    patience = std::min(2 * patience, kMostPatience);
+    patience = std::min(2 * patience, kMaxPatience);
     untilDivided = patience;
     return divideAnew(parts) && layOut() && stretches.size() > 1;
 }
@@ -308,7 +308,7 @@ void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const st
     }
 }
 
-bool Scene::State::runRoutesBeside(Cascade& cascade, Crew& some) {
+bool Scene::State::runRoutesBeside(Cascade& cascade, ThreadTeam& some) {
     if (!layOutStretches(some.parts())) return false;
     stretchesOf.resize(some.parts());
     for (auto& own : stretchesOf) own.clear();
@@ -327,10 +327,10 @@ bool Scene::State::runRoutesBeside(Cascade& cascade, Crew& some) {
         runStretches(own, lane, stretchesOf[part]);
     });
     bool any = true;
-    for (std::size_t turn = 0; std::exchange(any, false); ++turn)
+    for (std::size_t round = 0; std::exchange(any, false); ++round)
         for (std::size_t i = 0; i < stretches.size(); ++i) {
             const unsigned part = stretches[i].part;
-            const std::size_t number = turn * stretchesOf[part].size() + numberOfOwn[i];
+            const std::size_t number = round * stretchesOf[part].size() + numberOfOwn[i];
             if (number >= lanes[part]->marks.size()) continue;
             takeOver(*lanes[part], number);
             any = true;
@@ -347,7 +347,7 @@ void Scene::State::runAllRoutes(Cascade& cascade, std::size_t round) {
     const std::uint64_t before = work;
     const bool isEarly = round < roundWork.size();
     const bool any = std::ranges::any_of(emissionRuns, [](const auto* run) { return !run->empty(); });
-    Crew* some = isEarly && any && mayDivide() ? crewFor(roundWork[round].routes) : nullptr;
+    ThreadTeam* some = isEarly && any && mayDivide() ? teamFor(roundWork[round].routes) : nullptr;
     if (!some || !runRoutesBeside(cascade, *some)) {
         joinEmissions();
         runRoutes(cascade);

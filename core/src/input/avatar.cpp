@@ -37,8 +37,8 @@ std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avat
     starts.emplace_back(0);
     for (int i = 0; i < 8; ++i) {
         const double angle = i * M_PI / 4;
-        for (const double share : {1.0, .5})
-            starts.push_back((side * portable::cos(angle) + other * portable::sin(angle)) * (r * share));
+        for (const double fraction : {1.0, .5})
+            starts.push_back((side * portable::cos(angle) + other * portable::sin(angle)) * (r * fraction));
     }
     return starts;
 }
@@ -46,9 +46,9 @@ std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avat
 }  // namespace
 
 glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast) {
-    constexpr int kMostTurns = 4;
+    constexpr int kMaxRotations = 4;
     constexpr double kSteepest = .5;  // the cosine of 60 degrees
-    for (int i = 0; i < kMostTurns; ++i) {
+    for (int i = 0; i < kMaxRotations; ++i) {
         const double length = glm::length(motion);
         if (!(length > 1e-9)) break;
         const glm::dvec3 direction = motion / length;
@@ -111,15 +111,15 @@ Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar
 }
 
 ViewerPose orbited(const ViewerPose& pose, const glm::dvec3& center, double across, double over) {
-    const glm::dquat q = turnAbout(kUp, across) * turnAbout(pose.orientation * glm::dvec3(1, 0, 0), over);
+    const glm::dquat q = rotationAround(kUp, across) * rotationAround(pose.orientation * glm::dvec3(1, 0, 0), over);
     return {center + q * (pose.position - center), glm::normalize(q * pose.orientation)};
 }
 
 ViewerPose turned(const ViewerPose& pose, double left, double up) {
-    constexpr double kMost = 89 * M_PI / 180;
+    constexpr double kMax = 89 * M_PI / 180;
     const double now = portable::asin(std::clamp((pose.orientation * glm::dvec3(0, 0, -1)).y, -1.0, 1.0));
-    const double then = std::clamp(now + up, std::min(-kMost, now), std::max(kMost, now));
-    const glm::dquat q = turnAbout(kUp, left) * pose.orientation * turnAbout(glm::dvec3(1, 0, 0), then - now);
+    const double then = std::clamp(now + up, std::min(-kMax, now), std::max(kMax, now));
+    const glm::dquat q = rotationAround(kUp, left) * pose.orientation * rotationAround(glm::dvec3(1, 0, 0), then - now);
     return {pose.position, glm::normalize(q)};
 }
 

@@ -172,12 +172,12 @@ bool ConvexBody::sectionMeets(const Triangle& t) const {
 
 /// Whether the hull and the triangle are apart, by the point nearest to the origin of their differences.
 bool ConvexBody::hullMeets(const Triangle& triangle) const {
-    constexpr int kMostSteps = 100;
+    constexpr int kMaxSteps = 100;
     const double touch = kTouch * std::max({half_.x, half_.y, half_.z}) + std::numeric_limits<double>::min();
     std::array<Vec3d, 4> simplex{points_.front() - triangle[0]};
     std::size_t count = 1;
     Vec3d nearest = simplex[0];
-    for (int step = 0; step < kMostSteps; ++step) {
+    for (int step = 0; step < kMaxSteps; ++step) {
         const double distance = glm::length(nearest);
         if (distance <= touch) return true;
         const Vec3d next = farthest(points_, -nearest) - farthest(triangle, nearest);

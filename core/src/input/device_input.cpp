@@ -31,8 +31,8 @@ constexpr std::size_t kLongestPath = 10'000, kByPicture = 13;
 bool isFinite(const Vec3d& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
-bool isWhole(double number, double least, double most) {
-    return number >= least && number <= most && number == std::floor(number);
+bool isComplete(double number, double minimum, double maximum) {
+    return number >= minimum && number <= maximum && number == std::floor(number);
 }
 bool isCharacter(std::int64_t code) {
     return code > 0 && code <= 0x10FFFF && (code < 0xD800 || code > 0xDFFF);
@@ -99,8 +99,8 @@ namespace {
 Result<> readByPicture(const Array<double>& v, std::size_t from, PointerHit& hit) {
     if ((v.size() - from) % kByPicture != 0) return fail("where a picture has placed nodes is of a wrong length");
     for (std::size_t i = from; i < v.size(); i += kByPicture) {
-        const double least = hit.byPicture.empty() ? 0 : double(hit.byPicture.back().at + 1);
-        if (!isWhole(v[i], least, double(hit.path.size()) - 1))
+        const double minimum = hit.byPicture.empty() ? 0 : double(hit.byPicture.back().at + 1);
+        if (!isComplete(v[i], minimum, double(hit.path.size()) - 1))
             return fail("a picture has placed a node that is not on the path");
         PointerHit::ByPicture one{static_cast<std::size_t>(v[i])};
         for (std::size_t n = 0; n < 12; ++n) {
@@ -116,10 +116,10 @@ Result<> readByPicture(const Array<double>& v, std::size_t from, PointerHit& hit
 
 Result<PointerInput> PointerInput::fromValue(const Array<double>& v) {
     if (v.size() <= kHasHit) return fail("a pointer's event is too short");
-    if (!isWhole(v[kDevice], 0, kDevices - 1))
+    if (!isComplete(v[kDevice], 0, kDevices - 1))
         return fail(fmt::format("no pointer {}: 0 to {}", v[kDevice], kDevices - 1));
-    if (!isWhole(v[kButtons], 0, UINT32_MAX)) return fail("a pointer's buttons are no set");
-    if (!isWhole(v[kKind], 0, 2)) return fail("a pointer's event is of an unknown kind");
+    if (!isComplete(v[kButtons], 0, UINT32_MAX)) return fail("a pointer's buttons are no set");
+    if (!isComplete(v[kKind], 0, 2)) return fail("a pointer's event is of an unknown kind");
     PointerInput input;
     input.device = static_cast<std::int32_t>(v[kDevice]);
     input.buttons = static_cast<std::uint32_t>(v[kButtons]);
@@ -149,7 +149,7 @@ Result<PointerInput> PointerInput::fromValue(const Array<double>& v) {
             break;
         }
         if (hit.path.size() == kLongestPath) return fail("what a pointer is over is of a wrong length");
-        if (!isWhole(v[i], 1, UINT32_MAX)) return fail("the path to what a pointer is over names no node");
+        if (!isComplete(v[i], 1, UINT32_MAX)) return fail("the path to what a pointer is over names no node");
         hit.path.push_back(NodeId{static_cast<std::uint32_t>(v[i])});
     }
     input.hit = std::move(hit);
@@ -217,8 +217,8 @@ Result<> sendHeadPose(Scene& scene, const Vec3d& position, const Rotation& r) {
 }
 
 Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
-    Places places(scene);
-    const Viewer viewer = places.viewer(scene.root());
+    WorldTransforms positions(scene);
+    const Viewer viewer = positions.viewer(scene.root());
     const Node* view = viewer.viewpoint ? scene.find(viewer.viewpoint) : nullptr;
     const double right = 2 * x - 1, up = 1 - 2 * y;
     Bearing bearing{viewer.position, {0, 0, -1}};
@@ -256,7 +256,7 @@ void Scene::setNavigation(bool on) {
 namespace {
 
 /// Beyond this many that wait, a pointer's events but the last are left out, and keys' and texts' are refused.
-constexpr std::size_t kMostWaiting = 256;
+constexpr std::size_t kMaxWaiting = 256;
 
 }  // namespace
 
@@ -290,7 +290,7 @@ void Scene::State::deferPointers() {
         pointer.closed = given->buttons != pointer.buttons;
     }
     for (auto& [device, pointer] : pointers) {
-        if (pointer.waiting.size() > kMostWaiting) {
+        if (pointer.waiting.size() > kMaxWaiting) {
             diagnostics.warning({}, fmt::format("pointer {} was pressed and let go more often than frames could take: "
                                                 "{} events are left out",
                                                 device, pointer.waiting.size() - 1));
@@ -317,7 +317,7 @@ void Scene::State::deferKeys() {
         if (event.node != owner.root() || (!isText && event.field != Root::key.index)) {
             kept.push_back(std::move(event));
         } else if (taken) {
-            if (++waiting <= kMostWaiting)
+            if (++waiting <= kMaxWaiting)
                 deferredInput.push_back(std::move(event));
             else
                 ++refused;
@@ -391,7 +391,7 @@ void Scene::State::feelContacts() {
         if (info->is(x3d::NavigationInfo::type))
             if (const auto& size = info->get(x3d::NavigationInfo::avatarSize); !size.empty()) radius = size[0];
     if (!(radius >= 0) || !std::isfinite(radius)) return;
-    Places fresh(owner);
+    WorldTransforms fresh(owner);
     std::vector<NodeId> touchedNodes;
     for (const std::vector<NodeId>& path : queries->within(fresh.viewer(owner.root()).position, radius)) {
         // Where a Collision switches collisions off, the Collisions above it feel nothing either.

@@ -23,7 +23,7 @@ namespace {
 using Root = x3d::RtsgScene;
 using Key = NavigationState::Key;
 
-constexpr double kTurnRate = M_PI / 4;      // radians a second, of keys
+constexpr double kRotationRate = M_PI / 4;  // radians a second, of keys
 constexpr double kOrbitPerHalf = M_PI / 2;  // radians, of a drag by half the picture's smaller side
 constexpr double kWheelStep = .9;           // of the distance to the centre
 constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
@@ -32,7 +32,7 @@ constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
 struct Devices {
     double seconds = 0;  // since the frame before
     Vec2d wheel{0};
-    Vec2d turn{0};  // radians to the right and up, of a gamepad's stick
+    Vec2d rotation{0};  // radians to the right and up, of a gamepad's stick
     std::vector<KeyInput> keys;
     std::optional<PointerInput> pointer;  // number 0
     bool anyMoved = true;                 // geometry or views, since the frame before
@@ -158,7 +158,7 @@ class Navigator {
         readKeys(devices.keys, bind);
         if (devices.pointer) readPointer(*devices.pointer, move, rests);
         if (type_ == NavigationType::none) state_ = {};
-        if (move.kind == ViewerMove::Kind::stay && pose_ != start_) move.kind = ViewerMove::Kind::place;
+        if (move.kind == ViewerMove::Kind::stay && pose_ != start_) move.kind = ViewerMove::Kind::jump;
         if (bind && bind == view_.id()) goBack(move);
         move.offset = target_ ? *target_ : relative(authorsView(view_, fields_), pose_);
         const bool idle = state_.held == 0 && !state_.dragging && !state_.walking;
@@ -190,10 +190,10 @@ class Navigator {
     double geoFactor() const {
         if (!view_.is(x3d::GeoViewpoint::type)) return 1;
         const auto reference = GeoReference::of(scene_, view_);
-        const auto place = reference ? geoPlace(scene_, view_) : std::unexpected(reference.error());
-        if (!place) return 1;
+        const auto at = reference ? geoTransform(scene_, view_) : std::unexpected(reference.error());
+        if (!at) return 1;
         const GeoSystem& own = reference->system();
-        const Vec3d there = reference->fromScene(Vec3d(*place * glm::dvec4(pose_.position, 1)));
+        const Vec3d there = reference->fromScene(Vec3d(*at * glm::dvec4(pose_.position, 1)));
         GeoSystem geodetic;
         geodetic.ellipsoid = own.ellipsoid;
         const double height = geodetic.fromGeocentric(own.toGeocentric(there)).z;
@@ -225,9 +225,9 @@ class Navigator {
         if (right != 0 || up != 0) pose_ = orbited(pose_, center(), -right, up);
     }
     void examine(const Devices& devices) {
-        const double turn = kTurnRate * devices.seconds;
-        orbit(between(Key::kLeft, Key::kRight) * turn + devices.turn.x,
-              between(Key::kDown, Key::kUp) * turn + devices.turn.y);
+        const double angle = kRotationRate * devices.seconds;
+        orbit(between(Key::kLeft, Key::kRight) * angle + devices.rotation.x,
+              between(Key::kDown, Key::kUp) * angle + devices.rotation.y);
         if (devices.wheel.y != 0)
             pose_.position = center() + (pose_.position - center()) * portable::pow(kWheelStep, -devices.wheel.y);
     }
@@ -249,8 +249,9 @@ class Navigator {
         glm::dvec3 motion = ahead * (-devices.wheel.y * wheel) + aside * (devices.wheel.x * wheel);
         motion += (alt && !walks ? up : ahead) * (forward * length);
         if (alt) motion += aside * (right * length);
-        const double left = alt ? 0 : -right * kTurnRate * devices.seconds;
-        if (left != 0 || devices.turn != Vec2d(0)) pose_ = turned(pose_, left - devices.turn.x, devices.turn.y);
+        const double left = alt ? 0 : -right * kRotationRate * devices.seconds;
+        if (left != 0 || devices.rotation != Vec2d(0))
+            pose_ = turned(pose_, left - devices.rotation.x, devices.rotation.y);
         if (walks && (left != 0 || motion != glm::dvec3(0))) state_.walking = true;
         go(motion, walks, devices);
     }
@@ -308,29 +309,29 @@ class Navigator {
     }
 
     /// From the middle of the picture, to the right and up, in halves of its smaller side.
-    std::optional<Vec2d> placeOf(const PointerInput& pointer) const {
+    std::optional<Vec2d> pointerPosition(const PointerInput& pointer) const {
         if (pointer.kind != PointerInput::Kind::ray) return std::nullopt;
         const ViewerPose eye = transformed(world_, start_);
         const glm::dquat back = glm::conjugate(eye.orientation);
         const glm::dvec3 direction = back * pointer.direction;
-        Vec2d place = Vec2d(direction) / (-direction.z * portable::tan(halfAngle(view_)));
+        Vec2d point = Vec2d(direction) / (-direction.z * portable::tan(halfAngle(view_)));
         if (view_.is(x3d::OrthoViewpoint::type)) {
             const auto& field = view_.get(x3d::OrthoViewpoint::fieldOfView);
             Vec2d low(-1), high(1);
             for (int i = 0; i < 2 && field.size() == 4; ++i)
                 low[i] = field[std::size_t(i)], high[i] = field[std::size_t(i) + 2];
             const Vec2d half = (high - low) * .5;
-            place = (Vec2d(back * (pointer.origin - eye.position)) - (low + high) * .5) / std::min(half.x, half.y);
+            point = (Vec2d(back * (pointer.origin - eye.position)) - (low + high) * .5) / std::min(half.x, half.y);
         } else if (!(direction.z < 0)) {
             return std::nullopt;
         }
-        return std::isfinite(place.x + place.y) ? std::optional(place) : std::nullopt;
+        return std::isfinite(point.x + point.y) ? std::optional(point) : std::nullopt;
     }
 
     void drag(const PointerInput& pointer) {
-        const auto place = placeOf(pointer);
-        if (!state_.dragging || !place || *place == state_.at || isHeld(scene_, pointer.device)) return;
-        const Vec2d by = *place - state_.at;
+        const auto at = pointerPosition(pointer);
+        if (!state_.dragging || !at || *at == state_.at || isHeld(scene_, pointer.device)) return;
+        const Vec2d by = *at - state_.at;
         if (type_ == NavigationType::examine || type_ == NavigationType::lookAt)
             orbit(by.x * kOrbitPerHalf, by.y * kOrbitPerHalf);
         else
@@ -340,10 +341,10 @@ class Navigator {
 
     void readPointer(const PointerInput& pointer, ViewerMove& move, bool rests) {
         const bool down = (pointer.buttons & PointerInput::kPrimary) != 0, was = wasDown(scene_, pointer.device);
-        const auto place = placeOf(pointer);
-        if (place) state_.at = *place;
+        const auto at = pointerPosition(pointer);
+        if (at) state_.at = *at;
         if (down && !was) {
-            state_.dragging = place.has_value();
+            state_.dragging = at.has_value();
             state_.dragged = false;
         } else if (was && isHeld(scene_, pointer.device)) {
             state_.dragging = false;
@@ -361,13 +362,13 @@ class Navigator {
         const glm::dmat4 back = glm::inverse(world_);
         for (const ShapeBox& box : queries_->boxes()) {
             if (box.path != hit.path) continue;
-            const glm::dmat4 place = back * box.worldFromShape;
-            const glm::dvec3 middle = place * glm::dvec4((box.low + box.high) * .5, 1);
+            const glm::dmat4 worldFromBox = back * box.worldFromShape;
+            const glm::dvec3 middle = worldFromBox * glm::dvec4((box.low + box.high) * .5, 1);
             double radius = 0;
             for (int i = 0; i < 8; ++i) {
                 const glm::dvec3 corner(i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y,
                                         i & 4 ? box.low.z : box.high.z);
-                radius = std::max(radius, glm::length(glm::dvec3(place * glm::dvec4(corner, 1)) - middle));
+                radius = std::max(radius, glm::length(glm::dvec3(worldFromBox * glm::dvec4(corner, 1)) - middle));
             }
             glm::dvec3 away = pose_.position - middle;
             if (!(glm::length(away) > 0)) away = pose_.orientation * glm::dvec3(0, 0, 1);
@@ -414,8 +415,8 @@ std::optional<BoundView> boundView(const Scene& scene) {
 // ---- poses -------------------------------------------------------------------------------------------------------
 
 ViewerPose viewerPose(const Scene& scene) {
-    Places places(scene);
-    const Viewer viewer = places.viewer(scene.root());
+    WorldTransforms positions(scene);
+    const Viewer viewer = positions.viewer(scene.root());
     return {viewer.position, viewer.orientation};
 }
 
@@ -452,7 +453,7 @@ std::vector<NodeId> viewpoints(const Scene& scene) {
         std::vector<NodeId> below;
         for (FieldIndex i = 0; i < node->type().fieldCount(); ++i) {
             const FieldDef& field = node->type().fields[i];
-            if (sf(field.type) != FieldType::SFNode || !field.readable() || !isPlace(node->type(), i)) continue;
+            if (sf(field.type) != FieldType::SFNode || !field.readable() || !isTransform(node->type(), i)) continue;
             if (node->id() == scene.root() && i != Root::children.index) continue;
             if (field.type == FieldType::SFNode)
                 below.push_back(node->get(Field<NodeId>{i}));
@@ -476,7 +477,7 @@ Result<> moveViewer(Scene& scene, const ViewerPose& pose, bool animated) {
     const auto bound = boundView(scene);
     if (!bound) return fail("no viewpoint is bound from which a viewer could move");
     ViewerMove move;
-    move.kind = animated ? ViewerMove::Kind::animate : ViewerMove::Kind::place;
+    move.kind = animated ? ViewerMove::Kind::animate : ViewerMove::Kind::jump;
     move.viewpoint = bound->view->id();
     const ViewerPose local = transformed(glm::inverse(bound->world), {pose.position, glm::normalize(pose.orientation)});
     move.offset = relative(authorsView(*bound->view, bound->fields), local);
@@ -522,7 +523,7 @@ void Scene::State::navigate(double t) {
         } else if (event.field == Root::wheel.index) {
             const auto& steps = event.value.as<Array<double>>();
             if (steps.size() >= 2 && std::isfinite(steps[0] + steps[1])) devices.wheel += Vec2d(steps[0], steps[1]);
-            if (steps.size() >= 4 && std::isfinite(steps[2] + steps[3])) devices.turn += Vec2d(steps[2], steps[3]);
+            if (steps.size() >= 4 && std::isfinite(steps[2] + steps[3])) devices.rotation += Vec2d(steps[2], steps[3]);
         } else if (event.field == Root::key.index) {
             if (const auto key = KeyInput::fromValue(event.value.as<Array<std::int32_t>>()))
                 devices.keys.push_back(*key);
@@ -544,7 +545,7 @@ void Scene::State::navigate(double t) {
     if (given) {
         // An application's own counts; of the devices, which keys are down.
         devices.seconds = 0;
-        devices.wheel = devices.turn = Vec2d(0);
+        devices.wheel = devices.rotation = Vec2d(0);
         devices.pointer.reset();
     }
     NodeId bind;

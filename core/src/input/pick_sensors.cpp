@@ -27,9 +27,9 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostElements = 65'536;     // segments or points of one sensor
-constexpr std::size_t kMostSurfaces = 1'000'000;  // that all sensors together meet in a frame
-constexpr std::size_t kMostTests = 20'000'000;    // of triangles against points of a body, all sensors, in a frame
+constexpr std::size_t kMaxElements = 65'536;     // segments or points of one sensor
+constexpr std::size_t kMaxSurfaces = 1'000'000;  // that all sensors together meet in a frame
+constexpr std::size_t kMaxTests = 20'000'000;    // of triangles against points of a body, all sensors, in a frame
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using Path = std::vector<NodeId>;
@@ -149,9 +149,9 @@ struct Picked {
 /// Data that the sensors of a frame share.
 struct Round {
     SpaceQueries& queries;
-    std::map<NodeId, std::vector<Vec3d>>& corners;             // as Scene::State::pickCorners
-    std::optional<std::vector<ShapeBox>> boxes{};              // of all Shapes, once somebody has needed them
-    std::size_t surfaces = kMostSurfaces, tests = kMostTests;  // how many more there may be
+    std::map<NodeId, std::vector<Vec3d>>& corners;           // as Scene::State::pickCorners
+    std::optional<std::vector<ShapeBox>> boxes{};            // of all Shapes, once somebody has needed them
+    std::size_t surfaces = kMaxSurfaces, tests = kMaxTests;  // how many more there may be
 };
 
 template <class N>
@@ -164,8 +164,8 @@ class Picking final : private TriangleTest {
         PickReport report{sensor_.id(), {}, {}};
         const Node* geometry = scene_.effectiveNode(sensor_.get(N::pickingGeometry));
         if (!geometry || sensor_.get(N::pickTarget).empty()) return report;
-        Places places(scene_);
-        worldFromSensor_ = places.worldFromLocal(sensor_.id(), scene_.root());
+        WorldTransforms positions(scene_);
+        worldFromSensor_ = positions.worldFromLocal(sensor_.id(), scene_.root());
         const double volume = glm::determinant(worldFromSensor_);
         if (volume == 0 || !std::isfinite(volume)) return report;
         sensorFromWorld_ = glm::inverse(worldFromSensor_);
@@ -201,11 +201,11 @@ class Picking final : private TriangleTest {
         const auto target = std::ranges::find_if(path, isTarget);
         if (target == path.end()) return {};
         const NodeId scope = scene_.node(*target).scope();
-        NodeId told;
+        NodeId reported;
         bool anyLabels = false;
         for (auto it = path.begin(); it != path.end(); ++it) {
             const Node& node = scene_.node(*it);
-            if (it >= target && node.scope() == scope) told = *it;
+            if (it >= target && node.scope() == scope) reported = *it;
             if (!node.type().isA("X3DPickableObject")) continue;
             const bool* on = findField<bool>(node, "pickable");
             if (on && !*on) return {};
@@ -217,7 +217,7 @@ class Picking final : private TriangleTest {
         // A Shape that is in no pickable object matches every label.
         if (!anyLabels && (sensor_.get(N::objectType).empty() || contains(sensor_.get(N::objectType), "NONE")))
             return {};
-        return told;
+        return reported;
     }
 
     Picked* pickedAt(const Path& path) {
@@ -230,9 +230,9 @@ class Picking final : private TriangleTest {
 
     template <class E>
     void limit(std::vector<E>& elements) {
-        if (elements.size() <= kMostElements) return;
-        warnings_.push_back(fmt::format("picks by the first {} of its lines or points", kMostElements));
-        elements.resize(kMostElements);
+        if (elements.size() <= kMaxElements) return;
+        warnings_.push_back(fmt::format("picks by the first {} of its lines or points", kMaxElements));
+        elements.resize(kMaxElements);
     }
 
     /// 38.4.1: the hit that is closest to the first vertex of its segment comes first.
@@ -361,7 +361,7 @@ class Picking final : private TriangleTest {
             warnings_.push_back(
                 fmt::format("pick sensors test more than {} triangles in a frame, each as often as a volume has "
                             "corners: what is beyond is left out",
-                            kMostTests));
+                            kMaxTests));
             round_.tests = 0;
             return false;
         }
@@ -392,7 +392,7 @@ class Picking final : private TriangleTest {
         round_.surfaces -= std::min(round_.surfaces, found.size() + 1);
         if (round_.surfaces == 0)
             warnings_.push_back(fmt::format(
-                "pick sensors meet more than {} surfaces in a frame: what is beyond is left out", kMostSurfaces));
+                "pick sensors meet more than {} surfaces in a frame: what is beyond is left out", kMaxSurfaces));
         return found;
     }
 
@@ -419,7 +419,7 @@ std::string nameFor(const Scene& scene, const Node& node) {
 
 /// Whether a sensor's outputs say this already.
 template <class N>
-bool isTold(const Node& node, const PickReport& report) {
+bool isReported(const Node& node, const PickReport& report) {
     if (node.get(N::isActive) == report.geometry.empty()) return false;
     if (!std::ranges::equal(node.get(N::pickedGeometry), report.geometry)) return false;
     if constexpr (requires { N::pickedPoint; })
@@ -459,7 +459,7 @@ void Scene::State::pick() {
         for (const std::string& text : warnings)
             if (warned.emplace(node.id(), text).second)
                 diagnostics.warning({}, fmt::format("{} {}: {}", node.type().name, nameFor(owner, node), text));
-        if (!isTold<N>(node, report))
+        if (!isReported<N>(node, report))
             inputQueue.push_back({owner.root(), x3d::RtsgScene::picked.index, Value(report.toValue())});
     };
     for (const NodeId id : std::vector<NodeId>(pickSensors)) {

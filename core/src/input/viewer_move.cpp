@@ -10,8 +10,8 @@ namespace {
 /// Kind, viewpoint, position, quaternion, centre.
 constexpr std::size_t kMove = 2 + 3 + 4 + 3;
 
-bool isWhole(double number, double most) {
-    return number >= 0 && number <= most && number == std::floor(number);
+bool isComplete(double number, double maximum) {
+    return number >= 0 && number <= maximum && number == std::floor(number);
 }
 
 NavigationState stateFrom(const double* v) {
@@ -28,7 +28,7 @@ NavigationState stateFrom(const double* v) {
 bool isState(const double* v) {
     for (std::size_t i = 0; i < NavigationState::kNumbers; ++i)
         if (!std::isfinite(v[i])) return false;
-    return isWhole(v[0], UINT32_MAX) && isWhole(v[1], NavigationState::kAllKeys);
+    return isComplete(v[0], UINT32_MAX) && isComplete(v[1], NavigationState::kAllKeys);
 }
 void append(Array<double>& value, const NavigationState& state) {
     for (const double number : {double(state.viewpoint.value), double(state.held), double(state.dragging),
@@ -63,8 +63,8 @@ Result<ViewerMove> ViewerMove::fromValue(const Array<double>& v) {
         return fail("a viewer's move is of a wrong length");
     for (const double number : v)
         if (!std::isfinite(number)) return fail("a viewer's move is not finite");
-    if (!isWhole(v[0], 3)) return fail("a viewer's move is of an unknown kind");
-    if (!isWhole(v[1], UINT32_MAX)) return fail("a viewer's move names no viewpoint");
+    if (!isComplete(v[0], 3)) return fail("a viewer's move is of an unknown kind");
+    if (!isComplete(v[1], UINT32_MAX)) return fail("a viewer's move names no viewpoint");
     ViewerMove move;
     move.kind = static_cast<Kind>(v[0]);
     move.viewpoint = NodeId{static_cast<std::uint32_t>(v[1])};

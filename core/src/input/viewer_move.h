@@ -30,7 +30,7 @@ struct NavigationState {
 
 struct ViewerMove {
     /// stay: only the state has changed. look: as animate, and `center` becomes the centre of rotation.
-    enum class Kind : std::uint8_t { stay = 0, place = 1, animate = 2, look = 3 } kind = Kind::stay;
+    enum class Kind : std::uint8_t { stay = 0, jump = 1, animate = 2, look = 3 } kind = Kind::stay;
     NodeId viewpoint;
     ViewerPose offset;  // from the viewpoint, in its own frame
     Vec3d center{0};    // in the coordinates around the viewpoint

@@ -38,16 +38,16 @@ Hyperbola hyperbola(double x) {
     const int common = grown.exponent;
     const Pair more = besides(grown, common), less = besides(shrunk, common);
     const Pair sum = quickSum(more.high, less.high);
-    Hyperbola made{{x, 0}, quickSum(sum.high, sum.low + (more.low + less.low)), common - 1};
+    Hyperbola created{{x, 0}, quickSum(sum.high, sum.low + (more.low + less.low)), common - 1};
     if (x <= .3) {
         // In the size of the others.
         const double scale = powerOfTwo(1 - common);
-        made.sine = quickSum(x * scale, sinhRest(x) * scale);
+        created.sine = quickSum(x * scale, sinhRest(x) * scale);
     } else {
         const Pair difference = quickSum(more.high, -less.high);
-        made.sine = quickSum(difference.high, difference.low + (more.low - less.low));
+        created.sine = quickSum(difference.high, difference.low + (more.low - less.low));
     }
-    return made;
+    return created;
 }
 
 }  // namespace

@@ -81,14 +81,14 @@ struct Divided {
 
 /// Whether x is positive, finite and not subnormal.
 constexpr bool isOrdinary(double x) {
-    constexpr std::uint64_t kLeast = std::uint64_t{1} << 52, kEnd = std::uint64_t{0x7ff} << 52;
-    return std::bit_cast<std::uint64_t>(x) - kLeast < kEnd - kLeast;
+    constexpr std::uint64_t kMin = std::uint64_t{1} << 52, kEnd = std::uint64_t{0x7ff} << 52;
+    return std::bit_cast<std::uint64_t>(x) - kMin < kEnd - kMin;
 }
 
 /// Precondition: x is ordinary.
 inline Divided divided(double x, double low) {
-    constexpr std::uint64_t kLeast = std::bit_cast<std::uint64_t>(.6875), kExponent = std::uint64_t{0xfff} << 52;
-    const std::uint64_t bits = std::bit_cast<std::uint64_t>(x), above = bits - kLeast;
+    constexpr std::uint64_t kMin = std::bit_cast<std::uint64_t>(.6875), kExponent = std::uint64_t{0xfff} << 52;
+    const std::uint64_t bits = std::bit_cast<std::uint64_t>(x), above = bits - kMin;
     const auto exponent = static_cast<int>(static_cast<std::int64_t>(above) >> 52);
     const double fraction = std::bit_cast<double>(bits - (above & kExponent)), upper = upperHalf(fraction);
     const Entry& entry = kEntries[above >> 45 & 127];

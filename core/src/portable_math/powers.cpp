@@ -10,12 +10,12 @@ namespace rtsg::portable {
 
 namespace {
 
-bool isWhole(double x) {
+bool isComplete(double x) {
     return std::trunc(x) == x;
 }
 
 bool isOdd(double x) {
-    return std::abs(x) < 0x1p53 && isWhole(x) && std::fmod(x, 2) != 0;
+    return std::abs(x) < 0x1p53 && isComplete(x) && std::fmod(x, 2) != 0;
 }
 
 /// The power if the base or the exponent is 0, infinite or NaN, by ISO C, F.10.4.4.
@@ -35,7 +35,7 @@ double pow(double base, double exponent) {
     if (!isOrdinary(base) || !(exponent != 0 && std::abs(exponent) < kInfinity)) [[unlikely]] {
         if (base == 0 || exponent == 0 || !std::isfinite(base) || !std::isfinite(exponent))
             return specialPower(base, exponent);
-        if (base < 0 && !isWhole(exponent)) return kNaN;
+        if (base < 0 && !isComplete(exponent)) return kNaN;
         negative = base < 0 && isOdd(exponent);
     }
     // With larger exponents, only the power of base 1 is finite and not 0.
@@ -67,20 +67,20 @@ double cbrt(double x) {
 }
 
 double hypot(std::span<const double> components) {
-    double most = 0;
+    double maximum = 0;
     bool isNumber = true;
     for (const double component : components) {
         if (std::isinf(component)) return kInfinity;
         isNumber &= component == component;
-        most = std::max(most, std::abs(component));
+        maximum = std::max(maximum, std::abs(component));
     }
     if (!isNumber) return kNaN;
-    const double scale = most > 0x1p400 ? 0x1p-600 : most < 0x1p-400 ? 0x1p600 : 1;
+    const double scale = maximum > 0x1p400 ? 0x1p-600 : maximum < 0x1p-400 ? 0x1p600 : 1;
     // Numbers whose square is negligible beside the largest one.
-    const double least = most * scale * 0x1p-60;
+    const double minimum = maximum * scale * 0x1p-60;
     Pair sum{0, 0};
     for (const double component : components)
-        if (const double x = component * scale; std::abs(x) > least) sum = sum + exactProduct(x, x);
+        if (const double x = component * scale; std::abs(x) > minimum) sum = sum + exactProduct(x, x);
     const Pair length = root(sum);
     return (length.high + length.low) / scale;
 }

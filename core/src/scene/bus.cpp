@@ -26,7 +26,7 @@ namespace {
 
 /// A cursor keeps this many sets as they are. Older ones are merged by the merger, which is woken when this many more
 /// wait. If the merger is late, the scene's thread merges the sets beyond the last of these numbers.
-constexpr std::size_t kBacklog = 256, kOverdue = 320, kMost = 384;
+constexpr std::size_t kBacklog = 256, kOverdue = 320, kMax = 384;
 
 constexpr const char* kUnmerged = "there was no memory to merge what it had not taken";
 
@@ -44,7 +44,7 @@ class Reports {
             const std::scoped_lock lock(mutex_);
             if (!reporter_) {
                 // Who chose nothing might look nowhere, and wonder why the subscriber gets no more sets.
-                if (!chosen_) tell(diagnostic);
+                if (!chosen_) notify(diagnostic);
                 return kept_.add(std::move(diagnostic));
             }
             reporter = reporter_;
@@ -60,7 +60,7 @@ class Reports {
 
   private:
     /// A text may be a scene's: nothing in it gives a terminal orders (C0, and C1 in UTF-8).
-    static void tell(const Diagnostic& diagnostic) {
+    static void notify(const Diagnostic& diagnostic) {
         std::string line = diagnostic.format();
         for (std::size_t i = 0; i < line.size(); ++i) {
             const auto byte = static_cast<unsigned char>(line[i]);
@@ -178,7 +178,7 @@ struct Attachment::Cursor {
         if (!result) detachFailed(result.error().text);
         return result.has_value();
     }
-    void tellBeforeRestart() {
+    void reportBeforeRestart() {
         {
             const std::scoped_lock lock(mutex);
             if (!attached) return;
@@ -234,7 +234,7 @@ struct Attachment::Cursor {
     }
     /// Reports a subscriber whose sets could not be merged. The scene's thread does so, since the merger's may lack the
     /// memory.
-    void tellUnmerged() {
+    void reportUnmerged() {
         std::string name;
         {
             const std::scoped_lock lock(mutex);
@@ -338,7 +338,7 @@ bool Bus::State::give(const std::shared_ptr<Attachment::Cursor>& to, const std::
         std::unique_lock lock(cursor.mutex);
         if (!cursor.attached) {
             lock.unlock();
-            cursor.tellUnmerged();
+            cursor.reportUnmerged();
             return false;
         }
         const std::uint64_t have = cursor.backlog.empty() ? cursor.seen : cursor.backlog.to();
@@ -355,7 +355,7 @@ bool Bus::State::give(const std::shared_ptr<Attachment::Cursor>& to, const std::
     }
     if (cursor.delivery == Delivery::immediate) return cursor.deliver(*set);
     if (wake) merger.push(to);
-    if (behind > kMost) cursor.mergeOldest();
+    if (behind > kMax) cursor.mergeOldest();
     return true;
 }
 
@@ -462,7 +462,7 @@ void Bus::beforeRestart() {
     // The loop goes by index, as a subscriber may detach others, or attach them.
     for (std::size_t i = 0; i < state_->cursors.size(); ++i) {
         const auto cursor = state_->cursors[i];
-        cursor->tellBeforeRestart();
+        cursor->reportBeforeRestart();
     }
 }
 

@@ -20,7 +20,7 @@ class SlotIndex {
     std::uint32_t& at(std::uint32_t node, std::uint32_t mark) {
         if (2 * (used_ + 1) > entries_.size()) grow();
         const std::uint64_t key = keyOf(node, mark);
-        Entry& entry = *place(key);
+        Entry& entry = *findEntry(key);
         if (entry.key == 0) {
             entry = {key, kNone};
             ++used_;
@@ -29,7 +29,7 @@ class SlotIndex {
     }
     std::uint32_t find(std::uint32_t node, std::uint32_t mark) const {
         if (entries_.empty()) return kNone;
-        return const_cast<SlotIndex*>(this)->place(keyOf(node, mark))->value;
+        return const_cast<SlotIndex*>(this)->findEntry(keyOf(node, mark))->value;
     }
     void clear() {
         if (used_ == 0) return;
@@ -48,7 +48,7 @@ class SlotIndex {
     static std::uint64_t keyOf(std::uint32_t node, std::uint32_t mark) {
         return (std::uint64_t{node} << 20 | mark) + 1;
     }
-    Entry* place(std::uint64_t key) {
+    Entry* findEntry(std::uint64_t key) {
         const std::size_t mask = entries_.size() - 1;
         std::size_t i = (key * 0x9E3779B97F4A7C15ull >> 20) & mask;
         while (entries_[i].key != 0 && entries_[i].key != key) i = (i + 1) & mask;
@@ -58,7 +58,7 @@ class SlotIndex {
         std::vector<Entry> before(std::max<std::size_t>(64, 2 * entries_.size()));
         before.swap(entries_);
         for (const Entry& entry : before)
-            if (entry.key != 0) *place(entry.key) = entry;
+            if (entry.key != 0) *findEntry(entry.key) = entry;
     }
     std::vector<Entry> entries_;  // a power of two
     std::size_t used_ = 0;
@@ -381,8 +381,8 @@ void ChangeComposer::take(ChangeSet& into, const Scene* scene) {
         if (slot.live) into.changes[counts[phase(slot.change.kind)]++] = std::move(slot.change);
     if (!s.authors.empty()) {
         std::vector<Authored> authors;
-        for (auto& [place, author] : s.authors)
-            authors.push_back({NodeId{place.first}, static_cast<FieldIndex>(place.second), std::move(author)});
+        for (auto& [key, author] : s.authors)
+            authors.push_back({NodeId{key.first}, static_cast<FieldIndex>(key.second), std::move(author)});
         into.authors = std::make_shared<const std::vector<Authored>>(std::move(authors));
         s.authors.clear();
     }

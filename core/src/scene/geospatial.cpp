@@ -29,9 +29,9 @@ Vec3d anchorOf(const GeoReference& reference, const Array<Vec3d>& points) {
     return Vec3d(0);
 }
 
-glm::dmat4 turnBy(const Rotation& r, double sign) {
+glm::dmat4 rotationBy(const Rotation& r, double sign) {
     const glm::dvec3 axis(r.x, r.y, r.z);
-    return glm::length(axis) > 0 ? glm::dmat4(turnMatrix(axis, sign * double(r.angle))) : glm::dmat4(1);
+    return glm::length(axis) > 0 ? glm::dmat4(rotationMatrixOf(axis, sign * double(r.angle))) : glm::dmat4(1);
 }
 
 }  // namespace
@@ -49,23 +49,23 @@ Result<GeoReference> GeoReference::of(const Scene& scene, const Node& node) {
     if (!around) return std::unexpected(around.error());
     result.origin_ = around->toGeocentric(origin->get(x3d::GeoOrigin::geoCoords));
     if (!isFinitePoint(result.origin_)) return fail("geoOrigin: geoCoords are no place");
-    if (origin->get(x3d::GeoOrigin::rotateYUp)) result.turn_ = glm::transpose(around->frameAt(result.origin_));
+    if (origin->get(x3d::GeoOrigin::rotateYUp)) result.rotation_ = glm::transpose(around->frameAt(result.origin_));
     return result;
 }
 
 Vec3d GeoReference::toScene(const Vec3d& coordinates) const {
-    return turn_ * (system_.toGeocentric(coordinates) - origin_);
+    return rotation_ * (system_.toGeocentric(coordinates) - origin_);
 }
 
 Vec3d GeoReference::fromScene(const Vec3d& point) const {
-    return system_.fromGeocentric(glm::transpose(turn_) * point + origin_);
+    return system_.fromGeocentric(glm::transpose(rotation_) * point + origin_);
 }
 
-glm::dmat4 GeoReference::placeOf(const Vec3d& coordinates) const {
+glm::dmat4 GeoReference::transformAt(const Vec3d& coordinates) const {
     const Vec3d point = system_.toGeocentric(coordinates);
-    glm::dmat4 place(turn_ * system_.frameAt(point));
-    place[3] = glm::dvec4(turn_ * (point - origin_), 1);
-    return place;
+    glm::dmat4 worldFromLocal(rotation_ * system_.frameAt(point));
+    worldFromLocal[3] = glm::dvec4(rotation_ * (point - origin_), 1);
+    return worldFromLocal;
 }
 
 const Node* geoOriginOf(const Scene& scene, const Node& node) {
@@ -75,36 +75,37 @@ const Node* geoOriginOf(const Scene& scene, const Node& node) {
     return origin && origin->is(x3d::GeoOrigin::type) ? origin : nullptr;
 }
 
-bool isGeoPlace(const NodeType& type) {
+bool isGeoTransform(const NodeType& type) {
     return type.kind == NodeType::Kind::builtin &&
            (type.isA("GeoLocation") || type.isA("GeoTransform") || type.isA("GeoViewpoint"));
 }
 
-Result<glm::dmat4> geoPlace(const Scene& scene, const Node& node) {
+Result<glm::dmat4> geoTransform(const Scene& scene, const Node& node) {
     const auto reference = GeoReference::of(scene, node);
     if (!reference) return std::unexpected(reference.error());
-    glm::dmat4 place(1);
+    glm::dmat4 worldFromLocal(1);
     if (node.is(x3d::GeoLocation::type)) {
-        place = reference->placeOf(node.get(x3d::GeoLocation::geoCoords));
+        worldFromLocal = reference->transformAt(node.get(x3d::GeoLocation::geoCoords));
     } else if (node.is(x3d::GeoViewpoint::type)) {
-        place = reference->placeOf(node.get(x3d::GeoViewpoint::position));
+        worldFromLocal = reference->transformAt(node.get(x3d::GeoViewpoint::position));
     } else if (node.is(x3d::GeoTransform::type)) {
         // 25.3.10: the children have geographic coordinates as well; they are turned, scaled and moved in the plane
         // that touches the ellipsoid at geoCenter.
         using T = x3d::GeoTransform;
-        const glm::dmat4 ground = reference->placeOf(node.get(T::geoCenter));
+        const glm::dmat4 ground = reference->transformAt(node.get(T::geoCenter));
         const Rotation orientation = node.get(T::scaleOrientation);
         const glm::dmat4 local = glm::translate(glm::dmat4(1), glm::dvec3(node.get(T::translation))) *
-                                 turnBy(node.get(T::rotation), 1) * turnBy(orientation, 1) *
-                                 glm::scale(glm::dmat4(1), glm::dvec3(node.get(T::scale))) * turnBy(orientation, -1);
+                                 rotationBy(node.get(T::rotation), 1) * rotationBy(orientation, 1) *
+                                 glm::scale(glm::dmat4(1), glm::dvec3(node.get(T::scale))) *
+                                 rotationBy(orientation, -1);
         if (local == glm::dmat4(1)) return local;
         const glm::dmat3 back = glm::transpose(glm::dmat3(ground));
         glm::dmat4 inverse(back);
         inverse[3] = glm::dvec4(-(back * glm::dvec3(ground[3])), 1);
-        place = ground * local * inverse;
+        worldFromLocal = ground * local * inverse;
     }
-    if (!isFinitePoint(glm::dvec3(place[3]))) return fail("its geographic coordinates are no place");
-    return place;
+    if (!isFinitePoint(glm::dvec3(worldFromLocal[3]))) return fail("its geographic coordinates are no place");
+    return worldFromLocal;
 }
 
 Result<AnchoredPoints> geoPoints(const Scene& scene, const Node& coordinate) {

@@ -26,7 +26,7 @@ namespace rtsg {
 namespace {
 
 /// An IS chain, or scopes within scopes, longer than any document makes: a forged circle.
-constexpr int kMostSteps = 256;
+constexpr int kMaxSteps = 256;
 
 bool isBelow(const std::filesystem::path& file, const std::filesystem::path& folder) {
     return std::ranges::mismatch(folder, file).in1 == folder.end();
@@ -159,8 +159,8 @@ Resources::Resources(const std::filesystem::path& folder) {
 
 Resources::Resources(const std::filesystem::path& folder, ResourcePolicy policy) : policy_(std::move(policy)) {
     if (!folder.empty()) folder_ = realFolder(folder);
-    for (const auto& [name, place] : policy_.packages)
-        if (std::ranges::find(policy_.roots, place) == policy_.roots.end()) policy_.roots.push_back(place);
+    for (const auto& [name, descriptor] : policy_.packages)
+        if (std::ranges::find(policy_.roots, descriptor) == policy_.roots.end()) policy_.roots.push_back(descriptor);
     for (const auto& root : policy_.roots) real_.push_back(realFolder(root));
     std::erase_if(real_, [](const auto& root) { return root.empty(); });
 }
@@ -302,15 +302,15 @@ Result<Resource> Resources::open(const std::filesystem::path& from, std::string_
     if (!full) return std::unexpected(full.error());
 
     // First without opening it in earnest: a device acts, and a pipe waits, when it is opened.
-    const Descriptor place(::open(full->c_str(), O_PATH | O_CLOEXEC));
-    if (place.number < 0) {
+    const Descriptor descriptor(::open(full->c_str(), O_PATH | O_CLOEXEC));
+    if (descriptor.number < 0) {
         if (errno == ENOENT || errno == ENOTDIR)
             return fail(fmt::format("'{}' is not there (looked for {})", shown, full->string()));
         return fail(fmt::format("'{}' cannot be opened: {}", shown, std::strerror(errno)));
     }
     struct stat status{};
-    if (fstat(place.number, &status) != 0) return fail(fmt::format("'{}': {}", shown, std::strerror(errno)));
-    const std::string handle = fmt::format("/proc/self/fd/{}", place.number);
+    if (fstat(descriptor.number, &status) != 0) return fail(fmt::format("'{}': {}", shown, std::strerror(errno)));
+    const std::string handle = fmt::format("/proc/self/fd/{}", descriptor.number);
     std::error_code problem;
     resource.path_ = std::filesystem::read_symlink(handle, problem);
     if (problem) return fail(fmt::format("'{}' is not opened: without /proc it is not known where it is", shown));
@@ -364,7 +364,7 @@ std::filesystem::path Resources::folderBehind(const std::filesystem::path& from,
 std::filesystem::path Resources::folderOf(const Scene& scene, NodeId scope) const {
     std::vector<std::string> urls;  // innermost first
     const Node* node = scene.find(scope);
-    for (int steps = 0; node && steps < kMostSteps; ++steps, node = scene.find(node->scope()))
+    for (int steps = 0; node && steps < kMaxSteps; ++steps, node = scene.find(node->scope()))
         if (std::string url = hiddenText(*node, "loadedUrl"); !url.empty()) urls.push_back(std::move(url));
     // A document that came from the network itself says so, also to those who follow its scene elsewhere.
     if (std::string url = scene.node(scene.root()).get(x3d::RtsgScene::loadedUrl).str(); !url.empty())
@@ -377,7 +377,7 @@ std::filesystem::path Resources::folderOf(const Scene& scene, NodeId scope) cons
 std::vector<std::filesystem::path> Resources::foldersOf(const Scene& scene, const Node& node, FieldIndex field) const {
     std::vector<std::filesystem::path> folders{folderOf(scene, node.scope())};
     const Node* at = &node;
-    for (int steps = 0; at && steps < kMostSteps; ++steps) {
+    for (int steps = 0; at && steps < kMaxSteps; ++steps) {
         const auto routes = scene.routesTo(at->id());
         // An IS connection of inputOutput fields has two directions: takes the one that comes from the instance around
         // the node.

@@ -1,7 +1,7 @@
 // Computes single terms of the state hash from canonical bytes.
 #include "plain_term.h"
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 namespace rtsg::detail {
 
@@ -13,10 +13,10 @@ std::vector<FieldKey> fieldKeys(const NodeType& type) {
 }
 
 const FieldKey* builtinFieldKeys(TypeIndex type) {
-    static const auto& all = lasting([] {
-        std::vector<std::vector<FieldKey>> made;
-        for (const auto& builtin : builtinTypes()) made.push_back(fieldKeys(*builtin));
-        return made;
+    static const auto& all = neverDestroyed([] {
+        std::vector<std::vector<FieldKey>> created;
+        for (const auto& builtin : builtinTypes()) created.push_back(fieldKeys(*builtin));
+        return created;
     });
     return all[type.value].data();
 }

@@ -8,7 +8,7 @@
 #include <rtsg/core/viewer_pose.h>
 #include <rtsg/core/x3d.h>
 
-#include "places.h"
+#include "world_transforms.h"
 
 namespace rtsg {
 
@@ -17,7 +17,7 @@ struct ViewFields {
     Field<Vec3f> position{kNoField}, centerOfRotation{kNoField};  // not a GeoViewpoint's, whose are geographic
     Field<Rotation> orientation;
     Field<Vec3d> userPosition;
-    Field<Vec4d> userTurn;
+    Field<Vec4d> userRotation;
     Field<Array<double>> transition;
     Field<bool> isBound;
 };
@@ -25,7 +25,7 @@ inline std::optional<ViewFields> viewFields(const Node& node) {
     const auto of = []<class V>(const V*) {
         ViewFields fields{.orientation = V::orientation,
                           .userPosition = V::_userPosition,
-                          .userTurn = V::_userTurn,
+                          .userRotation = V::_userTurn,
                           .transition = V::_transition,
                           .isBound = V::isBound};
         if constexpr (!std::is_same_v<V, x3d::GeoViewpoint>)
@@ -53,7 +53,7 @@ inline ViewerPose relative(const ViewerPose& outer, const ViewerPose& pose) {
     return {back * (pose.position - outer.position), glm::normalize(back * pose.orientation)};
 }
 inline ViewerPose transformed(const glm::dmat4& matrix, const ViewerPose& pose) {
-    return {matrix * glm::dvec4(pose.position, 1), glm::normalize(turnOf(matrix) * pose.orientation)};
+    return {matrix * glm::dvec4(pose.position, 1), glm::normalize(rotationPart(matrix) * pose.orientation)};
 }
 
 /// The pose that the viewpoint's fields describe, without the user's way from there.

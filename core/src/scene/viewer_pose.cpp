@@ -12,20 +12,20 @@ namespace rtsg {
 ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields) {
     const Rotation r = viewpoint.get(fields.orientation);
     const glm::dvec3 axis(r.x, r.y, r.z);
-    // A GeoViewpoint is where its coordinates are: see geoPlace().
+    // A GeoViewpoint is where its coordinates are: see geoTransform().
     ViewerPose pose;
     if (fields.position.index != kNoField) pose.position = Vec3d(viewpoint.get(fields.position));
-    if (glm::length(axis) > 0) pose.orientation = turnAbout(glm::normalize(axis), double(r.angle));
+    if (glm::length(axis) > 0) pose.orientation = rotationAround(glm::normalize(axis), double(r.angle));
     return pose;
 }
 
 glm::dvec3 centerOfRotation(const Scene& scene, const Node& viewpoint, const ViewFields& fields) {
     if (fields.centerOfRotation.index != kNoField) return glm::dvec3(viewpoint.get(fields.centerOfRotation));
     const auto reference = GeoReference::of(scene, viewpoint);
-    const auto place = reference ? geoPlace(scene, viewpoint) : std::unexpected(reference.error());
-    if (!place) return glm::dvec3(0);
+    const auto transform = reference ? geoTransform(scene, viewpoint) : std::unexpected(reference.error());
+    if (!transform) return glm::dvec3(0);
     const Vec3d center = reference->toScene(viewpoint.get(x3d::GeoViewpoint::centerOfRotation));
-    return glm::transpose(glm::dmat3(*place)) * (center - glm::dvec3((*place)[3]));
+    return glm::transpose(glm::dmat3(*transform)) * (center - glm::dvec3((*transform)[3]));
 }
 
 double fieldOfViewOf(const Node* viewpoint) {
@@ -35,14 +35,14 @@ double fieldOfViewOf(const Node* viewpoint) {
 }
 
 ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields) {
-    const Vec4d& q = viewpoint.get(fields.userTurn);
+    const Vec4d& q = viewpoint.get(fields.userRotation);
     const ViewerPose offset{viewpoint.get(fields.userPosition), glm::dquat(q.w, q.x, q.y, q.z)};
     return isFinite(offset) ? offset : ViewerPose{};
 }
 
 std::optional<glm::dmat4> worldAround(const Scene& scene, NodeId node) {
-    Places places(scene);
-    const glm::dmat4 world = places.worldFromLocal(node, scene.root());
+    WorldTransforms worldTransforms(scene);
+    const glm::dmat4 world = worldTransforms.worldFromLocal(node, scene.root());
     const double volume = glm::determinant(world);
     return volume != 0 && std::isfinite(volume) ? std::optional(world) : std::nullopt;
 }

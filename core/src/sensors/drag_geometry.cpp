@@ -17,7 +17,7 @@ std::optional<glm::dvec3> onPlane(const DragRay& ray, const glm::dvec3& point, c
     return ray.origin + ray.direction * t;
 }
 
-double turnAboutY(const glm::dvec3& point) {
+double rotationAboutY(const glm::dvec3& point) {
     return portable::atan2(point.x, point.z);
 }
 
@@ -46,15 +46,15 @@ std::optional<OnCylinder> onCylinder(const DragRay& ray, double radius, bool far
     const glm::dvec3 foot = o + d * middle;
     const double rest = radius * radius - glm::dot(foot, foot);
     OnCylinder found;
-    found.facing = turnAboutY(far ? d : -d);
+    found.facing = rotationAboutY(far ? d : -d);
     if (rest >= 0) {
         const double half = std::sqrt(rest / dd), t = far ? middle + half : middle - half;
         found.point = ray.origin + ray.direction * t;
-        found.beside = wrapped(turnAboutY(found.point) - found.facing);
+        found.beside = wrapped(rotationAboutY(found.point) - found.facing);
         return found;
     }
     const double distance = glm::length(foot);
-    const double edge = wrapped(turnAboutY(foot) - found.facing);  // a right angle to one side or the other
+    const double edge = wrapped(rotationAboutY(foot) - found.facing);  // a right angle to one side or the other
     found.beside = edge + std::copysign((distance - radius) / radius, edge);
     const double angle = found.facing + found.beside;
     found.point = {radius * portable::sin(angle), ray.origin.y + ray.direction.y * middle,
@@ -85,11 +85,11 @@ bool leavesSphere(const DragRay& ray, const glm::dvec3& point) {
     return glm::dot(point, ray.direction) > 0;
 }
 
-glm::dquat shortestTurn(const glm::dvec3& from, const glm::dvec3& to) {
+glm::dquat shortestRotation(const glm::dvec3& from, const glm::dvec3& to) {
     const glm::dvec3 a = glm::normalize(from), b = glm::normalize(to);
     glm::dvec3 axis = glm::cross(a, b);
     const double sine = glm::length(axis), cosine = glm::dot(a, b);
-    if (sine > 1e-15) return turnAbout(axis / sine, portable::atan2(sine, cosine));
+    if (sine > 1e-15) return rotationAround(axis / sine, portable::atan2(sine, cosine));
     if (cosine > 0) return {1, 0, 0, 0};
     const glm::dvec3 other = std::abs(a.y) < .5 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
     axis = glm::normalize(other - a * glm::dot(a, other));

@@ -23,7 +23,7 @@ struct DragRay {
 std::optional<glm::dvec3> onPlane(const DragRay& ray, const glm::dvec3& point, const glm::dvec3& normal);
 
 /// The angle about +Y from +Z.
-double turnAboutY(const glm::dvec3& point);
+double rotationAboutY(const glm::dvec3& point);
 /// Into (-pi, pi].
 double wrapped(double angle);
 
@@ -42,6 +42,6 @@ bool leavesCylinder(const DragRay& ray, const glm::dvec3& point);
 std::optional<glm::dvec3> onSphere(const DragRay& ray, double radius, bool far);
 bool leavesSphere(const DragRay& ray, const glm::dvec3& point);
 /// The shortest turn from one direction to another; for opposite ones about an axis that is always the same.
-glm::dquat shortestTurn(const glm::dvec3& from, const glm::dvec3& to);
+glm::dquat shortestRotation(const glm::dvec3& from, const glm::dvec3& to);
 
 }  // namespace rtsg::behaviours

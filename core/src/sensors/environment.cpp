@@ -11,8 +11,8 @@
 #include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "input/box_overlap.h"
-#include "scene/places.h"
 #include "scene/view_pose.h"
+#include "scene/world_transforms.h"
 
 namespace rtsg::behaviours {
 
@@ -35,9 +35,9 @@ double distanceTo(const glm::dvec3& center, const Vec3f& size, const glm::dvec3&
 /// Calls `visit` with each place of a node, its matrix and a function that says whether it is shown, until that returns
 /// true.
 template <class F>
-void forEachPlace(Cascade& cascade, const Node& node, const Node& asker, const F& visit) {
+void forEachDirection(Cascade& cascade, const Node& node, const Node& asker, const F& visit) {
     if (visit(cascade.worldFromLocal(node, asker), [&] { return cascade.isShown(node, asker); })) return;
-    for (const Standing& other : cascade.otherPlaces(node, asker))
+    for (const Standing& other : cascade.otherTransforms(node, asker))
         if (visit(other.worldFromLocal, [&] { return other.shown; })) return;
 }
 /// The edges of isActive, with their times.
@@ -82,7 +82,7 @@ Sight sightOf(Cascade& cascade, const Node& node, const glm::dvec3& viewer, cons
     const glm::dvec3 center = boxCenter(node, static_cast<const N*>(nullptr), reference);
     const bool wasInside = node.get(N::isActive);
     Sight nearest;
-    forEachPlace(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
+    forEachDirection(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
         if (!isFinite(world)) return false;
         Sight sight{glm::inverse(world)};
         sight.position = sight.local * glm::dvec4(viewer, 1);
@@ -118,7 +118,7 @@ double proximityOnTime(Cascade& cascade, const Node& node) {
     };
     if constexpr (kIsGeo) send(N::geoCoord_changed, reference->fromScene(sight.position));
     send(N::position_changed, Vec3f(sight.position));
-    send(N::orientation_changed, toRotation(turnOf(sight.local) * viewer.orientation));
+    send(N::orientation_changed, toRotation(rotationPart(sight.local) * viewer.orientation));
     if (!inside || !letsLookAt(cascade.scene())) return kUntilMoved;
     const glm::dvec3 center = sight.local * glm::dvec4(viewer.centerOfRotation, 1);
     sendIfNew(cascade, node, N::centerOfRotation_changed, Vec3f(center), edge);
@@ -168,7 +168,7 @@ double visibilityOnTime(Cascade& cascade, const Node& node) {
     const Viewer& viewer = cascade.viewer(node);
     const std::vector<glm::dvec4> planes = viewVolume(cascade.scene(), viewer);
     bool visible = false;
-    forEachPlace(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
+    forEachDirection(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
         visible = isShown() && isSeen(node, world, viewer, planes);
         return visible;
     });
@@ -207,8 +207,8 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     // In which of its places the sensor has the target in its box, or nearest to it.
     double distance = INFINITY;
     glm::dmat4 found{1};
-    forEachPlace(cascade, *target, node, [&](const glm::dmat4& there, const auto&) {
-        forEachPlace(cascade, node, node, [&](const glm::dmat4& here, const auto& isShown) {
+    forEachDirection(cascade, *target, node, [&](const glm::dmat4& there, const auto&) {
+        forEachDirection(cascade, node, node, [&](const glm::dmat4& here, const auto& isShown) {
             if (!isShown() || !isFinite(here)) return false;
             const glm::dmat4 relative = glm::inverse(here) * there;
             const double away = distanceOfTarget(scene, node, *target, relative);
@@ -222,9 +222,9 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     if (!inside && !was) return kUntilMoved;
     const bool edge = inside != was, lost = !std::isfinite(distance);
     const Vec3f position = lost ? node.get(N::position_changed) : Vec3f(glm::dvec3(found[3]));
-    const Rotation turn = lost ? node.get(N::orientation_changed) : toRotation(turnOf(found));
+    const Rotation rotation = lost ? node.get(N::orientation_changed) : toRotation(rotationPart(found));
     sendIfNew(cascade, node, N::position_changed, position, edge);
-    sendIfNew(cascade, node, N::orientation_changed, turn, edge);
+    sendIfNew(cascade, node, N::orientation_changed, rotation, edge);
     return kUntilMoved;
 }
 

@@ -13,7 +13,7 @@ namespace rtsg::behaviours {
 namespace {
 
 template <class N>
-void tell(Cascade& cascade, const Node& node, const PickReport& report) {
+void sendPick(Cascade& cascade, const Node& node, const PickReport& report) {
     const bool active = !report.geometry.empty(), entered = active && !node.get(N::isActive);
     if (active && !node.get(N::enabled)) return;
     if (active != node.get(N::isActive)) cascade.emit(node, N::isActive, active);
@@ -32,8 +32,8 @@ void tell(Cascade& cascade, const Node& node, const PickReport& report) {
 }
 
 template <class... N>
-void tellAny(Cascade& cascade, const Node& node, const PickReport& report) {
-    (void)((node.is(N::type) && (tell<N>(cascade, node, report), true)) || ...);
+void sendAny(Cascade& cascade, const Node& node, const PickReport& report) {
+    (void)((node.is(N::type) && (sendPick<N>(cascade, node, report), true)) || ...);
 }
 
 /// A sensor that has been switched off is no longer active.
@@ -53,7 +53,7 @@ void pickedOnEvent(Cascade& cascade, const Node& root, EventValue value) {
     const Node* sensor = cascade.scene().find(report->sensor);
     const auto exists = [&](NodeId id) { return cascade.scene().find(id) != nullptr; };
     if (!sensor || !std::ranges::all_of(report->geometry, exists)) return;
-    tellAny<x3d::LinePickSensor, x3d::PointPickSensor, x3d::PrimitivePickSensor, x3d::VolumePickSensor>(
+    sendAny<x3d::LinePickSensor, x3d::PointPickSensor, x3d::PrimitivePickSensor, x3d::VolumePickSensor>(
         cascade, *sensor, *report);
 }
 

@@ -15,7 +15,7 @@
 #include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "drag_geometry.h"
-#include "scene/places.h"
+#include "scene/world_transforms.h"
 
 namespace rtsg::behaviours {
 
@@ -178,7 +178,7 @@ void begin(const Node& node, const x3d::CylinderSensor*, const DragRay& local, G
     const glm::dvec3 start = toSensor * grip.start;
     const double along = std::abs(ray.direction.y) / glm::length(ray.direction);
     grip.disk = portable::acos(std::min(1.0, along)) < node.get(N::diskAngle);
-    grip.last = turnAboutY(start);
+    grip.last = rotationAboutY(start);
     grip.far = leavesCylinder(ray, start);
     if (const auto on = onCylinder(ray, portable::hypot(start.x, start.z), grip.far); on && !grip.disk) {
         grip.facing = on->facing;
@@ -216,7 +216,7 @@ void track(Cascade& cascade, const Node& node, const x3d::CylinderSensor*, const
         const auto on = onPlane(ray, start, {0, 1, 0});
         if (!on || !isFinite(*on)) return;
         point = *on;
-        const double angle = turnAboutY(point);
+        const double angle = rotationAboutY(point);
         grip.turned += wrapped(angle - std::exchange(grip.last, angle));
     } else {
         const double radius = portable::hypot(start.x, start.z);
@@ -240,7 +240,7 @@ void track(Cascade& cascade, const Node& node, const x3d::SphereSensor*, const D
     const double radius = glm::length(grip.start);
     const auto point = radius > 0 ? onSphere(ray, radius, grip.far) : std::nullopt;
     if (!point || !isFinite(*point) || !(glm::length(*point) > 0)) return;
-    const glm::dquat all = shortestTurn(grip.start, *point) * toQuaternion(node.get(N::offset));
+    const glm::dquat all = shortestRotation(grip.start, *point) * toQuaternion(node.get(N::offset));
     grip.moved = true;
     cascade.emit(node, N::trackPoint_changed, Vec3f(*point));
     cascade.emit(node, N::rotation_changed, toRotation(all));
@@ -371,10 +371,10 @@ class PointerEvent {
                     cascade_.emit(node, N::hitTexCoord_changed, Vec2f(hit.texCoord));
                 }
             });
-            if (kind == PointingKind::geoTouch) tellCoordinates(node, point);
+            if (kind == PointingKind::geoTouch) sendCoordinates(node, point);
         }
     }
-    void tellCoordinates(const Node& node, const glm::dvec3& point) {
+    void sendCoordinates(const Node& node, const glm::dvec3& point) {
         const auto reference = GeoReference::of(scene_, node);
         if (!reference) return cascade_.warn(node, reference.error().text);
         const Vec3d coordinates = reference->fromScene(point);

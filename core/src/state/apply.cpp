@@ -123,7 +123,7 @@ std::size_t Scene::State::applyCreationRun(std::span<const Change> changes) {
         std::memcpy(&header, entry.type->defaults() + entry.type->slot(field).offset, sizeof(header));
         return header != nullptr;
     };
-    const bool shares = std::ranges::any_of(entry.type->sharedFields(), isThere);
+    const bool isShared = std::ranges::any_of(entry.type->sharedFields(), isThere);
     detail::TermSum sum;
     std::size_t i = 0;
     for (; i < changes.size(); ++i) {
@@ -133,7 +133,7 @@ std::size_t Scene::State::applyCreationRun(std::span<const Change> changes) {
             c.node.value - nextId > kMaximumLeap || c.node.value == kLastId)
             break;
         Node& node = makeNode(c.node, index, *entry.type, c.other);
-        if (shares) retainDefaults(node);
+        if (isShared) retainDefaults(node);
         sum.add(detail::nodeTerm(c.node, nameHash, c.other));
         if (wakes) woken.push_back(c.node);
     }

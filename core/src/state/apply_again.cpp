@@ -99,7 +99,7 @@ bool Scene::State::findTargets(std::span<const PlainColumn> columns) {
 bool Scene::applyAgain(std::uint64_t to, double time, std::span<const PlainColumn> columns) {
     State& s = *state_;
     if (!s.checkOutsideFrame() || to <= s.sequence || s.hasPending() || s.recording || s.behavioursEnabled ||
-        s.places.watchesAny() || bus_->inDelivery() > 0 || bus_->subscribers() > 0)
+        s.worldTransforms.watchesAny() || bus_->inDelivery() > 0 || bus_->subscribers() > 0)
         return false;
     if (!s.areTargets(columns) && !s.findTargets(columns)) return false;
     s.touched = UINT32_MAX;

@@ -136,13 +136,13 @@ void Scene::State::writeShared(Lane& lane, Node& node, FieldIndex field, const v
 }
 
 void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value) {
-    const std::uint32_t place = node.dirtySlot_;
+    const std::uint32_t slot = node.dirtySlot_;
     WrittenField& entry = newEntry(*this, node, field, node.type_->slot(field));
     hash.subtract(termBefore(node, entry));
     store(node, field, value.storage());
     hash.add(termOf(node, field));
     entry.node = {};  // lists change in place, so their terms do not last; other types are rare here
-    node.dirtySlot_ = place;
+    node.dirtySlot_ = slot;
 }
 
 void Scene::State::keepTerms() {
@@ -253,17 +253,17 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
 /// thread that ran the lane has these nodes at hand. The rest, and the fields that the scene's thread wrote, go to the
 /// parts with the least.
 void Scene::State::dealSeal(std::size_t count, unsigned parts) {
-    const std::size_t even = (count + parts - 1) / parts, most = even + even / 4;
-    sealShares.resize(parts);
-    for (SealShare& share : sealShares) {
-        share.cuts.clear();
-        share.count = 0;
+    const std::size_t even = (count + parts - 1) / parts, maximum = even + even / 4;
+    sealParts.resize(parts);
+    for (SealPart& sealPart : sealParts) {
+        sealPart.cuts.clear();
+        sealPart.count = 0;
     }
     std::vector<SealCut> rest;
     std::size_t at = 0;
     for (const WrittenFields::Piece& one : written->pieces()) {
-        SealShare* own = one.lane > 0 && one.lane <= parts ? &sealShares[one.lane - 1] : nullptr;
-        if (own && own->count + one.count <= most) {
+        SealPart* own = one.lane > 0 && one.lane <= parts ? &sealParts[one.lane - 1] : nullptr;
+        if (own && own->count + one.count <= maximum) {
             own->cuts.push_back({one, at});
             own->count += one.count;
         } else {
@@ -271,25 +271,25 @@ void Scene::State::dealSeal(std::size_t count, unsigned parts) {
         }
         at += one.count;
     }
-    auto share = sealShares.begin();
+    auto part = sealParts.begin();
     for (SealCut one : rest)
         while (one.piece.count > 0) {
-            while (share + 1 != sealShares.end() && share->count >= even) ++share;
+            while (part + 1 != sealParts.end() && part->count >= even) ++part;
             std::uint32_t taken = one.piece.count;
-            if (share + 1 != sealShares.end())
-                taken = static_cast<std::uint32_t>(std::min<std::size_t>(taken, even - share->count));
-            share->cuts.push_back({{one.piece.begin, taken}, one.at});
-            share->count += taken;
+            if (part + 1 != sealParts.end())
+                taken = static_cast<std::uint32_t>(std::min<std::size_t>(taken, even - part->count));
+            part->cuts.push_back({{one.piece.begin, taken}, one.at});
+            part->count += taken;
             one.piece.begin += taken;
             one.piece.count -= taken;
             one.at += taken;
         }
 }
 
-Scene::State::SealedPart Scene::State::sealShare(const SealShare& share, Change* changes) {
+Scene::State::SealedPart Scene::State::sealPart(const SealPart& sealPart, Change* changes) {
     SealedPart all;
     detail::StateHash sum;
-    for (const SealCut& one : share.cuts) {
+    for (const SealCut& one : sealPart.cuts) {
         const SealedPart part = sealPiece(one.piece, changes + one.at);
         sum.add(part.grown);
         all.voids += part.voids;
@@ -310,10 +310,10 @@ void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
     };
     constexpr std::size_t kEntriesPerEvent = 4;  // sealing one entry takes a quarter of the time of an event
     const std::uint64_t workOfThis = work - std::exchange(workSealed, work);
-    if (Crew* some = crewFor(std::max<std::uint64_t>(count / kEntriesPerEvent, workOfThis))) {
+    if (ThreadTeam* some = teamFor(std::max<std::uint64_t>(count / kEntriesPerEvent, workOfThis))) {
         dealSeal(count, some->parts());
-        some->run([&](unsigned part) { sealShares[part].result = sealShare(sealShares[part], changes); });
-        for (const SealShare& share : sealShares) add(share.result);
+        some->run([&](unsigned part) { sealParts[part].result = sealPart(sealParts[part], changes); });
+        for (const SealPart& sealPart : sealParts) add(sealPart.result);
     } else {
         for (const WrittenFields::Piece& one : written->pieces()) {
             add(sealPiece(one, changes));
@@ -355,7 +355,7 @@ std::size_t Scene::setPlainEach(std::span<const NodeId> ids, FieldIndex field, F
             const std::size_t k = i - kAhead;
             if (!s.setPlain(nodes[i % kAhead], field, type, static_cast<const std::byte*>(values) + k * size)) return k;
         }
-        if (i + kAhead < ids.size()) s.prefetchPlace(ids[i + kAhead]);
+        if (i + kAhead < ids.size()) s.prefetchSlot(ids[i + kAhead]);
         if (i >= ids.size()) continue;
         Node* node = s.find(ids[i]);
         nodes[i % kAhead] = node;

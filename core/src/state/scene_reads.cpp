@@ -90,31 +90,31 @@ std::string_view Scene::name(NodeId id) const {
     const Node* node = find(id);
     return node && node->links_ ? node->links_->name.view() : std::string_view();
 }
-NodePlace Scene::placeOf(NodeId id) const {
-    const auto& places = state_->readAt;
-    const auto at = std::ranges::lower_bound(places, id.value, {}, &State::ReadAt::node);
-    if (at == places.end() || at->node != id.value) return {};
+NodeLocation Scene::locationOf(NodeId id) const {
+    const auto& worldTransforms = state_->readAt;
+    const auto at = std::ranges::lower_bound(worldTransforms, id.value, {}, &State::ReadAt::node);
+    if (at == worldTransforms.end() || at->node != id.value) return {};
     return {state_->filesRead[at->file], at->where};
 }
-void Scene::setPlace(NodeId id, const NodePlace& place) {
-    std::vector<State::ReadAt>& places = state_->readAt;
+void Scene::setLocation(NodeId id, const NodeLocation& location) {
+    std::vector<State::ReadAt>& worldTransforms = state_->readAt;
     std::vector<std::string>& files = state_->filesRead;
-    if (places.size() >= kMostPlaces) return;
+    if (worldTransforms.size() >= kMaxLocations) return;
     // Nearly always the file of the node before, and always a greater number.
-    std::size_t file = places.empty() ? files.size() : places.back().file;
-    if (file >= files.size() || files[file] != place.file)
-        file = static_cast<std::size_t>(std::ranges::find(files, place.file) - files.begin());
-    if (file == files.size()) files.push_back(place.file);
-    const State::ReadAt made{id.value, static_cast<std::uint32_t>(file), place.where};
-    if (places.empty() || places.back().node < id.value) {
-        places.push_back(made);
+    std::size_t file = worldTransforms.empty() ? files.size() : worldTransforms.back().file;
+    if (file >= files.size() || files[file] != location.file)
+        file = static_cast<std::size_t>(std::ranges::find(files, location.file) - files.begin());
+    if (file == files.size()) files.push_back(location.file);
+    const State::ReadAt created{id.value, static_cast<std::uint32_t>(file), location.where};
+    if (worldTransforms.empty() || worldTransforms.back().node < id.value) {
+        worldTransforms.push_back(created);
         return;
     }
-    const auto at = std::ranges::lower_bound(places, id.value, {}, &State::ReadAt::node);
-    if (at != places.end() && at->node == id.value)
-        *at = made;
+    const auto at = std::ranges::lower_bound(worldTransforms, id.value, {}, &State::ReadAt::node);
+    if (at != worldTransforms.end() && at->node == id.value)
+        *at = created;
     else
-        places.insert(at, made);
+        worldTransforms.insert(at, created);
 }
 NodeId Scene::findName(std::string_view name, NodeId scope) const {
     const auto found = state_->names.find(State::NameKey{scope.value, String(name)});
@@ -176,7 +176,7 @@ void Scene::setThreads(unsigned threads) {
     State& s = *state_;
     if (s.refuseForeign() || s.refuseFromWithin()) return;
     s.threadsAsked = threads;
-    s.crew.reset();
+    s.team.reset();
     s.division.clear();
     s.laidOut.clear();
     s.patience = 2;
@@ -220,7 +220,7 @@ void Scene::setBehavioursEnabled(bool enabled) {
     state_->active.clear();
     state_->woken.clear();
     state_->watchers.clear();
-    state_->places.clear();
+    state_->worldTransforms.clear();
     if (enabled) forEachNode([&](const Node& node) { state_->wake(node); });
 }
 

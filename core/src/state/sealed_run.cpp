@@ -19,8 +19,8 @@ struct Scene::State::KnownField {
     std::uint32_t size = 0;
     FieldKey key{};
     const std::byte* fallback = nullptr;
-    bool isPlace = false;  // of nodes whose place somebody may have asked for
-    bool wakes = false;    // the node's behaviour
+    bool isTransform = false;  // of nodes whose place somebody may have asked for
+    bool wakes = false;        // the node's behaviour
 };
 
 bool Scene::State::lookUp(KnownField& known, const Node& node, FieldIndex field) {
@@ -42,7 +42,7 @@ bool Scene::State::lookUp(KnownField& known, const Node& node, FieldIndex field)
              .size = slot.size,
              .key = entry.keys[field],
              .fallback = type.defaults() + slot.offset,
-             .isPlace = isAboutPlaces(slot) && places.watchesAny(),
+             .isTransform = affectsTransforms(slot) && worldTransforms.watchesAny(),
              .wakes = behavioursEnabled && entry.behaviour.onTime};
     touched |= aspectBit(slot.aspect);
     return true;
@@ -93,10 +93,10 @@ class Scene::State::NodesAhead {
 /// An applied set marks no field as written: entries of one node form a list, in which this looks for the field. Also
 /// true if the list is so long that going through it for every field would take too long.
 bool Scene::State::isNamedBefore(FieldIndex field, std::uint32_t newest) const {
-    constexpr int kMost = 64;
+    constexpr int kMax = 64;
     int steps = 0;
     for (std::uint32_t i = newest; i != 0; i = written->at(i - 1).next)
-        if (written->at(i - 1).field == field || ++steps == kMost) return true;
+        if (written->at(i - 1).field == field || ++steps == kMax) return true;
     return false;
 }
 
@@ -119,7 +119,7 @@ template <std::size_t size>
     const NodeId id = node.id_;
     if (nextEntry == entryEnd) [[unlikely]]
         moreRoom(*this);
-    if (known.isPlace) noteMoved(*this, id);
+    if (known.isTransform) noteMoved(*this, id);
     WrittenField* const entry = nextEntry++;
     const std::uint32_t slot = slotOf(entry), latest = node.dirtySlot_;  // the node's last, in this set or an older one
     const std::uint32_t next = latest < slot && written->at(latest).node == id ? latest + 1 : 0;
@@ -217,7 +217,7 @@ template <std::size_t size>
         entry.before[0] = after.low;
         entry.before[1] = after.high;
         std::memcpy(node->block() + alike.offset, value, size);
-        if (alike.isPlace) noteMoved(*this, change.node);
+        if (alike.isTransform) noteMoved(*this, change.node);
         if (alike.wakes) woken.push_back(change.node);
     }
     hash.add(sum.value());

@@ -21,14 +21,14 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/script_language.h>
 
-#include "scene/places.h"
 #include "scene/state_hash.h"
-#include "storage/crew.h"
+#include "scene/world_transforms.h"
 #include "storage/division.h"
 #include "storage/lane.h"
 #include "storage/node_arena.h"
 #include "storage/node_links.h"
 #include "storage/node_table.h"
+#include "storage/thread_team.h"
 #include "type_entry.h"
 
 namespace rtsg {
@@ -65,7 +65,7 @@ struct Scene::State : Scene::Lane {
     Node& makeNode(NodeId id, TypeIndex typeIndex, const NodeType& type, NodeId scope);
     static void retainDefaults(Node& node);
     void release(Node& node);
-    void destroyInPlace(Node& node);
+    void destroyHere(Node& node);
     void dropLinks(Node& node);
     std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
     Node::Links& links(Node& node);
@@ -177,12 +177,12 @@ struct Scene::State : Scene::Lane {
     [[gnu::always_inline]] void noteAspect(Lane& lane, NodeId node, const FieldSlot& slot) {
         const std::uint32_t bit = aspectBit(slot.aspect);
         lane.touched |= bit;
-        if ((bit & kPlaceAspects) && isAboutPlaces(slot)) noteMoved(lane, node);
+        if ((bit & kTransformAspects) && affectsTransforms(slot)) noteMoved(lane, node);
     }
     /// A whole new value makes the insertions and removals noted so far void.
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
-    void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
+    void prefetchSlot(NodeId id) const { nodeTable.prefetch(id); }
     /// Writes a value from a sealed set that is not plain: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// Writes the changes from the first on that are plain values of fields that exist; returns how many.
@@ -236,14 +236,14 @@ struct Scene::State : Scene::Lane {
     void writeShared(Lane& lane, Node& node, FieldIndex field, const void* value);
     /// Those who asked for the place are asked again.
     [[gnu::always_inline]] void noteMoved(Lane& lane, NodeId node) {
-        if (places.isWatched(node)) [[unlikely]]
+        if (worldTransforms.isWatched(node)) [[unlikely]]
             noteWatchedMoved(lane, node);
     }
     [[gnu::noinline]] void noteWatchedMoved(Lane& lane, NodeId node) {
         if (lane.isBeside)
             lane.moved.push_back(node);
         else
-            places.noteMoved(node);
+            worldTransforms.noteMoved(node);
     }
     void addParent(Node& child, ParentRef parent);
     void removeParent(Node& child, ParentRef parent);
@@ -274,7 +274,7 @@ struct Scene::State : Scene::Lane {
     void reportForeign();
     std::atomic<std::size_t> foreignCalls{0};
     static constexpr DiagnosticCode kFromWithin{"from-within"};
-    static constexpr std::size_t kMostInDelivery = 1000;
+    static constexpr std::size_t kMaxInDelivery = 1000;
     bool refuseFromWithin();
     bool refuseEndlessDelivery();
     /// For what replaces the state: an error inside a frame.
@@ -298,14 +298,14 @@ struct Scene::State : Scene::Lane {
         WrittenFields::Piece piece;
         std::size_t at = 0;
     };
-    struct SealShare {
+    struct SealPart {
         std::vector<SealCut> cuts;
         std::size_t count = 0;
         SealedPart result;
     };
-    std::vector<SealShare> sealShares;
+    std::vector<SealPart> sealParts;
     void dealSeal(std::size_t count, unsigned parts);
-    SealedPart sealShare(const SealShare& share, Change* changes);
+    SealedPart sealPart(const SealPart& part, Change* changes);
     [[gnu::noinline]] Hash128 sealShared(const Node& node, WrittenField& entry, Change& change) const;
     void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
     void appendCreations(std::vector<Change>& out) const;
@@ -346,19 +346,19 @@ struct Scene::State : Scene::Lane {
     void navigate(double t);  // navigation.cpp
     static bool isPickSensor(TypeIndex type);
     // ---- what scripts have made (dropped.cpp) ----
-    std::vector<NodeId> scriptMade;  // that are still there, ascending
+    std::vector<NodeId> scriptCreated;  // that are still there, ascending
     /// Errors: scripts have made as many nodes as they may, or one more, or those of so long a text, would be too many.
     Result<> mayScriptsMake(std::size_t textBytes = 0);
     template <class Make>
-    auto madeByScript(const Make& make) {
+    auto createdByScript(const Make& make) {
         const std::uint32_t first = nextId;
-        auto made = make();
+        auto created = make();
         for (std::uint32_t id = first; id < nextId; ++id)
-            if (find(NodeId{id})) scriptMade.push_back(NodeId{id});
-        return made;
+            if (find(NodeId{id})) scriptCreated.push_back(NodeId{id});
+        return created;
     }
     void serveRequests();
-    std::size_t scriptMadeBefore = 0;                       // of them, when they were last looked at
+    std::size_t scriptCreatedBefore = 0;                    // of them, when they were last looked at
     std::unordered_map<std::uint32_t, std::uint32_t> held;  // by the application: how often
     /// Destroys what scripts have made and nothing refers to any longer, once there is enough that is new to look at.
     void destroyDropped();
@@ -366,19 +366,19 @@ struct Scene::State : Scene::Lane {
     std::vector<bool> findReferred(const std::vector<NodeId>& candidates);
     std::vector<Authored> authors;    // since the last seal
     std::vector<NodeId> active, due;  // nodes with onTime; active is sorted
-    Places places{owner};
+    WorldTransforms worldTransforms{owner};
     bool asksLast = false;  // the time for those has come that wait until all others have come to rest
     /// Places, views, and which child is shown.
-    static bool isAboutPlaces(const FieldSlot& slot) {
+    static bool affectsTransforms(const FieldSlot& slot) {
         return slot.aspect == Aspect::transform || slot.aspect == Aspect::view ||
                (slot.aspect == Aspect::structure && slot.type == FieldType::SFInt32);
     }
     std::uint32_t touchedBefore = 0;  // as `touched`, of before the last seal
     bool viewerMoved = false;         // by devices, in the last frame
     static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
-    static constexpr std::uint32_t kPlaceAspects = 1u << static_cast<unsigned>(Aspect::structure) |
-                                                   1u << static_cast<unsigned>(Aspect::transform) |
-                                                   1u << static_cast<unsigned>(Aspect::view);
+    static constexpr std::uint32_t kTransformAspects = 1u << static_cast<unsigned>(Aspect::structure) |
+                                                       1u << static_cast<unsigned>(Aspect::transform) |
+                                                       1u << static_cast<unsigned>(Aspect::view);
     std::priority_queue<Sleeper, std::vector<Sleeper>, std::greater<>> sleepers;
     EventListener listener;
     std::set<std::pair<NodeId, FieldIndex>> announced;  // outputs that the listener has heard at this timestamp
@@ -431,7 +431,7 @@ struct Scene::State : Scene::Lane {
     std::vector<std::shared_ptr<ChangeSet>> pool;  // sealed sets come back when no subscriber holds them
 
     void wakeMoved() {
-        if (places.anyMoved()) places.takeConcerned(woken);
+        if (worldTransforms.anyMoved()) worldTransforms.takeConcerned(woken);
     }
     void wake(const Node& node) { wake(*this, node); }
     void wake(Lane& lane, const Node& node) {
@@ -470,12 +470,12 @@ struct Scene::State : Scene::Lane {
     unsigned threadsAsked = 1;
     static constexpr std::uint64_t kWorthDividing = 4096;  // as Lane::work counts
     std::uint64_t workSealed = 0;                          // `work` at the last seal
-    std::unique_ptr<Crew> crew;                            // made when it is first needed
+    std::unique_ptr<ThreadTeam> team;                      // made when it is first needed
     std::vector<std::unique_ptr<Lane>> lanes;
     Division division;
     std::uint64_t dividedAt = 0;  // linkEdits then
     std::vector<NodeId> sources;  // of the division, ascending
-    unsigned patience = 2, untilDivided = 0, goodTurns = 0;
+    unsigned patience = 2, untilDivided = 0, fullRounds = 0;
     /// Emissions at hand that go to one part: whole ones, except that the first and the last may lack some targets.
     struct Stretch {
         unsigned part = 0;
@@ -503,20 +503,20 @@ struct Scene::State : Scene::Lane {
     };
     std::array<RoundWork, 3> roundWork;
     /// Null if one thread is to do all.
-    Crew* crewFor(std::uint64_t expectedWork);
+    ThreadTeam* teamFor(std::uint64_t expectedWork);
     /// A frame begins: wakes the threads that are likely to have work in it.
-    void callCrew();
+    void callTeam();
     /// Whether the cascade may be divided now: nobody listens to it or edits data that others read.
     bool mayDivide() const;
     bool isLocal(const Behaviour& behaviour) const { return behaviour.local && behaviour.deterministic; }
     enum class Local : std::uint8_t { no, now, untilEdited };
     Local areLocal(std::span<const NodeId> nodes) const;
-    bool areLocalBeside(std::span<const NodeId> nodes, Crew& some);
+    bool areLocalBeside(std::span<const NodeId> nodes, ThreadTeam& some);
     /// Do what tick and runRoutes do, on several threads if that pays; `round` is as in runTime.
     void tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round);
     void runAllRoutes(Cascade& cascade, std::size_t round);
-    bool tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some);
-    bool runRoutesBeside(Cascade& cascade, Crew& some);
+    bool tickBeside(Cascade& cascade, std::span<const NodeId> nodes, ThreadTeam& some);
+    bool runRoutesBeside(Cascade& cascade, ThreadTeam& some);
     void runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own);
     /// False if the emissions at hand are not to be divided.
     bool layOutStretches(unsigned parts);

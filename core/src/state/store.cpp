@@ -16,7 +16,7 @@ Scene::State::State(Scene& scene)
 }
 
 Scene::State::~State() {
-    nodeTable.forEach([this](Node& node) { destroyInPlace(node); });
+    nodeTable.forEach([this](Node& node) { destroyHere(node); });
 }
 
 void Scene::State::addTypeEntry(const NodeType& type) {
@@ -107,7 +107,7 @@ void Scene::State::retainDefaults(Node& node) {
     }
 }
 
-void Scene::State::destroyInPlace(Node& node) {
+void Scene::State::destroyHere(Node& node) {
     for (const FieldIndex i : node.type_->sharedFields())
         destroyStorage(node.type_->fields[i].type, node.block() + node.type_->fields[i].offset);
     dropLinks(node);
@@ -117,12 +117,12 @@ void Scene::State::destroyInPlace(Node& node) {
 void Scene::State::release(Node& node) {
     const NodeId id = node.id_;
     const std::size_t bytes = bytesOf(node);
-    places.noteMoved(id);
+    worldTransforms.noteMoved(id);
     ++linkEdits;
     if (types[node.typeIndex_.value].isScript) --scriptNodes;
     if (node.typeIndex_ == x3d::Collision::type) --collisionNodes;
     if (isPickSensor(node.typeIndex_)) std::erase(pickSensors, id);
-    destroyInPlace(node);
+    destroyHere(node);
     memory.deallocate(&node, bytes);
     nodeTable.remove(id, NodeId{nextId});
 }
@@ -157,7 +157,7 @@ void Scene::State::trimLinks(Node& node) {
 }
 
 void Scene::State::addParent(Node& child, ParentRef parent) {
-    places.noteMoved(child.id_);
+    worldTransforms.noteMoved(child.id_);
     if (!child.parent_.node)
         child.parent_ = parent;
     else
@@ -165,7 +165,7 @@ void Scene::State::addParent(Node& child, ParentRef parent) {
 }
 
 void Scene::State::removeParent(Node& child, ParentRef parent) {
-    places.noteMoved(child.id_);
+    worldTransforms.noteMoved(child.id_);
     if (child.parent_ != parent) {
         if (child.links_) child.links_->parents.remove(parent);
     } else if (child.links_ && !child.links_->parents.empty()) {
@@ -182,7 +182,7 @@ bool Scene::State::isHierarchy(const Node& parent, FieldIndex field) const {
     const FieldDef& def = parent.type_->fields[field];
     if (parent.type_->kind == NodeType::Kind::script) return false;
     if (parent.type_->kind != NodeType::Kind::builtin && parent.type_->kind != NodeType::Kind::user) return def.hidden;
-    return (!def.hidden || def.aspect == Aspect::structure) && !onlyTells(*parent.type_, field);
+    return (!def.hidden || def.aspect == Aspect::structure) && !onlyReports(*parent.type_, field);
 }
 
 bool Scene::State::closesCycle(const Node& parent, FieldIndex field, const Node& child) const {

@@ -11,7 +11,7 @@ namespace {
 
 /// Searches backwards, because the nodes added last tend to be removed first; in blocks, which compilers turn into many
 /// comparisons at once. Precondition: the node is there.
-std::size_t lastPlace(const Array<NodeId>& children, NodeId id) {
+std::size_t lastPosition(const Array<NodeId>& children, NodeId id) {
     constexpr std::size_t kBlock = 64;
     std::size_t end = children.size();
     const NodeId* ids = children.data();
@@ -126,7 +126,7 @@ void Scene::State::detachEverything(Node& node) {
             const std::array<NodeId, 4> none{};  // with room for any plain value: compilers see all sizes being copied
             write(parent, p.field, none.data());
         } else {
-            removeChildAt(parent, p.field, lastPlace(childrenAt(parent.storage(p.field)), node.id_));
+            removeChildAt(parent, p.field, lastPosition(childrenAt(parent.storage(p.field)), node.id_));
         }
         wake(parent);
         if (def.hidden && def.type == FieldType::MFNode)  // a binding stack: the node that has come to its top must be
@@ -267,10 +267,10 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
 /// Takes the authors since the last seal; the last one of a field counts.
 std::shared_ptr<const std::vector<Authored>> Scene::State::takeAuthors() {
     std::vector<Authored> all = std::exchange(authors, {});
-    const auto place = [](const Authored& one) { return std::pair(one.node.value, one.field); };
+    const auto keyOf = [](const Authored& one) { return std::pair(one.node.value, one.field); };
     std::ranges::reverse(all);
-    std::ranges::stable_sort(all, {}, place);
-    all.erase(std::ranges::unique(all, {}, place).begin(), all.end());
+    std::ranges::stable_sort(all, {}, keyOf);
+    all.erase(std::ranges::unique(all, {}, keyOf).begin(), all.end());
     return std::make_shared<const std::vector<Authored>>(std::move(all));
 }
 
@@ -284,7 +284,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     const std::size_t behind = first.size();
     if (behind > 0) set->changes.swap(first);
     appendFieldChanges(*set, behind);
-    if (crew) crew->dismiss();
+    if (team) team->dismiss();
     appendOtherEdits(set->changes);
     if (recording) input->events = events;
     for (Change& change : events) set->changes.push_back(std::move(change));

@@ -85,7 +85,7 @@ inline bool isPlain(FieldType type) {
         lane.nextEntry == lane.entryEnd) [[unlikely]]
         return false;
     const std::uint32_t aspect = aspectBit(slot.aspect);
-    if ((aspect & kPlaceAspects) && isAboutPlaces(slot) && places.isWatched(node.id_)) [[unlikely]]
+    if ((aspect & kTransformAspects) && affectsTransforms(slot) && worldTransforms.isWatched(node.id_)) [[unlikely]]
         return false;
     lane.touched |= aspect;
     lane.expected = lane.expected + 1;
@@ -106,7 +106,7 @@ template <bool isPlain>
     if (node.dirty_ & bit)
         if (WrittenField* entry = entryOf(node, field)) {
             entry->external = lane.writingExternally;
-            if (isAboutPlaces(slot)) noteMoved(lane, node.id_);
+            if (affectsTransforms(slot)) noteMoved(lane, node.id_);
             return;
         }
     if constexpr (isPlain)

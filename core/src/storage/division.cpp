@@ -53,13 +53,13 @@ void Division::name(std::span<const NodeId> sources, std::span<const Edge> edges
 
 bool Division::divide(std::span<const NodeId> sources, std::span<const Edge> edges, unsigned parts) {
     parts_.clear();
-    std::uint32_t most = 0, count = 0;
-    for (const NodeId id : sources) most = std::max(most, id.value);
-    for (const Edge& edge : edges) most = std::max(most, edge.to.value);
+    std::uint32_t maximum = 0, count = 0;
+    for (const NodeId id : sources) maximum = std::max(maximum, id.value);
+    for (const Edge& edge : edges) maximum = std::max(maximum, edge.to.value);
     // Numbers with large gaps (from a file, or a peer) are left alone.
-    if (edges.empty() || parts < 2 || parts > kMostParts || most / 64 > 1024 + edges.size()) return false;
+    if (edges.empty() || parts < 2 || parts > kMaxParts || maximum / 64 > 1024 + edges.size()) return false;
     constexpr std::uint32_t kNew = UINT32_MAX;
-    index_.assign(std::size_t{most} + 1, kNew);
+    index_.assign(std::size_t{maximum} + 1, kNew);
     const auto number = [&](NodeId id) {
         if (indexOf(id) == kNew) indexOf(id) = count++;
     };
@@ -73,7 +73,7 @@ bool Division::divide(std::span<const NodeId> sources, std::span<const Edge> edg
     unite(edges);
     const std::size_t largest = deal(edges, parts);
     if (4 * largest > 3 * edges.size()) return false;
-    parts_.assign(std::size_t{most} + 1, kNone);
+    parts_.assign(std::size_t{maximum} + 1, kNone);
     name(sources, edges);
     return true;
 }

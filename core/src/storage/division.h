@@ -18,7 +18,7 @@ class Division {
   public:
     /// The values of partOf() for nodes that are in no part, and for nodes that send to several.
     static constexpr std::uint8_t kNone = 255, kSeveral = 254;
-    static constexpr unsigned kMostParts = 128;
+    static constexpr unsigned kMaxParts = 128;
     struct Edge {
         NodeId from, to;
     };

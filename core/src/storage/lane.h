@@ -50,7 +50,7 @@ struct alignas(128) Scene::Lane {
     std::vector<NodeId> watchers;    // those that wait until anything has moved
     std::vector<NodeId> late;        // Behaviour::last, set aside until all others have come to rest
     std::vector<Sleeper> goToSleep;  // from this tick
-    bool askedForPlace = false;      // by the onTime that runs
+    bool askedForTransform = false;  // by the onTime that runs
     std::uint64_t work = 0;          // events delivered and times told, and in units like these what long values cost
 
     // ---- of lanes beside the scene's ----

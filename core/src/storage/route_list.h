@@ -26,26 +26,26 @@ class RouteList {
     bool contains(const T& item) const { return find(item) != kNone; }
     void add(const T& item) {
         items_.push_back(item);
-        if (!places_.empty())
-            places_.emplace(item, items_.size() - 1);
+        if (!index_.empty())
+            index_.emplace(item, items_.size() - 1);
         else if (items_.size() > kFew)
             index();
     }
     bool remove(const T& item) {
-        const std::size_t place = find(item);
-        if (place == kNone) return false;
-        if (!places_.empty()) {
-            auto [at, end] = places_.equal_range(item);
-            while (at->second != place) ++at;
-            places_.erase(at);
+        const std::size_t slot = find(item);
+        if (slot == kNone) return false;
+        if (!index_.empty()) {
+            auto [at, end] = index_.equal_range(item);
+            while (at->second != slot) ++at;
+            index_.erase(at);
         }
-        items_[place] = T();
-        if (place + 1 == items_.size()) {
+        items_[slot] = T();
+        if (slot + 1 == items_.size()) {
             items_.pop_back();
         } else if (++holes_; 2 * holes_ > items_.size()) {
             std::erase(items_, T());
             holes_ = 0;
-            places_.clear();
+            index_.clear();
             if (items_.size() > kFew) index();
         }
         return true;
@@ -57,21 +57,21 @@ class RouteList {
         std::size_t operator()(const T& item) const { return item.hash(); }
     };
     std::size_t find(const T& item) const {
-        if (places_.empty()) {
+        if (index_.empty()) {
             const auto found = std::ranges::find(items_, item);
             return found == items_.end() ? kNone : static_cast<std::size_t>(found - items_.begin());
         }
-        const auto found = places_.find(item);
-        return found == places_.end() ? kNone : found->second;
+        const auto found = index_.find(item);
+        return found == index_.end() ? kNone : found->second;
     }
     void index() {
         for (std::size_t i = 0; i < items_.size(); ++i)
-            if (!(items_[i] == T())) places_.emplace(items_[i], i);
+            if (!(items_[i] == T())) index_.emplace(items_[i], i);
     }
 
     std::vector<T> items_;
     std::size_t holes_ = 0;
-    std::unordered_multimap<T, std::size_t, Hash> places_;  // empty while there are few
+    std::unordered_multimap<T, std::size_t, Hash> index_;  // empty while there are few
 };
 
 /// The first route in place, the list of all once there have been two.

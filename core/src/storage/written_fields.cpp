@@ -30,22 +30,22 @@ std::size_t WrittenFields::findFree(std::uint32_t lane) {
 
 WrittenFields::Chunk WrittenFields::takeChunk(std::uint32_t lane) {
     const std::lock_guard lock(mutex_);
-    const std::size_t place = findFree(lane);
-    if (place == chunks_.size()) {
+    const std::size_t index = findFree(lane);
+    if (index == chunks_.size()) {
         void* bytes = std::aligned_alloc(alignof(Memory), sizeof(Memory) + kChunk * sizeof(WrittenField));
         if (!bytes) throw std::bad_alloc();
         chunks_.emplace_back(new (bytes) Memory);
         if (chunks_.size() > room_)
             grow();
         else
-            table_.load(std::memory_order_relaxed)[place] = chunks_.back().get();
+            table_.load(std::memory_order_relaxed)[index] = chunks_.back().get();
     }
-    Memory& chunk = *chunks_[place];
+    Memory& chunk = *chunks_[index];
     chunk.used = 0;
     chunk.lane = lane;
     chunk.isTaken = true;
     ++taken_;
-    return {chunk.entries(), static_cast<std::uint32_t>(place) * kChunk};
+    return {chunk.entries(), static_cast<std::uint32_t>(index) * kChunk};
 }
 
 void WrittenFields::append(Piece piece, std::uint32_t slot) {

@@ -13,7 +13,7 @@ namespace rtsg::detail {
 namespace {
 
 using Of = CustomLayout::Of;
-constexpr std::size_t kToldEach = 512;  // values between two words on progress
+constexpr std::size_t kReportedEach = 512;  // values between two words on progress
 
 /// For a trial, of which nobody hears.
 class SilentReport final : public FieldTextReport {
@@ -98,14 +98,15 @@ bool FieldTextParser::parseCustomBare(const CustomType& custom, CustomValue& out
             break;
     }
     if (!usable) return false;
-    auto made = custom.layout().of == Of::bytes ? custom.value(std::as_bytes(std::span(bits))) : custom.value(numbers);
-    if (made) made = normalisedCustom(custom, std::move(*made));
-    if (!made) {
-        report_.report(Severity::error, at, made.error().text);
+    auto created =
+        custom.layout().of == Of::bytes ? custom.value(std::as_bytes(std::span(bits))) : custom.value(numbers);
+    if (created) created = normalisedCustom(custom, std::move(*created));
+    if (!created) {
+        report_.report(Severity::error, at, created.error().text);
         p = at;
         return false;
     }
-    out = std::move(*made);
+    out = std::move(*created);
     return true;
 }
 
@@ -115,18 +116,18 @@ bool FieldTextParser::parseCustomElement(const CustomType& custom, CustomValue& 
     const char* const at = p;
     String quoted;
     if (!parseQuoted(quoted)) return false;
-    auto made = customFromText(custom, quoted);
-    if (!made) {
+    auto created = customFromText(custom, quoted);
+    if (!created) {
         // JSON has bytes in this form, since it does not know their text.
         SilentReport silent;
         const std::string_view text = quoted;
         FieldTextParser trial(text.data(), text.data() + text.size(), TextSyntax::xml, silent);
         if (trial.parseCustomBare(custom, out) && trial.p == trial.end_ && !silent.failed) return true;
-        report_.report(Severity::error, at, made.error().text);
+        report_.report(Severity::error, at, created.error().text);
         p = at;
         return false;
     }
-    out = std::move(*made);
+    out = std::move(*created);
     return true;
 }
 
@@ -149,11 +150,11 @@ bool FieldTextParser::parseCustom(FieldType type, const CustomType& custom, Valu
                 return true;
             }
             while (text.ends_with(' ')) text.remove_suffix(1);
-            auto made = customFromText(custom, text);
-            if (!made) report_.report(Severity::error, p, made.error().text);
-            if (made) out = Value(std::move(*made));
+            auto created = customFromText(custom, text);
+            if (!created) report_.report(Severity::error, p, created.error().text);
+            if (created) out = Value(std::move(*created));
             p = end_;
-            return made.has_value();
+            return created.has_value();
         }
         usable = parseCustomElement(custom, one);
         if (usable) out = Value(std::move(one));
@@ -191,7 +192,7 @@ bool FieldTextParser::parseCustom(FieldType type, const CustomType& custom, Valu
             break;
         }
         many.push_back(one);
-        if (many.size() % kToldEach == 0) report_.progress(p);
+        if (many.size() % kReportedEach == 0) report_.progress(p);
     }
     if (xml) p = end_;
     out = Value(std::move(many));

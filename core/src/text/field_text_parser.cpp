@@ -56,9 +56,9 @@ std::string FieldTextParser::found(const char* at) const {
     if (at == end_) return syntax_ == TextSyntax::xml ? "the end of the value" : "the end";
     const char* stop = endOfWord(at, end_);
     if (stop == at) stop = at + 1;
-    constexpr std::ptrdiff_t most = 40;
-    if (stop - at <= most) return "'" + std::string(at, stop) + "'";
-    stop = at + most;
+    constexpr std::ptrdiff_t maximum = 40;
+    if (stop - at <= maximum) return "'" + std::string(at, stop) + "'";
+    stop = at + maximum;
     while (stop != at && (static_cast<unsigned char>(*stop) & 0xC0u) == 0x80u) --stop;  // not within a code point
     return "'" + std::string(at, stop) + "...'";
 }
@@ -176,11 +176,11 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
     bool mayBeLong = splitting.threads > 1;
     GatheredNumbers<Scalar<T>> numbers;
     std::unique_ptr<NumberPieces<Scalar<T>>> pieces;
-    std::size_t told = 0;  // how many there were when report_ heard of progress
+    std::size_t message = 0;  // how many there were when report_ heard of progress
     bool reported = false;
     for (;;) {
-        if (numbers.size() - told >= kBlock) {
-            told = numbers.size();
+        if (numbers.size() - message >= kBlock) {
+            message = numbers.size();
             report_.progress(p);
         }
         if (pieces || (mayBeLong && p - start >= alone)) {
@@ -194,7 +194,7 @@ bool FieldTextParser::parseManyNumbers(Array<T>& out, bool bracketed) {
             }
         }
         // Many at once, as far as they are plain; then one with care.
-        const auto room = numbers.room(kRunMost);
+        const auto room = numbers.room(kRunMax);
         const char* const limit = pieces ? pieces->limit(end_) : end_;
         numbers.took(scanRun(p, limit, room.data(), std::min(room.size(), kBlock)));
         skipSpace();
@@ -261,7 +261,7 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     if (head[0] != 0 || head[1] != 0 || head[2] != 0) out.words.append(head);
     // The bits that a pixel of so many components cannot have; a pixel of four components uses the whole word.
     const std::uint32_t beyond = head[2] >= 1 && head[2] <= 3 ? ~((1u << 8 * head[2]) - 1) : 0;
-    bool reported = false, toldBeyond = false;
+    bool reported = false, reportedBeyond = false;
     for (std::uint64_t i = 0; i < pixels; ++i) {
         skipSpace();
         const char* at = p;
@@ -278,11 +278,11 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
             report_.report(Severity::error, at, "the pixel does not fit 32 bits; 0 is taken instead");
             reported = true;
         }
-        if ((static_cast<std::uint32_t>(block[count]) & beyond) != 0 && !toldBeyond) {
+        if ((static_cast<std::uint32_t>(block[count]) & beyond) != 0 && !reportedBeyond) {
             report_.report(Severity::warning, at,
                            "the pixel has more bits than " + std::to_string(head[2]) +
                                (head[2] == 1 ? " component takes" : " components take") + "; the others do not count");
-            toldBeyond = true;
+            reportedBeyond = true;
         }
         if (++count == kBlock) {
             out.words.append({block, count});

@@ -28,8 +28,8 @@ class GatheredNumbers {
 
     std::size_t size() const { return size_; }
     /// Room for the next numbers, at least `least`. Throws std::bad_alloc.
-    std::span<S> room(std::size_t least) {
-        if (capacity_ - size_ < least) grow(size_ + least);
+    std::span<S> room(std::size_t minimum) {
+        if (capacity_ - size_ < minimum) grow(size_ + minimum);
         return {data() + size_, capacity_ - size_};
     }
     /// So many have been put there.
@@ -77,10 +77,10 @@ class GatheredNumbers {
     S* data() {
         return memory_ ? reinterpret_cast<S*>(static_cast<std::byte*>(memory_) + sizeof(ArrayHeader)) : few_.data();
     }
-    void grow(std::size_t least) {
+    void grow(std::size_t minimum) {
         // Memory that nobody has written to takes no pages yet: much room costs nothing, and seldom has to be copied.
         const std::size_t times = capacity_ < std::size_t{1} << 23 ? 4 : 2;
-        std::size_t capacity = std::max(least, times * capacity_);
+        std::size_t capacity = std::max(minimum, times * capacity_);
         if (capacity > kManyBytes / sizeof(S)) capacity = std::max(capacity, kRemappedBytes / sizeof(S));
         if (capacity > (SIZE_MAX / 2 - sizeof(ArrayHeader) - kArrayPadding) / sizeof(S)) throw std::bad_alloc();
         void* const larger = std::realloc(memory_, sizeof(ArrayHeader) + capacity * sizeof(S) + kArrayPadding);

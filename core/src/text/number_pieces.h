@@ -43,9 +43,9 @@ class NumberPieces {
     /// `begin`: where a number may begin, of a list that ends with a `]` if it is bracketed.
     NumberPieces(const char* begin, bool bracketed, const Splitting& splitting)
         : size_(splitting.piece), bracketed_(bracketed), next_(begin), readers_(splitting.threads, &readPiece<S>) {
-        const std::size_t most = 2 * std::size_t{splitting.threads} + 1;
-        for (std::size_t i = 0; i < most; ++i) {
-            buffers_.push_back(std::make_unique_for_overwrite<S[]>(size_ / 2 + 1 + kRunMost));
+        const std::size_t maximum = 2 * std::size_t{splitting.threads} + 1;
+        for (std::size_t i = 0; i < maximum; ++i) {
+            buffers_.push_back(std::make_unique_for_overwrite<S[]>(size_ / 2 + 1 + kRunMax));
             free_.push_back(buffers_.back().get());
         }
     }

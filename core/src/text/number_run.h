@@ -22,7 +22,7 @@ namespace rtsg::detail {
 /// So many bytes have to follow for a run to look at them.
 constexpr std::ptrdiff_t kRunLook = 64 + 16;
 /// A run takes no more than this with one look, and ends where there is room for less.
-constexpr std::size_t kRunMost = 32;
+constexpr std::size_t kRunMax = 32;
 
 #if defined(__SSE4_1__)
 
@@ -110,9 +110,9 @@ inline bool scanPlain(const char* s, const char* stop, S& out) {
 /// Reads numbers into `out`, at most `most` of them, and returns how many. `p` is where a number or what separates them
 /// may begin, and afterwards there again.
 template <class S>
-std::size_t scanRun(const char*& p, const char* end, S* out, std::size_t most) {
+std::size_t scanRun(const char*& p, const char* end, S* out, std::size_t maximum) {
     std::size_t count = 0;
-    while (end - p >= kRunLook && most - count >= kRunMost) {
+    while (end - p >= kRunLook && maximum - count >= kRunMax) {
         const std::uint64_t spaces = spacesOf64(p);
         const std::uint64_t before = spaces << 1 | 1;
         std::uint64_t starts = ~spaces & before, ends = spaces & ~before;

@@ -201,8 +201,8 @@ inline NumberStatus scanInteger(const char*& p, const char* end, std::int32_t& o
     }
     p = s;
     out = 0;
-    const std::uint64_t most = negative ? 0x80000000u : wide ? 0xFFFFFFFFu : 0x7FFFFFFFu;
-    if (value > most) return NumberStatus::notFinite;
+    const std::uint64_t maximum = negative ? 0x80000000u : wide ? 0xFFFFFFFFu : 0x7FFFFFFFu;
+    if (value > maximum) return NumberStatus::notFinite;
     out = static_cast<std::int32_t>(static_cast<std::uint32_t>(negative ? -value : value));
     return NumberStatus::ok;
 }

@@ -18,9 +18,9 @@ struct Splitting {
 /// Splitting for so many threads; 0: as many as the processor runs. More than 8 are useless, since one of them fetches
 /// the text for all, and each takes memory for reading ahead.
 inline Splitting splitting(unsigned threads) {
-    constexpr unsigned most = 8;
+    constexpr unsigned maximum = 8;
     if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
-    return {.threads = std::min(threads, most)};
+    return {.threads = std::min(threads, maximum)};
 }
 
 }  // namespace rtsg::detail

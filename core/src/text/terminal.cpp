@@ -32,9 +32,9 @@ CodePoint codePointAt(std::string_view text, std::size_t at) {
 }
 
 bool isControl(std::uint32_t c) {
-    const bool turnsDirection =
+    const bool reversesDirection =
         c == 0x200E || c == 0x200F || (c >= 0x202A && c <= 0x202E) || (c >= 0x2066 && c <= 0x2069);
-    return c < 0x20 || (c >= 0x7F && c < 0xA0) || c == 0x2028 || c == 0x2029 || turnsDirection;
+    return c < 0x20 || (c >= 0x7F && c < 0xA0) || c == 0x2028 || c == 0x2029 || reversesDirection;
 }
 
 }  // namespace

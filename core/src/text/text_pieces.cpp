@@ -76,7 +76,7 @@ void PieceReaders::drop(TextPiece& piece) {
 
 PieceWalk::PieceWalk(const char* from, const Splitting& splitting, Cut cut, std::function<void(TextPiece&)> look)
     : size_(4 * splitting.piece),  // looking is soon done
-      most_(2 * std::size_t{splitting.threads} + 1),
+      maximum_(2 * std::size_t{splitting.threads} + 1),
       cut_(cut),
       next_(from),
       readers_(splitting.threads, std::move(look)) {}
@@ -86,7 +86,7 @@ PieceWalk::~PieceWalk() {
 }
 
 bool PieceWalk::add(const char* end) {
-    while (!ended_ && pieces_.size() < most_) {
+    while (!ended_ && pieces_.size() < maximum_) {
         if (end - next_ < static_cast<std::ptrdiff_t>(size_)) return true;
         const char* const cut = cut_(next_, next_ + size_);
         ended_ = cut == next_;

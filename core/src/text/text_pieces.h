@@ -59,7 +59,7 @@ class PieceWalk {
   public:
     /// Finds where the piece that begins at `begin` ends, at `most` or before; returns `begin` itself if that cannot be
     /// told.
-    using Cut = const char* (*)(const char* begin, const char* most);
+    using Cut = const char* (*)(const char* begin, const char* maximum);
     /// `look` moves a piece's stop to its end, or to where the ordinary ends.
     PieceWalk(const char* from, const Splitting& splitting, Cut cut, std::function<void(TextPiece&)> look);
     ~PieceWalk();
@@ -72,7 +72,7 @@ class PieceWalk {
     bool next(const char*& p);
 
   private:
-    const std::size_t size_, most_;
+    const std::size_t size_, maximum_;
     const Cut cut_;
     const char* next_;  // where the next piece begins
     bool ended_ = false;

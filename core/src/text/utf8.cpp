@@ -74,9 +74,9 @@ std::size_t findInvalidUtf8(std::string_view text, std::size_t from) {
 std::size_t findInvalidUtf8(std::string_view text, const Splitting& splitting) {
     if (splitting.threads < 2 || text.size() < splitting.from) return findInvalidUtf8(text);
     // No character is cut in two.
-    const auto character = [](const char* begin, const char* most) {
-        const char* at = most;
-        while (most - at < 4 && at != begin && (static_cast<unsigned char>(*at) & 0xC0u) == 0x80u) --at;
+    const auto character = [](const char* begin, const char* maximum) {
+        const char* at = maximum;
+        while (maximum - at < 4 && at != begin && (static_cast<unsigned char>(*at) & 0xC0u) == 0x80u) --at;
         return at;
     };
     PieceWalk walk(text.data(), splitting, character, [](TextPiece& piece) {

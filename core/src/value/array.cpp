@@ -7,8 +7,8 @@
 namespace rtsg::detail {
 
 ArrayHeader* allocateArray(std::size_t elementSize, std::uint64_t capacity) {
-    constexpr std::uint64_t most = std::numeric_limits<std::size_t>::max() - sizeof(ArrayHeader) - kArrayPadding;
-    if (elementSize != 0 && capacity > most / elementSize) throw std::bad_alloc();
+    constexpr std::uint64_t maximum = std::numeric_limits<std::size_t>::max() - sizeof(ArrayHeader) - kArrayPadding;
+    if (elementSize != 0 && capacity > maximum / elementSize) throw std::bad_alloc();
     // calloc: the bytes behind the last element must be zero, and large blocks come zeroed from the system anyway.
     void* memory = std::calloc(1, sizeof(ArrayHeader) + elementSize * capacity + kArrayPadding);
     if (!memory) throw std::bad_alloc();

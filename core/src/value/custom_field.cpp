@@ -10,14 +10,14 @@
 #include <mutex>
 #include <utility>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 namespace rtsg {
 
 namespace {
 
 using Of = CustomLayout::Of;
-constexpr std::size_t kLongestName = 64, kMostNumbers = 1024;
+constexpr std::size_t kLongestName = 64, kMaxNumbers = 1024;
 thread_local bool numbersOnly = false;
 
 bool isName(std::string_view name) {
@@ -30,7 +30,7 @@ bool isName(std::string_view name) {
 }
 
 bool isPossible(const CustomLayout& layout) {
-    return layout.of <= Of::float64 && layout.count <= kMostNumbers && (layout.count > 0 || layout.of == Of::bytes);
+    return layout.of <= Of::float64 && layout.count <= kMaxNumbers && (layout.count > 0 || layout.of == Of::bytes);
 }
 
 std::string_view boxOf(const CustomValue& value) {
@@ -50,7 +50,7 @@ std::size_t headOf(std::string_view box, CustomLayout& layout) {
                                                                                                                   : 0;
 }
 
-CustomValue made(std::string_view head, std::string_view bits) {
+CustomValue customValue(std::string_view head, std::string_view bits) {
     CustomValue value;
     value.box.reserve(head.size() + bits.size());
     value.box.append({head.data(), head.size()});
@@ -123,7 +123,7 @@ std::shared_ptr<const CustomType> CustomType::of(const CustomValue& value) {
 }
 
 CustomValue CustomType::zero() const {
-    return made(head_, std::string(layout_.size(), '\0'));
+    return customValue(head_, std::string(layout_.size(), '\0'));
 }
 
 bool CustomType::holds(const CustomValue& value) const {
@@ -134,7 +134,7 @@ bool CustomType::holds(const CustomValue& value) const {
 Result<CustomValue> CustomType::value(std::span<const std::byte> bits) const {
     if (layout_.size() != 0 && bits.size() != layout_.size())
         return fail("SF" + std::string(name()) + " consists of " + counted(layout_));
-    return made(head_, {reinterpret_cast<const char*>(bits.data()), bits.size()});
+    return customValue(head_, {reinterpret_cast<const char*>(bits.data()), bits.size()});
 }
 
 Result<CustomValue> CustomType::value(std::span<const double> numbers) const {
@@ -143,9 +143,9 @@ Result<CustomValue> CustomType::value(std::span<const double> numbers) const {
                     std::to_string(numbers.size()));
     std::string bits;
     for (const double number : numbers) {
-        const double least = layout_.of == Of::bytes ? 0 : std::numeric_limits<std::int32_t>::min();
-        const double most = layout_.of == Of::bytes ? 255 : std::numeric_limits<std::int32_t>::max();
-        const bool isInteger = number >= least && number <= most && number == std::trunc(number);
+        const double minimum = layout_.of == Of::bytes ? 0 : std::numeric_limits<std::int32_t>::min();
+        const double maximum = layout_.of == Of::bytes ? 255 : std::numeric_limits<std::int32_t>::max();
+        const bool isInteger = number >= minimum && number <= maximum && number == std::trunc(number);
         if (layout_.of == Of::float64)
             appendBits<double>(bits, number);
         else if (layout_.of == Of::float32)
@@ -158,7 +158,7 @@ Result<CustomValue> CustomType::value(std::span<const double> numbers) const {
         else
             appendBits<std::uint8_t>(bits, number);
     }
-    return made(head_, bits);
+    return customValue(head_, bits);
 }
 
 std::span<const std::byte> customBits(const CustomValue& value) {
@@ -225,7 +225,7 @@ struct Registered {
 };
 
 Registered& registered() {
-    static const auto& all = lasting([] { return std::make_unique<Registered>(); });
+    static const auto& all = neverDestroyed([] { return std::make_unique<Registered>(); });
     return *all;
 }
 
@@ -245,7 +245,7 @@ std::shared_ptr<const CustomFunctions> functionsOf(const CustomValue& value) {
 
 /// Calls a function of the application for a type, and checks its result.
 template <class Call>
-Result<CustomValue> madeBy(const CustomType& type, const Call& call) {
+Result<CustomValue> createdBy(const CustomType& type, const Call& call) {
     const std::string name = "SF" + std::string(type.name());
     try {
         Result<CustomValue> value = call();
@@ -370,7 +370,7 @@ bool scriptsSeeText(const CustomType& type) {
 Result<CustomValue> customFromText(const CustomType& type, std::string_view text) {
     const auto functions = functionsOf(type.head());
     if (!functions || !functions->parse) return fail("SF" + std::string(type.name()) + " has no text of its own here");
-    auto value = madeBy(type, [&] { return functions->parse(type, text); });
+    auto value = createdBy(type, [&] { return functions->parse(type, text); });
     return value ? normalisedCustom(type, std::move(*value)) : value;
 }
 
@@ -393,14 +393,14 @@ std::optional<std::string> customText(const CustomValue& value) {
 Result<CustomValue> normalisedCustom(const CustomType& type, CustomValue value) {
     const auto functions = functionsOf(type.head());
     if (!functions || !functions->normalised) return value;
-    return madeBy(type, [&] { return functions->normalised(type, value); });
+    return createdBy(type, [&] { return functions->normalised(type, value); });
 }
 
 CustomValue customBetween(const CustomValue& a, const CustomValue& b, double t) {
     const auto functions = functionsOf(a);
     const auto type = CustomType::of(a);
     if (!functions || !functions->between || !type->holds(b)) return a;
-    const auto between = madeBy(*type, [&] { return Result<CustomValue>(functions->between(a, b, t)); });
+    const auto between = createdBy(*type, [&] { return Result<CustomValue>(functions->between(a, b, t)); });
     return between ? *between : a;
 }
 

@@ -45,7 +45,7 @@ Weights momentOf(double rate, double t) {
     return {(c + x * s - 1) / r2, (s - x * c) / (r2 * rate), (y / 2 - c - x * s + 1) / (r2 * r2)};
 }
 
-bool turns(std::uint8_t model) {
+bool rotates(std::uint8_t model) {
     return model == 3 || model == 4 || model == 7 || model == 8;
 }
 bool accelerates(std::uint8_t model) {
@@ -64,13 +64,13 @@ bool isBodyModel(std::uint8_t deadReckoning) {
 bool isMoving(const EntityState& state) {
     const std::uint8_t model = state.deadReckoning;
     if (model < 2 || model > 9) return false;
-    return state.velocity != glm::vec3(0) || (turns(model) && state.angularVelocity != glm::vec3(0)) ||
+    return state.velocity != glm::vec3(0) || (rotates(model) && state.angularVelocity != glm::vec3(0)) ||
            (accelerates(model) && state.acceleration != glm::vec3(0));
 }
 
 glm::dquat orientationOf(const EulerAngles& angles) {
-    return turnAbout({0, 0, 1}, double{angles.psi}) * turnAbout({0, 1, 0}, double{angles.theta}) *
-           turnAbout({1, 0, 0}, double{angles.phi});
+    return rotationAround({0, 0, 1}, double{angles.psi}) * rotationAround({0, 1, 0}, double{angles.theta}) *
+           rotationAround({1, 0, 0}, double{angles.phi});
 }
 
 EulerAngles anglesOf(const glm::dquat& worldFromBody) {
@@ -88,14 +88,14 @@ EntityPose deadReckon(const EntityState& state, double t) {
     if (model < 2 || model > 9) return pose;
     const glm::dvec3 velocity(state.velocity);
     const glm::dvec3 acceleration = accelerates(model) ? glm::dvec3(state.acceleration) : glm::dvec3(0);
-    const glm::dvec3 rate = turns(model) ? glm::dvec3(state.angularVelocity) : glm::dvec3(0);
+    const glm::dvec3 rate = rotates(model) ? glm::dvec3(state.angularVelocity) : glm::dvec3(0);
     const double speed = glm::length(rate);
     if (isBodyModel(model))
         pose.location +=
             pose.worldFromBody * (integralOf(speed, t)(rate, velocity) + momentOf(speed, t)(rate, acceleration));
     else
         pose.location += velocity * t + acceleration * (t * t / 2);
-    if (speed > 0) pose.worldFromBody = glm::normalize(pose.worldFromBody * turnAbout(rate / speed, speed * t));
+    if (speed > 0) pose.worldFromBody = glm::normalize(pose.worldFromBody * rotationAround(rate / speed, speed * t));
     return pose;
 }
 

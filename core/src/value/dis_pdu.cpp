@@ -15,7 +15,7 @@ namespace rtsg::dis {
 namespace {
 
 constexpr std::size_t kHeaderLength = 12, kMarkingLength = 11, kArticulationLength = 16;
-constexpr double kMostNumber = 1e30;  // fields of a scene are floats
+constexpr double kMaxNumber = 1e30;  // fields of a scene are floats
 
 /// Takes numbers off a PDU whose end is known. After the first that is not there all others are 0.
 class PduReader {
@@ -32,7 +32,7 @@ class PduReader {
             std::memcpy(raw, bytes_.data() + at_, sizeof(T)), at_ += sizeof(T);
         std::ranges::reverse(raw);
         value = std::bit_cast<T>(raw);
-        if constexpr (std::is_floating_point_v<T>) isSound_ = isSound_ && std::abs(value) <= T(kMostNumber);
+        if constexpr (std::is_floating_point_v<T>) isSound_ = isSound_ && std::abs(value) <= T(kMaxNumber);
     }
     void skip(std::size_t count) {
         if (bytes_.size() - at_ < count) isShort_ = true;
@@ -45,7 +45,7 @@ class PduReader {
     }
     std::size_t left() const { return bytes_.size() - at_; }
     bool isShort() const { return isShort_; }
-    /// No number is beyond kMostNumber, or none at all.
+    /// No number is beyond kMaxNumber, or none at all.
     bool isSound() const { return isSound_; }
 
   private:

@@ -17,10 +17,10 @@ std::uint64_t scrambled(std::uint64_t x) {
 }
 
 bool isSound(const EmissionSpan& s) {
-    const auto positive = [](double x, double most) { return x >= 0 && x <= most; };
+    const auto positive = [](double x, double maximum) { return x >= 0 && x <= maximum; };
     const auto finite = [](const Vec3d& v) { return std::isfinite(v.x + v.y + v.z); };
     return std::isfinite(s.start) && !std::isnan(s.end) && positive(s.serial, 0x1p53) &&
-           positive(s.count, double(kMostParticles)) && positive(s.lifetime, 1e300) &&
+           positive(s.count, double(kMaxParticles)) && positive(s.lifetime, 1e300) &&
            positive(s.lifetimeVariation, 1) && std::isfinite(s.size.x + s.size.y) &&
            std::isfinite(s.speed + s.variation + s.mass + s.surfaceArea + s.angle) && finite(s.position) &&
            finite(s.direction);
@@ -33,10 +33,10 @@ class Census {
 
     void explosion(const EmissionSpan& span) {
         const double age = now_ - span.start;
-        const auto places = static_cast<std::uint64_t>(span.count);
+        const auto positions = static_cast<std::uint64_t>(span.count);
         if (!(age >= 0)) return;
-        for (std::uint64_t place = 0; place < places && !full(); ++place)
-            add(span, place, 0, age, span.lifetime * (1 + span.lifetimeVariation * spread(span, place, 0)));
+        for (std::uint64_t slot = 0; slot < positions && !full(); ++slot)
+            add(span, slot, 0, age, span.lifetime * (1 + span.lifetimeVariation * spread(span, slot, 0)));
     }
 
     void stream(const EmissionSpan& span) {
@@ -44,17 +44,17 @@ class Census {
         const double until = std::min(now_, span.end) - span.start, every = span.lifetime / span.count;
         if (!(until >= 0)) return;
         const double begun = std::min(span.count, closed ? std::ceil(until / every) : std::floor(until / every) + 1);
-        for (std::uint64_t place = 0; place < static_cast<std::uint64_t>(begun) && !full(); ++place) {
+        for (std::uint64_t slot = 0; slot < static_cast<std::uint64_t>(begun) && !full(); ++slot) {
             // In one place two particles take turns, 2 * lifetime long together.
-            const double since = until - static_cast<double>(place) * every, two = 2 * span.lifetime;
+            const double since = until - static_cast<double>(slot) * every, two = 2 * span.lifetime;
             if (!(since >= 0)) continue;
             const double pair = std::min(std::floor(since / two), 0x1p52), inPair = since - pair * two;
-            const double change = span.lifetimeVariation * spread(span, place, static_cast<std::uint64_t>(pair));
+            const double change = span.lifetimeVariation * spread(span, slot, static_cast<std::uint64_t>(pair));
             const double first = span.lifetime * (1 + change);
             const bool second = inPair >= first;
             const double age = second ? inPair - first : inPair;
             if (closed && age == 0) continue;  // would be born just when the span ends
-            add(span, place, 2 * static_cast<std::uint64_t>(pair) + (second ? 1 : 0), age + (now_ - span.start - until),
+            add(span, slot, 2 * static_cast<std::uint64_t>(pair) + (second ? 1 : 0), age + (now_ - span.start - until),
                 second ? two - first : first);
         }
     }
@@ -62,12 +62,12 @@ class Census {
     std::vector<LivingParticle> take() { return std::move(living_); }
 
   private:
-    bool full() const { return living_.size() >= kMostParticles; }
-    double spread(const EmissionSpan& span, std::uint64_t place, std::uint64_t pair) const {
-        return KeyedNumbers(system_, static_cast<std::uint64_t>(span.serial) << 1 | 1, place << 32 ^ pair).nextSigned();
+    bool full() const { return living_.size() >= kMaxParticles; }
+    double spread(const EmissionSpan& span, std::uint64_t slot, std::uint64_t pair) const {
+        return KeyedNumbers(system_, static_cast<std::uint64_t>(span.serial) << 1 | 1, slot << 32 ^ pair).nextSigned();
     }
-    void add(const EmissionSpan& span, std::uint64_t place, std::uint64_t turn, double age, double life) {
-        if (age < life) living_.push_back({&span, place, turn, age, life});
+    void add(const EmissionSpan& span, std::uint64_t slot, std::uint64_t cycle, double age, double life) {
+        if (age < life) living_.push_back({&span, slot, cycle, age, life});
     }
 
     std::uint32_t system_;
@@ -102,7 +102,7 @@ Array<double> packEmission(std::span<const EmissionSpan> spans) {
 
 std::vector<EmissionSpan> unpackEmission(std::span<const double> packed) {
     std::vector<EmissionSpan> spans;
-    for (std::size_t at = 0; at + kNumbers <= packed.size() && spans.size() < kMostEmissionSpans; at += kNumbers) {
+    for (std::size_t at = 0; at + kNumbers <= packed.size() && spans.size() < kMaxEmissionSpans; at += kNumbers) {
         const double* n = packed.data() + at;
         EmissionSpan s;
         s.start = n[0], s.end = n[1], s.serial = n[2];
@@ -124,7 +124,7 @@ double KeyedNumbers::next() {
 }
 
 KeyedNumbers LivingParticle::numbers(std::uint32_t system) const {
-    return {system, static_cast<std::uint64_t>(span->serial) << 1, place << 32 ^ turn};
+    return {system, static_cast<std::uint64_t>(span->serial) << 1, slot << 32 ^ cycle};
 }
 
 std::vector<LivingParticle> livingParticles(std::span<const EmissionSpan> spans, std::uint32_t system, double now) {

@@ -141,9 +141,9 @@ Vec2d projected(const Ellipsoid& e, int zone, const Geodetic& g) {
     return Vec2d(east, north) * (kScaleInMiddle * k.radius);
 }
 
-Geodetic unprojected(const Ellipsoid& e, int zone, const Vec2d& place, double height) {
+Geodetic unprojected(const Ellipsoid& e, int zone, const Vec2d& planar, double height) {
     const Krueger k = kruegerOf(e);
-    const Vec2d at = place / (kScaleInMiddle * k.radius);
+    const Vec2d at = planar / (kScaleInMiddle * k.radius);
     double xi = at.y, eta = at.x;
     for (int j = 0; j < 6; ++j) {
         const double m = 2 * (j + 1);
@@ -196,8 +196,8 @@ Vec3d GeoSystem::toGeocentric(const Vec3d& given) const {
     if (kind == Kind::geocentric) return given;
     const Vec3d c = isSwapped ? Vec3d(given.y, given.x, given.z) : given;
     if (kind == Kind::geodetic) return geocentricOf(ellipsoid, {c.x * kDegree, c.y * kDegree, c.z});
-    const Vec2d place(c.y - kFalseEasting, c.x - (isSouthern ? kFalseNorthing : 0));
-    return geocentricOf(ellipsoid, unprojected(ellipsoid, zone, place, c.z));
+    const Vec2d planar(c.y - kFalseEasting, c.x - (isSouthern ? kFalseNorthing : 0));
+    return geocentricOf(ellipsoid, unprojected(ellipsoid, zone, planar, c.z));
 }
 
 Vec3d GeoSystem::fromGeocentric(const Vec3d& point) const {
@@ -205,8 +205,8 @@ Vec3d GeoSystem::fromGeocentric(const Vec3d& point) const {
     const Geodetic g = geodeticOf(ellipsoid, point);
     Vec3d c(g.latitude / kDegree, g.longitude / kDegree, g.height);
     if (kind == Kind::utm) {
-        const Vec2d place = projected(ellipsoid, zone, g);
-        c.x = place.y + (isSouthern ? kFalseNorthing : 0), c.y = place.x + kFalseEasting;
+        const Vec2d planar = projected(ellipsoid, zone, g);
+        c.x = planar.y + (isSouthern ? kFalseNorthing : 0), c.y = planar.x + kFalseEasting;
     }
     return isSwapped ? Vec3d(c.y, c.x, c.z) : c;
 }

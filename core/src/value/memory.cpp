@@ -22,17 +22,17 @@ std::uint64_t pageSize() {
 
 /// The memory limit of the process's control group (cgroup v2); the largest number if there is none.
 std::uint64_t groupLimit() {
-    std::uint64_t least = UINT64_MAX;
+    std::uint64_t minimum = UINT64_MAX;
     const auto take = [&](const std::string& folder) {
         std::ifstream file(folder + "/memory.max");
         std::uint64_t bytes = 0;
-        if (file >> bytes) least = std::min(least, bytes);  // "max" is no number
+        if (file >> bytes) minimum = std::min(minimum, bytes);  // "max" is no number
     };
     std::ifstream own("/proc/self/cgroup");
     for (std::string line; std::getline(own, line);)
         if (line.starts_with("0::")) take("/sys/fs/cgroup" + line.substr(3));
     take("/sys/fs/cgroup");
-    return least;
+    return minimum;
 }
 
 std::uint64_t usualLimit() {
@@ -78,16 +78,16 @@ void setMemoryLimit(std::uint64_t bytes) {
 }
 
 Result<> mayHold(std::uint64_t more) {
-    const std::uint64_t most = memoryLimit();
+    const std::uint64_t maximum = memoryLimit();
     const auto fits = [&] {
         const std::uint64_t held = heldMemory();
-        return held <= most && more <= most - held;
+        return held <= maximum && more <= maximum - held;
     };
     if (fits()) return {};
     // The allocator keeps freed memory, and it still counts as ours.
     ::malloc_trim(0);
     if (fits()) return {};
-    return fail("the process would hold more than " + std::to_string(most) +
+    return fail("the process would hold more than " + std::to_string(maximum) +
                 " bytes; --limit memory=N raises this if there is so much");
 }
 

@@ -10,8 +10,8 @@ namespace rtsg::detail {
 namespace {
 
 /// Letters to change, add, drop or swap; `most` and one if there are more.
-std::size_t distance(std::string_view a, std::string_view b, std::size_t most) {
-    if ((a.size() > b.size() ? a.size() - b.size() : b.size() - a.size()) > most) return most + 1;
+std::size_t distance(std::string_view a, std::string_view b, std::size_t maximum) {
+    if ((a.size() > b.size() ? a.size() - b.size() : b.size() - a.size()) > maximum) return maximum + 1;
     std::vector<std::size_t> before(b.size() + 1), above(b.size() + 1), row(b.size() + 1);
     for (std::size_t k = 0; k <= b.size(); ++k) above[k] = k;
     const auto lower = [](char c) { return std::tolower(static_cast<unsigned char>(c)); };
@@ -37,7 +37,7 @@ std::string lowerCase(std::string_view word) {
 }
 
 /// Words that other programs, or other nodes, have for the same thing.
-constexpr std::array<std::array<std::string_view, 4>, 10> kSameThings = {{
+constexpr std::array<std::array<std::string_view, 4>, 10> kSameNames = {{
     {{"position", "translation", "location", "center"}},
     {{"rotation", "orientation"}},
     {{"scale", "size", "dimensions"}},
@@ -66,16 +66,16 @@ std::string_view otherForm(std::string_view word, const std::vector<std::string_
     if (lower.empty()) return {};
     for (const std::string& form : {lower, lower + "_changed", "set_" + lower})
         if (const std::string_view one = find(form); !one.empty()) return one;
-    for (const auto& things : kSameThings) {
-        if (std::ranges::find(things, lower, lowerCase) == things.end()) continue;
-        for (const std::string_view thing : things) {
-            if (thing.empty()) continue;
-            for (const std::string& form : {lowerCase(thing), lowerCase(thing) + "_changed"})
+    for (const auto& names : kSameNames) {
+        if (std::ranges::find(names, lower, lowerCase) == names.end()) continue;
+        for (const std::string_view kind : names) {
+            if (kind.empty()) continue;
+            for (const std::string& form : {lowerCase(kind), lowerCase(kind) + "_changed"})
                 if (const std::string_view one = find(form); !one.empty()) return one;
         }
     }
-    constexpr std::size_t least = 4;  // letters that say enough
-    for (std::size_t i = 0; i < known.size() && lower.size() >= least; ++i) {
+    constexpr std::size_t minimum = 4;  // letters that say enough
+    for (std::size_t i = 0; i < known.size() && lower.size() >= minimum; ++i) {
         if (known[i].size() <= lower.size() || !lowered[i].starts_with(lower)) continue;
         const char next = known[i][lower.size()];
         if (next == '_' || std::isupper(static_cast<unsigned char>(next)) || known[i].size() <= 2 * lower.size())
@@ -89,17 +89,17 @@ std::string_view otherForm(std::string_view word, const std::vector<std::string_
 std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known) {
     constexpr std::size_t longest = 60;  // nobody misspells longer names
     if (word.empty() || word.size() > longest) return {};
-    constexpr std::size_t most = 1000;  // a file may declare any number of them
-    if (known.size() > most) return nearest(word, {known.begin(), known.begin() + most});
+    constexpr std::size_t maximum = 1000;  // a file may declare any number of them
+    if (known.size() > maximum) return nearest(word, {known.begin(), known.begin() + maximum});
     // Affixes that all events have carry no information.
     const std::size_t own = word.size() - (word.starts_with("set_") ? 4 : word.ends_with("_changed") ? 8 : 0);
-    std::size_t least = std::max<std::size_t>(own / 3, own > 3 ? 2 : 1);
+    std::size_t minimum = std::max<std::size_t>(own / 3, own > 3 ? 2 : 1);
     std::string_view result;
     for (const std::string_view one : known) {
-        const std::size_t far = distance(word, one, least);
-        if (far > least || (far == least && !result.empty())) continue;
+        const std::size_t far = distance(word, one, minimum);
+        if (far > minimum || (far == minimum && !result.empty())) continue;
         if (far >= std::min(word.size(), one.size())) continue;  // nothing in common
-        least = far;
+        minimum = far;
         result = one;
     }
     return result.empty() ? otherForm(word, known) : result;

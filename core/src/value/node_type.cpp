@@ -48,20 +48,20 @@ bool FieldDef::inRange(const Value& value) const {
 /// and write, and holds children if it is bounded.
 void NodeType::takeTags() {
     const SpecTags* actor = nullptr;
-    const SpecTags* place = nullptr;
+    const SpecTags* tags = nullptr;
     for (const std::string& base : implements) {
         const SpecAbstract* abstract = findAbstract(base);
         if (!abstract) continue;
         if (!actor && abstract->tags.acts != Acts::unstated) actor = &abstract->tags;
-        if (!place && !abstract->tags.role.empty()) place = &abstract->tags;
+        if (!tags && !abstract->tags.role.empty()) tags = &abstract->tags;
     }
     const bool hasOutput = std::ranges::any_of(
         fields, [](const FieldDef& field) { return field.access == Access::outputOnly || field.hidden; });
     acts = actor ? actor->acts : hasOutput ? Acts::always : Acts::never;
     writesInputs = true;
-    std::string_view names = place ? place->below : std::string_view();
-    if (place) {
-        role = place->role;
+    std::string_view names = tags ? tags->below : std::string_view();
+    if (tags) {
+        role = tags->role;
     } else if (isA("X3DBoundedObject") && isA("X3DChildNode")) {
         role = "group";
         names = "children";
@@ -78,12 +78,12 @@ void NodeType::takeTags() {
 namespace {
 
 /// Written fields of a node are looked through, so more would take time that grows with the square of their number.
-constexpr std::size_t kMostFields = 4096;
+constexpr std::size_t kMaxFields = 4096;
 
 }  // namespace
 
 bool NodeType::finish() {
-    if (fields.size() > kMostFields) return false;
+    if (fields.size() > kMaxFields) return false;
     for (const FieldDef& field : fields)
         if (sf(field.type) == FieldType::SFCustom && !field.custom) return false;
     byName_.clear();

@@ -55,7 +55,7 @@ NurbsBasis::At NurbsBasis::at(double u) const {
 
     At result;
     result.start = span - p;
-    std::array<double, kMostOrder> left{}, right{}, lower{};
+    std::array<double, kMaxOrder> left{}, right{}, lower{};
     auto& n = result.value;
     n[0] = 1;
     for (std::size_t k = 1; k <= p; ++k) {
@@ -64,9 +64,9 @@ NurbsBasis::At NurbsBasis::at(double u) const {
         right[k] = knots_[span + k] - u;
         double saved = 0;
         for (std::size_t r = 0; r < k; ++r) {
-            const double share = n[r] / (right[r + 1] + left[k - r]);
-            n[r] = saved + right[r + 1] * share;
-            saved = left[k - r] * share;
+            const double fraction = n[r] / (right[r + 1] + left[k - r]);
+            n[r] = saved + right[r + 1] * fraction;
+            saved = left[k - r] * fraction;
         }
         n[k] = saved;
     }

@@ -139,13 +139,13 @@ bool sameFile(const fs::path& a, const fs::path& b) {
     const bool one = ::stat(a.c_str(), &first) == 0, other = ::stat(b.c_str(), &second) == 0;
     if (one || other) return one && other && first.st_dev == second.st_dev && first.st_ino == second.st_ino;
     // weakly_canonical() leaves a relative name of a missing file unchanged, so the name is made absolute first.
-    const auto place = [](const fs::path& file) {
+    const auto folderOf = [](const fs::path& file) {
         std::error_code error;
         const fs::path whole = fs::weakly_canonical(fs::absolute(followLinks(file), error), error);
         return error ? fs::path() : whole;
     };
-    const fs::path x = place(a);
-    return !x.empty() && x == place(b);
+    const fs::path x = folderOf(a);
+    return !x.empty() && x == folderOf(b);
 }
 
 }  // namespace rtsg

@@ -59,10 +59,10 @@ const char* maxInstructionSetName() {
 
 InstructionSet instructionSet() {
     static const InstructionSet result = [] {
-        InstructionSet most = ofProcessor();
+        InstructionSet maximum = ofProcessor();
         for (const NamedSet& named : kNamedSets)
-            if (named.name == maxInstructionSetName() && named.set < most) most = named.set;
-        return most;
+            if (named.name == maxInstructionSetName() && named.set < maximum) maximum = named.set;
+        return maximum;
     }();
     return result;
 }

@@ -15,15 +15,15 @@ Result<std::string> readDescriptor(int descriptor, std::uint64_t limit) {
     if (fstat(descriptor, &status) != 0) return fail(std::strerror(errno));
     const auto tooLong = [&] { return fail("it has more than " + std::to_string(limit) + " bytes"); };
     constexpr std::size_t kStep = 1 << 20;
-    std::size_t expected = kStep, least = kStep / 16;  // to be had, and worth a read
+    std::size_t expected = kStep, minimum = kStep / 16;  // to be had, and worth a read
     if (S_ISREG(status.st_mode) && status.st_size > 0) {
         if (static_cast<std::uint64_t>(status.st_size) > limit) return tooLong();
         expected = static_cast<std::size_t>(status.st_size) + 1;  // one more, to see that it ends there
-        least = 1;                                                // a buffer that grew for that one would be copied
+        minimum = 1;                                              // a buffer that grew for that one would be copied
     }
     std::string text;
     for (std::size_t size = 0;;) {
-        if (text.size() - size < least)
+        if (text.size() - size < minimum)
             text.resize_and_overwrite(std::max(expected, size + size / 2 + kStep),
                                       [](char*, std::size_t n) { return n; });
         const ssize_t got = ::read(descriptor, text.data() + size, std::min(text.size() - size, std::size_t{1} << 30));

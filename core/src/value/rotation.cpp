@@ -7,7 +7,7 @@
 
 namespace rtsg {
 
-glm::dquat turnAbout(const glm::dvec3& axis, double angle) {
+glm::dquat rotationAround(const glm::dvec3& axis, double angle) {
     const portable::SineCosine half = portable::sineCosine(angle * .5);
     return {half.cosine, axis.x * half.sine, axis.y * half.sine, axis.z * half.sine};
 }
@@ -16,7 +16,7 @@ glm::dquat toQuaternion(const Rotation& r) {
     const glm::dvec3 axis(r.x, r.y, r.z);
     const double length = glm::length(axis);
     if (!(length > 0) || !std::isfinite(length) || !std::isfinite(r.angle)) return {1, 0, 0, 0};
-    return turnAbout(axis / length, double{r.angle});
+    return rotationAround(axis / length, double{r.angle});
 }
 
 Rotation toRotation(glm::dquat q) {
@@ -27,7 +27,7 @@ Rotation toRotation(glm::dquat q) {
             static_cast<float>(2 * portable::atan2(s, q.w))};
 }
 
-glm::dmat3 turnMatrix(const glm::dvec3& axis, double angle) {
+glm::dmat3 rotationMatrixOf(const glm::dvec3& axis, double angle) {
     const portable::SineCosine by = portable::sineCosine(angle);
     const glm::dvec3 unit = axis / glm::length(axis), part = (1 - by.cosine) * unit, across = by.sine * unit;
     return {by.cosine + part.x * unit.x, part.x * unit.y + across.z,  part.x * unit.z - across.y,
@@ -35,16 +35,16 @@ glm::dmat3 turnMatrix(const glm::dvec3& axis, double angle) {
             part.z * unit.x + across.y,  part.z * unit.y - across.x,  by.cosine + part.z * unit.z};
 }
 
-glm::dquat alongShorterArc(const glm::dquat& from, glm::dquat to, double share) {
+glm::dquat alongShorterArc(const glm::dquat& from, glm::dquat to, double fraction) {
     double cosine = glm::dot(from, to);
     if (cosine < 0) {
         to = -to;
         cosine = -cosine;
     }
     // Between neighbours the arc is its chord.
-    if (cosine > 1 - 1e-15) return from * (1 - share) + to * share;
+    if (cosine > 1 - 1e-15) return from * (1 - fraction) + to * fraction;
     const double angle = portable::acos(cosine), sine = portable::sin(angle);
-    return from * (portable::sin((1 - share) * angle) / sine) + to * (portable::sin(share * angle) / sine);
+    return from * (portable::sin((1 - fraction) * angle) / sine) + to * (portable::sin(fraction * angle) / sine);
 }
 
 }  // namespace rtsg

@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <unordered_map>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 namespace rtsg {
 
@@ -162,12 +162,13 @@ std::vector<std::unique_ptr<NodeType>> makeNodeTypes(const SpecTable& table, Nod
 }
 
 std::span<const std::unique_ptr<NodeType>> builtinTypes() {
-    static const auto& types = lasting([] { return makeNodeTypes(builtinSpecTable(), NodeType::Kind::builtin); });
+    static const auto& types =
+        neverDestroyed([] { return makeNodeTypes(builtinSpecTable(), NodeType::Kind::builtin); });
     return types;
 }
 
 const NodeType* findBuiltinType(std::string_view name) {
-    static const auto& byName = lasting([] {
+    static const auto& byName = neverDestroyed([] {
         std::unordered_map<std::string_view, const NodeType*> result;
         for (const auto& type : builtinTypes()) result.emplace(type->name, type.get());
         return result;

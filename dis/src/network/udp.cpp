@@ -154,14 +154,14 @@ class UdpTransport final : public DisTransport {
 
     void stopListening(const DisAddress& address) override { listeners_.erase(address); }
 
-    std::size_t receive(const DisAddress& address, std::size_t most,
+    std::size_t receive(const DisAddress& address, std::size_t maximum,
                         const std::function<void(std::span<const std::uint8_t>)>& take) override {
         const auto found = listeners_.find(address);
         if (found == listeners_.end()) return 0;
         const Listener& listener = found->second;
         buffer_.resize(65536);
         std::size_t count = 0;
-        while (count < most) {
+        while (count < maximum) {
             SocketAddress from;
             from.length = sizeof(from.storage);
             const ssize_t size = recvfrom(listener.socket.get(), buffer_.data(), buffer_.size(), 0,

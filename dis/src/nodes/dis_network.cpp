@@ -59,7 +59,7 @@ void DisNetwork::Stations::receive(double t) {
     openAddresses();
     for (const auto& [address, relay] : open_) {
         const std::size_t count = transport_->receive(
-            address, kMostDatagrams, [&](std::span<const std::uint8_t> one) { takeDatagram(address, one, t); });
+            address, kMaxDatagrams, [&](std::span<const std::uint8_t> one) { takeDatagram(address, one, t); });
         counts_.datagrams += count;
     }
     for (auto& [key, manager] : managers_) loseSilent(manager, t);
@@ -68,12 +68,13 @@ void DisNetwork::Stations::receive(double t) {
 
 /// Noise is reported a few times only, so that it hides no other warning.
 void DisNetwork::Stations::leaveOut(const DisAddress& address, std::string_view what, const std::string& why) {
-    constexpr std::size_t kMostTold = 8;
+    constexpr std::size_t kMaxWarnings = 8;
     ++counts_.unreadable;
-    std::size_t& told = unreadable_[address];
-    if (told == kMostTold) return;
-    const std::string last = told + 1 == kMostTold ? ", and more like it is not told" : "";
-    told += tell({}, fmt::format("a {} to {}:{} {}: it is left out{}", what, address.host, address.port, why, last));
+    std::size_t& reported = unreadable_[address];
+    if (reported == kMaxWarnings) return;
+    const std::string last = reported + 1 == kMaxWarnings ? ", and more like it is not told" : "";
+    reported +=
+        report({}, fmt::format("a {} to {}:{} {}: it is left out{}", what, address.host, address.port, why, last));
 }
 
 void DisNetwork::Stations::takeDatagram(const DisAddress& address, std::span<const std::uint8_t> datagram, double t) {
@@ -118,10 +119,10 @@ void DisNetwork::Stations::keep(Station& station, HeardPdu pdu, bool isState) {
     waiting_.insert(station.node.value);
     if (same != station.waiting.end())
         *same = std::move(pdu);
-    else if (station.waiting.size() < kMostWaiting)
+    else if (station.waiting.size() < kMaxWaiting)
         station.waiting.push_back(std::move(pdu));
     else
-        tell(station.node, fmt::format("more than {} PDUs in a readInterval: the rest is left out", kMostWaiting));
+        report(station.node, fmt::format("more than {} PDUs in a readInterval: the rest is left out", kMaxWaiting));
 }
 
 void DisNetwork::Stations::deliver(double t) {
@@ -141,7 +142,7 @@ void DisNetwork::Stations::deliver(double t) {
         at = waiting_.erase(at);
     }
     counts_.heard += pdus.size();
-    if (auto ok = hear(scene_, pdus); !ok) tell({}, ok.error().text);
+    if (auto ok = hear(scene_, pdus); !ok) report({}, ok.error().text);
 }
 
 // ---- out ---------------------------------------------------------------------------------------------------------
@@ -163,7 +164,7 @@ void DisNetwork::Stations::write(Station& station, double t) {
         if (auto state = stateOf(scene_, station, problem))
             sendPdu(station, *node, std::move(*state), t);
         else
-            tell(station.node, problem);
+            report(station.node, problem);
     }
     const EntityId& id = station.identity.entity;
     if (std::exchange(station.hasFired, false)) sendPdu(station, *node, fireOf(*node, id), t);
@@ -184,7 +185,7 @@ void DisNetwork::Stations::sendPdu(Station& station, const Node& node, Pdu pdu, 
         bytes.insert(bytes.begin(), head.begin(), head.end());
     }
     if (auto ok = transport_->send(station.address, station.relay, bytes); !ok)
-        tell(station.node, ok.error().text);
+        report(station.node, ok.error().text);
     else
         ++counts_.sent;
 }

@@ -39,11 +39,11 @@ int fitOf(const Node& mapping, const EntityType& type) {
 /// The best of them; the first of equals. Null if none fits.
 const Node* mappingFor(const Scene& scene, const Node& manager, const EntityType& type) {
     const Node* best = nullptr;
-    int most = -1;
+    int maximum = -1;
     for (const NodeId id : manager.get(x3d::DISEntityManager::children)) {
         const Node* mapping = scene.effectiveNode(id);
         if (!mapping || !mapping->is(Mapping::type)) continue;
-        if (const int fit = fitOf(*mapping, type); fit > most) best = mapping, most = fit;
+        if (const int fit = fitOf(*mapping, type); fit > maximum) best = mapping, maximum = fit;
     }
     return best;
 }
@@ -71,10 +71,10 @@ void DisNetwork::Stations::manage(Manager& manager, const Pdu& pdu, double t) {
         found->second.heard = t;
         if (isOver) remove(manager, found);
     } else if (!isOver && !readers_.contains({manager.address, {state->id, -1}})) {
-        if (manager.entities.size() < kMostEntities)
+        if (manager.entities.size() < kMaxEntities)
             add(manager, *state, t);
         else
-            tell(manager.node, fmt::format("more than {} entities: the rest is left out", kMostEntities));
+            report(manager.node, fmt::format("more than {} entities: the rest is left out", kMaxEntities));
     }
 }
 

@@ -80,8 +80,8 @@ EntityState entityStateOf(const Node& node, const EntityId& id, const ExerciseFr
         fieldOf<std::uint8_t>(node, Espdu::entityExtra)};
     state.alternativeType = state.type;
     state.deadReckoning = fieldOf<std::uint8_t>(node, Espdu::deadReckoning);
-    const glm::dvec3 place(node.get(Espdu::translation));
-    state.location = std::isfinite(place.x + place.y + place.z) ? frame.toWorld(place) : frame.origin;
+    const glm::dvec3 position(node.get(Espdu::translation));
+    state.location = std::isfinite(position.x + position.y + position.z) ? frame.toWorld(position) : frame.origin;
     state.orientation = anglesOf(frame.toWorld(toQuaternion(node.get(Espdu::rotation))));
     const auto vector = [&](const Vec3f& v) {
         return finite(isBodyModel(state.deadReckoning) ? bodyFromModel(v)
@@ -96,7 +96,7 @@ EntityState entityStateOf(const Node& node, const EntityId& id, const ExerciseFr
 
 Signal signalOf(const Node& node, const Station& station) {
     using N = x3d::SignalPdu;
-    constexpr std::size_t kMost = 65'535 / 8;
+    constexpr std::size_t kMax = 65'535 / 8;
     Signal signal;
     signal.id = station.identity.entity, signal.radio = fieldOf<std::uint16_t>(node, N::radioID);
     signal.encoding = fieldOf<std::uint16_t>(node, N::encodingScheme);
@@ -104,7 +104,7 @@ Signal signalOf(const Node& node, const Station& station) {
     signal.sampleRate = fieldOf<std::uint32_t>(node, N::sampleRate);
     signal.samples = fieldOf<std::uint16_t>(node, N::samples);
     for (const std::int32_t byte : node.get(N::data))
-        if (signal.data.size() < kMost) signal.data.push_back(static_cast<std::uint8_t>(byte));
+        if (signal.data.size() < kMax) signal.data.push_back(static_cast<std::uint8_t>(byte));
     // dataLength counts bits, and may end within the last byte.
     const auto bits = static_cast<std::int64_t>(node.get(N::dataLength)), all = std::int64_t(8 * signal.data.size());
     signal.bits = static_cast<std::uint16_t>(bits > all - 8 && bits <= all ? bits : all);
@@ -136,8 +136,8 @@ Transmitter transmitterOf(const Node& node, const Station& station, const Exerci
     t.nomenclatureVersion = fieldOf<std::uint8_t>(node, N::radioEntityTypeNomenclatureVersion);
     t.state = fieldOf<std::uint8_t>(node, N::transmitState);
     t.inputSource = fieldOf<std::uint8_t>(node, N::inputSource);
-    const glm::dvec3 place(finite(glm::dvec3(node.get(N::antennaLocation))));
-    t.antennaLocation = frame.toWorld(place);
+    const glm::dvec3 position(finite(glm::dvec3(node.get(N::antennaLocation))));
+    t.antennaLocation = frame.toWorld(position);
     t.relativeAntennaLocation = finite(bodyFromModel(node.get(N::relativeAntennaLocation)));
     t.antennaPatternType = fieldOf<std::uint16_t>(node, N::antennaPatternType);
     t.frequency = static_cast<std::uint64_t>(std::max(0, node.get(N::frequency)));

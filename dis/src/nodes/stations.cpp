@@ -108,9 +108,9 @@ void DisNetwork::Stations::forget(NodeId id) {
     dirty_.erase(id.value);
 }
 
-bool DisNetwork::Stations::tell(NodeId node, const std::string& text) {
-    constexpr std::size_t kMost = 1000;
-    if (told_.size() >= kMost || !told_.emplace(node.value, text).second) return false;
+bool DisNetwork::Stations::report(NodeId node, const std::string& text) {
+    constexpr std::size_t kMax = 1000;
+    if (reported_.size() >= kMax || !reported_.emplace(node.value, text).second) return false;
     const Node* of = scene_.find(node);
     const std::string_view name = scene_.name(node);
     scene_.diagnostics().warning(
@@ -121,14 +121,14 @@ bool DisNetwork::Stations::tell(NodeId node, const std::string& text) {
 /// "HOST", "HOST:PORT" or "any" of --dis; a port of its own follows the last colon behind any bracket.
 bool DisNetwork::Stations::mayUse(NodeId node, const DisAddress& address) {
     if (address.host.empty() || address.port == 0) {
-        tell(node, fmt::format("address '{}' and port {} are none: no network is used", address.host, address.port));
+        report(node, fmt::format("address '{}' and port {} are none: no network is used", address.host, address.port));
         return false;
     }
     const std::string withPort = fmt::format("{}:{}", address.host, address.port);
     const std::string bracketed = fmt::format("[{}]:{}", address.host, address.port);
     for (const std::string& one : options_.allowed)
         if (one == "any" || one == address.host || one == withPort || one == bracketed) return true;
-    tell(node, fmt::format("no network is used for {}: --dis {} allows it", withPort, withPort));
+    report(node, fmt::format("no network is used for {}: --dis {} allows it", withPort, withPort));
     return false;
 }
 
@@ -201,7 +201,7 @@ void DisNetwork::Stations::openAddresses() {
     for (const auto& [address, who] : wanted) {
         if (open_.contains(address)) continue;
         if (auto ok = transport_->listen(address, who.second); !ok)
-            tell(who.first, ok.error().text);
+            report(who.first, ok.error().text);
         else
             open_.emplace(address, who.second);
     }

@@ -84,7 +84,7 @@ class DisNetwork::Stations final : public Subscriber {
     bool mayUse(NodeId node, const DisAddress& address);
     void openAddresses();
     /// False: it has been said, or enough has.
-    bool tell(NodeId node, const std::string& text);
+    bool report(NodeId node, const std::string& text);
 
     // dis_network.cpp: what comes and goes
     void takeDatagram(const DisAddress& address, std::span<const std::uint8_t> datagram, double t);
@@ -113,7 +113,7 @@ class DisNetwork::Stations final : public Subscriber {
     std::set<std::uint32_t> writers_, waiting_;  // waiting_: readers with PDUs
     std::map<DisAddress, DisAddress> open_;      // addresses listened to, with their relays
     std::set<std::uint32_t> dirty_;              // nodes whose fields are to be read again
-    std::set<std::pair<std::uint32_t, std::string>> told_;
+    std::set<std::pair<std::uint32_t, std::string>> reported_;
     std::map<DisAddress, std::size_t> unreadable_;  // how many were told of
     std::vector<std::pair<NodeId, int>> removed_;   // nodes of entities that are gone, and frames since
     std::uint16_t rtpSequence_ = 0;

@@ -25,7 +25,7 @@ constexpr NodeId kOfUnknownType{0xFFFFFFFE};
 /// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
 /// How many fields a prototype, Script or shader may declare.
-constexpr std::size_t kMostFields = 4000;
+constexpr std::size_t kMaxFields = 4000;
 
 /// Files read during one load: each is parsed once however often it is inlined or used as a library.
 class LoadSession {
@@ -204,9 +204,9 @@ struct SceneBuilder::State {
     // scene_builder.cpp
     OpenNode& push(OpenNode::Kind kind, SourceLocation where);
     void pop();
-    void rememberPlace(const OpenNode& node);
+    void rememberLocation(const OpenNode& node);
     std::pair<TypeIndex, const NodeType*> findBuiltin(std::string_view name);
-    FieldIndex placeFor(OpenNode& parent, std::string_view field, const NodeType* child, std::string_view childName,
+    FieldIndex fieldFor(OpenNode& parent, std::string_view field, const NodeType* child, std::string_view childName,
                         SourceLocation where);
     const NodeType* effectiveType(NodeId node) const;
     void openUnknown(std::string_view type, std::string_view def, SourceLocation where);
@@ -218,9 +218,9 @@ struct SceneBuilder::State {
     void storeChildren(OpenNode& node);
     void endScript(OpenNode& node);
     /// Names a type that holds its fields and does nothing, once a file.
-    void tellOfNoEffect(NodeId id, SourceLocation where);
+    void reportOfNoEffect(NodeId id, SourceLocation where);
     /// Names values that mean nothing where they stand.
-    void tellOfOddValues(NodeId id, SourceLocation where);
+    void reportOfOddValues(NodeId id, SourceLocation where);
     /// Rotation axes become unit vectors (5.3.18); readers have warned of them, as of values out of range.
     static void normalise(Value& value);
     void store(OpenNode& node, FieldIndex field, Value value, SourceLocation where);
@@ -260,7 +260,7 @@ struct SceneBuilder::State {
 /// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.
 NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);
 /// Which limit has been reached.
-std::string tooManyNodes(std::uint64_t most);
+std::string tooManyNodes(std::uint64_t maximum);
 std::string whyFull(const CommandList& commands, const ResourcePolicy& policy);
 /// The declaration as ClassicVRML text.
 std::string declarationText(const ProtoDeclaration& proto);

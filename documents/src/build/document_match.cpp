@@ -13,9 +13,9 @@ namespace rtsg {
 namespace {
 
 /// Two gaps whose sizes have at most this product are compared node by node.
-constexpr std::size_t kMostComparisons = 4096;
+constexpr std::size_t kMaxComparisons = 4096;
 /// Children of a node that count when two nodes are compared.
-constexpr std::size_t kMostChildren = 64;
+constexpr std::size_t kMaxChildren = 64;
 
 std::uint64_t mixed(std::uint64_t hash, std::uint64_t with) {
     hash = (hash ^ with) * 0x9E3779B97F4A7C15ull;
@@ -234,14 +234,14 @@ void DocumentMatch::align(std::span<const NodeId> before, std::span<const NodeId
 /// are taken in turn.
 std::vector<std::pair<std::size_t, std::size_t>> DocumentMatch::commonRun(std::span<const NodeId> before,
                                                                           std::span<const NodeId> after) const {
-    struct Places {
+    struct Occurrences {
         std::vector<std::size_t> all;
         std::size_t taken = 0;
     };
-    std::unordered_map<std::uint64_t, Places> places;
+    std::unordered_map<std::uint64_t, Occurrences> indices;
     for (std::size_t i = 0; i < before.size(); ++i) {
         const NodeId id = before[i];
-        places[tokenOf(after_[id.value] ? id : NodeId{}, beforeDigests_[id.value])].all.push_back(i);
+        indices[tokenOf(after_[id.value] ? id : NodeId{}, beforeDigests_[id.value])].all.push_back(i);
     }
     // The longest increasing sequence of their places before, after Schensted: `ends` has for each length the candidate
     // that ends at the smallest place.
@@ -253,12 +253,12 @@ std::vector<std::pair<std::size_t, std::size_t>> DocumentMatch::commonRun(std::s
     std::vector<std::size_t> ends;
     for (std::size_t i = 0; i < after.size(); ++i) {
         const NodeId id = after[i];
-        const auto found = places.find(tokenOf(before_[id.value], afterDigests_[id.value]));
-        if (found == places.end() || found->second.taken == found->second.all.size()) continue;
-        const std::size_t place = found->second.all[found->second.taken++];
-        if (!isEqual(before[place], id)) continue;
-        const auto at = std::ranges::lower_bound(ends, place, {}, [&](std::size_t c) { return candidates[c].before; });
-        candidates.push_back({place, i, at == ends.begin() ? kNone : *std::prev(at)});
+        const auto found = indices.find(tokenOf(before_[id.value], afterDigests_[id.value]));
+        if (found == indices.end() || found->second.taken == found->second.all.size()) continue;
+        const std::size_t index = found->second.all[found->second.taken++];
+        if (!isEqual(before[index], id)) continue;
+        const auto at = std::ranges::lower_bound(ends, index, {}, [&](std::size_t c) { return candidates[c].before; });
+        candidates.push_back({index, i, at == ends.begin() ? kNone : *std::prev(at)});
         if (at == ends.end())
             ends.push_back(candidates.size() - 1);
         else
@@ -286,8 +286,8 @@ int DocumentMatch::likeness(NodeId before, NodeId after) const {
         for (const NodeId id : nodesIn(b, i))
             x.push_back(tokenOf(after_[id.value] ? id : NodeId{}, beforeDigests_[id.value]));
         for (const NodeId id : nodesIn(a, i)) y.push_back(tokenOf(before_[id.value], afterDigests_[id.value]));
-        x.resize(std::min(x.size(), kMostChildren));
-        y.resize(std::min(y.size(), kMostChildren));
+        x.resize(std::min(x.size(), kMaxChildren));
+        y.resize(std::min(y.size(), kMaxChildren));
         std::ranges::sort(x);
         std::ranges::sort(y);
         std::ranges::set_intersection(x, y, std::back_inserter(common));
@@ -300,7 +300,7 @@ int DocumentMatch::likeness(NodeId before, NodeId after) const {
 void DocumentMatch::alignGap(std::span<const NodeId> before, std::span<const NodeId> after) {
     const std::size_t n = before.size(), m = after.size();
     if (n == 0 || m == 0) return;
-    if (n <= kMostComparisons / m) {
+    if (n <= kMaxComparisons / m) {
         std::vector<int> like(n * m), best((n + 1) * (m + 1));
         const auto bestOf = [&](std::size_t i, std::size_t k) -> int& { return best[i * (m + 1) + k]; };
         for (std::size_t i = n; i-- > 0;)
@@ -318,12 +318,12 @@ void DocumentMatch::alignGap(std::span<const NodeId> before, std::span<const Nod
     } else {
         std::size_t next = 0;
         for (const NodeId id : after)
-            for (std::size_t i = next; i < std::min(n, next + kMostChildren); ++i)
+            for (std::size_t i = next; i < std::min(n, next + kMaxChildren); ++i)
                 if (pair(before[i], id)) {
                     next = i + 1;
                     break;
                 }
-        if (n > kMostComparisons || m > kMostComparisons) return;
+        if (n > kMaxComparisons || m > kMaxComparisons) return;
     }
     // Those that changed their order as well.
     for (const NodeId id : after)

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/lasting.h>
 #include <rtsg/core/navigation.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/scene_builder.h>
 #include <rtsg/documents/scene_exporter.h>
@@ -125,8 +125,8 @@ Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, No
         appendNew(scene.diagnostics(), errors);
         return builder.roots()[0];
     }
-    for (const NodeId made : builder.roots())
-        if (auto gone = scene.destroyNode(made); !gone) return std::unexpected(std::move(gone.error()));
+    for (const NodeId created : builder.roots())
+        if (auto gone = scene.destroyNode(created); !gone) return std::unexpected(std::move(gone.error()));
     if (const auto why = firstError(diagnostics)) return fail(fmt::format("{} cannot be made: {}", wanted.name, *why));
     return fail(fmt::format("{} cannot be made from its declaration", wanted.name));
 }
@@ -292,7 +292,7 @@ std::vector<DocumentServices::ProfileParts> Documents::profiles() const {
 // --------------------------------------------------------------------------------------------------------------------
 
 void registerDocuments(Scene& scene) {
-    static const auto& documents = lasting([] { return std::make_shared<const Documents>(); });
+    static const auto& documents = neverDestroyed([] { return std::make_shared<const Documents>(); });
     if (!dynamic_cast<const Documents*>(&scene.documents())) scene.setDocuments(documents);
 }
 

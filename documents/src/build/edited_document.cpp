@@ -58,20 +58,20 @@ ListEdit editOf(const std::vector<NodeId>& before, std::vector<NodeId> after) {
     ListEdit edit;
     edit.kept.resize(after.size());
     // The longest run that stands in both in the same order, as of the pairs of their places.
-    std::unordered_map<std::uint32_t, std::vector<std::size_t>> places;
-    for (std::size_t i = before.size(); i-- > 0;) places[before[i].value].push_back(i);
+    std::unordered_map<std::uint32_t, std::vector<std::size_t>> indices;
+    for (std::size_t i = before.size(); i-- > 0;) indices[before[i].value].push_back(i);
     struct Candidate {
         std::size_t before, after, previous;
     };
     std::vector<Candidate> candidates;
     std::vector<std::size_t> ends;
     for (std::size_t i = 0; i < after.size(); ++i) {
-        const auto found = places.find(after[i].value);
-        if (found == places.end() || found->second.empty()) continue;
-        const std::size_t place = found->second.back();
+        const auto found = indices.find(after[i].value);
+        if (found == indices.end() || found->second.empty()) continue;
+        const std::size_t index = found->second.back();
         found->second.pop_back();
-        const auto at = std::ranges::lower_bound(ends, place, {}, [&](std::size_t c) { return candidates[c].before; });
-        candidates.push_back({place, i, at == ends.begin() ? SIZE_MAX : *std::prev(at)});
+        const auto at = std::ranges::lower_bound(ends, index, {}, [&](std::size_t c) { return candidates[c].before; });
+        candidates.push_back({index, i, at == ends.begin() ? SIZE_MAX : *std::prev(at)});
         if (at == ends.end())
             ends.push_back(candidates.size() - 1);
         else
@@ -124,8 +124,8 @@ class EditedDocument::State::Edits {
         eachPair([&](const Node& b, const Node& a) { putNodes(&b, a); });
         addRoutes();
         after_.forEachNode([&](const Node& a) {
-            if (const NodePlace place = after_.placeOf(a.id()); place.where.line && isThere(liveOf(a.id())))
-                scene_.setPlace(liveOf(a.id()), place);
+            if (const NodeLocation location = after_.locationOf(a.id()); location.where.line && isThere(liveOf(a.id())))
+                scene_.setLocation(liveOf(a.id()), location);
         });
     }
     std::vector<NodeId> takeLive() { return std::move(live_); }
@@ -144,11 +144,11 @@ class EditedDocument::State::Edits {
     NodeId liveBefore(NodeId before) const {
         return before.value < liveBefore_.size() ? liveBefore_[before.value] : NodeId{};
     }
-    void tell(const Result<>& done, const Node& about) {
+    void report(const Result<>& done, const Node& about) {
         if (done) return;
-        const NodePlace place = after_.placeOf(about.id());
-        diagnostics_.warningAt(place, fmt::format("an edit of {} {} is left out: {}", about.type().name,
-                                                  after_.name(about.id()), done.error().text));
+        const NodeLocation location = after_.locationOf(about.id());
+        diagnostics_.warningAt(location, fmt::format("an edit of {} {} is left out: {}", about.type().name,
+                                                     after_.name(about.id()), done.error().text));
     }
     /// Nodes of the scene: those of the document that are there.
     std::vector<NodeId> liveNodes(const Node& a, FieldIndex field) const {
@@ -217,12 +217,12 @@ void EditedDocument::State::Edits::createNodes() {
         const NodeId scope = a.scope() ? liveOf(a.scope()) : NodeId{};
         if (a.scope() && !isThere(scope)) return;  // the scene has destroyed the instance or the Inline
         live = scene_.createNode(types_[a.typeIndex().value], scope);
-        if (!live) return diagnostics_.error(after_.placeOf(a.id()).where, "no node could be created here");
+        if (!live) return diagnostics_.error(after_.locationOf(a.id()).where, "no node could be created here");
         news_.push_back(a.id());
         for (FieldIndex i = 0; i < a.type().fields.size(); ++i) {
             const FieldDef& def = a.type().fields[i];
             if (sf(def.type) == FieldType::SFNode || !isOfDocument(a.type(), def) || a.isDefault(i)) continue;
-            tell(scene_.setField(live, i, a.value(i)), a);
+            report(scene_.setField(live, i, a.value(i)), a);
         }
     });
 }
@@ -240,8 +240,8 @@ void EditedDocument::State::Edits::removeNodes(const Node& b, const Node& a) {
             change(a, field, edit.keptNodes());
             continue;
         }
-        for (const std::size_t place : edit.removed)
-            if (const auto found = std::ranges::find(wanted, before[place]); found != wanted.end()) wanted.erase(found);
+        for (const std::size_t index : edit.removed)
+            if (const auto found = std::ranges::find(wanted, before[index]); found != wanted.end()) wanted.erase(found);
         change(a, field, wanted);
     }
 }
@@ -253,13 +253,13 @@ void EditedDocument::State::Edits::change(const Node& a, FieldIndex field, const
     const std::vector<NodeId> now = nodesIn(node, field);
     if (now == wanted) return;
     if (node.type().fields[field].type == FieldType::SFNode)
-        return tell(scene_.setField(id, field, Value(wanted.empty() ? NodeId{} : wanted.front())), a);
+        return report(scene_.setField(id, field, Value(wanted.empty() ? NodeId{} : wanted.front())), a);
     const ListEdit edit = editOf(now, wanted);
     if (edit.count() * 2 > std::max(now.size(), wanted.size()))
-        return tell(scene_.setField(id, field, Value(Array<NodeId>(std::span<const NodeId>(wanted)))), a);
-    for (std::size_t i = edit.removed.size(); i-- > 0;) tell(scene_.removeChild(id, field, edit.removed[i]), a);
+        return report(scene_.setField(id, field, Value(Array<NodeId>(std::span<const NodeId>(wanted)))), a);
+    for (std::size_t i = edit.removed.size(); i-- > 0;) report(scene_.removeChild(id, field, edit.removed[i]), a);
     for (std::size_t i = 0; i < wanted.size(); ++i)
-        if (!edit.kept[i]) tell(scene_.insertChild(id, field, wanted[i], i), a);
+        if (!edit.kept[i]) report(scene_.insertChild(id, field, wanted[i], i), a);
 }
 
 void EditedDocument::State::Edits::removeRoutes() {
@@ -292,7 +292,7 @@ void EditedDocument::State::Edits::setValues(const Node& b, const Node& a) {
         if (equalStorage(def.type, a.storage(i), b.storage(i))) continue;
         const NodeId live = liveOf(a.id());
         if (!equalStorage(def.type, a.storage(i), scene_.node(live).storage(i)))
-            tell(scene_.setField(live, i, a.value(i)), a);
+            report(scene_.setField(live, i, a.value(i)), a);
     }
 }
 
@@ -300,10 +300,10 @@ void EditedDocument::State::Edits::setNames() {
     eachPair([&](const Node& b, const Node& a) {
         const std::string_view name = after_.name(a.id());
         if (name != before_.name(b.id()) && name != scene_.name(liveOf(a.id())))
-            tell(scene_.setName(liveOf(a.id()), name), a);
+            report(scene_.setName(liveOf(a.id()), name), a);
     });
     for (const NodeId id : news_)
-        if (!after_.name(id).empty()) tell(scene_.setName(liveOf(id), after_.name(id)), after_.node(id));
+        if (!after_.name(id).empty()) report(scene_.setName(liveOf(id), after_.name(id)), after_.node(id));
 }
 
 /// `b` is null for a new node.
@@ -346,12 +346,12 @@ void EditedDocument::State::Edits::addRoutes() {
                 std::ranges::find(then, Route{b, route.fromField, to, route.toField, route.isConnection}) != then.end())
                 continue;
             if (!route.isConnection)
-                tell(scene_.addRoute(from, route.fromField, live, route.toField), a);
+                report(scene_.addRoute(from, route.fromField, live, route.toField), a);
             else if (after_.node(route.toNode).scope() == a.id())  // the other way comes with it
-                tell(scene_.addIsConnection(from, route.fromField, live, route.toField), a);
+                report(scene_.addIsConnection(from, route.fromField, live, route.toField), a);
             else if (after_.type(after_.node(route.toNode).typeIndex()).fields[route.toField].access ==
                      Access::outputOnly)
-                tell(scene_.addIsConnection(live, route.toField, from, route.fromField), a);
+                report(scene_.addIsConnection(live, route.toField, from, route.fromField), a);
         }
     });
 }

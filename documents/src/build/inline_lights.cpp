@@ -15,15 +15,15 @@ namespace {
 
 class InlineLights {
   public:
-    InlineLights(Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics)
+    InlineLights(Scene& scene, const std::vector<SourceLocation>& locations, Diagnostics& diagnostics)
         : scene_(scene), diagnostics_(diagnostics) {
         std::vector<NodeId> own;
         scene.forEachNode([&](const Node& node) {
             if (node.is(x3d::Inline::type) && !node.scope()) own.push_back(node.id());
         });
         // A node that was refused would make others' places wrong.
-        if (own.size() != places.size()) return;
-        for (std::size_t i = 0; i < own.size(); ++i) places_.emplace(own[i].value, places[i]);
+        if (own.size() != locations.size()) return;
+        for (std::size_t i = 0; i < own.size(); ++i) locations_.emplace(own[i].value, locations[i]);
     }
 
     void keep() {
@@ -141,33 +141,33 @@ class InlineLights {
             if (holdsAll(limits[0], scene_.root())) return;
         }
         for (const NodeId limit : limits)
-            if (limit) tell(light, limit);
+            if (limit) report(light, limit);
     }
 
-    void tell(NodeId light, NodeId limit) {
+    void report(NodeId light, NodeId limit) {
         NodeId outermost = limit;
         while (const NodeId scope = scene_.node(outermost).scope()) outermost = scope;
-        if (!told_.insert(outermost.value).second) return;
-        const auto place = places_.find(outermost.value);
+        if (!reported_.insert(outermost.value).second) return;
+        const auto found = locations_.find(outermost.value);
         const auto named = [&](NodeId id) {
             const std::string_view name = scene_.name(id);
             return fmt::format("{}{}{}", scene_.node(id).type().name, name.empty() ? "" : " ", name);
         };
-        diagnostics_.warning(place == places_.end() ? SourceLocation{} : place->second,
+        diagnostics_.warning(found == locations_.end() ? SourceLocation{} : found->second,
                              fmt::format("{} of the {} shines beyond it now, as no local light has the same effect",
                                          named(light), named(outermost)));
     }
 
     Scene& scene_;
     Diagnostics& diagnostics_;
-    std::unordered_map<std::uint32_t, SourceLocation> places_;
-    std::unordered_set<std::uint32_t> told_;
+    std::unordered_map<std::uint32_t, SourceLocation> locations_;
+    std::unordered_set<std::uint32_t> reported_;
 };
 
 }  // namespace
 
-void keepInlineLights(Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics) {
-    InlineLights(scene, places, diagnostics).keep();
+void keepInlineLights(Scene& scene, const std::vector<SourceLocation>& locations, Diagnostics& diagnostics) {
+    InlineLights(scene, locations, diagnostics).keep();
 }
 
 }  // namespace rtsg::detail

@@ -14,6 +14,6 @@ namespace rtsg::detail {
 /// For a document whose Inlines are about to become Groups. A light whose reach ends at its Inline becomes local
 /// (`global` FALSE) if the group that it is in holds all that is lit in the Inline, and stays as it is if there is
 /// nothing lit elsewhere. `places`: of the document's own Inlines, in their order.
-void keepInlineLights(Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics);
+void keepInlineLights(Scene& scene, const std::vector<SourceLocation>& locations, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

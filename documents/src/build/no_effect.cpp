@@ -26,7 +26,7 @@ constexpr WithoutEffect kWithoutEffect[] = {
 
 }  // namespace
 
-void SceneBuilder::State::tellOfNoEffect(NodeId id, SourceLocation where) {
+void SceneBuilder::State::reportOfNoEffect(NodeId id, SourceLocation where) {
     const NodeType& type = scene.node(id).type();
     if (isTrial || type.kind == NodeType::Kind::proto) return;
     for (const WithoutEffect& row : kWithoutEffect) {

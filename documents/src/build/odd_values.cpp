@@ -44,7 +44,7 @@ constexpr std::array kModes{"MODULATE"sv,
 constexpr std::array kSources{"DIFFUSE"sv, "SPECULAR"sv, "FACTOR"sv, ""sv};
 constexpr std::array kFunctions{"COMPLEMENT"sv, "ALPHAREPLICATE"sv, ""sv};
 
-constexpr std::int32_t kMostDrawnPixels = 4096;  // a side of a picture that a scene draws for itself
+constexpr std::int32_t kMaxDrawnPixels = 4096;  // a side of a picture that a scene draws for itself
 
 std::string_view trimmed(std::string_view word) {
     while (!word.empty() && word.front() == ' ') word.remove_prefix(1);
@@ -74,8 +74,8 @@ class OddValues {
     void checkDirection(const Vec3f& direction) {
         if (direction == Vec3f(0)) say("direction: 0 0 0 is none: it shines nowhere");
     }
-    void checkMost(std::string_view field, std::int32_t value, std::int32_t most) {
-        if (value > most) say(fmt::format("{}: {} is more than {}, which is taken", field, value, most));
+    void checkMaximum(std::string_view field, std::int32_t value, std::int32_t maximum) {
+        if (value > maximum) say(fmt::format("{}: {} is more than {}, which is taken", field, value, maximum));
     }
     void checkLayers(const Array<std::int32_t>& order, std::size_t layers) {
         for (const std::int32_t number : order)
@@ -96,10 +96,10 @@ void checkTextures(const Node& node, OddValues& odd) {
         odd.checkWords("source", node.get(M::source), kSources, "the texture before");
         odd.checkWords("function", node.get(M::function), kFunctions, "none");
     } else if (node.is(x3d::GeneratedCubeMapTexture::type)) {
-        odd.checkMost("size", node.get(x3d::GeneratedCubeMapTexture::size), kMostDrawnPixels);
+        odd.checkMaximum("size", node.get(x3d::GeneratedCubeMapTexture::size), kMaxDrawnPixels);
     } else if (node.is(x3d::RenderedTexture::type)) {
-        odd.checkMost("width", node.get(x3d::RenderedTexture::width), kMostDrawnPixels);
-        odd.checkMost("height", node.get(x3d::RenderedTexture::height), kMostDrawnPixels);
+        odd.checkMaximum("width", node.get(x3d::RenderedTexture::width), kMaxDrawnPixels);
+        odd.checkMaximum("height", node.get(x3d::RenderedTexture::height), kMaxDrawnPixels);
     } else if (node.is(x3d::ComposedCubeMapTexture::type)) {
         using C = x3d::ComposedCubeMapTexture;
         const auto sides = {C::frontTexture, C::backTexture, C::leftTexture,
@@ -132,7 +132,7 @@ void checkLayering(const Node& node, OddValues& odd) {
 
 }  // namespace
 
-void SceneBuilder::State::tellOfOddValues(NodeId id, SourceLocation where) {
+void SceneBuilder::State::reportOfOddValues(NodeId id, SourceLocation where) {
     const Node& node = scene.node(id);
     if (isTrial || node.type().kind == NodeType::Kind::proto) return;
     OddValues odd(node);

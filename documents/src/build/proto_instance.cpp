@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/documents/loader.h>
 
 #include "builder_state.h"
@@ -262,7 +262,7 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     const FieldDef& def = node.type->fields[target];
     // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
     static const auto& metadata =
-        lasting([] { return InterfaceField{{Access::inputOutput, FieldType::SFNode, "metadata"}, {}, {}, {}}; });
+        neverDestroyed([] { return InterfaceField{{Access::inputOutput, FieldType::SFNode, "metadata"}, {}, {}, {}}; });
     const InterfaceField* declared = in.proto->findField(request.protoField);
     if (!declared && request.protoField == "metadata") declared = &metadata;
     const FieldIndex source = instance.type().find(request.protoField);

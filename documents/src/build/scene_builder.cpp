@@ -104,15 +104,15 @@ void SceneBuilder::State::noteWork(SourceLocation where) {
 }
 
 std::uint64_t SceneBuilder::State::nodesLeft() const {
-    const std::uint64_t most = options.resources->policy().maximumNodes;
-    return most - std::min(expandedNodes, most);
+    const std::uint64_t maximum = options.resources->policy().maximumNodes;
+    return maximum - std::min(expandedNodes, maximum);
 }
 
 bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {
-    const std::uint64_t most = options.resources->policy().maximumNodes;
+    const std::uint64_t maximum = options.resources->policy().maximumNodes;
     if (isOver) return false;
-    if ((!scope.proto && !scope.owner && !options.namedByUrl) || ++expandedNodes <= most) return true;
-    if (expandedNodes == most + 1) diagnostics.error(where, tooManyNodes(most));
+    if ((!scope.proto && !scope.owner && !options.namedByUrl) || ++expandedNodes <= maximum) return true;
+    if (expandedNodes == maximum + 1) diagnostics.error(where, tooManyNodes(maximum));
     return false;
 }
 
@@ -122,10 +122,10 @@ bool SceneBuilder::isFull() const {
     return s.isOver || (s.options.namedByUrl && s.expandedNodes > s.options.resources->policy().maximumNodes);
 }
 
-std::string tooManyNodes(std::uint64_t most) {
+std::string tooManyNodes(std::uint64_t maximum) {
     return fmt::format(
         "PROTO instances and Inlines make more than {} nodes; the rest is left out, unless --limit nodes=N raises this",
-        most);
+        maximum);
 }
 
 std::string whyFull(const CommandList& commands, const ResourcePolicy& policy) {
@@ -174,7 +174,7 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
         index = proto->type;
         known = &s.scene.type(index);
     }
-    const FieldIndex place = s.placeFor(*s.top(), field, proto ? proto->primary : known, type, where);
+    const FieldIndex fieldIndex = s.fieldFor(*s.top(), field, proto ? proto->primary : known, type, where);
     const bool isScript = !proto && (known->isA("X3DScriptNode") || known->isA("X3DProgrammableShaderObject"));
     OpenNode& node = s.push(proto      ? OpenNode::Kind::instance
                             : isScript ? OpenNode::Kind::script
@@ -183,7 +183,7 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
     node.typeIndex = index;
     node.type = known;
     node.proto = proto;
-    node.parentField = place;
+    node.parentField = fieldIndex;
     node.def = def;
     if (!isScript) {
         node.id = s.scene.createNode(index, scope.owner);
@@ -193,7 +193,7 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
             ++s.skipDepth;
             return;
         }
-        s.rememberPlace(node);
+        s.rememberLocation(node);
     }
     s.nameNode(node);
 }
@@ -231,8 +231,8 @@ void SceneBuilder::endNode(SourceLocation where) {
     else if (done.typeIndex == x3d::FontLibrary::type)
         s.scope().fontLibraries.emplace_back(done.id, done.where), s.linksFonts = true;
     const NodeId id = done.id;
-    s.tellOfNoEffect(id, done.where);
-    s.tellOfOddValues(id, done.where);
+    s.reportOfNoEffect(id, done.where);
+    s.reportOfOddValues(id, done.where);
     const FieldIndex field = done.parentField;
     s.pop();
     if (field != kNoField) s.attach(*s.top(), field, id);
@@ -258,17 +258,17 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
     if (id == kOfUnknownType || parent->kind == OpenNode::Kind::unknown) return;
     // Scripts and PROTO instances may refer to anything, themselves included; a child may not be its own ancestor. The
     // use of it in a PROTO's body is checked there.
-    const bool tells = parent->kind == OpenNode::Kind::script || parent->kind == OpenNode::Kind::instance;
+    const bool reports = parent->kind == OpenNode::Kind::script || parent->kind == OpenNode::Kind::instance;
     for (std::size_t i = scope.openBase; i < s.openCount; ++i) {
         const OpenNode& above = s.open[i];
         if (above.kind == OpenNode::Kind::body || above.def != def || (above.id ? above.id : kSelf) != id) continue;
-        if (tells && (above.id || i + 1 == s.openCount)) continue;
+        if (reports && (above.id || i + 1 == s.openCount)) continue;
         s.error(where, fmt::format("USE '{}' inside '{}' itself: a node cannot contain itself", def, def));
         return;
     }
     const NodeType* type = id == kSelf ? parent->type : s.effectiveType(id);
-    const FieldIndex place = s.placeFor(*parent, field, type, fmt::format("USE {}", def), where);
-    if (place != kNoField) s.attach(*parent, place, id);
+    const FieldIndex fieldIndex = s.fieldFor(*parent, field, type, fmt::format("USE {}", def), where);
+    if (fieldIndex != kNoField) s.attach(*parent, fieldIndex, id);
 }
 
 void SceneBuilder::setField(std::string_view name, Value value, SourceLocation where) {
@@ -325,8 +325,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
             s.error(where, fmt::format("PROTO {} declares field '{}' twice", s.recording->name, field.name));
             return;
         }
-        if (s.recording->fields.size() == kMostFields)
-            return s.error(where, fmt::format("PROTO {} declares more than {} fields", s.recording->name, kMostFields));
+        if (s.recording->fields.size() == kMaxFields)
+            return s.error(where, fmt::format("PROTO {} declares more than {} fields", s.recording->name, kMaxFields));
         if (value && !isOfType(*value, field.type, field.custom.get())) {
             s.error(where, fmt::format("field '{}' is {}, its default {}", field.name,
                                        fieldTypeName(field.type, field.custom.get()), typeNameOf(*value)));
@@ -345,8 +345,8 @@ void SceneBuilder::declareField(const FieldDeclaration& field, std::optional<Val
         s.error(where, fmt::format("{} has a field '{}' already", node->describe(), field.name));
         return;
     }
-    if (node->own.size() == kMostFields)
-        return s.error(where, fmt::format("{} declares more than {} fields", node->describe(), kMostFields));
+    if (node->own.size() == kMaxFields)
+        return s.error(where, fmt::format("{} declares more than {} fields", node->describe(), kMaxFields));
     FieldDef& def = node->own.emplace_back();
     def.name = field.name;
     def.type = field.type;

@@ -80,8 +80,8 @@ FieldIndex OpenNode::find(std::string_view name) const {
     if (!type) return kNoField;
     const FieldIndex found = type->find(name);
     if (found != kNoField) return found;
-    const std::size_t place = findOwn(name);
-    return place == own.size() ? kNoField : static_cast<FieldIndex>(type->fields.size() + place);
+    const std::size_t index = findOwn(name);
+    return index == own.size() ? kNoField : static_cast<FieldIndex>(type->fields.size() + index);
 }
 
 std::size_t OpenNode::findOwn(std::string_view name) const {
@@ -134,10 +134,10 @@ void SceneBuilder::State::warning(SourceLocation where, std::string text) {
 }
 
 /// For messages about it while it runs.
-void SceneBuilder::State::rememberPlace(const OpenNode& node) {
+void SceneBuilder::State::rememberLocation(const OpenNode& node) {
     if (isTrial || node.where.line == 0) return;
     const DocumentSource* source = scope().source;
-    scene.setPlace(node.id, {source && !source->file.empty() ? source->file : diagnostics.file(), node.where});
+    scene.setLocation(node.id, {source && !source->file.empty() ? source->file : diagnostics.file(), node.where});
 }
 
 OpenNode& SceneBuilder::State::push(OpenNode::Kind kind, SourceLocation where) {
@@ -227,7 +227,7 @@ void SceneBuilder::State::openUnknown(std::string_view type, std::string_view de
 }
 
 /// The field of `parent` that a child goes into; kNoField after a diagnostic.
-FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view field, const NodeType* child,
+FieldIndex SceneBuilder::State::fieldFor(OpenNode& parent, std::string_view field, const NodeType* child,
                                          std::string_view childName, SourceLocation where) {
     if (parent.kind == OpenNode::Kind::body) return 0;
     if (parent.kind == OpenNode::Kind::unknown) return kNoField;
@@ -272,11 +272,11 @@ FieldIndex SceneBuilder::State::placeFor(OpenNode& parent, std::string_view fiel
 
 void SceneBuilder::State::nameNode(const OpenNode& node) {
     if (node.def.empty()) return;
-    const auto [place, isNew] = scope().names.try_emplace(node.def, node.id ? node.id : kSelf);
+    const auto [entry, isNew] = scope().names.try_emplace(node.def, node.id ? node.id : kSelf);
     if (!isNew) {
-        if (place->second != kSelf)
+        if (entry->second != kSelf)
             warning(node.where, fmt::format("DEF '{}' is used twice; from here it means this one", node.def));
-        place->second = node.id ? node.id : kSelf;
+        entry->second = node.id ? node.id : kSelf;
     }
     if (node.id) giveName(node.id, node.def, node.where);
 }
@@ -318,18 +318,18 @@ void SceneBuilder::State::storeChildren(OpenNode& node) {
         const FieldDef& def = node.field(one.field);
         Value value = def.type == FieldType::SFNode ? Value(one.nodes.front())
                                                     : Value(Array<NodeId>(std::span<const NodeId>(one.nodes)));
-        const auto tell = [&](const Diagnostic& why) {
+        const auto report = [&](const Diagnostic& why) {
             error(node.where, fmt::format("{}.{}: {}", node.describe(), def.name, why.text));
         };
         const auto stored = scene.setField(node.id, one.field, std::move(value));
         if (stored) continue;
         if (def.type == FieldType::SFNode) {
-            tell(stored.error());
+            report(stored.error());
             continue;
         }
         // The other nodes of a list stay.
         for (const NodeId child : one.nodes)
-            if (const auto added = scene.insertChild(node.id, one.field, child); !added) tell(added.error());
+            if (const auto added = scene.insertChild(node.id, one.field, child); !added) report(added.error());
     }
 }
 
@@ -408,7 +408,7 @@ void SceneBuilder::State::endScript(OpenNode& node) {
         error(node.where, "no node could be created here");
         return;
     }
-    rememberPlace(node);
+    rememberLocation(node);
     const NodeType* base = node.type;
     node.type = &scene.type(node.typeIndex);
     // From the indices used while reading to those of the finished type.

@@ -189,8 +189,8 @@ class CountCheck {
             geodetic = !system->empty() && ((*system)[0].view() == "GD" || (*system)[0].view() == "GDC");
             for (const String& word : *system) longitudeFirst |= word.view() == "longitude_first";
         }
-        const Vec3d& place = given->second.value.as<Vec3d>();
-        const double angle = longitudeFirst ? place.y : place.x;
+        const Vec3d& position = given->second.value.as<Vec3d>();
+        const double angle = longitudeFirst ? position.y : position.x;
         if (geodetic && std::abs(angle) > 90)
             say(field, std::string(field) + " of " + node_.type->name + " has a latitude beyond 90 degrees",
                 DiagnosticCode("geography"));

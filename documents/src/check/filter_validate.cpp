@@ -234,8 +234,8 @@ class Validate final : public Filter {
         // Each key of these has a whole list of values.
         const bool lists = node.type->name.starts_with("Coordinate") || node.type->name == "NormalInterpolator";
         if (node.type->findExact("keyValue") == kNoField && node.type->findExact("easeInEaseOut") == kNoField) return;
-        const bool isWhole = !node.isConnected || (keys != kNone && values != kNone);  // else a list comes by IS
-        if (isWhole && (lists ? (key == 0 ? value != 0 : value % key != 0 || value == 0) : key != value))
+        const bool isComplete = !node.isConnected || (keys != kNone && values != kNone);  // else a list comes by IS
+        if (isComplete && (lists ? (key == 0 ? value != 0 : value % key != 0 || value == 0) : key != value))
             diagnostics_.warning(at,
                                  node.type->name + " has " + std::to_string(key) + " keys and " +
                                      std::to_string(value) + " values" +

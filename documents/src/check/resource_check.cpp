@@ -66,21 +66,21 @@ std::string keyOf(std::string_view field, const Array<String>& urls) {
 
 }  // namespace
 
-void UrlPlaces::setField(std::string_view name, Value value, SourceLocation where) {
+void UrlLocations::setField(std::string_view name, Value value, SourceLocation where) {
     if (namesFiles(name) && value.holds<Array<String>>())
-        places_[keyOf(name, value.as<Array<String>>())].push_back(where);
+        locations_[keyOf(name, value.as<Array<String>>())].push_back(where);
     Filter::setField(name, std::move(value), where);
 }
 
-SourceLocation UrlPlaces::next(std::string_view field, const Array<String>& urls) {
-    const auto found = places_.find(keyOf(field, urls));
-    if (found == places_.end()) return {};
+SourceLocation UrlLocations::next(std::string_view field, const Array<String>& urls) {
+    const auto found = locations_.find(keyOf(field, urls));
+    if (found == locations_.end()) return {};
     const SourceLocation where = found->second.front();
     if (found->second.size() > 1) found->second.pop_front();
     return where;
 }
 
-void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics, UrlPlaces* places) {
+void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics, UrlLocations* locations) {
     forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
         // A stream need be no file: who listens says what cannot be read.
         if (!isChecked(node) || isStream(node.type(), node.type().fields[i])) return;
@@ -88,7 +88,7 @@ void checkResources(const Scene& scene, const Resources& resources, Diagnostics&
         if (problem.empty()) return;
         const std::string name(scene.name(node.id()));
         const auto& urls = *static_cast<const Array<String>*>(node.storage(i));
-        const SourceLocation where = places ? places->next(node.type().fields[i].name, urls) : SourceLocation();
+        const SourceLocation where = locations ? locations->next(node.type().fields[i].name, urls) : SourceLocation();
         diagnostics.warning(where, fmt::format("{}{}.{}: {}", node.type().name, name.empty() ? "" : " " + name,
                                                node.type().fields[i].name, problem));
     });

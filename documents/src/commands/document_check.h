@@ -31,7 +31,7 @@ class ProfileCheck {
     std::string profile_;
     bool everything_ = true;
     std::vector<Support> supported_;
-    std::vector<std::string> told_;
+    std::vector<std::string> reported_;
 };
 
 /// Why a node of this type cannot stand at the top of a document, and where it belongs; empty if it can.

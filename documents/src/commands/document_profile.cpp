@@ -169,8 +169,8 @@ void ProfileCheck::node(const NodeType& type, SourceLocation where, Diagnostics&
     const int has = found == supported_.end() ? 0 : found->level;
     if (has >= type.level) return;
     const std::string wanted = type.component + ":" + std::to_string(type.level);
-    if (std::ranges::find(told_, wanted) != told_.end()) return;
-    told_.push_back(wanted);
+    if (std::ranges::find(reported_, wanted) != reported_.end()) return;
+    reported_.push_back(wanted);
     diagnostics.warning(
         where,
         type.name + " is of component " + type.component + ", level " + std::to_string(type.level) + "; profile " +
@@ -184,7 +184,7 @@ std::string notAtTheTop(const NodeType& type) {
     for (const char* child : {"X3DChildNode", "X3DMetadataObject", "X3DLayerSetNode", "X3DLayerNode"})
         if (type.isA(child)) return {};
     if (type.name == "LayerSet") return {};
-    std::string place;
+    std::string location;
     for (const auto& parent : builtinTypes()) {
         const FieldIndex field = parent->internal ? kNoField : parent->findExact(type.containerField);
         if (field == kNoField || parent->fields[field].accepts.empty()) continue;
@@ -192,12 +192,12 @@ std::string notAtTheTop(const NodeType& type) {
                                  [&](const std::string& accepted) { return type.isA(accepted); }))
             continue;
         // The shortest name is the plainest parent: Shape, not ParticleSystem.
-        if (place.empty() || parent->name.size() < place.size()) place = parent->name;
+        if (location.empty() || parent->name.size() < location.size()) location = parent->name;
     }
     std::string text = type.name + " does nothing at the top of a scene";
-    if (!place.empty())
+    if (!location.empty())
         text += "; it belongs in field " + type.containerField +
-                (std::string_view("AEIO").contains(place[0]) ? " of an " : " of a ") + place;
+                (std::string_view("AEIO").contains(location[0]) ? " of an " : " of a ") + location;
     return text;
 }
 

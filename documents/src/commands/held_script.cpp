@@ -47,7 +47,7 @@ class Connector final : public Filter {
 
 }  // namespace
 
-void HeldScript::tell() const {
+void HeldScript::report() const {
     Connector connector(next_, connections_);
     commands_.replay(connector);
 }

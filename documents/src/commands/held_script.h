@@ -27,7 +27,7 @@ class HeldScript {
     std::size_t count() { return nodes_++; }
     /// Keeps the IS connections of the declared fields of the node with that number.
     void connect(std::size_t node, Connections connections) { connections_.emplace(node, std::move(connections)); }
-    void tell() const;
+    void report() const;
 
   private:
     DocumentHandler& next_;

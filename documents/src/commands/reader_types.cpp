@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 #include "versions.h"
 
@@ -103,7 +103,7 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
     if (!shape.proto) return {};
     if (const FieldRef declared = findField(shape.proto->fields, name)) return declared;
     // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
-    static const auto& anyNode = lasting([] { return NodeShape{findBuiltinType("Group"), {}, {}, {}}; });
+    static const auto& anyNode = neverDestroyed([] { return NodeShape{findBuiltinType("Group"), {}, {}, {}}; });
     const FieldRef metadata = findField(anyNode, name);
     return metadata.name == "metadata" ? metadata : FieldRef{};
 }
@@ -183,7 +183,7 @@ bool ReaderTypes::declaredHere(std::string_view proto) const {
 
 std::string ReaderTypes::protoName(std::string_view name) const {
     if (!fromTables(name)) return std::string(name);
-    return isInVersion(name, version_) && !instancesAreTold_ ? std::string() : std::string(name) + '_';
+    return isInVersion(name, version_) && !instancesAreReported_ ? std::string() : std::string(name) + '_';
 }
 
 bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name) {

@@ -116,7 +116,7 @@ class ReaderTypes {
     /// Sets the version of the document, which decides which names are those of built-in nodes.
     void setVersion(std::string_view version) { version_ = version; }
     /// Instances of PROTOs say that they are some (XML, JSON), so that a PROTO may have the name of any node.
-    void setInstancesAreTold() { instancesAreTold_ = true; }
+    void setInstancesAreReported() { instancesAreReported_ = true; }
     /// findField() as the document's version has it: a CADLayer's `visible` was a list before X3D 4.0, one value a
     /// child.
     FieldRef findField(const NodeShape& shape, std::string_view name) const;
@@ -162,7 +162,7 @@ class ReaderTypes {
     std::shared_ptr<const Dialect> dialect_;
     std::string version_ = "4.0";
     bool shadows_ = false;  // a PROTO has the name of a later version's node, and is meant by it
-    bool instancesAreTold_ = false;
+    bool instancesAreReported_ = false;
     std::vector<Scope> scopes_;
     std::unordered_map<std::string, std::vector<Declared>> protos_;
     std::unordered_map<std::string, std::shared_ptr<const ProtoType>> ours_;  // EXTERNPROTOs of the dialect's nodes

@@ -27,8 +27,8 @@ std::uint32_t XmlParser::numberOf(std::string_view entity) {
 }
 
 void XmlParser::declareEntity(std::string_view name, bool isParameter, bool isHere, std::string_view value) {
-    if (++declared_ > kMostEntities)
-        return refuse("the document declares more than " + std::to_string(kMostEntities) + " entities");
+    if (++declared_ > kMaxEntities)
+        return refuse("the document declares more than " + std::to_string(kMaxEntities) + " entities");
     if (isParameter) return;  // expat does not follow them
     if (!isHere) return report_("the entity " + std::string(name) + " is in another file, which is not opened");
     const std::uint32_t number = numberOf(name);
@@ -60,8 +60,8 @@ void XmlParser::deepen(std::uint32_t entity, std::uint32_t depth) {
 }
 
 void XmlParser::declareAttribute() {
-    if (++attributes_ > kMostAttributes)
-        refuse("the document type declares more than " + std::to_string(kMostAttributes) + " attributes");
+    if (++attributes_ > kMaxAttributes)
+        refuse("the document type declares more than " + std::to_string(kMaxAttributes) + " attributes");
 }
 
 }  // namespace rtsg::detail

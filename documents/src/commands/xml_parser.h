@@ -1,7 +1,7 @@
 // An expat parser for files of strangers, with bounds of our own on what a document type may declare.
 //
 // Invariant: entities nest at most kDeepest deep, whatever their order, since expat follows them by recursion; a
-// document declares at most kMostEntities of them and kMostAttributes attributes, which expat looks through for each
+// document declares at most kMaxEntities of them and kMaxAttributes attributes, which expat looks through for each
 // element. What entities expand to has at most kMaximumAmplification times the bytes that were read. Entities in other
 // files are reported, and never opened. A bound that is exceeded is reported, and ends the reading. Threading: one
 // thread. Source: XML 1.0, 4.2 and 4.4.
@@ -25,7 +25,7 @@ namespace rtsg::detail {
 class XmlParser {
   public:
     static constexpr std::uint32_t kDeepest = 32;
-    static constexpr std::size_t kMostEntities = 10'000, kMostAttributes = 1'000;
+    static constexpr std::size_t kMaxEntities = 10'000, kMaxAttributes = 1'000;
 
     /// `report` gets what is wrong with a declaration, while expat is at it.
     explicit XmlParser(std::function<void(std::string)> report);

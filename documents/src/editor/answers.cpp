@@ -82,7 +82,7 @@ std::string fieldLine(const FieldDef& field) {
     return line;
 }
 
-std::string placeInStandard(const NodeType& type) {
+std::string sectionOf(const NodeType& type) {
     const int clause = clauseOf(type.component);
     std::string text = fmt::format("{} component, level {}", type.component, type.level);
     if (clause > 0) text += fmt::format("; ISO/IEC 19775-1 V4.0, clause {}", clause);
@@ -95,7 +95,7 @@ std::string placeInStandard(const NodeType& type) {
 std::string nodeText(const NodeType& type) {
     std::string text = fmt::format("**{}**", type.name);
     if (!type.implements.empty()) text += fmt::format(": {}", fmt::join(type.implements, ", "));
-    text += fmt::format("\n\n{}\n\n```\n", placeInStandard(type));
+    text += fmt::format("\n\n{}\n\n```\n", sectionOf(type));
     for (const FieldDef& field : type.fields)
         if (!field.hidden) text += fieldLine(field) + '\n';
     return text + "```\n";
@@ -106,7 +106,7 @@ std::string fieldText(const NodeType& type, const FieldDef& field) {
         "", "length", "angle", "mass", "force", "speed", "angular rate", "acceleration", "area", "torque"};
     std::string text = fmt::format("```\n{}\n```\n", fieldLine(field));
     if (field.unit != Unit::none) text += fmt::format("Unit: {}. ", kUnits[static_cast<std::size_t>(field.unit)]);
-    return text + fmt::format("Of {} ({})\n", type.name, placeInStandard(type));
+    return text + fmt::format("Of {} ({})\n", type.name, sectionOf(type));
 }
 
 bool isXml(std::string_view text) {

@@ -25,7 +25,7 @@ class ClassicWords {
 
     DocumentWords take() {
         while (at_ < text_.size()) step();
-        if (!isInWord_) tell({});
+        if (!isInWord_) report({});
         return std::move(result_);
     }
 
@@ -136,7 +136,7 @@ class ClassicWords {
         const FieldIndex index = type ? type->find(field) : kNoField;
         return index != kNoField && sf(type->fields[index].type) == FieldType::SFNode;
     }
-    void tell(std::string_view begun) {
+    void report(std::string_view begun) {
         result_.end = expected();
         result_.end.begun = begun;
     }
@@ -151,7 +151,7 @@ class ClassicWords {
             if ((pending_ == "ROUTE" || pending_ == "TO") && dot != word.npos)
                 result_.end = {Expects::routeField, word.substr(dot + 1), kNoNode, word.substr(0, dot)};
             else
-                tell(word);
+                report(word);
         }
         understand(word);
     }

@@ -25,7 +25,7 @@ namespace rtsg {
 namespace {
 
 using editor::TextLines;
-using editor::TextPlace;
+using editor::TextPosition;
 using editor::TextRange;
 using Json = nlohmann::json;
 
@@ -33,7 +33,7 @@ using Json = nlohmann::json;
 constexpr int kParseError = -32700, kInvalidRequest = -32600, kMethodNotFound = -32601, kInvalidParams = -32602,
               kNotInitialized = -32002;
 constexpr std::size_t kDeepestMessage = 64;  // of a message
-constexpr std::size_t kMostProposals = 2000;
+constexpr std::size_t kMaxProposals = 2000;
 
 /// The member, or null where there is no such thing.
 const Json& member(const Json& of, const char* name) {
@@ -120,15 +120,15 @@ struct LanguageServer::State {
         write({{"id", id}, {"error", {{"code", code}, {"message", std::move(why)}}}});
     }
 
-    Json placeOf(const TextLines& lines, std::size_t offset) const {
-        const TextPlace place = lines.placeOf(offset);
-        return {{"line", place.line}, {"character", place.character}};
+    Json positionOf(const TextLines& lines, std::size_t offset) const {
+        const TextPosition position = lines.positionOf(offset);
+        return {{"line", position.line}, {"character", position.character}};
     }
     Json rangeOf(const TextLines& lines, TextRange range) const {
-        return {{"start", placeOf(lines, range.begin)}, {"end", placeOf(lines, range.end)}};
+        return {{"start", positionOf(lines, range.begin)}, {"end", positionOf(lines, range.end)}};
     }
-    static TextPlace placeOf(const Json& place) {
-        return {countOf(member(place, "line")), countOf(member(place, "character"))};
+    static TextPosition positionOf(const Json& position) {
+        return {countOf(member(position, "line")), countOf(member(position, "character"))};
     }
     static std::string uriOf(const Json& params) { return textOf(member(member(params, "textDocument"), "uri")); }
 
@@ -148,7 +148,7 @@ struct LanguageServer::State {
         if (!version.is_null()) params["version"] = std::move(version);
         write({{"method", "textDocument/publishDiagnostics"}, {"params", std::move(params)}});
     }
-    void tell(std::string why) const {
+    void notify(std::string why) const {
         write({{"method", "window/logMessage"}, {"params", {{"type", 1}, {"message", std::move(why)}}}});
     }
 };
@@ -231,9 +231,9 @@ void LanguageServer::State::open(const Json& params) {
     const Json& document = member(params, "textDocument");
     const std::string uri = uriOf(params);
     if (uri.empty() || !member(document, "text").is_string())
-        return tell("didOpen: it names no document, or has no text");
+        return notify("didOpen: it names no document, or has no text");
     if (!documents.contains(uri) && documents.size() >= options.maximumDocuments)
-        return tell(fmt::format("{}: {} documents are open already", uri, documents.size()));
+        return notify(fmt::format("{}: {} documents are open already", uri, documents.size()));
     documents.insert_or_assign(uri, Document{textOf(member(document, "text")), member(document, "version")});
     edited.insert(uri);
 }
@@ -241,10 +241,10 @@ void LanguageServer::State::open(const Json& params) {
 void LanguageServer::State::change(const Json& params) {
     const auto found = documents.find(uriOf(params));
     const Json& changes = member(params, "contentChanges");
-    if (found == documents.end() || !changes.is_array()) return tell("didChange: of no open document");
+    if (found == documents.end() || !changes.is_array()) return notify("didChange: of no open document");
     for (const Json& one : changes) {
         if (!member(one, "text").is_string() || !member(one, "range").is_null())
-            return tell("didChange: the whole text is what was agreed on");
+            return notify("didChange: the whole text is what was agreed on");
         found->second.text = textOf(member(one, "text"));
     }
     found->second.version = member(member(params, "textDocument"), "version");
@@ -268,12 +268,12 @@ void LanguageServer::State::ask(const Json& id, const std::string& method, const
     const std::string& text = found->second.text;
     const TextLines lines(text, countsBytes);
     if (isAction) return answer(id, mend(found->first, text, params, lines));
-    const std::size_t offset = lines.offsetOf(placeOf(member(params, "position")));
+    const std::size_t offset = lines.offsetOf(positionOf(member(params, "position")));
     if (isCompletion) return answer(id, complete(text, offset, lines));
     if (isHover) return answer(id, explain(text, offset, lines));
-    const std::optional<TextRange> place = editor::definitionAt(text, offset);
-    if (!place) return answer(id, nullptr);
-    answer(id, {{"uri", found->first}, {"range", rangeOf(lines, *place)}});
+    const std::optional<TextRange> range = editor::definitionAt(text, offset);
+    if (!range) return answer(id, nullptr);
+    answer(id, {{"uri", found->first}, {"range", rangeOf(lines, *range)}});
 }
 
 Json LanguageServer::State::complete(const std::string& text, std::size_t offset, const TextLines& lines) const {
@@ -283,14 +283,14 @@ Json LanguageServer::State::complete(const std::string& text, std::size_t offset
     const Json range = rangeOf(lines, proposals.replaced);
     Json items = Json::array();
     for (const editor::Proposal& one : proposals.all) {
-        if (items.size() >= kMostProposals) break;
+        if (items.size() >= kMaxProposals) break;
         Json item = {{"label", one.text},
                      {"kind", kKinds[static_cast<std::size_t>(one.kind)]},
                      {"textEdit", {{"range", range}, {"newText", one.text}}}};
         if (!one.detail.empty()) item["detail"] = one.detail;
         items.push_back(std::move(item));
     }
-    return {{"isIncomplete", proposals.all.size() > kMostProposals}, {"items", std::move(items)}};
+    return {{"isIncomplete", proposals.all.size() > kMaxProposals}, {"items", std::move(items)}};
 }
 
 Json LanguageServer::State::explain(const std::string& text, std::size_t offset, const TextLines& lines) const {
@@ -306,7 +306,7 @@ Json LanguageServer::State::mend(const std::string& uri, const std::string& text
     const Json& faults = member(member(params, "context"), "diagnostics");
     if (!faults.is_array()) return actions;
     for (const Json& fault : faults) {
-        const std::size_t offset = lines.offsetOf(placeOf(member(member(fault, "range"), "start")));
+        const std::size_t offset = lines.offsetOf(positionOf(member(member(fault, "range"), "start")));
         const auto wrong = editor::misspelledWord(text, offset, textOf(member(fault, "message")));
         if (!wrong) continue;
         const Json edit = {{"range", rangeOf(lines, wrong->word)}, {"newText", wrong->meant}};
@@ -329,8 +329,9 @@ Json LanguageServer::State::faultOf(const Diagnostic& fault, const std::string& 
     const int severity = fault.severity == Severity::error ? 1 : fault.severity == Severity::warning ? 2 : 3;
     std::string message = fault.text;
     if (!isHere) {
-        const std::string place = fault.where.line ? fmt::format(":{}:{}", fault.where.line, fault.where.column) : "";
-        message = fmt::format("{}{}: {}", fault.file, place, fault.text);
+        const std::string location =
+            fault.where.line ? fmt::format(":{}:{}", fault.where.line, fault.where.column) : "";
+        message = fmt::format("{}{}: {}", fault.file, location, fault.text);
     }
     return {{"range", rangeOf(lines, {begin, end})},
             {"severity", severity},
@@ -350,11 +351,11 @@ void LanguageServer::State::check(const std::string& uri, const Document& docume
         build.resources = resources;
         build.file = file;
         SceneBuilder builder(scene, faults, build);
-        UrlPlaces places(builder);
-        const auto filter = makeFilter("validate", places, {faults, resources, file, options.scripts});
+        UrlLocations locations(builder);
+        const auto filter = makeFilter("validate", locations, {faults, resources, file, options.scripts});
         if (filter) (void)readDocument(document.text, **filter, faults);
         builder.finish();
-        checkResources(scene, resources, missing, &places);
+        checkResources(scene, resources, missing, &locations);
     }
     faults.append(missing);
     const TextLines lines(document.text, countsBytes);

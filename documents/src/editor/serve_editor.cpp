@@ -17,12 +17,12 @@ namespace rtsg {
 namespace {
 
 constexpr DiagnosticCode kEditor{"editor"};
-constexpr std::size_t kMostHeaderBytes = 4096;
+constexpr std::size_t kMaxHeaderBytes = 4096;
 
 /// Messages behind headers that say how long they are (LSP 3.17, Base Protocol).
 class MessageReader {
   public:
-    MessageReader(int descriptor, std::uint64_t maximumBytes) : descriptor_(descriptor), most_(maximumBytes) {}
+    MessageReader(int descriptor, std::uint64_t maximumBytes) : descriptor_(descriptor), maximum_(maximumBytes) {}
 
     /// Whether something of the next message is there.
     bool hasInput() const {
@@ -33,7 +33,7 @@ class MessageReader {
     Result<std::optional<std::string>> next() {
         std::size_t behind = 0;
         while ((behind = headerEnd()) == 0) {
-            if (buffer_.size() > kMostHeaderBytes) return fail(kEditor, "a message begins with no header");
+            if (buffer_.size() > kMaxHeaderBytes) return fail(kEditor, "a message begins with no header");
             if (auto more = fill(); !more)
                 return std::unexpected(more.error());
             else if (!*more && buffer_.empty())
@@ -74,8 +74,8 @@ class MessageReader {
             const auto [stop, error] = std::from_chars(line.data() + digits, last, number);
             if (error != std::errc() || stop != last || length)
                 return fail(kEditor, fmt::format("'{}' is no length of a message", line.substr(0, 80)));
-            if (number > most_)
-                return fail(kEditor, fmt::format("a message of {} bytes: at most {} are taken", number, most_));
+            if (number > maximum_)
+                return fail(kEditor, fmt::format("a message of {} bytes: at most {} are taken", number, maximum_));
             length = static_cast<std::size_t>(number);
         }
         if (!length) return fail(kEditor, "a message has no Content-Length");
@@ -93,7 +93,7 @@ class MessageReader {
     }
 
     const int descriptor_;
-    const std::uint64_t most_;
+    const std::uint64_t maximum_;
     std::string buffer_;
 };
 

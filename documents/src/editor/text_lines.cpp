@@ -31,14 +31,14 @@ std::string_view TextLines::line(std::size_t number) const {
     return result;
 }
 
-std::size_t TextLines::offsetOf(TextPlace place) const {
-    if (place.line >= starts_.size()) return text_.size();
-    const std::string_view inside = line(place.line);
+std::size_t TextLines::offsetOf(TextPosition position) const {
+    if (position.line >= starts_.size()) return text_.size();
+    const std::string_view inside = line(position.line);
     std::size_t at = 0;
     std::uint32_t passed = 0;
-    while (at < inside.size() && passed < place.character) passed += countsBytes_ ? 1 : unitsOf(inside[at]), ++at;
+    while (at < inside.size() && passed < position.character) passed += countsBytes_ ? 1 : unitsOf(inside[at]), ++at;
     while (at < inside.size() && !beginsCharacter(inside[at])) ++at;
-    return starts_[place.line] + at;
+    return starts_[position.line] + at;
 }
 
 std::size_t TextLines::offsetOf(SourceLocation where) const {
@@ -52,13 +52,13 @@ std::size_t TextLines::offsetOf(SourceLocation where) const {
     return starts_[where.line - 1] + at;
 }
 
-TextPlace TextLines::placeOf(std::size_t offset) const {
+TextPosition TextLines::positionOf(std::size_t offset) const {
     offset = std::min(offset, text_.size());
     const auto next = std::ranges::upper_bound(starts_, offset);
     const auto number = static_cast<std::size_t>(next - starts_.begin()) - 1;
-    TextPlace place{static_cast<std::uint32_t>(number), 0};
-    for (std::size_t i = starts_[number]; i < offset; ++i) place.character += countsBytes_ ? 1 : unitsOf(text_[i]);
-    return place;
+    TextPosition position{static_cast<std::uint32_t>(number), 0};
+    for (std::size_t i = starts_[number]; i < offset; ++i) position.character += countsBytes_ ? 1 : unitsOf(text_[i]);
+    return position;
 }
 
 }  // namespace rtsg::editor

@@ -13,7 +13,7 @@
 namespace rtsg::editor {
 
 /// From 0. `character` counts units of UTF-16, or bytes if both sides have agreed on UTF-8.
-struct TextPlace {
+struct TextPosition {
     std::uint32_t line = 0, character = 0;
 };
 
@@ -22,10 +22,10 @@ class TextLines {
     TextLines(std::string_view text, bool countsBytes);
 
     /// A place beyond a line's end is its end; one beyond the text the text's.
-    std::size_t offsetOf(TextPlace place) const;
+    std::size_t offsetOf(TextPosition position) const;
     /// Columns of diagnostics count code points.
     std::size_t offsetOf(SourceLocation where) const;
-    TextPlace placeOf(std::size_t offset) const;
+    TextPosition positionOf(std::size_t offset) const;
 
   private:
     /// Without the line's end.

@@ -88,10 +88,10 @@ class XmlWords {
                                 (open_.back().name == "ProtoInterface" || open_.back().name == "ExternProtoDeclare");
         if (isDeclared) result_.protos.back().fields.emplace_back();
         declared_ = isDeclared ? &result_.protos.back().fields.back() : nullptr;
-        const bool isWhole = attributes(element, isNode);
-        if (!isWhole && open_.size() < kDeepestWord)
+        const bool isComplete = attributes(element, isNode);
+        if (!isComplete && open_.size() < kDeepestWord)
             open_.push_back(element);
-        else if (!isWhole)
+        else if (!isComplete)
             ++skipped_;
     }
 

@@ -56,7 +56,7 @@ struct SceneOfDocument {
 
 /// 7.2.2: nothing in an Inline is bound by itself. Warns of each kind of bindable node whose first one now comes from a
 /// former Inline. `places` are those of the document's own Inlines, in their order.
-void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics) {
+void reportOfBinding(const Scene& scene, const std::vector<SourceLocation>& locations, Diagnostics& diagnostics) {
     struct First {
         const Node* node = nullptr;
         SourceLocation where;  // of the node, or of the document's Inline that it comes from
@@ -66,13 +66,13 @@ void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places
     std::array<First, kinds.size()> firsts;
     std::unordered_map<std::uint32_t, SourceLocation> inlines;
     scene.forEachNode([&](const Node& node) {
-        if (node.is(x3d::Inline::type) && !node.scope() && inlines.size() < places.size())
-            inlines.emplace(node.id().value, places[inlines.size()]);
+        if (node.is(x3d::Inline::type) && !node.scope() && inlines.size() < locations.size())
+            inlines.emplace(node.id().value, locations[inlines.size()]);
     });
     scene.forEachNode([&](const Node& node) {
         const auto kind = std::ranges::find_if(kinds, [&](std::string_view one) { return node.type().isA(one); });
         if (kind == kinds.end() || node.type().kind != NodeType::Kind::builtin) return;
-        SourceLocation where = scene.placeOf(node.id()).where;
+        SourceLocation where = scene.locationOf(node.id()).where;
         const Node* outermost = &node;
         while (outermost->scope()) outermost = &scene.node(outermost->scope());
         if (isInlined(scene, node)) {
@@ -80,7 +80,7 @@ void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places
             if (found == inlines.end()) return;
             where = found->second;
         } else if (outermost != &node) {
-            where = scene.placeOf(outermost->id()).where;
+            where = scene.locationOf(outermost->id()).where;
         }
         First& first = firsts[static_cast<std::size_t>(kind - kinds.begin())];
         const auto order = [](const SourceLocation& at) { return std::tuple(at.line, at.column); };
@@ -123,7 +123,7 @@ class Flatten final : private SceneOfDocument, public Filter {
         Filter::endDocument();
         builder.finish();
         if (options_.expandInlines) {
-            tellOfBinding(scene, inlines_, diagnostics_);
+            reportOfBinding(scene, inlines_, diagnostics_);
             keepInlineLights(scene, inlines_, diagnostics_);
         }
         WithVersion last(next_, version_);

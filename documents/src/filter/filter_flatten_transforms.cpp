@@ -26,7 +26,7 @@ using Matrix = glm::dmat4;
 Matrix rotationMatrix(const Rotation& r) {
     const glm::dvec3 axis(r.x, r.y, r.z);
     const double length = glm::length(axis);
-    return length == 0 ? Matrix(1) : Matrix(turnMatrix(axis, static_cast<double>(r.angle)));
+    return length == 0 ? Matrix(1) : Matrix(rotationMatrixOf(axis, static_cast<double>(r.angle)));
 }
 
 /// A matrix as a translation, a rotation and scales, if it has no shear.

@@ -37,7 +37,7 @@ Result<FilterPtr> makeUnits(std::string_view units, DocumentHandler& next);
 /// Reports statistics of the document.
 FilterPtr makeStatistics(DocumentHandler& next, Diagnostics& diagnostics);
 /// Nodes that are equal, names aside, become one node that is used again.
-FilterPtr makeShare(DocumentHandler& next);
+FilterPtr makeShareNodes(DocumentHandler& next);
 /// Points, colours, normals and texture coordinates that are equal become one; triangles without indices get some.
 FilterPtr makeIndex(DocumentHandler& next);
 /// Transforms that nothing moves go into the coordinates below them, or become one.

@@ -74,7 +74,7 @@ class Portable final : public TreeFilter {
             [&](Index index) {
                 const Item& item = (*this)[index];
                 if (item.kind == Kind::proto || item.kind == Kind::externProto) taken_.insert(item.name);
-                if (item.kind == Kind::use && !isPlace(item.field)) linked_.insert(item.def);
+                if (item.kind == Kind::use && !isSame(item.field)) linked_.insert(item.def);
                 if (item.kind == Kind::node && isMaterial(item) && metadataOf(item)) materials.push_back(index);
                 return true;
             },
@@ -87,7 +87,7 @@ class Portable final : public TreeFilter {
     using Entries = std::map<std::string, Item>;  // values or connections, by field of the prototype
 
     /// Fields whose materials nobody reads but renderers; a node in the body of a prototype stands in none.
-    static bool isPlace(const std::string& field) {
+    static bool isSame(const std::string& field) {
         return field.empty() || field == "material" || field == "backMaterial";
     }
     static bool isMaterial(const Item& node) {
@@ -186,7 +186,7 @@ class Portable final : public TreeFilter {
         };
         if (!material.def.empty() && linked_.contains(material.def))
             return stays("'" + material.def + "' stands in a route, an export, or a field that is no material");
-        if (!isPlace(material.field))
+        if (!isSame(material.field))
             return stays("who reads the field " + material.field + " may want a " + material.name);
         for (PortableForm& form : forms_) {
             Entries entries;
@@ -219,11 +219,11 @@ class Portable final : public TreeFilter {
             declared.push_back(add(std::move(item)));
         }
         std::vector<Index>& items = (*this)[0].items;
-        const auto place = std::ranges::find_if(items, [&](Index index) {
+        const auto entry = std::ranges::find_if(items, [&](Index index) {
             const Kind kind = (*this)[index].kind;
             return kind != Kind::component && kind != Kind::meta && kind != Kind::unit && kind != Kind::comment;
         });
-        items.insert(place, declared.begin(), declared.end());
+        items.insert(entry, declared.begin(), declared.end());
     }
 
     Diagnostics& diagnostics_;

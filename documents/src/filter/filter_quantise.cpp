@@ -15,8 +15,8 @@ S shortest(S number, double error) {
     if (!std::isfinite(number)) return number;
     const auto exact = static_cast<double>(number);
     if (std::abs(exact) <= error) return 0;
-    constexpr int most = sizeof(S) == 4 ? 9 : 17;
-    for (int digits = 1; digits < most; ++digits) {
+    constexpr int maximum = sizeof(S) == 4 ? 9 : 17;
+    for (int digits = 1; digits < maximum; ++digits) {
         std::array<char, 40> text{};
         const auto end =
             std::to_chars(text.data(), text.data() + text.size(), exact, std::chars_format::scientific, digits - 1);

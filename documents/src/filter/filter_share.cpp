@@ -14,7 +14,7 @@ namespace rtsg::detail {
 
 namespace {
 
-class Share final : public TreeFilter {
+class ShareNodes final : public TreeFilter {
   public:
     using TreeFilter::TreeFilter;
 
@@ -119,8 +119,8 @@ class Share final : public TreeFilter {
 
 }  // namespace
 
-FilterPtr makeShare(DocumentHandler& next) {
-    return std::make_unique<Share>(next);
+FilterPtr makeShareNodes(DocumentHandler& next) {
+    return std::make_unique<ShareNodes>(next);
 }
 
 }  // namespace rtsg::detail

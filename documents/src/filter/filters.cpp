@@ -75,7 +75,7 @@ Result<std::unique_ptr<DocumentHandler>> makeFilter(std::string_view name, Docum
     if (name == "portable") return makePortable(next, context.diagnostics);
     if (name == "rename") return makeRename(argument, next, context.diagnostics);
     if (name == "select") return makeSelect(argument, next, context.diagnostics);
-    if (name == "share") return makeShare(next);
+    if (name == "share") return makeShareNodes(next);
     if (name == "short-names") return makeShortNames(next);
     if (name == "statistics") return makeStatistics(next, context.diagnostics);
     if (name == "units") return makeUnits(argument, next);

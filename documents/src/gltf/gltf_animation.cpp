@@ -145,30 +145,32 @@ void GltfAnimations::writeChannel(const GltfCurve& curve, double length, const s
                                   const std::string& clock, const std::string& wanted, const std::string& target,
                                   const GltfSkin::Joint* joint) {
     if (!file_.mayMake(sizeof(float) * (1 + curve.size) * curve.times.size())) return;
-    const bool turns = path == "rotation";
+    const bool rounds = path == "rotation";
     Array<float> keys;
     Array<Rotation> rotations;
-    Array<Vec3f> places;
+    Array<Vec3f> positions;
     for (std::size_t i = 0; i < curve.times.size(); ++i) {
         keys.push_back(static_cast<float>(curve.times[i] / length));
         const double* v = curve.at(i);
-        if (turns && joint) {
+        if (rounds && joint) {
             rotations.push_back(joint->rotation(glm::normalize(glm::dquat(v[3], v[0], v[1], v[2]))));
-        } else if (turns) {
+        } else if (rounds) {
             rotations.push_back(rotationOf(v));
         } else {
             const glm::dvec3 value(v[0], v[1], v[2]);
-            places.push_back(!joint ? Vec3f(value) : path == "scale" ? joint->scale(value) : joint->translation(value));
+            positions.push_back(!joint            ? Vec3f(value)
+                                : path == "scale" ? joint->scale(value)
+                                                  : joint->translation(value));
         }
     }
     const std::string def = names_.take(wanted);
     {
-        GltfNode out(out_, turns ? "OrientationInterpolator" : "PositionInterpolator", {}, def);
+        GltfNode out(out_, rounds ? "OrientationInterpolator" : "PositionInterpolator", {}, def);
         out.set("key", std::move(keys));
-        if (turns)
+        if (rounds)
             out.set("keyValue", std::move(rotations));
         else
-            out.set("keyValue", std::move(places));
+            out.set("keyValue", std::move(positions));
     }
     out_.route(clock, "fraction_changed", def, "set_fraction", {});
     out_.route(def, "value_changed", target, path, {});
@@ -193,9 +195,9 @@ void GltfAnimations::writeWeights(const json& sampler, const Clip& clip, const s
         const std::string name = names_.take(def + "_part" + std::to_string(part));
         const std::string& points = names_.points(nodeIndex, part++);
         const Array<Vec3f> rest = meshes_.vectors(GltfFile::object(primitive, "attributes"), "POSITION", 0);
-        constexpr std::size_t most = std::size_t{1} << 26;  // points in all keys
-        if (!meshes_.hasPoints(points)) continue;           // the primitive was left out
-        if (rest.empty() || rest.size() > most / curve->times.size()) {
+        constexpr std::size_t maximum = std::size_t{1} << 26;  // points in all keys
+        if (!meshes_.hasPoints(points)) continue;              // the primitive was left out
+        if (rest.empty() || rest.size() > maximum / curve->times.size()) {
             file_.fault("animated weights of the glTF file move too many points; they rest");
             continue;
         }

@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 namespace rtsg::detail {
 
@@ -18,15 +18,15 @@ using nlohmann::json;
 namespace {
 
 enum class Is : std::uint8_t {
-    thing,       // the number of one of the list `what`
-    things,      // several
+    index,       // the number of one of the list `what`
+    indices,     // several
     attributes,  // an object of numbers of accessors
     count,       // a number from 0 on
     size,        // a number from 1 on
     number,
     amount,    // a number from 0 on
     positive,  // a number above 0
-    share,     // a number from 0 to 1
+    fraction,  // a number from 0 to 1
     numbers,   // as many as `what` says; any, if it says nothing
     flag,
     text,
@@ -45,7 +45,7 @@ struct Member {
 
 /// Members of shapes; the shape of the whole is "file".
 constexpr Member kMembers[] = {
-    {"file", "scene", Is::thing, "scenes"},
+    {"file", "scene", Is::index, "scenes"},
     {"file", "scenes", Is::list, "scene"},
     {"file", "nodes", Is::list, "node"},
     {"file", "meshes", Is::list, "mesh"},
@@ -67,12 +67,12 @@ constexpr Member kMembers[] = {
     {"lights", "lights", Is::list, "light"},
     {"variants", "variants", Is::list, "variant"},
     {"variant", "name", Is::text},
-    {"scene", "nodes", Is::things, "nodes"},
+    {"scene", "nodes", Is::indices, "nodes"},
     {"node", "name", Is::text},
-    {"node", "children", Is::things, "nodes"},
-    {"node", "mesh", Is::thing, "meshes"},
-    {"node", "camera", Is::thing, "cameras"},
-    {"node", "skin", Is::thing, "skins"},
+    {"node", "children", Is::indices, "nodes"},
+    {"node", "mesh", Is::index, "meshes"},
+    {"node", "camera", Is::index, "cameras"},
+    {"node", "skin", Is::index, "skins"},
     {"node", "matrix", Is::numbers, "16"},
     {"node", "rotation", Is::numbers, "4"},
     {"node", "scale", Is::numbers, "3"},
@@ -81,27 +81,27 @@ constexpr Member kMembers[] = {
     {"node", "extensions", Is::object, "node's extensions"},
     {"node's extensions", "KHR_lights_punctual", Is::object, "node's light"},
     {"node's extensions", "EXT_mesh_gpu_instancing", Is::object, "instances"},
-    {"node's light", "light", Is::thing, "lights", true},
+    {"node's light", "light", Is::index, "lights", true},
     {"instances", "attributes", Is::attributes, {}, true},
     {"mesh", "name", Is::text},
     {"mesh", "primitives", Is::list, "primitive", true},
     {"mesh", "weights", Is::numbers},
     {"primitive", "attributes", Is::attributes, {}, true},
-    {"primitive", "indices", Is::thing, "accessors"},
-    {"primitive", "material", Is::thing, "materials"},
+    {"primitive", "indices", Is::index, "accessors"},
+    {"primitive", "material", Is::index, "materials"},
     {"primitive", "mode", Is::code, "0 1 2 3 4 5 6 "},
     {"primitive", "targets", Is::list, "target"},
     {"primitive", "extensions", Is::object, "primitive's extensions"},
     {"primitive's extensions", "KHR_materials_variants", Is::object, "primitive's variants"},
     {"primitive's extensions", "KHR_draco_mesh_compression", Is::object, "packed primitive"},
-    {"packed primitive", "bufferView", Is::thing, "bufferViews", true},
+    {"packed primitive", "bufferView", Is::index, "bufferViews", true},
     {"primitive's variants", "mappings", Is::list, "mapping", true},
-    {"mapping", "material", Is::thing, "materials", true},
-    {"mapping", "variants", Is::things, "variants", true},
-    {"target", "POSITION", Is::thing, "accessors"},
-    {"target", "NORMAL", Is::thing, "accessors"},
-    {"target", "TANGENT", Is::thing, "accessors"},
-    {"accessor", "bufferView", Is::thing, "bufferViews"},
+    {"mapping", "material", Is::index, "materials", true},
+    {"mapping", "variants", Is::indices, "variants", true},
+    {"target", "POSITION", Is::index, "accessors"},
+    {"target", "NORMAL", Is::index, "accessors"},
+    {"target", "TANGENT", Is::index, "accessors"},
+    {"accessor", "bufferView", Is::index, "bufferViews"},
     {"accessor", "byteOffset", Is::count},
     {"accessor", "componentType", Is::code, "5120 5121 5122 5123 5125 5126 ", true},
     {"accessor", "count", Is::size, {}, true},
@@ -111,19 +111,19 @@ constexpr Member kMembers[] = {
     {"sparse", "count", Is::size, {}, true},
     {"sparse", "indices", Is::object, "sparse indices", true},
     {"sparse", "values", Is::object, "sparse values", true},
-    {"sparse indices", "bufferView", Is::thing, "bufferViews", true},
+    {"sparse indices", "bufferView", Is::index, "bufferViews", true},
     {"sparse indices", "byteOffset", Is::count},
     {"sparse indices", "componentType", Is::code, "5121 5123 5125 ", true},
-    {"sparse values", "bufferView", Is::thing, "bufferViews", true},
+    {"sparse values", "bufferView", Is::index, "bufferViews", true},
     {"sparse values", "byteOffset", Is::count},
-    {"view", "buffer", Is::thing, "buffers", true},
+    {"view", "buffer", Is::index, "buffers", true},
     {"view", "byteOffset", Is::count},
     {"view", "byteLength", Is::count, {}, true},
     {"view", "byteStride", Is::size},
     {"view", "extensions", Is::object, "view's extensions"},
     {"view's extensions", "EXT_meshopt_compression", Is::object, "packed view"},
     {"view's extensions", "KHR_meshopt_compression", Is::object, "packed view"},
-    {"packed view", "buffer", Is::thing, "buffers", true},
+    {"packed view", "buffer", Is::index, "buffers", true},
     {"packed view", "byteOffset", Is::count},
     {"packed view", "byteLength", Is::count, {}, true},
     {"packed view", "byteStride", Is::size, {}, true},
@@ -140,11 +140,11 @@ constexpr Member kMembers[] = {
     {"material", "alphaCutoff", Is::amount},
     {"material", "doubleSided", Is::flag},
     {"look", "baseColorFactor", Is::numbers, "4"},
-    {"look", "metallicFactor", Is::share},
-    {"look", "roughnessFactor", Is::share},
+    {"look", "metallicFactor", Is::fraction},
+    {"look", "roughnessFactor", Is::fraction},
     {"look", "baseColorTexture", Is::object, "lookup"},
     {"look", "metallicRoughnessTexture", Is::object, "lookup"},
-    {"lookup", "index", Is::thing, "textures", true},
+    {"lookup", "index", Is::index, "textures", true},
     {"lookup", "texCoord", Is::count},
     {"lookup", "scale", Is::number},
     {"lookup", "strength", Is::number},
@@ -154,15 +154,15 @@ constexpr Member kMembers[] = {
     {"texture transform", "scale", Is::numbers, "2"},
     {"texture transform", "rotation", Is::number},
     {"texture transform", "texCoord", Is::count},
-    {"texture", "source", Is::thing, "images"},
-    {"texture", "sampler", Is::thing, "samplers"},
+    {"texture", "source", Is::index, "images"},
+    {"texture", "sampler", Is::index, "samplers"},
     {"texture", "extensions", Is::object, "texture's extensions"},
     {"texture's extensions", "EXT_texture_webp", Is::object, "texture's source"},
     {"texture's extensions", "KHR_texture_basisu", Is::object, "texture's source"},
-    {"texture's source", "source", Is::thing, "images"},
+    {"texture's source", "source", Is::index, "images"},
     {"image", "uri", Is::text},
     {"image", "mimeType", Is::text},
-    {"image", "bufferView", Is::thing, "bufferViews"},
+    {"image", "bufferView", Is::index, "bufferViews"},
     {"texture sampler", "magFilter", Is::code, "9728 9729 "},
     {"texture sampler", "minFilter", Is::code, "9728 9729 9984 9985 9986 9987 "},
     {"texture sampler", "wrapS", Is::code, "10497 33071 33648 "},
@@ -185,17 +185,17 @@ constexpr Member kMembers[] = {
     {"light", "spot", Is::object, "cone"},
     {"cone", "innerConeAngle", Is::number},
     {"cone", "outerConeAngle", Is::number},
-    {"skin", "joints", Is::things, "nodes", true},
-    {"skin", "inverseBindMatrices", Is::thing, "accessors"},
+    {"skin", "joints", Is::indices, "nodes", true},
+    {"skin", "inverseBindMatrices", Is::index, "accessors"},
     {"animation", "name", Is::text},
     {"animation", "channels", Is::list, "channel", true},
     {"animation", "samplers", Is::list, "sampler", true},
-    {"channel", "sampler", Is::thing, "samplers of the animation", true},
+    {"channel", "sampler", Is::index, "samplers of the animation", true},
     {"channel", "target", Is::object, "channel's target", true},
-    {"channel's target", "node", Is::thing, "nodes"},
+    {"channel's target", "node", Is::index, "nodes"},
     {"channel's target", "path", Is::text, {}, true},
-    {"sampler", "input", Is::thing, "accessors", true},
-    {"sampler", "output", Is::thing, "accessors", true},
+    {"sampler", "input", Is::index, "accessors", true},
+    {"sampler", "output", Is::index, "accessors", true},
     {"sampler", "interpolation", Is::word, "LINEAR STEP CUBICSPLINE "},
 };
 
@@ -247,7 +247,7 @@ class GltfCheck {
     /// How many there are in a list.
     std::size_t countOf(std::string_view list) const {
         const auto extension = [&](const char* name) -> const json& {
-            static const json& kNone = lasting([] { return json::object(); });
+            static const json& kNone = neverDestroyed([] { return json::object(); });
             const auto all = root_.find("extensions");
             if (all == root_.end() || !all->is_object()) return kNone;
             const auto found = all->find(name);
@@ -258,7 +258,7 @@ class GltfCheck {
         if (list == "variants") return sizeOf(extension("KHR_materials_variants"), "variants");
         return sizeOf(root_, std::string(list).c_str());
     }
-    void thing(const json& it, std::string_view list) {
+    void index(const json& it, std::string_view list) {
         if (!it.is_number_integer() || (!it.is_number_unsigned() && it.get<std::int64_t>() < 0))
             return fault(fmt::format("expected the number of one of its {}", list));
         if (const auto number = it.get<std::uint64_t>(); number >= countOf(list))
@@ -280,7 +280,7 @@ class GltfCheck {
         if (!all.is_object()) return fault("expected an object");
         for (const auto& [name, number] : all.items()) {
             const Step step(*this, std::string_view(name));
-            thing(number, "accessors");
+            index(number, "accessors");
         }
     }
     void numbers(const json& it, std::string_view count) {
@@ -297,10 +297,10 @@ class GltfCheck {
     void value(const json& it, const Member& member) {
         const double number = it.is_number() ? it.get<double>() : NAN;
         switch (member.is) {
-            case Is::thing:
-                return thing(it, member.what);
-            case Is::things:
-                return each(it, [&](const json& one) { thing(one, member.what); });
+            case Is::index:
+                return index(it, member.what);
+            case Is::indices:
+                return each(it, [&](const json& one) { index(one, member.what); });
             case Is::attributes:
                 return attributes(it);
             case Is::count:
@@ -313,7 +313,7 @@ class GltfCheck {
                 return expect(number >= 0, "a number from 0 on");
             case Is::positive:
                 return expect(number > 0, "a number above 0");
-            case Is::share:
+            case Is::fraction:
                 return expect(number >= 0 && number <= 1, "a number from 0 to 1");
             case Is::numbers:
                 return numbers(it, member.what);

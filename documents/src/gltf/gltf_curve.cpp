@@ -51,7 +51,7 @@ class Splines {
     }
     /// The largest difference of one component within all splines, by their Bezier points, between which they are.
     double extent() const {
-        double most = 0;
+        double maximum = 0;
         for (std::size_t c = 0; c < size_; ++c) {
             double low = value(0, c), high = low;
             const auto take = [&](double one) {
@@ -63,9 +63,9 @@ class Splines {
                 take(value(k + 1, c) - arriving(k, c) / 3);
                 take(value(k + 1, c));
             }
-            most = std::max(most, high - low);
+            maximum = std::max(maximum, high - low);
         }
-        return most;
+        return maximum;
     }
     /// A power of two, so that the values half way are exact. A chord of a curve is at most an eighth of the largest
     /// second derivative away from it, times the square of its length; that derivative is largest at an end.
@@ -76,11 +76,11 @@ class Splines {
             bend = std::max({bend, std::abs(whole - 4 * leaving(k, c) - 2 * arriving(k, c)),
                              std::abs(-whole + 2 * leaving(k, c) + 4 * arriving(k, c))});
         }
-        constexpr double most = 128;
-        constexpr std::size_t mostInAll = std::size_t{1} << 22;  // numbers, whatever the file says
-        const double wanted = std::clamp(std::ceil(std::sqrt(bend / (8 * allowed))), 1.0, most);
+        constexpr double maximum = 128;
+        constexpr std::size_t maxInAll = std::size_t{1} << 22;  // numbers, whatever the file says
+        const double wanted = std::clamp(std::ceil(std::sqrt(bend / (8 * allowed))), 1.0, maximum);
         return std::min(std::bit_ceil(static_cast<std::size_t>(wanted)),
-                        std::bit_floor(std::max<std::size_t>(mostInAll / (spans * size_), 1)));
+                        std::bit_floor(std::max<std::size_t>(maxInAll / (spans * size_), 1)));
     }
 
     const std::vector<float>&numbers_, &times_;

@@ -16,15 +16,15 @@ void writeJoints(GltfFile& file, DocumentHandler& out, const GltfFigure& figure,
     const auto begin = [&](std::size_t i) {
         const GltfSkin::Joint& joint = figure.skin.joints()[i];
         const json* node = file.item("nodes", joint.node);
-        const GltfPlace place = node ? placeOf(*node) : GltfPlace{};
+        const GltfTransform transform = node ? transformOf(*node) : GltfTransform{};
         const std::string name = node ? GltfFile::text(*node, "name") : std::string();
         out.beginNode("HAnimJoint", figure.joints[i], open.empty() ? "skeleton" : "children", {});
         const auto set = [&](const char* field, auto value) { out.setField(field, Value(std::move(value)), {}); };
         set("name", String(name.empty() ? figure.joints[i] : name));
         set("center", joint.center);
-        set("rotation", joint.rotation(place.rotation));
-        set("translation", joint.translation(place.translation));
-        if (const Vec3f scale = joint.scale(place.scale); scale != Vec3f(1)) {
+        set("rotation", joint.rotation(transform.rotation));
+        set("translation", joint.translation(transform.translation));
+        if (const Vec3f scale = joint.scale(transform.scale); scale != Vec3f(1)) {
             set("scale", scale);
             set("scaleOrientation", joint.scaleOrientation);
         }
@@ -52,7 +52,7 @@ void writeFigure(GltfFile& file, DocumentHandler& out, GltfMeshes& meshes, const
                  const json& primitive, const GltfForm& form) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     Array<Vec3f> points = meshes.vectors(attributes, "POSITION", 0);
-    if (points.empty()) return meshes.tellWithoutPoints(attributes);
+    if (points.empty()) return meshes.reportWithoutPoints(attributes);
     const auto influences = figure.skin.influences(file, attributes, points.size());
     meshes.morph(primitive, "POSITION", form.weights, points);
     GltfNode humanoid(out, "HAnimHumanoid", "children", figure.name);

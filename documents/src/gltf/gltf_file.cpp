@@ -152,9 +152,9 @@ bool GltfFile::open() {
                                                : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
         return false;
     }
-    if (const std::string least = GltfFile::text(object(root_, "asset"), "minVersion");
-        !least.empty() && least != "2.0") {
-        diagnostics_.error({}, "the glTF file needs a reader of glTF " + least.substr(0, 20) + "; 2.0 is read");
+    if (const std::string minimum = GltfFile::text(object(root_, "asset"), "minVersion");
+        !minimum.empty() && minimum != "2.0") {
+        diagnostics_.error({}, "the glTF file needs a reader of glTF " + minimum.substr(0, 20) + "; 2.0 is read");
         return false;
     }
     checkGltf(root_, diagnostics_);
@@ -203,11 +203,11 @@ bool GltfFile::readExtensions() {
     const std::string looks = extensions("extensionsRequired", isKnown);
     if (!looks.empty())
         warn("the glTF file requires " + looks + ", which is not read; it looks otherwise than it should");
-    std::set<std::string, std::less<>> told;
+    std::set<std::string, std::less<>> reported;
     for (const json& name : list(root_, "extensionsRequired"))
-        if (name.is_string()) told.insert(name.get<std::string>());
+        if (name.is_string()) reported.insert(name.get<std::string>());
     const std::string used =
-        extensions("extensionsUsed", [&](std::string_view name) { return isKnown(name) || told.contains(name); });
+        extensions("extensionsUsed", [&](std::string_view name) { return isKnown(name) || reported.contains(name); });
     if (!used.empty()) warn("the glTF file uses " + used + ", which is not read; what is there without it is taken");
     return true;
 }
@@ -241,11 +241,11 @@ bool GltfFile::loadModule(std::string_view text, std::initializer_list<std::stri
 
 /// Those of a list, but for some, with commas between.
 std::string GltfFile::extensions(const char* key, const std::function<bool(std::string_view)>& isLeftOut) const {
-    constexpr std::size_t most = 400;  // bytes of a report
+    constexpr std::size_t maximum = 400;  // bytes of a report
     std::string result;
     for (const json& name : list(root_, key)) {
         const std::string one = name.is_string() ? name.get<std::string>() : std::string();
-        if (!isLeftOut(one) && result.size() < most) result += (result.empty() ? "" : ", ") + one.substr(0, 80);
+        if (!isLeftOut(one) && result.size() < maximum) result += (result.empty() ? "" : ", ") + one.substr(0, 80);
     }
     return result;
 }
@@ -339,18 +339,18 @@ void GltfFile::makeFinite(std::vector<float>& numbers) {
 }
 
 void GltfFile::warn(std::string text) {
-    if (told_.insert(text).second) diagnostics_.warning({}, std::move(text));
+    if (reported_.insert(text).second) diagnostics_.warning({}, std::move(text));
 }
 
 void GltfFile::fault(std::string text) {
     if (isFull_) return;  // what is left out then has been told
-    if (told_.insert(text).second) diagnostics_.error({}, std::move(text));
+    if (reported_.insert(text).second) diagnostics_.error({}, std::move(text));
 }
 
 bool GltfFile::mayMake(std::uint64_t bytes) {
     if (isFull_) return false;
-    made_ += std::min(bytes, input_.maximumBytes);
-    if (made_ <= input_.maximumBytes) return true;
+    createdHere_ += std::min(bytes, input_.maximumBytes);
+    if (createdHere_ <= input_.maximumBytes) return true;
     isFull_ = true;
     diagnostics_.error({},
                        "what the glTF file describes takes more than " + std::to_string(input_.maximumBytes) +
@@ -662,18 +662,19 @@ bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<
     values["componentType"] = index(accessor, "componentType").value_or(0);
     values["normalized"] = flag(accessor, "normalized");
     if (index(where, "componentType") == 5126) return false;
-    std::vector<std::size_t> places;
+    std::vector<std::size_t> indices;
     if (!forEach(where, 1, [&](const char* p, std::size_t type, bool) {
-            places.push_back(static_cast<std::size_t>(component(p, type, false)));
+            indices.push_back(static_cast<std::size_t>(component(p, type, false)));
         }))
         return false;
-    if (std::ranges::any_of(places, [&](std::size_t place) { return place >= into.size() / components; })) {
+    if (std::ranges::any_of(indices, [&](std::size_t number) { return number >= into.size() / components; })) {
         fault(nameOf(accessor) + " of the glTF file is sparse, with indices beyond its elements; it is left out");
         return false;
     }
     std::size_t i = 0;
     return forEach(values, components, [&](const char* p, std::size_t type, bool normalized) {
-        into[places[i / components] * components + i % components] = static_cast<float>(component(p, type, normalized));
+        into[indices[i / components] * components + i % components] =
+            static_cast<float>(component(p, type, normalized));
         ++i;
     });
 }

@@ -62,7 +62,7 @@ class GltfFile {
     Vec3f shown(const Vec3f& light) const;
     /// Whether libassimp has written it from a file of another kind. Its extensions, which hang on libassimp's version,
     /// are then not the user's.
-    bool isMadeHere() const { return input_.displayColors; }
+    bool isCreatedHere() const { return input_.displayColors; }
     /// What messages call an accessor.
     std::string nameOf(const nlohmann::json& accessor) const;
 
@@ -109,8 +109,8 @@ class GltfFile {
     std::vector<std::optional<std::string>> buffers_;
     std::size_t zeros_ = 0;                   // floats of sparse accessors that no byte stands for
     std::set<const nlohmann::json*> zeroed_;  // these accessors
-    std::set<std::string> told_;
-    std::uint64_t made_ = 0;
+    std::set<std::string> reported_;
+    std::uint64_t createdHere_ = 0;
     bool isFull_ = false;
     UnpackDraco draco_ = nullptr;  // null: no file that needs it, or no module
     UnpackMeshopt meshopt_ = nullptr;

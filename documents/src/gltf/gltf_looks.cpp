@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/portable_math.h>
 
 namespace rtsg::detail {
@@ -28,11 +28,11 @@ Vec3d colorOf(const json& object, const char* key, Vec3d otherwise = Vec3d(1)) {
 
 /// The absorption per metre of light of which `left` remains after `distance`.
 Vec3d absorptionOf(const Vec3d& left, double distance) {
-    constexpr double darkest = 1e-4, most = 1e5;  // an exponent that is as good as opaque; 1/m
+    constexpr double darkest = 1e-4, maximum = 1e5;  // an exponent that is as good as opaque; 1/m
     Vec3d result(0);
     if (!(distance > 0) || !std::isfinite(distance)) return result;
     for (int i = 0; i < 3; ++i)
-        result[i] = std::min((0 - portable::log(std::clamp(left[i], darkest, 1.0))) / distance, most);
+        result[i] = std::min((0 - portable::log(std::clamp(left[i], darkest, 1.0))) / distance, maximum);
     return result;
 }
 
@@ -57,8 +57,8 @@ GltfOptics opticsOf(const json& material, double depth) {
         const json& volume = extension("KHR_materials_volume");
         const double thickness = GltfFile::number(volume, "thicknessFactor", 0);
         if (thickness > 0) {
-            constexpr double most = 1e3;
-            result.refractiveIndex = std::clamp(ior, 1.0, most);
+            constexpr double maximum = 1e3;
+            result.refractiveIndex = std::clamp(ior, 1.0, maximum);
             result.absorption = absorptionOf(colorOf(volume, "attenuationColor"),
                                              GltfFile::number(volume, "attenuationDistance", HUGE_VAL)) +
                                 absorptionOf(baseFactor(material), std::max(thickness, depth));
@@ -69,8 +69,8 @@ GltfOptics opticsOf(const json& material, double depth) {
     }
     const json& coat = extension("KHR_materials_clearcoat");
     if (GltfFile::number(coat, "clearcoatRoughnessFactor", 0) <= kCoatsMirror && result.refractiveIndex == 0) {
-        const double share = mirrored(kIor) * std::clamp(GltfFile::number(coat, "clearcoatFactor", 0), 0.0, 1.0);
-        result.reflectivity = 1 - (1 - result.reflectivity) * (1 - share);
+        const double fraction = mirrored(kIor) * std::clamp(GltfFile::number(coat, "clearcoatFactor", 0), 0.0, 1.0);
+        result.reflectivity = 1 - (1 - result.reflectivity) * (1 - fraction);
     }
     return result;
 }
@@ -87,8 +87,8 @@ std::vector<double> depthsOf(const GltfFile& file) {
             const auto low = GltfFile::numbers(accessors[points], "min", 3);
             const auto high = GltfFile::numbers(accessors[points], "max", 3);
             if (!low || !high) continue;
-            const double least = std::min({(*high)[0] - (*low)[0], (*high)[1] - (*low)[1], (*high)[2] - (*low)[2]});
-            if (std::isfinite(least)) depths[material] = std::max(depths[material], least);
+            const double minimum = std::min({(*high)[0] - (*low)[0], (*high)[1] - (*low)[1], (*high)[2] - (*low)[2]});
+            if (std::isfinite(minimum)) depths[material] = std::max(depths[material], minimum);
         }
     return depths;
 }
@@ -129,16 +129,16 @@ std::optional<GltfGloss> glossOf(const json& material) {
     const auto brightness = [](const Vec3d& c) {
         return std::sqrt(.299 * c.x * c.x + .587 * c.y * c.y + .114 * c.z * c.z);
     };
-    const double least = mirrored(kIor), bright = brightness(specular);
+    const double minimum = mirrored(kIor), bright = brightness(specular);
     const double rest = 1 - std::max({specular.x, specular.y, specular.z});
-    if (bright > least) {
-        const double b = brightness(diffuse) * rest / (1 - least) + bright - 2 * least, c = least - bright;
-        result.metallic = std::clamp((-b + std::sqrt(b * b - 4 * least * c)) / (2 * least), 0.0, 1.0);
+    if (bright > minimum) {
+        const double b = brightness(diffuse) * rest / (1 - minimum) + bright - 2 * minimum, c = minimum - bright;
+        result.metallic = std::clamp((-b + std::sqrt(b * b - 4 * minimum * c)) / (2 * minimum), 0.0, 1.0);
     }
     constexpr double tiny = 1e-6;
     const double m = result.metallic;
-    const Vec3d ofDiffuse = diffuse * (rest / (1 - least) / std::max(1 - m, tiny));
-    const Vec3d ofSpecular = (specular - Vec3d(least * (1 - m))) / std::max(m, tiny);
+    const Vec3d ofDiffuse = diffuse * (rest / (1 - minimum) / std::max(1 - m, tiny));
+    const Vec3d ofSpecular = (specular - Vec3d(minimum * (1 - m))) / std::max(m, tiny);
     result.base = glm::clamp(glm::mix(ofDiffuse, ofSpecular, m * m), Vec3d(0), Vec3d(1));
     return result;
 }
@@ -202,7 +202,7 @@ constexpr Look kLooks[] = {
 }  // namespace
 
 std::span<const std::string_view> lookExtensions() {
-    static const auto& all = lasting([] {
+    static const auto& all = neverDestroyed([] {
         std::vector<std::string_view> names;
         for (const Look& look : kLooks) names.push_back(look.extension);
         return names;
@@ -210,7 +210,7 @@ std::span<const std::string_view> lookExtensions() {
     return all;
 }
 
-void tellLooks(GltfFile& file, const json& material) {
+void reportLooks(GltfFile& file, const json& material) {
     for (const Look& look : kLooks) {
         const std::string name(look.extension);
         const json& extensions = GltfFile::object(material, "extensions");

@@ -39,6 +39,6 @@ std::optional<GltfGloss> glossOf(const nlohmann::json& material);
 /// The names of the extensions that add to materials and are known here.
 std::span<const std::string_view> lookExtensions();
 /// Says what of a material's extensions is left out.
-void tellLooks(GltfFile& file, const nlohmann::json& material);
+void reportLooks(GltfFile& file, const nlohmann::json& material);
 
 }  // namespace rtsg::detail

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/portable_math.h>
 
 #include "gltf_looks.h"
@@ -60,8 +60,8 @@ struct Moved {
 void writeTransform(DocumentHandler& out, const GltfMapping& mapping, const char* field) {
     const GltfLookup& by = mapping.lookup;
     const Moved moved(by);
-    const bool turnsFirst = by.rotation == 0 || by.scale.x == by.scale.y;
-    if (!turnsFirst || by.scale.x == 0 || by.scale.y == 0) {
+    const bool rotatesFirst = by.rotation == 0 || by.scale.x == by.scale.y;
+    if (!rotatesFirst || by.scale.x == 0 || by.scale.y == 0) {
         // A TextureTransform scales last.
         GltfNode node(out, "TextureTransformMatrix3D", field);
         Matrix4f matrix{};
@@ -163,7 +163,7 @@ Vec3f GltfMaterials::emission(const json* material) {
 
 void GltfMaterials::writeAppearance(std::size_t number, const json* material, bool strokes) {
     GltfNode appearance(out_, "Appearance", "appearance");
-    static const json& kEmpty = lasting([] { return json::object(); });
+    static const json& kEmpty = neverDestroyed([] { return json::object(); });
     const json& it = material ? *material : kEmpty;
     const bool unlit = isUnlit(it);
     const GltfOptics optics =
@@ -193,7 +193,7 @@ void GltfMaterials::writeAppearance(std::size_t number, const json* material, bo
     if (!unlit) {
         writePhysical(it, out);
         writeOptics(out_, optics);
-        if (!file_.isMadeHere()) tellLooks(file_, it);
+        if (!file_.isCreatedHere()) reportLooks(file_, it);
     }
     for (const TextureReference& texture : texturesOf(it))
         writeTexture(texture.reference, texture.field, mappings, out);

@@ -167,7 +167,7 @@ void GltfMeshes::takeColors(const json& attributes, const json* material, bool s
     }
 }
 
-void GltfMeshes::tellWithoutPoints(const json& attributes) {
+void GltfMeshes::reportWithoutPoints(const json& attributes) {
     if (!attributes.contains("POSITION")) file_.warn("a primitive of the glTF file has no positions; it is left out");
 }
 
@@ -196,8 +196,8 @@ bool GltfMeshes::mayCopy(const json& primitive, const std::vector<std::size_t>& 
     const std::size_t points =
         position < accessors.size() ? GltfFile::index(accessors[position], "count").value_or(0) : 0;
     const std::size_t materials = std::set<std::size_t>(choices.begin(), choices.end()).size();
-    constexpr std::size_t most = std::size_t{1} << 24;  // points and choices in all
-    if (choices.size() > most - copied_ || points > (most - copied_ - choices.size()) / materials) return false;
+    constexpr std::size_t maximum = std::size_t{1} << 24;  // points and choices in all
+    if (choices.size() > maximum - copied_ || points > (maximum - copied_ - choices.size()) / materials) return false;
     copied_ += choices.size() + points * materials;
     return true;
 }
@@ -254,7 +254,7 @@ void GltfMeshes::writeShape(const json& primitive, const GltfForm& form, bool sk
     ImportedMesh mesh;
     mesh.points = attribute<Vec3f>(attributes, "POSITION", 0);
     const std::size_t count = mesh.points.size();
-    if (count == 0) return tellWithoutPoints(attributes);
+    if (count == 0) return reportWithoutPoints(attributes);
     morph(primitive, "POSITION", form.weights, mesh.points);
     Array<std::int32_t> indices;
     if (const auto accessor = GltfFile::index(primitive, "indices")) {
@@ -263,9 +263,10 @@ void GltfMeshes::writeShape(const json& primitive, const GltfForm& form, bool sk
         indices.resize(count);
         std::iota(indices.mutableData(), indices.mutableData() + count, 0);
     }
-    std::uint32_t most = 0;  // negative ones are large
-    for (const std::int32_t i : indices) most = std::max(most, static_cast<std::uint32_t>(i));
-    if (most >= count) return file_.fault("a primitive of the glTF file has indices beyond its points; it is left out");
+    std::uint32_t maximum = 0;  // negative ones are large
+    for (const std::int32_t i : indices) maximum = std::max(maximum, static_cast<std::uint32_t>(i));
+    if (maximum >= count)
+        return file_.fault("a primitive of the glTF file has indices beyond its points; it is left out");
     const std::size_t mode = GltfFile::index(primitive, "mode").value_or(4);
     if (mode > 6) return;  // which has been told
     constexpr std::size_t lines = 1, triangleList = 4;

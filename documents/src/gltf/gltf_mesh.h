@@ -38,7 +38,7 @@ class GltfMeshes {
                Array<Vec3f>& values);
 
     /// Of points that cannot be had that has been told.
-    void tellWithoutPoints(const nlohmann::json& attributes);
+    void reportWithoutPoints(const nlohmann::json& attributes);
 
   private:
     /// Writes a Shape of a primitive, whose material may differ from the primitive's own.

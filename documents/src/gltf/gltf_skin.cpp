@@ -14,53 +14,53 @@ namespace rtsg::detail {
 
 using nlohmann::json;
 
-glm::dmat4 GltfPlace::matrix() const {
+glm::dmat4 GltfTransform::matrix() const {
     return glm::translate(glm::dmat4(1), translation) * glm::mat4_cast(rotation) * glm::scale(glm::dmat4(1), scale);
 }
 
 namespace {
 
 /// A matrix without shear, taken apart.
-GltfPlace placeOfMatrix(const glm::dmat4& m) {
-    GltfPlace place;
-    place.translation = glm::dvec3(m[3]);
+GltfTransform transformOfMatrix(const glm::dmat4& m) {
+    GltfTransform transform;
+    transform.translation = glm::dvec3(m[3]);
     glm::dmat3 axes(m);
     for (int i = 0; i < 3; ++i) {
-        place.scale[i] = glm::length(axes[i]);
-        if (!(place.scale[i] > 0)) return place;
-        axes[i] /= place.scale[i];
+        transform.scale[i] = glm::length(axes[i]);
+        if (!(transform.scale[i] > 0)) return transform;
+        axes[i] /= transform.scale[i];
     }
     if (glm::determinant(axes) < 0) {
-        place.scale = -place.scale;
+        transform.scale = -transform.scale;
         axes = -axes;
     }
-    place.rotation = glm::normalize(glm::quat_cast(axes));
-    return place;
+    transform.rotation = glm::normalize(glm::quat_cast(axes));
+    return transform;
 }
 
 }  // namespace
 
-GltfPlace placeOf(const json& node) {
-    if (const auto m = GltfFile::numbers(node, "matrix", 16)) return placeOfMatrix(glm::make_mat4(m->data()));
-    GltfPlace place;
-    if (const auto t = GltfFile::numbers(node, "translation", 3)) place.translation = glm::make_vec3(t->data());
-    if (const auto s = GltfFile::numbers(node, "scale", 3)) place.scale = glm::make_vec3(s->data());
+GltfTransform transformOf(const json& node) {
+    if (const auto m = GltfFile::numbers(node, "matrix", 16)) return transformOfMatrix(glm::make_mat4(m->data()));
+    GltfTransform transform;
+    if (const auto t = GltfFile::numbers(node, "translation", 3)) transform.translation = glm::make_vec3(t->data());
+    if (const auto s = GltfFile::numbers(node, "scale", 3)) transform.scale = glm::make_vec3(s->data());
     if (const auto r = GltfFile::numbers(node, "rotation", 4)) {
-        const glm::dquat turn((*r)[3], (*r)[0], (*r)[1], (*r)[2]);
-        if (glm::length(turn) > 0) place.rotation = glm::normalize(turn);
+        const glm::dquat rotation((*r)[3], (*r)[0], (*r)[1], (*r)[2]);
+        if (glm::length(rotation) > 0) transform.rotation = glm::normalize(rotation);
     }
-    return place;
+    return transform;
 }
 
-Rotation rotationOf(const glm::dquat& turn) {
-    const double sine = std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
+Rotation rotationOf(const glm::dquat& rotation) {
+    const double sine = std::sqrt(rotation.x * rotation.x + rotation.y * rotation.y + rotation.z * rotation.z);
     if (sine == 0) return {};
-    return {static_cast<float>(turn.x / sine), static_cast<float>(turn.y / sine), static_cast<float>(turn.z / sine),
-            static_cast<float>(2 * portable::atan2(sine, turn.w))};
+    return {static_cast<float>(rotation.x / sine), static_cast<float>(rotation.y / sine),
+            static_cast<float>(rotation.z / sine), static_cast<float>(2 * portable::atan2(sine, rotation.w))};
 }
 
-Rotation GltfSkin::Joint::rotation(const glm::dquat& turn) const {
-    glm::dquat all = left * turn * right;
+Rotation GltfSkin::Joint::rotation(const glm::dquat& rotation) const {
+    glm::dquat all = left * rotation * right;
     if (all.w < 0) all = -all;  // the shorter way
     return rotationOf(all);
 }
@@ -125,23 +125,23 @@ bool GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) 
         std::size_t joint = kNone;
     };
     std::unordered_map<std::size_t, Between> passed;
-    std::vector<std::size_t> way;
+    std::vector<std::size_t> path;
     for (Joint& joint : joints_) {
-        way.clear();
+        path.clear();
         std::size_t node = above[joint.node];
         for (; node != kNone && !byNode.contains(node) && !passed.contains(node); node = above[node]) {
-            way.push_back(node);
-            if (way.size() > above.size()) return false;
+            path.push_back(node);
+            if (path.size() > above.size()) return false;
         }
         Between end;
         if (const auto known = passed.find(node); known != passed.end())
             end = known->second;
         else if (node != kNone)
             end.joint = byNode.at(node);
-        for (; !way.empty(); way.pop_back()) {
-            if (const json* between = file.item("nodes", way.back()))
-                end.outside = end.outside * placeOf(*between).matrix();
-            passed.emplace(way.back(), end);
+        for (; !path.empty(); path.pop_back()) {
+            if (const json* between = file.item("nodes", path.back()))
+                end.outside = end.outside * transformOf(*between).matrix();
+            passed.emplace(path.back(), end);
         }
         joint.above = end.joint;
         joint.outside = end.outside;
@@ -150,7 +150,7 @@ bool GltfSkin::findAbove(GltfFile& file, const std::vector<std::size_t>& above) 
     for (std::size_t i = 0; i < joints_.size(); ++i) {
         Joint& joint = joints_[i];
         if (joint.above != kNone) joints_[joint.above].below.push_back(i);
-        const GltfPlace outside = placeOfMatrix(joint.outside), bound = placeOfMatrix(joint.bound);
+        const GltfTransform outside = transformOfMatrix(joint.outside), bound = transformOfMatrix(joint.bound);
         joint.left = outside.rotation;
         joint.right = glm::inverse(bound.rotation);
         joint.factor = bound.scale.x == 0 ? 1 : outside.scale.x / bound.scale.x;

@@ -17,13 +17,13 @@
 namespace rtsg::detail {
 
 /// The transform of a node of the file without its parents', as a matrix and in parts.
-struct GltfPlace {
+struct GltfTransform {
     glm::dvec3 translation{0}, scale{1};
     glm::dquat rotation{1, 0, 0, 0};
     glm::dmat4 matrix() const;
 };
-GltfPlace placeOf(const nlohmann::json& node);
-Rotation rotationOf(const glm::dquat& turn);
+GltfTransform transformOf(const nlohmann::json& node);
+Rotation rotationOf(const glm::dquat& rotation);
 
 class GltfSkin {
   public:
@@ -35,7 +35,7 @@ class GltfSkin {
         Vec3f center{0};
         Rotation scaleOrientation{};
 
-        Rotation rotation(const glm::dquat& turn) const;
+        Rotation rotation(const glm::dquat& rotated) const;
         Vec3f translation(const glm::dvec3& translation) const;
         Vec3f scale(const glm::dvec3& scale) const;
 

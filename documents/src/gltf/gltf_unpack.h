@@ -28,7 +28,7 @@ struct DracoMesh {
 };
 /// Limits of unpacking: bytes in all, and a function that says whether the process may hold more.
 struct UnpackLimits {
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     bool (*mayHold)(std::uint64_t more) = nullptr;
 };
 

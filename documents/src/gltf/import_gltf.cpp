@@ -22,21 +22,21 @@ namespace {
 std::array<double, 4> quaternionOfAxes(const double (&m)[3][3]) {
     const double trace = m[0][0] + m[1][1] + m[2][2];
     std::array<double, 4> q{};
-    int most = 3;
+    int maximum = 3;
     double largest = trace;
     for (int i = 0; i < 3; ++i)
         if (m[i][i] > largest) {
             largest = m[i][i];
-            most = i;
+            maximum = i;
         }
-    if (most == 3) {
+    if (maximum == 3) {
         q = {m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], 1 + trace};
     } else {
-        const int j = (most + 1) % 3, k = (most + 2) % 3;
+        const int j = (maximum + 1) % 3, k = (maximum + 2) % 3;
         const auto at = [&](int i) -> double& { return q[static_cast<std::size_t>(i)]; };
-        at(most) = 1 + m[most][most] - m[j][j] - m[k][k];
-        at(j) = m[j][most] + m[most][j];
-        at(k) = m[k][most] + m[most][k];
+        at(maximum) = 1 + m[maximum][maximum] - m[j][j] - m[k][k];
+        at(j) = m[j][maximum] + m[maximum][j];
+        at(k) = m[k][maximum] + m[maximum][k];
         at(3) = m[k][j] - m[j][k];
     }
     const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -165,14 +165,14 @@ class GltfImporter {
     }
     /// Whether its columns are at right angles, and its last row is 0 0 0 1.
     static bool isPlain(const std::vector<double>& m) {
-        constexpr double most = 1e-3;
+        constexpr double maximum = 1e-3;
         for (std::size_t a = 0; a < 3; ++a) {
             const double* const p = m.data() + 4 * a;
             const double* const q = m.data() + 4 * ((a + 1) % 3);
             const double dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
             const double lengths =
                 (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
-            if (dot * dot > most * most * lengths || p[3] != 0) return false;
+            if (dot * dot > maximum * maximum * lengths || p[3] != 0) return false;
         }
         return m[15] == 1;
     }
@@ -219,8 +219,8 @@ class GltfImporter {
             count = std::max(count, all.size() / size);
             return all;
         };
-        const auto places = read("TRANSLATION", 3), turns = read("ROTATION", 4), scales = read("SCALE", 3);
-        const bool fits = std::ranges::all_of(std::array{places.size() / 3, turns.size() / 4, scales.size() / 3},
+        const auto positions = read("TRANSLATION", 3), rotations = read("ROTATION", 4), scales = read("SCALE", 3);
+        const bool fits = std::ranges::all_of(std::array{positions.size() / 3, rotations.size() / 4, scales.size() / 3},
                                               [&](std::size_t its) { return its == 0 || its == count; });
         const bool moves = morphed_.contains(number) || !GltfFile::list(node, "weights").empty();
         if (!fits || count == 0 || moves) {
@@ -232,17 +232,17 @@ class GltfImporter {
         }
         constexpr std::uint64_t bytes = 512;  // of its nodes
         for (std::size_t i = 0; i < count && file_.mayMake(bytes); ++i) {
-            GltfNode place(out_, "Transform", "children");
+            GltfNode transform(out_, "Transform", "children");
             const auto three = [&](const std::vector<float>& all) {
                 return Vec3f(all[3 * i], all[3 * i + 1], all[3 * i + 2]);
             };
-            if (!turns.empty()) {
-                const std::array<double, 4> q{double{turns[4 * i]}, double{turns[4 * i + 1]}, double{turns[4 * i + 2]},
-                                              double{turns[4 * i + 3]}};
-                place.set("rotation", rotationOf(q.data()));
+            if (!rotations.empty()) {
+                const std::array<double, 4> q{double{rotations[4 * i]}, double{rotations[4 * i + 1]},
+                                              double{rotations[4 * i + 2]}, double{rotations[4 * i + 3]}};
+                transform.set("rotation", rotationOf(q.data()));
             }
-            if (!scales.empty()) place.set("scale", three(scales));
-            if (!places.empty()) place.set("translation", three(places));
+            if (!scales.empty()) transform.set("scale", three(scales));
+            if (!positions.empty()) transform.set("translation", three(positions));
             writeMeshNode(mesh, node, number);
         }
     }

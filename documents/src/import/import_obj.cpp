@@ -78,9 +78,9 @@ class ObjReader {
     void complain(std::string text) { diagnostics_.error({lines_.line(), 1}, std::move(text)); }
     /// Reports each word once: points, lines, curves, surfaces, and words that are not OBJ.
     void leftOut(std::string_view word) {
-        constexpr std::size_t most = 40;
-        if (leftOut_.size() < most && leftOut_.emplace(word.substr(0, most)).second)
-            diagnostics_.warning({lines_.line(), 1}, "what '" + std::string(word.substr(0, most)) +
+        constexpr std::size_t maximum = 40;
+        if (leftOut_.size() < maximum && leftOut_.emplace(word.substr(0, maximum)).second)
+            diagnostics_.warning({lines_.line(), 1}, "what '" + std::string(word.substr(0, maximum)) +
                                                          "' says is not imported; only faces and their materials are");
     }
     void readPoint() {

@@ -51,9 +51,9 @@ bool isFontFile(std::string_view bytes, std::string& why) {
         // The tables of WOFF2 are one packed stream: its length is all there is to see.
         if (fontNumber(bytes, 8, 4) != bytes.size()) return why = "it is not as long as its head says", false;
         // Readers take memory for the size in the header; deflate makes at most 258 bytes of two bits.
-        constexpr std::uint64_t mostOfByte = 1032, mostUnpacked = std::uint64_t{1} << 28;
+        constexpr std::uint64_t maxOfByte = 1032, maxUnpacked = std::uint64_t{1} << 28;
         const std::uint64_t unpacked = fontNumber(bytes, 16, 4);
-        if (unpacked > mostUnpacked || (kind == woff && unpacked / mostOfByte > bytes.size()))
+        if (unpacked > maxUnpacked || (kind == woff && unpacked / maxOfByte > bytes.size()))
             return why = "its head says " + std::to_string(unpacked) + " bytes unpacked, which are not in it", false;
         return kind == woff2 || hasTables(bytes, fontNumber(bytes, 12, 2), {44, 20, 4, 8}, why);
     }

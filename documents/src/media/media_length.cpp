@@ -9,7 +9,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kMostChunks = 10'000;
+constexpr int kMaxChunks = 10'000;
 
 std::uint64_t littleEndian(std::string_view bytes, std::size_t at, std::size_t size) {
     std::uint64_t number = 0;
@@ -30,7 +30,7 @@ std::optional<double> ratio(double part, double whole) {
 std::optional<double> waveSeconds(const MediaBytes& file) {
     std::uint64_t format = 0, rate = 0, block = 0, samples = 0;
     std::uint64_t at = 12;
-    for (int chunk = 0; chunk < kMostChunks && at + 8 <= file.size; ++chunk) {
+    for (int chunk = 0; chunk < kMaxChunks && at + 8 <= file.size; ++chunk) {
         const std::string bytes = file.read(at, 8 + 16);
         if (bytes.size() < 8) break;
         const std::string_view name = std::string_view(bytes).substr(0, 4);
@@ -64,7 +64,7 @@ struct Span {
 /// The content of the first box of this name; empty if there is none.
 Span findBox(const MediaBytes& file, Span within, std::string_view name) {
     std::uint64_t at = within.begin;
-    for (int box = 0; box < kMostChunks && within.end - at >= 8; ++box) {
+    for (int box = 0; box < kMaxChunks && within.end - at >= 8; ++box) {
         const std::string head = file.read(at, 16);
         if (head.size() < 8) break;
         std::uint64_t size = bigEndian(head, 0, 4), header = 8;

@@ -97,8 +97,8 @@ std::size_t MediaReports::answer(Scene& scene, const Resources& resources, const
         const Time duration{secondsOf(scene, *node, *fields, resources, others, why)};
         if (duration.seconds < 0 && !why.empty() && needsFile(*node)) {
             const std::string_view name = scene.name(node->id());
-            diagnostics.warningAt(scene.placeOf(node->id()), fmt::format("{}{}{} never plays: {}", node->type().name,
-                                                                         name.empty() ? "" : " ", name, why));
+            diagnostics.warningAt(scene.locationOf(node->id()), fmt::format("{}{}{} never plays: {}", node->type().name,
+                                                                            name.empty() ? "" : " ", name, why));
         }
         if (duration != node->get(fields->duration) && scene.set(node->id(), fields->duration, duration)) ++count;
     }

@@ -27,9 +27,9 @@ std::optional<PictureSize> withPixels(PictureSize size) {
 
 /// Segments follow each other, each with its length; the one that begins a frame says its size.
 std::optional<PictureSize> jpegSize(const MediaBytes& file) {
-    constexpr int kMostSegments = 1000;
+    constexpr int kMaxSegments = 1000;
     std::uint64_t at = 2;
-    for (int segment = 0; segment < kMostSegments; ++segment) {
+    for (int segment = 0; segment < kMaxSegments; ++segment) {
         const std::string head = file.read(at, 9);
         if (head.size() < 9 || pictureByte(head, 0) != 0xFF) return std::nullopt;
         const std::uint32_t marker = pictureByte(head, 1);

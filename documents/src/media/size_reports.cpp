@@ -81,7 +81,7 @@ bool awaitsPicture(const Scene& scene, const Node& projector, const Resources& r
 }
 
 template <class N>
-bool tellRatio(Scene& scene, const Node& node, const Resources& resources) {
+bool reportRatio(Scene& scene, const Node& node, const Resources& resources) {
     const float ratio = ratioOfPicture(scene, node.get(N::texture), resources);
     return ratio != node.get(N::_aspectRatio) && scene.set(node.id(), N::_aspectRatio, ratio).has_value();
 }
@@ -167,9 +167,9 @@ std::size_t SizeReports::answer(Scene& scene, const Resources& resources, const 
             projectors_.insert(number);
             continue;
         }
-        const bool told = node->is(Projector::type) ? tellRatio<Projector>(scene, *node, resources)
-                                                    : tellRatio<Parallel>(scene, *node, resources);
-        if (told) ++count;
+        const bool reported = node->is(Projector::type) ? reportRatio<Projector>(scene, *node, resources)
+                                                        : reportRatio<Parallel>(scene, *node, resources);
+        if (reported) ++count;
     }
     if (!silent_.empty()) wakeHeard(scene);
     for (const std::uint32_t number : std::exchange(texts_, {})) {

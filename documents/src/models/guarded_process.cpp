@@ -26,10 +26,10 @@ using Clock = std::chrono::steady_clock;
 
 constexpr char kGood = 'g', kBad = 'b';
 
-void limit(int what, std::uint64_t most) {
+void limit(int what, std::uint64_t maximum) {
     rlimit both{};
     if (::getrlimit(static_cast<__rlimit_resource>(what), &both) != 0) return;
-    both.rlim_cur = both.rlim_max == RLIM_INFINITY || most < both.rlim_max ? most : both.rlim_max;
+    both.rlim_cur = both.rlim_max == RLIM_INFINITY || maximum < both.rlim_max ? maximum : both.rlim_max;
     ::setrlimit(static_cast<__rlimit_resource>(what), &both);
 }
 

@@ -108,25 +108,24 @@ bool importModeller(const ImportInput& input, DocumentHandler& handler, Diagnost
         return false;
     }
     const MakeGlb make = reinterpret_cast<MakeGlb (*)()>(*symbol)();
-    constexpr std::uint64_t kMost = std::uint64_t{4} << 30, kMostSeconds = 60;
+    constexpr std::uint64_t kMax = std::uint64_t{4} << 30, kMaxSeconds = 60;
     const std::uint64_t room = memoryLimit() - std::min(heldMemory(), memoryLimit());
     // One text comes back: how long the library's faults are, these, and the GLB.
-    const auto made = runGuarded(
+    const auto created = runGuarded(
         [&](std::string& result) {
             std::string glb, faults;
             if (!make(input.bytes, kind->extension, glb, faults)) return result = std::move(glb), false;
             result = std::to_string(faults.size()) + ' ' + faults + glb;
             return true;
         },
-        {std::min({input.maximumBytes, kMost, room}),
-         static_cast<unsigned>(std::min(input.time.left(), kMostSeconds))});
-    if (!made) {
-        diagnostics.error({}, "the " + name + " file cannot be read: " + made.error().text);
+        {std::min({input.maximumBytes, kMax, room}), static_cast<unsigned>(std::min(input.time.left(), kMaxSeconds))});
+    if (!created) {
+        diagnostics.error({}, "the " + name + " file cannot be read: " + created.error().text);
         return false;
     }
-    const std::size_t blank = made->find(' ');
-    std::string_view glb = std::string_view(*made).substr(blank + 1);
-    std::string_view faults = glb.substr(0, std::stoul(made->substr(0, blank)));
+    const std::size_t blank = created->find(' ');
+    std::string_view glb = std::string_view(*created).substr(blank + 1);
+    std::string_view faults = glb.substr(0, std::stoul(created->substr(0, blank)));
     glb.remove_prefix(faults.size());
     while (!faults.empty()) {
         // What has no material gets one that is grey, as here.

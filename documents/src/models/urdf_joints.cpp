@@ -18,7 +18,7 @@ using Kind = UrdfJoint::Kind;
 constexpr double kPi = 3.141592653589793;
 /// A continuous joint turns this often each way: the interpolators of its prototype take whole turns off its angle in
 /// two steps, first of this many turns, then of one.
-constexpr int kTurns = 64;
+constexpr int kAngles = 64;
 
 float inFloat(double number) {
     return static_cast<float>(number);
@@ -26,8 +26,8 @@ float inFloat(double number) {
 Vec3f urdfVector(const std::array<double, 3>& numbers) {
     return {inFloat(numbers[0]), inFloat(numbers[1]), inFloat(numbers[2])};
 }
-Vec3f along(const UrdfJoint& joint, double way) {
-    return urdfVector({joint.axis[0] * way, joint.axis[1] * way, joint.axis[2] * way});
+Vec3f along(const UrdfJoint& joint, double distance) {
+    return urdfVector({joint.axis[0] * distance, joint.axis[1] * distance, joint.axis[2] * distance});
 }
 Rotation about(const UrdfJoint& joint, double angle) {
     const Vec3f axis = urdfVector(joint.axis);
@@ -84,23 +84,23 @@ void setKeys(DocumentHandler& out, const UrdfJoint& joint) {
     Array<float> key;
     const auto set = [&](std::string_view field, Value value) { out.setField(field, std::move(value), {}); };
     if (joint.kind == Kind::prismatic) {
-        Array<Vec3f> places;
-        for (const double way : {joint.lower, joint.upper}) {
-            key.push_back(inFloat(way));
-            places.push_back(along(joint, way));
+        Array<Vec3f> positions;
+        for (const double distance : {joint.lower, joint.upper}) {
+            key.push_back(inFloat(distance));
+            positions.push_back(along(joint, distance));
         }
         set("key", Value(std::move(key)));
-        set("keyValue", Value(std::move(places)));
+        set("keyValue", Value(std::move(positions)));
         return;
     }
     const bool isEndless = joint.kind == Kind::continuous;
-    Array<Rotation> turns;
+    Array<Rotation> rotations;
     for (const double angle : turningKeys(isEndless ? -kPi : joint.lower, isEndless ? kPi : joint.upper)) {
         key.push_back(inFloat(angle));
-        turns.push_back(about(joint, angle));
+        rotations.push_back(about(joint, angle));
     }
     if (!isEndless) set("key", Value(std::move(key)));
-    set("keyValue", Value(std::move(turns)));
+    set("keyValue", Value(std::move(rotations)));
 }
 
 }  // namespace
@@ -114,7 +114,7 @@ std::array<double, 4> quaternionOf(const std::array<double, 3>& rpy) {
             r.cosine * p.cosine * y.cosine + r.sine * p.sine * y.sine};
 }
 
-Rotation rotationOfTurns(const std::array<double, 3>& rpy) {
+Rotation rotationOfAngles(const std::array<double, 3>& rpy) {
     const std::array<double, 4> q = quaternionOf(rpy);
     const double s = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2]);
     if (!(s > 0)) return {};
@@ -140,10 +140,10 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         field(Access::initializeOnly, FieldType::MFVec3f, "keyValue", Value(Array<Vec3f>()));
     } else {
         field(Access::initializeOnly, FieldType::SFRotation, "start", Value(Rotation()));
-        Array<Rotation> turns;  // as many as the prototype itself has keys, about the z axis
+        Array<Rotation> rotations;  // as many as the prototype itself has keys, about the z axis
         if (isEndless)
-            for (const double angle : turningKeys(-kPi, kPi)) turns.push_back({0, 0, 1, inFloat(angle)});
-        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(std::move(turns)));
+            for (const double angle : turningKeys(-kPi, kPi)) rotations.push_back({0, 0, 1, inFloat(angle)});
+        field(Access::initializeOnly, FieldType::MFRotation, "keyValue", Value(std::move(rotations)));
     }
     if (!isEndless) field(Access::initializeOnly, FieldType::MFFloat, "key", Value(Array<float>()));
     field(Access::inputOutput, FieldType::MFNode, "children", Value(Array<NodeId>()));
@@ -163,8 +163,8 @@ void declareJoint(DocumentHandler& out, Kind kind) {
         holder.is(value, value);
     }
     if (isEndless) {
-        writeSaw(out, "Turns", kTurns, kTurns);
-        writeSaw(out, "Turn", kTurns / 2, 1);
+        writeSaw(out, "Turns", kAngles, kAngles);
+        writeSaw(out, "Turn", kAngles / 2, 1);
     }
     {
         OutputNode last(out, slides ? "PositionInterpolator" : "OrientationInterpolator", {}, "Pose");
@@ -200,10 +200,10 @@ void beginJoint(DocumentHandler& out, const UrdfJoint& joint, std::string_view d
 }
 
 void writeMimic(DocumentHandler& out, const UrdfJoint& leader, const UrdfJoint::Mimic& mimic, std::string_view def) {
-    constexpr double kMost = (2 * kTurns + 1) * kTurns * kPi;
+    constexpr double kMax = (2 * kAngles + 1) * kAngles * kPi;
     const bool isEndless = leader.kind == Kind::continuous;
     Array<float> key, value;
-    for (const double at : wideningKeys(isEndless ? -kMost : leader.lower, isEndless ? kMost : leader.upper)) {
+    for (const double at : wideningKeys(isEndless ? -kMax : leader.lower, isEndless ? kMax : leader.upper)) {
         key.push_back(inFloat(at));
         value.push_back(inFloat(at * mimic.multiplier + mimic.offset));
     }
@@ -221,7 +221,7 @@ void writePose(DocumentHandler& out, const UrdfPose& pose) {
     if (std::ranges::any_of(pose.xyz, [](double n) { return n != 0; }))
         out.setField("translation", Value(urdfVector(pose.xyz)), {});
     if (std::ranges::any_of(pose.rpy, [](double n) { return n != 0; }))
-        out.setField("rotation", Value(rotationOfTurns(pose.rpy)), {});
+        out.setField("rotation", Value(rotationOfAngles(pose.rpy)), {});
 }
 
 }  // namespace rtsg::detail

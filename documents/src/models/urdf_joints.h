@@ -27,7 +27,7 @@ void writeMimic(DocumentHandler& out, const UrdfJoint& leader, const UrdfJoint::
 
 /// Turns about the fixed axes x, y and z, in that order: x y z w, and as a rotation.
 std::array<double, 4> quaternionOf(const std::array<double, 3>& rpy);
-Rotation rotationOfTurns(const std::array<double, 3>& rpy);
+Rotation rotationOfAngles(const std::array<double, 3>& rpy);
 /// translation and rotation of a Transform, where they are not the defaults.
 void writePose(DocumentHandler& out, const UrdfPose& pose);
 bool isIdentity(const UrdfPose& pose);

@@ -14,8 +14,8 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr double kTurn = 6.283185307179586;
-constexpr double kMostTurns = 64;  // of a joint with limits; others have written huge limits for none
+constexpr double kFullTurn = 6.283185307179586;
+constexpr double kMaxRotations = 64;  // of a joint with limits; others have written huge limits for none
 
 class UrdfReader {
   public:
@@ -38,7 +38,7 @@ class UrdfReader {
         }
         breakCircles();
         findMimics();
-        tellOthers();
+        reportOthers();
         return true;
     }
 
@@ -57,7 +57,7 @@ class UrdfReader {
                 std::ranges::find(known, name) == known.end() && !name.starts_with("xacro:"))
                 ++others_[name];
     }
-    void tellOthers() {
+    void reportOthers() {
         std::string all;
         for (const auto& [name, count] : others_)
             all += (all.empty() ? "" : ", ") + name + (count > 1 ? " (" + std::to_string(count) + ")" : "");
@@ -284,7 +284,7 @@ class UrdfReader {
         }
         if (joint.lower == joint.upper) warning(*limit, named(e) + "its limits are the same, so it does not move");
         const bool isEndless =
-            joint.kind == UrdfJoint::Kind::revolute && joint.upper - joint.lower > kMostTurns * kTurn;
+            joint.kind == UrdfJoint::Kind::revolute && joint.upper - joint.lower > kMaxRotations * kFullTurn;
         if (!isEndless) return;
         warning(*limit, named(e) + "its limits are more than 64 turns apart; it has none here");
         joint.kind = UrdfJoint::Kind::continuous;

@@ -33,22 +33,22 @@ std::array<double, 4> product(const std::array<double, 4>& a, const std::array<d
 
 struct Frame {
     std::uint32_t link;
-    Vector place{};
-    std::array<double, 4> turn{0, 0, 0, 1};
+    Vector position{};
+    std::array<double, 4> rotation{0, 0, 0, 1};
 
     Frame at(std::uint32_t child, const UrdfPose& pose) const {
-        Vector moved = turnedBy(turn, pose.xyz);
-        for (std::size_t i = 0; i < 3; ++i) moved[i] += place[i];
-        return {child, moved, product(turn, quaternionOf(pose.rpy))};
+        Vector moved = turnedBy(rotation, pose.xyz);
+        for (std::size_t i = 0; i < 3; ++i) moved[i] += position[i];
+        return {child, moved, product(rotation, quaternionOf(pose.rpy))};
     }
 };
 
 class Extent {
   public:
-    void add(const Vector& place, double radius) {
+    void add(const Vector& position, double radius) {
         for (std::size_t i = 0; i < 3; ++i) {
-            low_[i] = std::min(low_[i], place[i] - radius);
-            high_[i] = std::max(high_[i], place[i] + radius);
+            low_[i] = std::min(low_[i], position[i] - radius);
+            high_[i] = std::max(high_[i], position[i] + radius);
         }
     }
     Vector middle() const { return {(low_[0] + high_[0]) / 2, (low_[1] + high_[1]) / 2, (low_[2] + high_[2]) / 2}; }
@@ -85,8 +85,8 @@ Extent extentOf(const UrdfModel& model) {
         const Frame frame = open.back();
         open.pop_back();
         const UrdfLink& link = model.links[frame.link];
-        extent.add(frame.place, 0);
-        for (const UrdfShape& shape : link.visuals) extent.add(frame.at(0, shape.origin).place, radiusOf(shape));
+        extent.add(frame.position, 0);
+        for (const UrdfShape& shape : link.visuals) extent.add(frame.at(0, shape.origin).position, radiusOf(shape));
         for (const std::uint32_t number : link.joints)
             open.push_back(frame.at(model.joints[number].child, model.joints[number].origin));
     }
@@ -96,23 +96,24 @@ Extent extentOf(const UrdfModel& model) {
 }  // namespace
 
 void writeViewpoint(DocumentHandler& out, const UrdfModel& model) {
-    constexpr double kField = .785398, kMargin = 1.15, kLeast = .2, kUnknown = 1, kSide = .8, kAbove = .35;
+    constexpr double kField = .785398, kMargin = 1.15, kMin = .2, kUnknown = 1, kSide = .8, kAbove = .35;
     const Extent extent = extentOf(model);
     double radius = extent.radius();
     if (!(radius > 0)) radius = kUnknown;
-    const double distance = std::max(radius, kLeast) * kMargin / portable::sin(kField / 2);
+    const double distance = std::max(radius, kMin) * kMargin / portable::sin(kField / 2);
     const Vector robot = extent.middle();
     const Vector middle{robot[0], robot[2], -robot[1]};  // where y points up
     const portable::SineCosine side = portable::sineCosine(kSide), above = portable::sineCosine(kAbove);
-    const Vector way{side.sine * above.cosine, above.sine, side.cosine * above.cosine};
+    const Vector displacement{side.sine * above.cosine, above.sine, side.cosine * above.cosine};
     const auto number = [](double value) { return static_cast<float>(value); };
     OutputNode view(out, "Viewpoint");
     view.set("centerOfRotation", Vec3f(number(middle[0]), number(middle[1]), number(middle[2])));
     view.set("description", String(model.name.empty() ? std::string("robot") : model.name));
     view.set("fieldOfView", number(kField));
-    view.set("orientation", rotationOfTurns({-kAbove, kSide, 0}));
-    view.set("position", Vec3f(number(middle[0] + distance * way[0]), number(middle[1] + distance * way[1]),
-                               number(middle[2] + distance * way[2])));
+    view.set("orientation", rotationOfAngles({-kAbove, kSide, 0}));
+    view.set("position",
+             Vec3f(number(middle[0] + distance * displacement[0]), number(middle[1] + distance * displacement[1]),
+                   number(middle[2] + distance * displacement[2])));
 }
 
 }  // namespace rtsg::detail

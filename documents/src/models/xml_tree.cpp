@@ -9,7 +9,7 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kMostElements = 1'000'000;
+constexpr std::size_t kMaxElements = 1'000'000;
 constexpr std::size_t kPiece = 1 << 30;  // bytes that expat gets at once: it begins long tokens again with each piece
 
 struct Building {
@@ -27,7 +27,7 @@ struct Building {
                 static_cast<std::uint32_t>(XML_GetCurrentColumnNumber(parser)) + 1};
     }
     void begin(const char* name, const char** attributes) {
-        if (elements.size() == kMostElements) {
+        if (elements.size() == kMaxElements) {
             full = true;
             XML_StopParser(parser, XML_FALSE);
             return;

@@ -43,7 +43,7 @@ struct Masks {
 };
 
 /// Numbers, white space and commas taking turns, 64 bytes at a time.
-struct Turns {
+struct Order {
     bool inNumber = false;  // where the next bytes begin
     bool isDue = false;     // a number must come next
     bool isDueAtOther = false;
@@ -69,9 +69,9 @@ struct Turns {
 };
 
 /// Finds, in a piece that begins behind a comma, the last comma up to which numbers and commas alternate.
-void lookAtTurns(TextPiece& piece) {
+void lookAtOrders(TextPiece& piece) {
     constexpr std::ptrdiff_t each = 64;
-    Turns turns{.isDue = true};
+    Order rotations{.isDue = true};
     const char* p = piece.begin;
     for (; p < piece.end; p += each) {
         char last[each];
@@ -81,7 +81,7 @@ void lookAtTurns(TextPiece& piece) {
             std::memcpy(last, p, static_cast<std::size_t>(rest));
         }
         const Masks masks(rest < each ? last : p);
-        if (masks.other || !turns.take(masks)) break;
+        if (masks.other || !rotations.take(masks)) break;
     }
     piece.stop = std::min(p, piece.end);
     while (piece.stop != piece.begin && piece.stop[-1] != ',') --piece.stop;
@@ -171,8 +171,8 @@ class Outliner {
 
     /// Faulty commas are read as white space, so that nothing is lost; a few reports are enough.
     void commaFault(const char* what) {
-        constexpr int most = 20;
-        if (++commaFaults_ <= most) diagnostics_.error(position_.of(p_), what);
+        constexpr int maximum = 20;
+        if (++commaFaults_ <= maximum) diagnostics_.error(position_.of(p_), what);
     }
 
     const char* open(char c) {
@@ -230,23 +230,23 @@ class Outliner {
 #if defined(__SSSE3__)
         const char* const start = p_;
         const bool mayBeLong = splitting_.threads > 1;
-        Turns turns;
+        Order rotations;
         while (end_ - p_ >= 64 && !isLong_) {
             const Masks masks(p_);
-            if (!turns.take(masks)) break;
+            if (!rotations.take(masks)) break;
             if (masks.other) {
-                if (turns.isDueAtOther) break;  // a comma before the bracket, or nothing at all
+                if (rotations.isDueAtOther) break;  // a comma before the bracket, or nothing at all
                 p_ += std::countr_zero(masks.other);
                 value_ = true;
                 comma_ = false;
                 return;
             }
             p_ += 64;
-            comma_ = turns.isDue;
-            value_ = !turns.isDue;
+            comma_ = rotations.isDue;
+            value_ = !rotations.isDue;
             isLong_ = mayBeLong && p_ - start >= static_cast<std::ptrdiff_t>(splitting_.from / 16);
         }
-        if (turns.inNumber)
+        if (rotations.inNumber)
             while (there() && !isSeparator(*p_) && *p_ != ':') ++p_;
 #endif
     }
@@ -254,23 +254,23 @@ class Outliner {
     /// Goes on behind a comma, in a list that has been long already: as far as it is long still, and all is in turn.
     void numbersInPieces() {
 #if defined(__SSSE3__)
-        const auto least = static_cast<std::ptrdiff_t>(splitting_.from);
+        const auto minimum = static_cast<std::ptrdiff_t>(splitting_.from);
         const auto grow = [this] {
             const bool more = feed_.more();
             end_ = feed_.end();
             return more;
         };
         const auto isClosed = [&] {
-            return std::memchr(p_, ']', static_cast<std::size_t>(std::min(end_ - p_, least))) != nullptr;
+            return std::memchr(p_, ']', static_cast<std::size_t>(std::min(end_ - p_, minimum))) != nullptr;
         };
-        while (end_ - p_ < least && !isClosed() && grow()) {
+        while (end_ - p_ < minimum && !isClosed() && grow()) {
         }
-        if (end_ - p_ < least || isClosed()) return;
-        const auto behindComma = [](const char* begin, const char* most) {
-            while (most != begin && most[-1] != ',') --most;
-            return most;
+        if (end_ - p_ < minimum || isClosed()) return;
+        const auto behindComma = [](const char* begin, const char* maximum) {
+            while (maximum != begin && maximum[-1] != ',') --maximum;
+            return maximum;
         };
-        PieceWalk walk(p_, splitting_, behindComma, &lookAtTurns);
+        PieceWalk walk(p_, splitting_, behindComma, &lookAtOrders);
         do {
             while (walk.add(end_) && grow()) {
             }

@@ -23,10 +23,10 @@ std::string outOfRange(const FieldDef& field, const S* numbers, std::size_t coun
     }
     // Authors write 1.5708 for half pi.
     const auto slack = [](double bound) { return std::isinf(bound) ? 0 : 1e-5 * std::abs(bound); };
-    const double least = field.min - slack(field.min), most = field.max + slack(field.max);
+    const double minimum = field.min - slack(field.min), maximum = field.max + slack(field.max);
     const auto lowest = static_cast<double>(low);
-    const bool below = field.exclusiveMin ? !(lowest > least) : lowest < least;
-    if (!below && (static_cast<double>(high) <= most || mayExceed(field))) return {};
+    const bool below = field.exclusiveMin ? !(lowest > minimum) : lowest < minimum;
+    if (!below && (static_cast<double>(high) <= maximum || mayExceed(field))) return {};
     const auto text = [](auto number) { return printFieldText(Value(number)); };
     std::string range = field.exclusiveMin ? "(" : "[";
     range += std::isinf(field.min) ? "-inf" : text(static_cast<float>(field.min));

@@ -68,7 +68,7 @@ bool ClassicReader::read() {
     readProfile();
     handler_->beginDocument(header_);
     began_ = true;
-    tellHeld();
+    reportHeld();
     for (;;) {
         skipSpace();
         if (p_ == end_) break;

@@ -67,7 +67,7 @@ class ClassicReader final : private FieldTextReport {
     void useNode(const FieldRef& into, const char* at);
     void nodeValue(const FieldRef& field, const char* at);
     void openList(const FieldRef& field);
-    void checkPlace(const FieldRef& into, const NodeShape& shape, const char* at);
+    void checkPosition(const FieldRef& into, const NodeShape& shape, const char* at);
     bool declaration(FieldDeclaration& out, const char*& at, bool& recognised);
     void declare(DeclaredFields& fields, const NodeShape* node);
     void closeBracket();
@@ -97,8 +97,8 @@ class ClassicReader final : private FieldTextReport {
     void error(const char* where, std::string text) { report(Severity::error, where, std::move(text)); }
     void report(Severity severity, const char* where, std::string text) override;
     void comment(std::string_view line) override;
-    void tellComment();
-    void tellHeld();  // comments that were met before the document began, or while holdsText_
+    void reportComment();
+    void reportHeld();  // comments that were met before the document began, or while holdsText_
     void progress(const char* p) override;
     const char* more(const char* end) override;
     Splitting splitting() const override { return splitting_; }
@@ -127,7 +127,7 @@ class ClassicReader final : private FieldTextReport {
     ReaderTypes types_;
     std::set<std::string, std::less<>> names_;  // of fields that nodes do not have
     const char* valueEnd_ = nullptr;            // of skipValue()
-    const char* told_ = nullptr;                // the end of the last comment
+    const char* reported_ = nullptr;            // the end of the last comment
     std::vector<Frame> frames_;
     std::size_t lists_ = 0;  // open lists since the innermost prototype began
     std::vector<std::size_t> outerLists_;

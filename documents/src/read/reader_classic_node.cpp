@@ -16,14 +16,14 @@ void ClassicReader::skipSpace() {
     FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
     parser.skipSpace();
     p_ = parser.p;
-    if (comment_) tellComment();
+    if (comment_) reportComment();
 }
 
 /// Lines that follow each other without an empty one between them are one comment.
 void ClassicReader::comment(std::string_view line) {
-    if (line.data() < told_) return;  // reading went back a little
-    told_ = line.data() + line.size();
-    if (comment_ && std::count(commentEnd_, line.data(), '\n') > 1) tellComment();
+    if (line.data() < reported_) return;  // reading went back a little
+    reported_ = line.data() + line.size();
+    if (comment_ && std::count(commentEnd_, line.data(), '\n') > 1) reportComment();
     if (!comment_) commentStart_ = line.data();
     commentEnd_ = line.data() + line.size();
     line.remove_prefix(line.starts_with("# ") ? 2 : 1);
@@ -33,7 +33,7 @@ void ClassicReader::comment(std::string_view line) {
         comment_.emplace(line);
 }
 
-void ClassicReader::tellComment() {
+void ClassicReader::reportComment() {
     const std::string text = tidyComment(*comment_);
     comment_.reset();
     if (text.empty()) return;
@@ -60,7 +60,7 @@ bool ClassicReader::parseValue(FieldType type, Value& out, const CustomType* cus
     FieldTextParser parser(p_, end_, TextSyntax::classicVrml, *this);
     const bool usable = parser.parse(type, out, custom);
     p_ = parser.p;
-    if (comment_) tellComment();
+    if (comment_) reportComment();
     return usable;
 }
 
@@ -183,14 +183,14 @@ void ClassicReader::useNode(const FieldRef& into, const char* where) {
     const std::string_view name = this->name();
     if (name.empty()) return error(p_, "expected the name of a node behind USE");
     if (const NodeShape* shape = types_.defined(name)) {
-        checkPlace(into, *shape, where);
+        checkPosition(into, *shape, where);
         beganNode(*shape);
     }
     handler_->useNode(name, into.name, at(where));
 }
 
 /// The wrong type of node in a field is kept, so that nothing an author wrote is lost; its parent will not use it.
-void ClassicReader::checkPlace(const FieldRef& into, const NodeShape& shape, const char* where) {
+void ClassicReader::checkPosition(const FieldRef& into, const NodeShape& shape, const char* where) {
     if (!into || accepts(into, shape.standsFor()) || frames_.empty()) return;
     const Frame& inner = frames_.back();
     const Frame& parent = inner.inside == Inside::list && frames_.size() > 1 ? frames_[frames_.size() - 2] : inner;
@@ -216,7 +216,7 @@ void ClassicReader::beginNode(std::string_view type, std::string_view def, const
     if (!shape.known()) report(Severity::warning, where, unknownType(type, diagnostics_));
     ++p_;
     beganNode(shape);
-    checkPlace(into, shape, where);
+    checkPosition(into, shape, where);
     if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
     if (!def.empty()) types_.define(def, shape);
     handler_->beginNode(shape.name(), def, into.name, at(where));
@@ -411,11 +411,11 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
     skipValue();
     holdsText_ = false;
     if (!shape.known() && p_ != start) keepText(name, where, start, isList);
-    tellHeld();  // what was said behind the value
+    reportHeld();  // what was said behind the value
 }
 
-void ClassicReader::tellHeld() {
-    for (const auto& [text, place] : std::exchange(early_, {})) handler_->comment(text, place);
+void ClassicReader::reportHeld() {
+    for (const auto& [text, entry] : std::exchange(early_, {})) handler_->comment(text, entry);
 }
 
 /// The value from `start` to `valueEnd_` as a field of the open node, which is of an unknown type.
@@ -542,9 +542,9 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     holdsText_ = false;
     if (!takesValue && !isConnected) {
         handler_->declareField(field, std::nullopt, at(where));
-        return tellHeld();
+        return reportHeld();
     }
-    tellHeld();
+    reportHeld();
     if (isConnected) {
         handler_->declareField(field, std::nullopt, at(where));
         word();

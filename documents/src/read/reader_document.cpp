@@ -60,7 +60,7 @@ class ReadingEnd {
     ReadingEnd(const DocumentHandler& handler, Diagnostics& diagnostics, const detail::ReaderOptions& options)
         : handler_(handler),
           diagnostics_(diagnostics),
-          most_(options.maximumMemory),
+          maximum_(options.maximumMemory),
           before_(heldMemory()),
           time_(options.time) {}
 
@@ -82,11 +82,11 @@ class ReadingEnd {
         const std::uint64_t held = heldMemory();
         if (auto ok = mayHold(kBlock); !ok)
             why_ = std::move(ok.error());
-        else if (held > before_ && held - before_ > most_)
+        else if (held > before_ && held - before_ > maximum_)
             why_ = Diagnostic{Severity::error,
                               {},
                               {},
-                              "what is read takes more than " + std::to_string(most_) +
+                              "what is read takes more than " + std::to_string(maximum_) +
                                   " bytes; the rest is left out, unless --limit bytes=N raises this",
                               DiagnosticCode("memory")};
         return why_.has_value();
@@ -99,7 +99,7 @@ class ReadingEnd {
 
     const DocumentHandler& handler_;
     Diagnostics& diagnostics_;
-    std::uint64_t most_, before_;
+    std::uint64_t maximum_, before_;
     detail::TimeLimit time_;
     std::optional<Diagnostics> reports_;
     std::optional<Diagnostic> why_;

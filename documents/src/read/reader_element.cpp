@@ -14,7 +14,7 @@ ElementReader::ElementReader(Encoding encoding, DocumentHandler& handler, Diagno
       encoding_(encoding),
       plainStrings_(encoding == Encoding::json),
       types_(std::move(dialect)) {
-    types_.setInstancesAreTold();
+    types_.setInstancesAreReported();
 }
 
 bool ElementReader::finish() {
@@ -209,7 +209,7 @@ void ElementReader::pop() {
             --bodies_;
             break;
         case Inside::declaration:
-            if (frame.declared) tellDeclaration(frame);
+            if (frame.declared) reportDeclaration(frame);
             break;
         case Inside::value:
             if (!frame.hasChildren && frame.into && sf(frame.into.type) == FieldType::SFNode)

@@ -122,14 +122,14 @@ class ElementReader : private FieldTextReport {
     void useNode(std::string_view use, const NodeShape& shape, std::string_view field, const FieldRef& into);
     void nodeAttributes(Attributes attributes);
     void setAttribute(const char* name, const char* value);
-    FieldRef placeFor(const NodeShape& child, const char* containerField, bool& fits);
-    FieldRef placeIn(const NodeShape& parent, const NodeShape& child, const char* containerField);
+    FieldRef fieldFor(const NodeShape& child, const char* containerField, bool& fits);
+    FieldRef fieldIn(const NodeShape& parent, const NodeShape& child, const char* containerField);
     void startField(Attributes attributes);
     void startFieldValue(Attributes attributes);
     void startIs(Attributes attributes);
     void startConnect(Attributes attributes);
-    void tellDeclaration(Frame& frame);
-    void tellConnections(Frame& frame);
+    void reportDeclaration(Frame& frame);
+    void reportConnections(Frame& frame);
     void endNode(Frame& frame);
 
     // helpers

@@ -56,7 +56,7 @@ void ElementReader::startInstance(Attributes attributes) {
 }
 
 /// The field of the innermost open element that `child` goes into; none, with `fits`, where nodes are statements.
-FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerField, bool& fits) {
+FieldRef ElementReader::fieldFor(const NodeShape& child, const char* containerField, bool& fits) {
     fits = true;
     if (frames_.empty()) return {};
     const Frame& parent = frames_.back();
@@ -80,12 +80,12 @@ FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerFi
             error(childName + " has no place in " + parent.element);
             return {};
     }
-    return placeIn(parent.shape, child, containerField);
+    return fieldIn(parent.shape, child, containerField);
 }
 
 /// The field of a node of shape `parent` into which `child` goes. If no field takes it, this is the field that the file
 /// names, or the default one: the node is kept, though no field of its parent is set.
-FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child, const char* containerField) {
+FieldRef ElementReader::fieldIn(const NodeShape& parent, const NodeShape& child, const char* containerField) {
     const NodeType* type = child.standsFor();
     const std::string_view usual = type ? std::string_view(type->containerField) : "children";
     const std::string_view asked = containerField ? std::string_view(containerField) : usual;
@@ -99,18 +99,18 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
     // `children` is written by many programs where nothing is meant by it; any other name that the parent does not have
     // may mean a field of some extension: then the node goes where it goes by default, or nowhere.
     const bool guess = !containerField || asked == "children";
-    FieldRef place;
+    FieldRef target;
     if (!(containerField && namesNodes)) {
-        if (const FieldRef field = findField(parent, usual); usable(field)) place = field;
-        for (std::size_t i = 0; guess && !place && type && parent.type && i < parent.type->fields.size(); ++i) {
+        if (const FieldRef field = findField(parent, usual); usable(field)) target = field;
+        for (std::size_t i = 0; guess && !target && type && parent.type && i < parent.type->fields.size(); ++i) {
             const FieldDef& definition = parent.type->fields[i];
             if (definition.hidden || definition.accepts.empty()) continue;
             const FieldRef field{definition.name, definition.type, definition.access, &definition,
                                  definition.custom.get()};
-            if (usable(field)) place = field;
+            if (usable(field)) target = field;
         }
     }
-    if (!place) {
+    if (!target) {
         const bool isMisspelt = containerField && !named && isMisspelled(asked, child.known());
         diagnostics_.add(isMisspelt ? Severity::error : Severity::warning, where(),
                          containerField && !named ? noFieldForNodes(parent, asked, diagnostics_)
@@ -122,17 +122,17 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
                              (named ? "containerField '" + std::string(asked) + "' of " + std::string(parent.name()) +
                                           " does not take " + std::string(child.name())
                                     : "containerField: " + noField(parent, asked, diagnostics_)) +
-                                 "; '" + std::string(place.name) + "' is taken instead");
-    return place;
+                                 "; '" + std::string(target.name) + "' is taken instead");
+    return target;
 }
 
 void ElementReader::openNode(NodeShape shape, Attributes attributes) {
     bool fits = false;
-    const FieldRef into = placeFor(shape, attribute(attributes, "containerField"), fits);
+    const FieldRef into = fieldFor(shape, attribute(attributes, "containerField"), fits);
     if (!fits) return skip({});
     if (!frames_.empty()) {
         Frame& parent = frames_.back();
-        if (parent.declared) tellDeclaration(parent);
+        if (parent.declared) reportDeclaration(parent);
         const bool value = parent.inside == Inside::value || parent.inside == Inside::declaration;
         if (into && parent.inside == Inside::declaration && parent.hasChildren && !isMF(into.type)) {
             diagnostics_.error(where(), "field '" + std::string(into.name) +
@@ -286,14 +286,14 @@ void ElementReader::startField(Attributes attributes) {
 }
 
 /// Tells of a node-valued field: its first node is about to come, or there is none (then `frame` has been popped).
-void ElementReader::tellDeclaration(Frame& frame) {
+void ElementReader::reportDeclaration(Frame& frame) {
     const std::unique_ptr<FieldDeclaration> field = std::move(frame.declared);
     const bool nodesFollow = !frames_.empty() && &frame == &frames_.back();
     handler_->declareField(*field, nodesFollow ? std::nullopt : std::optional(Value::zero(field->type)), frame.open);
 }
 
 /// Reports the connections of the fields that a Script declares, all of which are known by now.
-void ElementReader::tellConnections(Frame& frame) {
+void ElementReader::reportConnections(Frame& frame) {
     HeldScript::Connections connections;
     for (auto& [name, protos] : frame.source->connections) {
         if (const FieldRef field = findField(frame.shape, name))
@@ -307,7 +307,7 @@ void ElementReader::tellConnections(Frame& frame) {
 void ElementReader::endNode(Frame& frame) {
     if (frame.source) {
         Source& source = *frame.source;
-        tellConnections(frame);
+        reportConnections(frame);
         Array<String> url = source.url ? *source.url : Array<String>();
         const std::size_t start = source.text.find_first_not_of(" \t\r\n");
         const bool hasText = start != source.text.npos;
@@ -328,7 +328,7 @@ void ElementReader::endNode(Frame& frame) {
     if (!frame.source || frame.source->number != 0) return;
     const std::unique_ptr<HeldScript> held = std::move(held_);
     handler_ = loud_ = &held->next();
-    held->tell();
+    held->report();
 }
 
 void ElementReader::startFieldValue(Attributes attributes) {

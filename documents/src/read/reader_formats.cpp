@@ -5,8 +5,8 @@
 #include <exception>
 #include <vector>
 
-#include <rtsg/core/lasting.h>
 #include <rtsg/core/memory.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/documents/read_document.h>
 
 #include "commands/checked_stream.h"
@@ -99,7 +99,7 @@ bool isHtmlPage(const FormatClue& clue) {
 }  // namespace
 
 std::span<const FormatReader> builtinReaders() {
-    static const auto& all = lasting([] {
+    static const auto& all = neverDestroyed([] {
         return std::vector<FormatReader>{
             {"HTML", isHtmlPage, byFeed<readHtmlText>, true},
             {"XML", isInEncoding<Encoding::xml>, byFeed<readXmlText>, true},

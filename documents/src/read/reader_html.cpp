@@ -6,7 +6,7 @@
 #include <cctype>
 #include <unordered_map>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/node_type.h>
 
 namespace rtsg::detail {
@@ -39,7 +39,7 @@ std::size_t findTag(std::string_view text, std::string_view tag, std::size_t fro
 
 /// The names in X3D's spelling, by their lower case.
 const std::unordered_map<std::string, std::string>& elementNames() {
-    static const auto& names = lasting([] {
+    static const auto& names = neverDestroyed([] {
         std::unordered_map<std::string, std::string> result;
         for (const auto& type : builtinTypes()) result.emplace(lower(type->name), type->name);
         for (const char* name : {"X3D", "Scene", "ROUTE", "ProtoDeclare", "ProtoInterface", "ProtoBody",

@@ -75,7 +75,7 @@ void JsonReader::element(const std::string& name, const std::string& containerFi
     strings_.clear();
     valuePositions_.clear();
     early_.clear();
-    SourceLocation place = position_.of(object);
+    SourceLocation location = position_.of(object);
     ++p_;
     const auto offset = static_cast<std::uint64_t>(object - begin_);
     if (std::ranges::binary_search(outline_.late, offset)) {
@@ -100,7 +100,7 @@ void JsonReader::element(const std::string& name, const std::string& containerFi
     for (const std::string& string : strings_) attributes_.push_back(string.c_str());
     const auto count = static_cast<int>(attributes_.size());
     attributes_.push_back(nullptr);
-    where_ = place;
+    where_ = location;
     start(name.c_str(), attributes_.data(), count);
     attributes_.clear();
     early_.clear();
@@ -182,7 +182,7 @@ void JsonReader::sourceLines() {
 
 bool readJson(TextFeed& text, DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
     // The text is read twice, so text from a pipe is kept in between.
-    std::unique_ptr<TextFeed> again = text.isWhole() ? nullptr : text.again();
+    std::unique_ptr<TextFeed> again = text.isComplete() ? nullptr : text.again();
     if (!again) text.fill();
     JsonOutline outline = outlineJson(again ? *again : text, again != nullptr, diagnostics, options.splitting);
     again.reset();

@@ -208,7 +208,7 @@ bool JsonReader::isLong(const char* value) {
         listEnd_ = begin_ + plain->end;
         return true;
     }
-    if (!feed_.isWhole()) return true;
+    if (!feed_.isComplete()) return true;
     listEnd_ = findBracketOrQuote(value + 1, end_);
     return listEnd_ == end_ || *listEnd_ != '[';
 }

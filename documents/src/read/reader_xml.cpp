@@ -76,8 +76,8 @@ std::string_view fieldOf(std::string_view tag) {
 
 /// Is there a '&' that begins no reference, in the token that starts at `p`?
 bool XmlReader::isBareAmpersand(const char* p) const {
-    constexpr std::ptrdiff_t most = 1 << 16;
-    const char* const stop = feed_.end() - p > most ? p + most : feed_.end();
+    constexpr std::ptrdiff_t maximum = 1 << 16;
+    const char* const stop = feed_.end() - p > maximum ? p + maximum : feed_.end();
     // The place of the fault may be within the reference.
     for (int back = 0; back < 64 && p > released_ && !isSpace(p[-1]) && p[-1] != '\'' && p[-1] != '"'; ++back) --p;
     while (p < stop && (p = static_cast<const char*>(std::memchr(p, '&', static_cast<std::size_t>(stop - p))))) {
@@ -271,7 +271,7 @@ const char* XmlReader::findMark(const char* from, const char* end) const {
     const char* p = find(from, enough);
     if (p != enough) return p;
     PieceWalk walk(
-        p, splitting_, [](const char*, const char* most) { return most; },
+        p, splitting_, [](const char*, const char* maximum) { return maximum; },
         [find](TextPiece& piece) { piece.stop = find(piece.begin, piece.end); });
     for (walk.add(end); walk.next(p); walk.add(end)) {
     }
@@ -283,7 +283,7 @@ FieldType XmlReader::typeOfLong(const char* quote) const {
     const bool again = longTag_ == tag_;  // then the text before its last long value may be gone
     const char* const from = again ? longEnd_ : tag_ + 1;
     if (!again && tag_ < released_) return FieldType::SFNode;
-    if (feed_.isWhole()) {
+    if (feed_.isComplete()) {
         // Text that is not ours cannot be mended: expat takes care of references in it.
         if (wholeQuote_ != quote) {
             wholeQuote_ = quote;

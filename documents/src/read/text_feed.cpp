@@ -48,9 +48,9 @@ struct TextFeed::Source {
 namespace {
 
 /// At most `most` bytes; 0 at the end; -1 on failure.
-ssize_t readSome(int descriptor, char* to, std::size_t most) {
+ssize_t readSome(int descriptor, char* to, std::size_t maximum) {
     for (;;) {
-        const ssize_t got = ::read(descriptor, to, most);
+        const ssize_t got = ::read(descriptor, to, maximum);
         if (got >= 0 || errno != EINTR) return got;
     }
 }
@@ -107,11 +107,11 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(std::unique_ptr<Source> source, s
     source->reserved = longest + 4 * source->block + (1 << 16);
     void* region = MAP_FAILED;
     // A process may have been given few addresses: then as many as there are.
-    for (constexpr std::size_t least = 1 << 26;; source->reserved /= 2) {
+    for (constexpr std::size_t minimum = 1 << 26;; source->reserved /= 2) {
         region = ::mmap(nullptr, source->reserved, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE,
                         -1, 0);
         if (region != MAP_FAILED) break;
-        if (source->reserved / 2 < least)
+        if (source->reserved / 2 < minimum)
             return fail(std::string("there are no addresses for its text: ") + std::strerror(errno));
     }
     source->region = static_cast<char*>(region);
@@ -167,7 +167,7 @@ void TextFeed::fill(std::size_t size) {
 }
 
 /// Bytes of the text; 0 at its end, and after a failure.
-std::size_t TextFeed::read(char* to, std::size_t most) {
+std::size_t TextFeed::read(char* to, std::size_t maximum) {
     Source& s = *source_;
     const auto raw = [&](char* where, std::size_t count) -> std::size_t {
         if (s.descriptor < 0) {
@@ -201,10 +201,10 @@ std::size_t TextFeed::read(char* to, std::size_t most) {
         s.inflater.next_in = reinterpret_cast<Bytef*>(s.packedBytes.data());
         s.inflater.avail_in = static_cast<uInt>(have);
     }
-    if (!s.packed) return raw(to, most);
+    if (!s.packed) return raw(to, maximum);
     s.inflater.next_out = reinterpret_cast<Bytef*>(to);
-    s.inflater.avail_out = static_cast<uInt>(most);
-    while (s.inflater.avail_out == most) {
+    s.inflater.avail_out = static_cast<uInt>(maximum);
+    while (s.inflater.avail_out == maximum) {
         if (s.inflater.avail_in == 0) {
             s.packedBytes.resize(kPackedBlock);
             const std::size_t got = raw(s.packedBytes.data(), kPackedBlock);
@@ -227,10 +227,10 @@ std::size_t TextFeed::read(char* to, std::size_t most) {
         if (status != Z_OK && status != Z_STREAM_END && status != Z_BUF_ERROR) {
             failure_ = std::string("the gzip file is damaged (") + (s.inflater.msg ? s.inflater.msg : "zlib") +
                        "); what could be unpacked is used";
-            return most - s.inflater.avail_out;
+            return maximum - s.inflater.avail_out;
         }
     }
-    return most - s.inflater.avail_out;
+    return maximum - s.inflater.avail_out;
 }
 
 bool TextFeed::mayReadOn() {

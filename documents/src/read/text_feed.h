@@ -54,7 +54,7 @@ class TextFeed {
     /// Overwrites text with spaces. False where the text is not ours.
     bool blank(const char* from, const char* to);
     /// All of it is there, and not ours.
-    bool isWhole() const { return !source_; }
+    bool isComplete() const { return !source_; }
     /// Skips a byte order mark; before anything is looked at.
     void skip(std::size_t bytes) {
         begin_ += bytes;
@@ -77,7 +77,7 @@ class TextFeed {
     explicit TextFeed(std::unique_ptr<Source> source);
     static Result<std::unique_ptr<TextFeed>> of(std::unique_ptr<Source> source, std::uint64_t longest);
     bool mayReadOn();
-    std::size_t read(char* to, std::size_t most);
+    std::size_t read(char* to, std::size_t maximum);
     void clean(char* from, std::size_t size, bool last);
 
     const char* begin_ = nullptr;

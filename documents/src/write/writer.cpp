@@ -16,7 +16,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 #include "guarded_writer.h"
 #include "writer_common.h"
@@ -60,7 +60,7 @@ std::size_t arraySize(const Value& value) {
 namespace {
 
 constexpr std::size_t kWidth = 100, kFullAt = 1 << 16;
-constexpr std::size_t kMostNumbers = 4;  // in an element of a list
+constexpr std::size_t kMaxNumbers = 4;  // in an element of a list
 
 /// `element(i)` appends one.
 template <class Element>
@@ -102,7 +102,7 @@ struct NumberElement {
     TextSyntax syntax;
 
     void operator()(std::size_t i) const {
-        char text[kMostNumbers * (kLongestNumber + 1)];
+        char text[kMaxNumbers * (kLongestNumber + 1)];
         char* end = text;
         for (std::size_t k = 0; k < each; ++k) {
             if (k) *end++ = ' ';
@@ -150,7 +150,7 @@ FormatWriter writerOf(std::string name, Encoding encoding) {
 }
 
 std::span<const FormatWriter> builtinWriters() {
-    static const auto& all = lasting([] {
+    static const auto& all = neverDestroyed([] {
         return std::array<FormatWriter, 4>{writerOf("XML", Encoding::xml),
                                            writerOf("ClassicVRML", Encoding::classicVrml),
                                            writerOf("VRML97", Encoding::vrml97), writerOf("JSON", Encoding::json)};

@@ -51,26 +51,28 @@ class ClassicWriter final : public DocumentHandler {
         if (vrml97_ && shape.type && !isInVersion(type, version_) && notInVrml97_.insert(std::string(type)).second)
             diagnostics_.warning(where, std::string(type) + " is no node of VRML97 (it came with X3D " +
                                             versionText(shape.type->since) + "); browsers of VRML97 will not read it");
-        const Place place = nodePlace(field, where);
-        if (!def.empty()) *place.text += "DEF " + name(def, where) + " ";
-        *place.text += shape.unknown ? name(type, where) : std::string(type);
-        *place.text += " {";
-        frames_.push_back(
-            {.kind = Kind::node, .text = place.text, .indent = place.indent + 1, .shape = std::move(shape)});
+        const InsertPoint insertPoint = nodeInsertPoint(field, where);
+        if (!def.empty()) *insertPoint.text += "DEF " + name(def, where) + " ";
+        *insertPoint.text += shape.unknown ? name(type, where) : std::string(type);
+        *insertPoint.text += " {";
+        frames_.push_back({.kind = Kind::node,
+                           .text = insertPoint.text,
+                           .indent = insertPoint.indent + 1,
+                           .shape = std::move(shape)});
     }
     void endNode(SourceLocation) override { end("}"); }
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
-        *nodePlace(field, where).text += "USE " + name(def, where);
+        *nodeInsertPoint(field, where).text += "USE " + name(def, where);
         statementEnd();
     }
 
     void setField(std::string_view field, Value value, SourceLocation where) override {
         if (!units_.areStandard()) units_.fromStandard(findField(frames_.back().shape, field).definition, value);
-        const Place place = line();
-        *place.text += fieldName(frames_.back().shape, field, where) + " ";
+        const InsertPoint insertPoint = line();
+        *insertPoint.text += fieldName(frames_.back().shape, field, where) + " ";
         std::function<void()> full;
-        if (place.text == &text_) full = [this] { flush(); };
-        appendWrapped(*place.text, value, TextSyntax::classicVrml, spaces(place.indent + 1), full);
+        if (insertPoint.text == &text_) full = [this] { flush(); };
+        appendWrapped(*insertPoint.text, value, TextSyntax::classicVrml, spaces(insertPoint.indent + 1), full);
         flushIfFull();
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
@@ -79,17 +81,17 @@ class ClassicWriter final : public DocumentHandler {
         if (field.about && !field.about->appinfo.empty()) commentLines(line(), "appinfo: " + field.about->appinfo);
         if (field.about && !field.about->documentation.empty())
             commentLines(line(), "documentation: " + field.about->documentation);
-        const Place place = line();
+        const InsertPoint insertPoint = line();
         Frame& frame = frames_.back();
         if (frame.shape.own) frame.shape.own->add(field);
         if (frame.proto) frame.proto->fields.add(field);
-        *place.text += declaration(field, where);
-        frame.declared = std::make_unique<Declared>(Declared{field, std::move(value), place});
+        *insertPoint.text += declaration(field, where);
+        frame.declared = std::make_unique<Declared>(Declared{field, std::move(value), insertPoint});
     }
     void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
         Frame& frame = frames_.back();
         if (frame.declared && frame.declared->field.name == nodeField) {
-            *frame.declared->place.text += " IS " + name(protoField, where);
+            *frame.declared->insertPoint.text += " IS " + name(protoField, where);
             frame.declared.reset();
             return;
         }
@@ -97,9 +99,10 @@ class ClassicWriter final : public DocumentHandler {
     }
 
     void beginProto(std::string_view protoName, SourceLocation where) override {
-        const Place place = protoPlace();
-        *place.text += "PROTO " + name(protoName, where) + " [";
-        frames_.push_back({.kind = Kind::interface, .text = place.text, .indent = place.indent + 1, .shape = {}});
+        const InsertPoint insertPoint = protoInsertPoint();
+        *insertPoint.text += "PROTO " + name(protoName, where) + " [";
+        frames_.push_back(
+            {.kind = Kind::interface, .text = insertPoint.text, .indent = insertPoint.indent + 1, .shape = {}});
         frames_.back().proto = std::make_shared<ProtoType>();
         frames_.back().proto->name = protoName;
     }
@@ -122,26 +125,28 @@ class ClassicWriter final : public DocumentHandler {
                      const std::vector<std::string>& url, SourceLocation where) override {
         auto proto = std::make_shared<ProtoType>();
         proto->name = protoName;
-        const Place place = protoPlace();
-        *place.text += "EXTERNPROTO " + name(protoName, where) + " [";
+        const InsertPoint insertPoint = protoInsertPoint();
+        *insertPoint.text += "EXTERNPROTO " + name(protoName, where) + " [";
         for (const FieldDeclaration& field : fields) {
-            newLine(*place.text, place.indent + 1);
+            newLine(*insertPoint.text, insertPoint.indent + 1);
             if (field.about && !field.about->appinfo.empty()) {
-                commentLines({place.text, place.indent + 1}, "appinfo: " + field.about->appinfo);
-                newLine(*place.text, place.indent + 1);
+                commentLines({insertPoint.text, insertPoint.indent + 1}, "appinfo: " + field.about->appinfo);
+                newLine(*insertPoint.text, insertPoint.indent + 1);
             }
             if (field.about && !field.about->documentation.empty()) {
-                commentLines({place.text, place.indent + 1}, "documentation: " + field.about->documentation);
-                newLine(*place.text, place.indent + 1);
+                commentLines({insertPoint.text, insertPoint.indent + 1},
+                             "documentation: " + field.about->documentation);
+                newLine(*insertPoint.text, insertPoint.indent + 1);
             }
-            *place.text += declaration(field, where);
+            *insertPoint.text += declaration(field, where);
             proto->fields.add(field);
         }
-        if (!fields.empty()) newLine(*place.text, place.indent);
-        *place.text += "] ";
+        if (!fields.empty()) newLine(*insertPoint.text, insertPoint.indent);
+        *insertPoint.text += "] ";
         Array<String> urls;
         for (const std::string& one : url) urls.push_back(one);
-        appendWrapped(*place.text, Value(std::move(urls)), TextSyntax::classicVrml, spaces(place.indent + 1));
+        appendWrapped(*insertPoint.text, Value(std::move(urls)), TextSyntax::classicVrml,
+                      spaces(insertPoint.indent + 1));
         types_.declareProto(proto);
         statementEnd();
     }
@@ -169,8 +174,8 @@ class ClassicWriter final : public DocumentHandler {
         Frame* frame = frames_.empty() ? nullptr : &frames_.back();
         if (frame && frame->declared && !frame->declared->value &&
             sf(frame->declared->field.type) == FieldType::SFNode) {
-            commentLines(newLine(*frame->declared->place.text, frame->indent), text);
-            newLine(*frame->declared->place.text, frame->indent);
+            commentLines(newLine(*frame->declared->insertPoint.text, frame->indent), text);
+            newLine(*frame->declared->insertPoint.text, frame->indent);
         } else if (frame && !frame->declared && frame->declaredList) {
             commentLines(newLine(*frame->declaredList, frame->indent + 1), text);
         } else if (frame && !frame->declared && !frame->deferred.empty()) {
@@ -192,14 +197,14 @@ class ClassicWriter final : public DocumentHandler {
   private:
     enum class Kind : std::uint8_t { node, interface, body };
     /// The text to which something is written, at the right column, and the indent of its line.
-    struct Place {
+    struct InsertPoint {
         std::string* text;
         std::size_t indent;
     };
     struct Declared {
         FieldDeclaration field;
         std::optional<Value> value;
-        Place place;
+        InsertPoint insertPoint;
     };
     struct Deferred {
         std::string list;  // the MFNode field, or empty
@@ -221,7 +226,7 @@ class ClassicWriter final : public DocumentHandler {
 
     // ---- places
     /// A new line in the innermost frame for anything but a node.
-    Place line() {
+    InsertPoint line() {
         if (frames_.empty()) return {&text_, 0};
         Frame& frame = frames_.back();
         settle(frame);
@@ -230,32 +235,32 @@ class ClassicWriter final : public DocumentHandler {
         if (frame.deferred.empty() || !frame.deferred.back().list.empty()) frame.deferred.emplace_back();
         return newLine(frame.deferred.back().text, frame.indent);
     }
-    Place nodePlace(std::string_view field, SourceLocation where) {
+    InsertPoint nodeInsertPoint(std::string_view field, SourceLocation where) {
         if (frames_.empty() || frames_.back().kind == Kind::body) return line();
         Frame& frame = frames_.back();
         if (frame.declared && frame.declared->field.name == field) {
-            const Place place = frame.declared->place;
+            const InsertPoint insertPoint = frame.declared->insertPoint;
             const bool list = isMF(frame.declared->field.type);
             frame.declared.reset();
-            *place.text += list ? " [" : " ";
-            if (!list) return place;
+            *insertPoint.text += list ? " [" : " ";
+            if (!list) return insertPoint;
             frame.declaredField = field;
-            frame.declaredList = place.text;
+            frame.declaredList = insertPoint.text;
         }
         if (frame.declaredList && frame.declaredField == field) return newLine(*frame.declaredList, frame.indent + 1);
         if (frame.openList == field) return newLine(*frame.text, frame.indent + 1);
         settle(frame);
         const FieldRef found = findField(frame.shape, field);
         if (!found || !isMF(found.type)) {
-            const Place place = line();
-            *place.text += fieldName(frame.shape, field, where) + " ";
-            return place;
+            const InsertPoint insertPoint = line();
+            *insertPoint.text += fieldName(frame.shape, field, where) + " ";
+            return insertPoint;
         }
         if (frame.openList.empty()) {
-            const Place place = line();
-            *place.text += fieldName(frame.shape, field, where) + " [";
+            const InsertPoint insertPoint = line();
+            *insertPoint.text += fieldName(frame.shape, field, where) + " [";
             frame.openList = field;
-            return newLine(*place.text, frame.indent + 1);
+            return newLine(*insertPoint.text, frame.indent + 1);
         }
         auto found2 = std::ranges::find(frame.deferred, field, &Deferred::list);
         if (found2 == frame.deferred.end()) {
@@ -267,29 +272,29 @@ class ClassicWriter final : public DocumentHandler {
         return newLine(found2->text, frame.indent + 1);
     }
     /// A list of nodes cannot hold a PROTO, and its instances must come behind it: the list ends, a second follows.
-    Place protoPlace() {
+    InsertPoint protoInsertPoint() {
         if (!frames_.empty()) finish(frames_.back());
         return line();
     }
-    Place newLine(std::string& text, std::size_t indent) {
+    InsertPoint newLine(std::string& text, std::size_t indent) {
         text += '\n';
         text.append(spaces(indent), ' ');
         return {&text, indent};
     }
     /// At the start of a line; two comments in a row have an empty line between them, or they would be one.
-    void commentLines(Place place, std::string_view text) {
-        if (commented_ == place.text && commentSize_ == sizeWithoutSpace(*place.text))
-            newLine(*place.text, place.indent);
+    void commentLines(InsertPoint insertPoint, std::string_view text) {
+        if (commented_ == insertPoint.text && commentSize_ == sizeWithoutSpace(*insertPoint.text))
+            newLine(*insertPoint.text, insertPoint.indent);
         for (std::size_t from = 0; from <= text.size();) {
             // A comment ends at a line feed or a carriage return.
             const std::size_t end = std::min(text.find_first_of("\r\n", from), text.size());
-            if (from) newLine(*place.text, place.indent);
-            *place.text += "# ";
-            *place.text += text.substr(from, end - from);
+            if (from) newLine(*insertPoint.text, insertPoint.indent);
+            *insertPoint.text += "# ";
+            *insertPoint.text += text.substr(from, end - from);
             from = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
         }
-        commented_ = place.text;
-        commentSize_ = sizeWithoutSpace(*place.text);
+        commented_ = insertPoint.text;
+        commentSize_ = sizeWithoutSpace(*insertPoint.text);
     }
     static std::size_t sizeWithoutSpace(const std::string& text) { return text.find_last_not_of(" \n") + 1; }
     void statement(const std::string& words) {
@@ -308,11 +313,11 @@ class ClassicWriter final : public DocumentHandler {
             const std::unique_ptr<Declared> declared = std::move(frame.declared);
             const Access access = declared->field.access;
             if (access == Access::initializeOnly || access == Access::inputOutput) {
-                *declared->place.text += ' ';
+                *declared->insertPoint.text += ' ';
                 appendWrapped(
-                    *declared->place.text,
+                    *declared->insertPoint.text,
                     declared->value ? *declared->value : zeroOf(declared->field.type, declared->field.custom.get()),
-                    TextSyntax::classicVrml, spaces(declared->place.indent + 1));
+                    TextSyntax::classicVrml, spaces(declared->insertPoint.indent + 1));
             }
         }
         if (!frame.declaredList) return;

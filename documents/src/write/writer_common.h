@@ -39,7 +39,7 @@ class UnknownUses {
   public:
     void use(std::string_view def, SourceLocation where) { uses_.push_back({std::string(def), where}); }
     void import(std::string_view local) { imported_.emplace(local); }
-    void tell(Diagnostics& diagnostics) const {
+    void report(Diagnostics& diagnostics) const {
         for (const auto& [def, where] : uses_)
             if (!imported_.contains(def))
                 diagnostics.error(where,

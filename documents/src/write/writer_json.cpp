@@ -24,11 +24,11 @@ void appendValue(std::string& text, const Value& value, const std::function<void
     if (!isMF(value.type())) return appendFieldText(text, value, TextSyntax::json);
     text += '[';
     const bool numbers = withNumbers(value, [&](const auto* first, std::size_t count, std::size_t) {
-        constexpr std::size_t most = 64;  // numbers at a time
-        char piece[most * (kLongestNumber + 1)];
+        constexpr std::size_t maximum = 64;  // numbers at a time
+        char piece[maximum * (kLongestNumber + 1)];
         for (std::size_t i = 0; i < count;) {
             char* end = piece;
-            for (const std::size_t stop = std::min(i + most, count); i < stop; ++i) {
+            for (const std::size_t stop = std::min(i + maximum, count); i < stop; ++i) {
                 if (i) *end++ = ',';
                 end = printNumber(end, first[i], TextSyntax::json);
             }
@@ -71,7 +71,7 @@ class JsonWriter final : public DocumentHandler {
         openScene();
         text_ += "\n]}}}\n";
         flush();
-        uses_.tell(diagnostics_);
+        uses_.report(diagnostics_);
     }
     void component(std::string_view name, int level, SourceLocation) override {
         head(components_, "{\"@name\":" + inQuotes(name) + ",\"@level\":" + std::to_string(level) + "}");
@@ -102,7 +102,7 @@ class JsonWriter final : public DocumentHandler {
         Frame frame = std::move(frames_.back());
         frames_.pop_back();
         const std::string field = std::move(frame.field);
-        place(field, finished(std::move(frame)));
+        putItem(field, finished(std::move(frame)));
     }
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
         const NodeShape* defined = types_.defined(def);
@@ -115,7 +115,7 @@ class JsonWriter final : public DocumentHandler {
         frame.element = element;
         if (instance) attribute(frame, "name", inQuotes(defined->proto->name));
         attribute(frame, "USE", inQuotes(def));
-        place(field, finished(std::move(frame)));
+        putItem(field, finished(std::move(frame)));
     }
     void setField(std::string_view field, Value value, SourceLocation) override {
         Frame& frame = frames_.back();
@@ -171,7 +171,7 @@ class JsonWriter final : public DocumentHandler {
         frames_.pop_back();
         types_.popScope();
         types_.declareProto(frame.proto);
-        placeDeclaration(finished(std::move(frame)));
+        putDeclaration(finished(std::move(frame)));
     }
     void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
                      const std::vector<std::string>& url, SourceLocation) override {
@@ -189,7 +189,7 @@ class JsonWriter final : public DocumentHandler {
             proto->fields.add(field);
         }
         types_.declareProto(proto);
-        placeDeclaration(finished(std::move(frame)));
+        putDeclaration(finished(std::move(frame)));
     }
     void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
                SourceLocation) override {
@@ -211,9 +211,9 @@ class JsonWriter final : public DocumentHandler {
             comments_ += (comments_.empty() ? "" : ",\n  ") + inQuotes(text);
             return;
         }
-        if (frames_.empty()) return place({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
+        if (frames_.empty()) return putItem({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
         Frame& frame = frames_.back();
-        if (frame.inBody) return place({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
+        if (frame.inBody) return putItem({}, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
         const auto list = std::ranges::find(frame.members, "-children", &Member::key);
         if (list != frame.members.end() && list->many == Many::yes)
             append(list->items, Rope{"{\"#comment\":" + inQuotes(text) + "}"});
@@ -279,7 +279,7 @@ class JsonWriter final : public DocumentHandler {
         append(found->items, std::move(item));
     }
     /// A node or statement has ended: puts it into its place in the open one.
-    void place(std::string_view field, Rope&& item) {
+    void putItem(std::string_view field, Rope&& item) {
         if (frames_.empty()) {
             openScene();
             text_ += any_ ? ",\n" : "\n";
@@ -311,13 +311,13 @@ class JsonWriter final : public DocumentHandler {
             std::move(item));
     }
     /// A list that was begun before may have instances: the list of what stands in no field comes before those.
-    void placeDeclaration(Rope item) {
+    void putDeclaration(Rope item) {
         if (!frames_.empty() && !frames_.back().proto) {
             std::vector<Member>& members = frames_.back().members;
             if (std::ranges::find(members, "-children", &Member::key) == members.end())
                 members.insert(members.begin(), {"-children", Many::yes, {}});
         }
-        place({}, std::move(item));
+        putItem({}, std::move(item));
     }
     /// The field's name in the version that is written.
     std::string_view spelled(const NodeShape& shape, std::string_view field) const {
@@ -383,7 +383,7 @@ class JsonWriter final : public DocumentHandler {
         Frame frame{};
         frame.element = name;
         for (const auto& [key, text] : attributes) attribute(frame, key, inQuotes(text));
-        place({}, finished(std::move(frame)));
+        putItem({}, finished(std::move(frame)));
     }
     /// The last url of a Script, if it is source text, is written line by line.
     void source(Frame& frame, const Array<String>& urls) {

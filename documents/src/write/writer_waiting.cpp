@@ -15,7 +15,7 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr std::size_t kMostHeld = std::size_t{16} << 20;
+constexpr std::size_t kMaxHeld = std::size_t{16} << 20;
 constexpr std::size_t kLongest = 1 << 14;   // of a piece that is joined
 constexpr std::size_t kShortest = 1 << 10;  // of one that is worth a place in the file
 
@@ -46,7 +46,7 @@ Waiting::~Waiting() {
 }
 
 bool Waiting::isMuch() const {
-    return held_ > longest_ + kMostHeld && !failed_;
+    return held_ > longest_ + kMaxHeld && !failed_;
 }
 
 /// Behind what of the piece is there already, which was the last that was stored.

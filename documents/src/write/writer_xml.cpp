@@ -39,7 +39,7 @@ class XmlWriter final : public DocumentHandler {
         openScene();
         write("\n  </Scene>\n</X3D>\n");
         flush(0);
-        uses_.tell(diagnostics_);
+        uses_.report(diagnostics_);
     }
 
     void component(std::string_view name, int level, SourceLocation) override {
@@ -57,7 +57,7 @@ class XmlWriter final : public DocumentHandler {
     void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
         NodeShape shape = types_.find(type);
         if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
-        const std::string container = nodePlace(field, shape);
+        const std::string container = nodeInsertPoint(field, shape);
         if (!def.empty()) types_.define(def, shape);
         noteFirst(shape);
         Frame frame{};
@@ -107,7 +107,7 @@ class XmlWriter final : public DocumentHandler {
             shape = *defined;
         else
             shape.type = findBuiltinType("Group"), uses_.use(def, where);  // the element must have some name
-        const std::string container = nodePlace(field, shape);
+        const std::string container = nodeInsertPoint(field, shape);
         noteFirst(shape);
         write(shape.proto     ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
               : shape.unknown ? "<" + spellName(shape.name(), Spelling::element)
@@ -260,8 +260,8 @@ class XmlWriter final : public DocumentHandler {
         write("<EXPORT" + attribute("localDEF", local, where) + attribute("AS", exported, where) + "/>");
     }
     void comment(std::string_view text, SourceLocation) override {
-        if (frames_.empty() && place_ != Where::scene) {
-            newLine(place_ == Where::root ? 1 : 2);
+        if (frames_.empty() && field_ != Where::scene) {
+            newLine(field_ == Where::root ? 1 : 2);
         } else if (!frames_.empty() && !frames_.back().openValue.empty()) {
             if (frames_.back().valueEmpty) write(">");
             frames_.back().valueEmpty = false;
@@ -310,8 +310,8 @@ class XmlWriter final : public DocumentHandler {
         pieces_.emplace_back();
     }
     /// Passes on the text before the first gap, if that is at least `least` bytes.
-    void flush(std::size_t least) {
-        if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().text.size() < least)) return;
+    void flush(std::size_t minimum) {
+        if (openGaps_ != 0 || (pieces_.size() == 1 && pieces_.back().text.size() < minimum)) return;
         if (pieces_.size() == 1) {
             sink_(pieces_.back().text);
             return pieces_.back().text.clear();
@@ -363,14 +363,14 @@ class XmlWriter final : public DocumentHandler {
         const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
         return before + "<IS>" + std::exchange(frame.connections, {}) + before + "</IS>";
     }
-    void tellConnections(Frame& frame) {
+    void reportConnections(Frame& frame) {
         if (frame.connections.empty()) return;
         closeTag(frame);
         write(connectionElement(frame));
         frame.filled = true;
     }
     void endDirect(Frame& frame) {
-        tellConnections(frame);
+        reportConnections(frame);
         if (frame.tagOpen) return write("/>");
         newLine();
         write("</" + frame.element + ">");
@@ -395,25 +395,25 @@ class XmlWriter final : public DocumentHandler {
             Frame& frame = frames_.back();
             if (frame.kind == Kind::node && !frame.gap) {
                 closeTag(frame);
-                tellConnections(frame);
+                reportConnections(frame);
             }
             frame.filled = true;
         }
         newLine();
     }
     void openScene() {
-        if (place_ == Where::scene) return;
-        if (place_ == Where::head) write("\n  </head>");
+        if (field_ == Where::scene) return;
+        if (field_ == Where::head) write("\n  </head>");
         write("\n  <Scene>");
-        place_ = Where::scene;
+        field_ = Where::scene;
     }
     void head(const char* element, const std::string& attributes) {
-        if (place_ == Where::scene) {
+        if (field_ == Where::scene) {
             diagnostics_.warning({}, std::string(element) + " behind the first node cannot be written in XML");
             return;
         }
-        if (place_ == Where::root) write("\n  <head>");
-        place_ = Where::head;
+        if (field_ == Where::root) write("\n  <head>");
+        field_ = Where::head;
         write("\n    <" + std::string(element) + attributes + "/>");
     }
     /// Ends a field or fieldValue element whose nodes have come.
@@ -430,7 +430,7 @@ class XmlWriter final : public DocumentHandler {
         write("</" + element + ">");
     }
     /// Moves to where a node in `field` starts; returns the containerField to write, if any.
-    std::string nodePlace(std::string_view field, const NodeShape& child) {
+    std::string nodeInsertPoint(std::string_view field, const NodeShape& child) {
         if (frames_.empty() || frames_.back().kind == Kind::body) {
             line();
             return {};
@@ -461,9 +461,9 @@ class XmlWriter final : public DocumentHandler {
         constexpr std::string_view kUnsaid = "children";
         if (child.unknown && field == kUnsaid) return {};
         const NodeType* type = child.standsFor();
-        const FieldRef place = findField(parent, field);
+        const FieldRef target = findField(parent, field);
         const std::string_view usual = type ? std::string_view(type->containerField) : kUnsaid;
-        const bool chosen = field == usual && place && accepts(place, type) && (!child.proto || usual == kUnsaid);
+        const bool chosen = field == usual && target && accepts(target, type) && (!child.proto || usual == kUnsaid);
         return chosen ? "" : std::string(spelled(parent, field));
     }
     /// The field's name in the version that is written.
@@ -583,7 +583,7 @@ class XmlWriter final : public DocumentHandler {
     Waiting waiting_;
     Rope pieces_;
     std::size_t openGaps_ = 0;
-    Where place_ = Where::root;
+    Where field_ = Where::root;
     std::string version_;  // of the document written
     bool valuesFirst_ = false;
     std::size_t protos_ = 0;  // open

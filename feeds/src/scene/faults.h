@@ -30,14 +30,14 @@ class Faults {
         auto found = kinds_.find(kind);
         if (found == kinds_.end()) found = kinds_.emplace(std::string(kind), 0).first;
         const std::uint64_t times = ++found->second;
-        if (times > kAllTold && !std::has_single_bit(times)) return;
+        if (times > kAllReported && !std::has_single_bit(times)) return;
         std::string said = text();
-        if (times > kAllTold) said += fmt::format("; {} such lines by now", times);
-        tell({Severity::warning, source_, {static_cast<std::uint32_t>(line), column}, std::move(said), code});
+        if (times > kAllReported) said += fmt::format("; {} such lines by now", times);
+        report({Severity::warning, source_, {static_cast<std::uint32_t>(line), column}, std::move(said), code});
     }
     void note(std::string text) {
         const std::scoped_lock lock(mutex_);
-        tell({Severity::warning, source_, {}, std::move(text)});
+        report({Severity::warning, source_, {}, std::move(text)});
     }
     std::uint64_t count() const {
         const std::scoped_lock lock(mutex_);
@@ -45,21 +45,21 @@ class Faults {
     }
     std::vector<Diagnostic> take() {
         const std::scoped_lock lock(mutex_);
-        return std::exchange(told_, {});
+        return std::exchange(reported_, {});
     }
 
   private:
-    static constexpr std::uint64_t kAllTold = 8;
-    static constexpr std::size_t kMostTold = 100;
-    void tell(Diagnostic diagnostic) {
-        if (told_.size() < kMostTold) told_.push_back(std::move(diagnostic));
+    static constexpr std::uint64_t kAllReported = 8;
+    static constexpr std::size_t kMaxWarnings = 100;
+    void report(Diagnostic diagnostic) {
+        if (reported_.size() < kMaxWarnings) reported_.push_back(std::move(diagnostic));
     }
 
     const std::string source_;
     mutable std::mutex mutex_;
     std::uint64_t count_ = 0;
     std::map<std::string, std::uint64_t, std::less<>> kinds_;  // a few words of ours, never what came
-    std::vector<Diagnostic> told_;
+    std::vector<Diagnostic> reported_;
 };
 
 }  // namespace rtsg::feeds

@@ -19,8 +19,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr double kSameTime = 1e-9;                        // seconds
-constexpr auto kMostTime = std::chrono::milliseconds(4);  // of a frame, for lines of a live source
+constexpr double kSameTime = 1e-9;                       // seconds
+constexpr auto kMaxTime = std::chrono::milliseconds(4);  // of a frame, for lines of a live source
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 struct Event {
@@ -37,11 +37,11 @@ std::uint64_t keyOf(const FieldRef& field) {
 }  // namespace
 
 struct Feed::State {
-    State(Scene& fed, FeedOptions given, feeds::Place place, std::unique_ptr<feeds::LineSource> source)
+    State(Scene& fed, FeedOptions given, feeds::Endpoint endpoint, std::unique_ptr<feeds::LineSource> source)
         : scene(fed),
           options(std::move(given)),
-          trusted(!place.isSocket()),
-          inlet(std::move(place), std::move(source), options.call),
+          trusted(!endpoint.isSocket()),
+          inlet(std::move(endpoint), std::move(source), options.call),
           timed(options.timed || inlet.isFile()) {}
 
     std::optional<Event> eventOf(const feeds::NumberedLine& line);
@@ -60,12 +60,12 @@ struct Feed::State {
     const bool trusted;  // the user's own file or pipe
     feeds::Inlet inlet;
     const bool timed;
-    double time = 0;                                        // of the last line that had one
-    std::optional<feeds::NumberedLine> early;               // it waits for its time
-    std::vector<Event> batch;                               // of this frame
-    std::unordered_map<std::uint64_t, std::size_t> places;  // in `batch`
+    double time = 0;                                       // of the last line that had one
+    std::optional<feeds::NumberedLine> early;              // it waits for its time
+    std::vector<Event> batch;                              // of this frame
+    std::unordered_map<std::uint64_t, std::size_t> slots;  // in `batch`
     std::deque<Event> putOff;
-    std::uint64_t events = 0, merged = 0, flooded = 0, toldFlooded = 0;
+    std::uint64_t events = 0, merged = 0, flooded = 0, reportedFlooded = 0;
     std::optional<mirror::CodeGuard> guard;
     std::uint64_t guarded = 0;  // Scene::hearingEdits() that `guard` knows
 };
@@ -74,12 +74,12 @@ Feed::Feed(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Feed::~Feed() = default;
 
 Result<std::unique_ptr<Feed>> Feed::start(Scene& scene, FeedOptions options) {
-    auto place = feeds::Place::parse(options.source);
-    if (!place) return std::unexpected(place.error());
-    auto source = feeds::LineSource::open(*place, options.insecure);
+    auto endpoint = feeds::Endpoint::parse(options.source);
+    if (!endpoint) return std::unexpected(endpoint.error());
+    auto source = feeds::LineSource::open(*endpoint, options.insecure);
     if (!source) return std::unexpected(source.error());
     return std::unique_ptr<Feed>(
-        new Feed(std::make_unique<State>(scene, std::move(options), std::move(*place), std::move(*source))));
+        new Feed(std::make_unique<State>(scene, std::move(options), std::move(*endpoint), std::move(*source))));
 }
 
 /// Searches for similar names only if they will be reported, because the search is costly.
@@ -134,13 +134,13 @@ std::optional<Event> Feed::State::eventOf(const feeds::NumberedLine& line) {
 
 /// A field that has a value takes the newest. One that only takes events gets all, one a frame.
 void Feed::State::add(Event event) {
-    const auto [place, isFirst] = places.try_emplace(keyOf(event.target), batch.size());
+    const auto [slot, isFirst] = slots.try_emplace(keyOf(event.target), batch.size());
     if (isFirst) return batch.push_back(std::move(event));
     const FieldDef& def = scene.node(event.target.node).type().fields[event.target.field];
     if (def.access != Access::inputOnly) {
         ++merged;
-        batch[place->second] = std::move(event);
-    } else if (putOff.size() < kMostPutOff) {
+        batch[slot->second] = std::move(event);
+    } else if (putOff.size() < kMaxPutOff) {
         putOff.push_back(std::move(event));
     } else {
         ++flooded;
@@ -160,14 +160,14 @@ void Feed::State::send() {
             fault("event", event.line, sent.error().code, [&] { return sent.error().text; });
     }
     batch.clear();
-    places.clear();
+    slots.clear();
 }
 
 void Feed::State::deliver(double t) {
     for (std::deque<Event> before = std::exchange(putOff, {}); Event & event : before)
         if (scene.find(event.target.node)) add(std::move(event));
-    const auto end = std::chrono::steady_clock::now() + kMostTime;
-    for (std::size_t taken = 0; taken < kMostWaiting; ++taken) {
+    const auto end = std::chrono::steady_clock::now() + kMaxTime;
+    for (std::size_t taken = 0; taken < kMaxWaiting; ++taken) {
         if (!early) early = inlet.take(timed, options.cancelled);
         if (!early) break;
         if (timed) {
@@ -179,8 +179,8 @@ void Feed::State::deliver(double t) {
     }
     send();
     const std::uint64_t left = flooded + inlet.flooded();
-    if (left >= 2 * std::max<std::uint64_t>(toldFlooded, 1) || (left > 0 && toldFlooded == 0)) {
-        toldFlooded = left;
+    if (left >= 2 * std::max<std::uint64_t>(reportedFlooded, 1) || (left > 0 && reportedFlooded == 0)) {
+        reportedFlooded = left;
         inlet.faults().note(fmt::format("lines come faster than frames take them: {} left out by now", left));
     }
 }

@@ -10,12 +10,12 @@
 
 namespace rtsg::feeds {
 
-Inlet::Inlet(Place place, std::unique_ptr<LineSource> source, int call)
-    : place_(std::move(place)),
+Inlet::Inlet(Endpoint endpoint, std::unique_ptr<LineSource> source, int call)
+    : endpoint_(std::move(endpoint)),
       source_(std::move(source)),
       call_(call),
       stop_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      faults_(place_.text),
+      faults_(endpoint_.text),
       thread_([this] {
           source_->read(*this, stop_.get());
           {
@@ -79,7 +79,7 @@ void Inlet::read(Stream& stream, std::string_view text, bool tooLong) {
 void Inlet::push(NumberedLine line) {
     const std::size_t bytes = line.line.bytes();
     const auto isFull = [&] {
-        return waiting_.size() >= Feed::kMostWaiting || (!waiting_.empty() && bytes_ + bytes > Feed::kMostBytes);
+        return waiting_.size() >= Feed::kMaxWaiting || (!waiting_.empty() && bytes_ + bytes > Feed::kMaxBytes);
     };
     {
         std::unique_lock lock(mutex_);

@@ -1,6 +1,6 @@
 // Inlet: reads a source on a thread of its own, and keeps the lines that came until the scene takes them.
 //
-// Invariant: lines that wait are bounded in number and bytes (Feed::kMostWaiting, kMostBytes).
+// Invariant: lines that wait are bounded in number and bytes (Feed::kMaxWaiting, kMaxBytes).
 // Threading: the scene's thread calls; another one reads.
 #pragma once
 
@@ -33,7 +33,7 @@ struct NumberedLine {
 class Inlet final : private LineTaker {
   public:
     /// `waits`: lines of the source wait for the scene, so none is left out.
-    Inlet(Place place, std::unique_ptr<LineSource> source, int call);
+    Inlet(Endpoint endpoint, std::unique_ptr<LineSource> source, int call);
     ~Inlet() override;
     Inlet(const Inlet&) = delete;
     Inlet& operator=(const Inlet&) = delete;
@@ -45,7 +45,7 @@ class Inlet final : private LineTaker {
         const std::scoped_lock lock(mutex_);
         return !waiting_.empty();
     }
-    const std::string& name() const { return place_.text; }
+    const std::string& name() const { return endpoint_.text; }
     Faults& faults() { return faults_; }
     std::uint64_t lines() const { return lines_; }
     std::uint64_t flooded() const { return flooded_; }
@@ -68,7 +68,7 @@ class Inlet final : private LineTaker {
     void read(Stream& stream, std::string_view text, bool tooLong);
     void push(NumberedLine line);
 
-    Place place_;
+    Endpoint endpoint_;
     std::unique_ptr<LineSource> source_;
     const int call_;
     Descriptor stop_;

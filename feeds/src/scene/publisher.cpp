@@ -57,8 +57,8 @@ struct Publisher::State {
         double next = -std::numeric_limits<double>::infinity();  // when the next line may go
     };
 
-    State(Scene& heard, PublishOptions given, feeds::Place place, std::unique_ptr<feeds::LineSink> target)
-        : scene(heard), options(std::move(given)), at(std::move(place)), sink(std::move(target)), listeners(heard) {}
+    State(Scene& heard, PublishOptions given, feeds::Endpoint endpoint, std::unique_ptr<feeds::LineSink> target)
+        : scene(heard), options(std::move(given)), at(std::move(endpoint)), sink(std::move(target)), listeners(heard) {}
 
     Result<> listen();
     void listenAgain();
@@ -68,13 +68,13 @@ struct Publisher::State {
 
     Scene& scene;
     const PublishOptions options;
-    const feeds::Place at;
+    const feeds::Endpoint at;
     const std::unique_ptr<feeds::LineSink> sink;
     std::optional<double> expected;  // the time of the frame under way
     std::deque<Topic> topics;        // their addresses stay
     std::uint64_t events = 0;
     std::vector<Diagnostic> diagnostics;
-    std::string told;  // the sink's failure
+    std::string reported;  // the sink's failure
     std::vector<ListenerId> ears;
     Listeners listeners;
 };
@@ -86,13 +86,13 @@ Publisher::~Publisher() {
 
 Result<std::unique_ptr<Publisher>> Publisher::start(Scene& scene, PublishOptions options) {
     if (options.fields.empty()) return fail("nothing to publish: no fields are named");
-    auto place = feeds::Place::parse(options.target);
-    if (!place) return std::unexpected(place.error());
+    auto endpoint = feeds::Endpoint::parse(options.target);
+    if (!endpoint) return std::unexpected(endpoint.error());
     for (const std::string& text : options.fields)
         if (const auto wanted = wantedBy(scene, text); !wanted) return std::unexpected(wanted.error());
-    auto sink = feeds::LineSink::open(*place, options.insecure, options.waits);
+    auto sink = feeds::LineSink::open(*endpoint, options.insecure, options.waits);
     if (!sink) return std::unexpected(sink.error());
-    auto state = std::make_unique<State>(scene, std::move(options), std::move(*place), std::move(*sink));
+    auto state = std::make_unique<State>(scene, std::move(options), std::move(*endpoint), std::move(*sink));
     if (auto ok = state->listen(); !ok) return std::unexpected(ok.error());
     state->listeners.onWorld([s = state.get()] { s->listenAgain(); });
     return std::unique_ptr<Publisher>(new Publisher(std::move(state)));
@@ -194,8 +194,8 @@ PublishCounts Publisher::counts() const {
 
 std::vector<Diagnostic> Publisher::takeDiagnostics() {
     const std::string failure = state_->sink->failure();
-    if (failure != state_->told) {
-        state_->told = failure;
+    if (failure != state_->reported) {
+        state_->reported = failure;
         state_->diagnostics.push_back(
             {Severity::warning, state_->at.text, {}, fmt::format("nothing more is written: {}", failure)});
     }

@@ -18,8 +18,8 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/module.h>
 
+#include "endpoint.h"
 #include "lines/json_scanner.h"
-#include "place.h"
 #include "sockets/web_module.h"
 
 namespace rtsg {
@@ -29,9 +29,9 @@ namespace {
 using ViewerClock = std::chrono::steady_clock;
 
 constexpr const char* kProtocol = "foxglove.websocket.v1";
-constexpr std::size_t kMostViewers = 32, kLongestSubscription = 64 << 10;
+constexpr std::size_t kMaxViewers = 32, kLongestSubscription = 64 << 10;
 constexpr auto kHandshake = std::chrono::seconds(5), kSilence = std::chrono::seconds(60);
-constexpr auto kLeastPause = std::chrono::milliseconds(50);  // between whole messages that viewers ask for
+constexpr auto kMinPause = std::chrono::milliseconds(50);  // between whole messages that viewers ask for
 constexpr char kMessageData = 1, kTimeData = 2;
 
 /// Pages from which Foxglove and Lichtblick connect where they are not installed.
@@ -155,7 +155,7 @@ struct FoxgloveServer::State {
         say(client, fmt::format(R"({{"op":"status","level":{},"message":{}}})", level, jsonString(text)));
     }
     void meet(std::uint64_t client);
-    void hear(std::uint64_t client, const SocketNews& news);
+    void hear(std::uint64_t client, const SocketEvent& news);
     void subscribe(std::uint64_t client, std::uint32_t id, std::uint32_t channel);
     void unsubscribe(std::uint64_t client, std::uint32_t id);
     void forget(std::uint64_t client);
@@ -173,31 +173,31 @@ FoxgloveServer::FoxgloveServer(std::unique_ptr<State> state) : state_(std::move(
 FoxgloveServer::~FoxgloveServer() = default;
 
 Result<std::unique_ptr<FoxgloveServer>> FoxgloveServer::start(FoxgloveOptions options) {
-    auto place = feeds::Place::ofPort(options.listen);
-    if (!place) return std::unexpected(place.error());
+    auto endpoint = feeds::Endpoint::ofPort(options.listen);
+    if (!endpoint) return std::unexpected(endpoint.error());
     const auto startSockets = loadSockets();
     if (!startSockets) return std::unexpected(startSockets.error());
-    auto listener = feeds::listenAt(*place, options.insecure);
+    auto listener = feeds::listenAt(*endpoint, options.insecure);
     if (!listener) return std::unexpected(listener.error());
     SocketSettings settings;
     settings.listener = ::dup(listener->get());
-    const auto real = feeds::findAddress(*place);
+    const auto real = feeds::findAddress(*endpoint);
     settings.loopback = real && real->isLoopback();
     settings.anyOrigin = options.insecure;
     settings.origins = kKnownPages;
     settings.protocol = kProtocol;
-    settings.maximumConnections = kMostViewers;
+    settings.maximumConnections = kMaxViewers;
     settings.longestIncoming = kLongestSubscription;
-    settings.mostQueued = kMostQueued;
+    settings.maxQueued = kMaxQueued;
     settings.requestTimeout = kHandshake;
     settings.silence = kSilence;
     settings.call = options.call;
     auto state = std::make_unique<State>();
-    state->address = "ws" + place->text.substr(place->text.find("://"));
+    state->address = "ws" + endpoint->text.substr(endpoint->text.find("://"));
     state->options = std::move(options);
     std::string problem;
     state->module = (*startSockets)(settings, problem);
-    if (!state->module) return fail(fmt::format("cannot serve viewers at {}: {}", place->text, problem));
+    if (!state->module) return fail(fmt::format("cannot serve viewers at {}: {}", endpoint->text, problem));
     return std::unique_ptr<FoxgloveServer>(new FoxgloveServer(std::move(state)));
 }
 
@@ -221,8 +221,8 @@ void FoxgloveServer::State::meet(std::uint64_t client) {
     say(client, fmt::format(R"({{"op":"advertise","channels":[{}]}})", channels));
 }
 
-void FoxgloveServer::State::hear(std::uint64_t client, const SocketNews& news) {
-    const auto request = news.kind == SocketNews::Kind::text
+void FoxgloveServer::State::hear(std::uint64_t client, const SocketEvent& news) {
+    const auto request = news.kind == SocketEvent::Kind::text
                              ? readRequest(news.text)
                              : Result<ViewerRequest>(fail("nothing is published from here to the scene"));
     const bool known = request && (request->op == "subscribe" || request->op == "unsubscribe");
@@ -268,8 +268,8 @@ void FoxgloveServer::State::forget(std::uint64_t client) {
 
 void FoxgloveServer::service() {
     State& s = *state_;
-    using Kind = SocketNews::Kind;
-    for (const SocketNews& news : s.module->takeNews()) {
+    using Kind = SocketEvent::Kind;
+    for (const SocketEvent& news : s.module->takeNews()) {
         if (news.kind == Kind::refused) {
             ++s.counts.refused;
             s.diagnostics.push_back({Severity::warning, s.address, {}, news.text});
@@ -309,7 +309,7 @@ void FoxgloveServer::send(std::uint16_t topic, double time, std::string json, Re
         all.lastWhole = body->size();
         const std::chrono::duration<double> pause(static_cast<double>(body->size()) / double{kWholeRate});
         all.nextWhole = ViewerClock::now() + std::max<ViewerClock::duration>(
-                                                 kLeastPause, std::chrono::duration_cast<ViewerClock::duration>(pause));
+                                                 kMinPause, std::chrono::duration_cast<ViewerClock::duration>(pause));
     }
     for (auto& [client, subscription] : all.subscriptions) {
         if (subscription.needsWhole ? reach == Reach::change : reach == Reach::wholeForNew) continue;
@@ -331,7 +331,7 @@ void FoxgloveServer::send(std::uint16_t topic, double time, std::string json, Re
     }
 }
 
-void FoxgloveServer::tellTime(double time) {
+void FoxgloveServer::sendTime(double time) {
     static const auto nothing = std::make_shared<const std::string>();
     std::string head(1, kTimeData);
     appendNumber(head, nanosecondsOf(time));

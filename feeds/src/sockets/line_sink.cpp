@@ -26,8 +26,8 @@ namespace rtsg::feeds {
 
 namespace {
 
-constexpr std::size_t kMostWaiting = std::size_t{4} << 20;
-constexpr std::size_t kMostSubscribers = 64;
+constexpr std::size_t kMaxWaiting = std::size_t{4} << 20;
+constexpr std::size_t kMaxSubscribers = 64;
 constexpr auto kFarewell = std::chrono::milliseconds(500);  // for lines that wait at the end
 
 /// The target of lines. All functions are called on the sink's thread.
@@ -39,7 +39,7 @@ class Outlet {
     /// Descriptors to wait for, with what.
     virtual void addTo(std::vector<pollfd>&) const {}
     /// Does what those make possible.
-    virtual void turn() {}
+    virtual void poll() {}
     virtual std::size_t subscribers() const { return 0; }
     /// True while something waits to be sent.
     virtual bool waits() const { return false; }
@@ -121,7 +121,7 @@ class TcpOutlet final : public Outlet {
         acceptAll();
         std::uint64_t missed = 0;
         for (Subscriber& one : subscribers_) {
-            if (one.waiting.size() + line.size() > kMostWaiting) {
+            if (one.waiting.size() + line.size() > kMaxWaiting) {
                 ++one.missed;
                 ++missed;
                 continue;
@@ -139,10 +139,10 @@ class TcpOutlet final : public Outlet {
             items.push_back({one.socket.get(), static_cast<short>(writes ? POLLIN | POLLOUT : POLLIN), 0});
         }
     }
-    void turn() override {
+    void poll() override {
         acceptAll();
         std::erase_if(subscribers_, [this](Subscriber& one) {
-            const bool leaves = !turnOf(one);
+            const bool leaves = !orderOf(one);
             if (leaves) lost_ += linesOf(one);
             return leaves;
         });
@@ -172,7 +172,7 @@ class TcpOutlet final : public Outlet {
         return static_cast<std::uint64_t>(std::ranges::count(one.waiting, '\n'));
     }
     /// Returns false if it has left.
-    static bool turnOf(Subscriber& one) {
+    static bool orderOf(Subscriber& one) {
         char ignored[4096];
         const ssize_t said = ::recv(one.socket.get(), ignored, sizeof(ignored), 0);
         if (said == 0 || (said < 0 && errno != EAGAIN && errno != EINTR)) return false;
@@ -188,7 +188,7 @@ class TcpOutlet final : public Outlet {
             if (one.get() < 0) return;
             const int yes = 1;
             (void)::setsockopt(one.get(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof(yes));
-            if (subscribers_.size() < kMostSubscribers) subscribers_.push_back({std::move(one), {}});
+            if (subscribers_.size() < kMaxSubscribers) subscribers_.push_back({std::move(one), {}});
         }
     }
 
@@ -212,8 +212,8 @@ class ThreadedSink final : public LineSink {
     void write(std::string line) override {
         {
             std::unique_lock lock(mutex_);
-            if (waits_) room_.wait(lock, [this] { return stop_ || !problem_.empty() || waiting_ < kMostWaiting / 2; });
-            if (stop_ || !problem_.empty() || waiting_ + line.size() > kMostWaiting) return void(++counts_.missed);
+            if (waits_) room_.wait(lock, [this] { return stop_ || !problem_.empty() || waiting_ < kMaxWaiting / 2; });
+            if (stop_ || !problem_.empty() || waiting_ + line.size() > kMaxWaiting) return void(++counts_.missed);
             waiting_ += line.size();
             ++counts_.lines;
             counts_.bytes += line.size() + 1;
@@ -252,7 +252,7 @@ class ThreadedSink final : public LineSink {
             // Before the lines are taken: none comes after the end is asked for.
             if (isToStop() && !std::exchange(stopping, true)) end = std::chrono::steady_clock::now() + kFarewell;
             sendAll();
-            outlet_->turn();
+            outlet_->poll();
             const std::scoped_lock lock(mutex_);
             counts_.subscribers = outlet_->subscribers();
             counts_.missed += outlet_->lost(false);
@@ -294,31 +294,31 @@ class ThreadedSink final : public LineSink {
     std::thread thread_;  // last: it uses all the rest
 };
 
-Result<std::unique_ptr<Outlet>> outletAt(Place& place, bool insecure) {
-    using Kind = Place::Kind;
-    if (place.kind == Kind::standard) return std::make_unique<FileOutlet>(Descriptor(STDOUT_FILENO));
-    if (place.kind == Kind::file) {
-        Descriptor file(::open(place.text.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-        if (file.get() < 0) return fail(systemError("write", place));
+Result<std::unique_ptr<Outlet>> outletAt(Endpoint& endpoint, bool insecure) {
+    using Kind = Endpoint::Kind;
+    if (endpoint.kind == Kind::standard) return std::make_unique<FileOutlet>(Descriptor(STDOUT_FILENO));
+    if (endpoint.kind == Kind::file) {
+        Descriptor file(::open(endpoint.text.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+        if (file.get() < 0) return fail(systemError("write", endpoint));
         return std::make_unique<FileOutlet>(std::move(file));
     }
-    if (place.kind == Kind::mqtt) {
+    if (endpoint.kind == Kind::mqtt) {
         MqttSettings settings;
         settings.note = [](const std::string&) {};  // lines that a lost broker misses are counted
-        auto module = startMqtt(place, std::move(settings));
+        auto module = startMqtt(endpoint, std::move(settings));
         if (!module) return std::unexpected(module.error());
         return std::make_unique<MqttOutlet>(std::move(*module));
     }
-    auto socket = place.kind == Kind::udp ? sendTo(place) : listenAt(place, insecure);
+    auto socket = endpoint.kind == Kind::udp ? sendTo(endpoint) : listenAt(endpoint, insecure);
     if (!socket) return std::unexpected(socket.error());
-    if (place.kind == Kind::udp) return std::make_unique<UdpOutlet>(std::move(*socket));
+    if (endpoint.kind == Kind::udp) return std::make_unique<UdpOutlet>(std::move(*socket));
     return std::make_unique<TcpOutlet>(std::move(*socket));
 }
 
 }  // namespace
 
-Result<std::unique_ptr<LineSink>> LineSink::open(Place& place, bool insecure, bool waits) {
-    auto outlet = outletAt(place, insecure);
+Result<std::unique_ptr<LineSink>> LineSink::open(Endpoint& endpoint, bool insecure, bool waits) {
+    auto outlet = outletAt(endpoint, insecure);
     if (!outlet) return std::unexpected(outlet.error());
     return std::make_unique<ThreadedSink>(std::move(*outlet), waits);
 }

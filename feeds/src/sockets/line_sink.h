@@ -1,6 +1,6 @@
 // LineSink: where lines of text go: a file, a pipe, datagrams, those who connect, a broker.
 //
-// Invariant: write() never waits, unless that was asked for. Lines that wait hold at most kMostWaiting bytes, and the
+// Invariant: write() never waits, unless that was asked for. Lines that wait hold at most kMaxWaiting bytes, and the
 // same again for each who is connected; who reads too slowly misses whole lines, and is told how many by a line
 // {"missed":N}.
 // Threading: write() and counts() on one thread; a thread of its own sends.
@@ -12,7 +12,7 @@
 
 #include <rtsg/core/diagnostic.h>
 
-#include "place.h"
+#include "endpoint.h"
 
 namespace rtsg::feeds {
 
@@ -27,7 +27,7 @@ class LineSink {
     virtual ~LineSink() = default;
     /// `place` gets the real port. Errors: as for LineSource::open(). `waits`: write() waits for room, until a file or
     /// pipe has taken nothing for half a second.
-    static Result<std::unique_ptr<LineSink>> open(Place& place, bool insecure, bool waits = false);
+    static Result<std::unique_ptr<LineSink>> open(Endpoint& endpoint, bool insecure, bool waits = false);
     /// `line` without its end.
     virtual void write(std::string line) = 0;
     /// Sends the waiting lines, for half a second at most. From then on counts() and failure() are final, and every

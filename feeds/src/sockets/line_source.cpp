@@ -25,7 +25,7 @@ namespace rtsg::feeds {
 namespace {
 
 constexpr std::size_t kPiece = std::size_t{64} << 10;  // a datagram is not larger
-constexpr std::size_t kMostConnections = 64;
+constexpr std::size_t kMaxConnections = 64;
 constexpr std::uint32_t kLargestMessage = 1 << 20;  // of a broker
 constexpr auto kQuiet = std::chrono::seconds(10);   // so long a connection is silent before another takes its place
 
@@ -53,9 +53,9 @@ bool waitFor(int descriptor, int stop) {
 
 /// Notes the first eight of a kind, and then each that doubles their number.
 void noteRarely(LineTaker& taker, std::uint64_t& times, std::string text) {
-    constexpr std::uint64_t kAllTold = 8;
-    if (++times > kAllTold && !std::has_single_bit(times)) return;
-    taker.note(times > kAllTold ? fmt::format("{}; {} by now", text, times) : std::move(text));
+    constexpr std::uint64_t kAllReported = 8;
+    if (++times > kAllReported && !std::has_single_bit(times)) return;
+    taker.note(times > kAllReported ? fmt::format("{}; {} by now", text, times) : std::move(text));
 }
 
 class FileSource final : public LineSource {
@@ -185,7 +185,7 @@ class TcpSource final : public LineSource {
         if (gone == connections_.end()) gone = std::ranges::min_element(connections_, {}, &Connection::heard);
         if (gone->hasLine && SteadyClock::now() - gone->heard < kQuiet) return false;
         noteRarely(taker, silent_,
-                   fmt::format("closed a connection that was silent, for a new one: there are {}", kMostConnections));
+                   fmt::format("closed a connection that was silent, for a new one: there are {}", kMaxConnections));
         close(static_cast<std::size_t>(gone - connections_.begin()), taker);
         return true;
     }
@@ -196,9 +196,9 @@ class TcpSource final : public LineSource {
             if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
             return;
         }
-        if (connections_.size() < kMostConnections || makeRoom(taker))
+        if (connections_.size() < kMaxConnections || makeRoom(taker))
             return connections_.push_back({std::move(one), ++streams_});
-        noteRarely(taker, refused_, fmt::format("refused a connection: there are {}", kMostConnections));
+        noteRarely(taker, refused_, fmt::format("refused a connection: there are {}", kMaxConnections));
     }
 
     Descriptor socket_;
@@ -209,7 +209,7 @@ class TcpSource final : public LineSource {
 
 class MqttSource final : public LineSource {
   public:
-    explicit MqttSource(Place place) : place_(std::move(place)) {}
+    explicit MqttSource(Endpoint endpoint) : endpoint_(std::move(endpoint)) {}
     /// Messages before read() are left out.
     Result<> connect() {
         MqttSettings settings;
@@ -224,7 +224,7 @@ class MqttSource final : public LineSource {
             const std::scoped_lock lock(mutex_);
             if (taker_) taker_->note(std::move(text));
         };
-        auto module = startMqtt(place_, std::move(settings));
+        auto module = startMqtt(endpoint_, std::move(settings));
         if (!module) return std::unexpected(module.error());
         module_ = std::move(*module);
         return {};
@@ -242,7 +242,7 @@ class MqttSource final : public LineSource {
     }
 
   private:
-    Place place_;
+    Endpoint endpoint_;
     std::mutex mutex_;
     LineTaker* taker_ = nullptr;
     std::unique_ptr<MqttModule> module_;  // last: its thread must end before the members that it uses
@@ -250,27 +250,27 @@ class MqttSource final : public LineSource {
 
 }  // namespace
 
-Result<std::unique_ptr<LineSource>> LineSource::open(Place& place, bool insecure) {
-    using Kind = Place::Kind;
-    if (place.kind == Kind::standard) return std::make_unique<FileSource>(Descriptor(STDIN_FILENO));
-    if (place.kind == Kind::file) {
-        Descriptor file(::open(place.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+Result<std::unique_ptr<LineSource>> LineSource::open(Endpoint& endpoint, bool insecure) {
+    using Kind = Endpoint::Kind;
+    if (endpoint.kind == Kind::standard) return std::make_unique<FileSource>(Descriptor(STDIN_FILENO));
+    if (endpoint.kind == Kind::file) {
+        Descriptor file(::open(endpoint.text.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
         struct stat status{};
         if (file.get() >= 0 && ::fstat(file.get(), &status) == 0 && S_ISDIR(status.st_mode)) {
             errno = EISDIR;
-            return fail(systemError("read", place));
+            return fail(systemError("read", endpoint));
         }
-        if (file.get() < 0) return fail(systemError("read", place));
+        if (file.get() < 0) return fail(systemError("read", endpoint));
         return std::make_unique<FileSource>(std::move(file));
     }
-    if (place.kind == Kind::mqtt) {
-        auto source = std::make_unique<MqttSource>(place);
+    if (endpoint.kind == Kind::mqtt) {
+        auto source = std::make_unique<MqttSource>(endpoint);
         if (auto ok = source->connect(); !ok) return std::unexpected(ok.error());
         return source;
     }
-    auto socket = listenAt(place, insecure);
+    auto socket = listenAt(endpoint, insecure);
     if (!socket) return std::unexpected(socket.error());
-    if (place.kind == Kind::udp) return std::make_unique<UdpSource>(std::move(*socket));
+    if (endpoint.kind == Kind::udp) return std::make_unique<UdpSource>(std::move(*socket));
     return std::make_unique<TcpSource>(std::move(*socket));
 }
 

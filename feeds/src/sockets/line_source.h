@@ -10,7 +10,7 @@
 
 #include <rtsg/core/diagnostic.h>
 
-#include "place.h"
+#include "endpoint.h"
 
 namespace rtsg::feeds {
 
@@ -36,7 +36,7 @@ class LineSource {
     virtual ~LineSource() = default;
     /// Opens it. `place` gets the real port. Errors: those of the system or a broker; an address that others can reach,
     /// unless `insecure`.
-    static Result<std::unique_ptr<LineSource>> open(Place& place, bool insecure);
+    static Result<std::unique_ptr<LineSource>> open(Endpoint& endpoint, bool insecure);
     /// Reads until the end, or until `stop` is readable.
     virtual void read(LineTaker& taker, int stop) = 0;
     /// A regular file, which waits for its reader.

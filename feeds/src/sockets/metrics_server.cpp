@@ -14,7 +14,7 @@
 
 #include <fmt/format.h>
 
-#include "place.h"
+#include "endpoint.h"
 #include "sockets/http_host.h"
 
 namespace rtsg {
@@ -23,15 +23,15 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-constexpr std::size_t kMostAsking = 64, kLongestRequest = 4096, kLongestAnswer = std::size_t{4} << 20;
+constexpr std::size_t kMaxAsking = 64, kLongestRequest = 4096, kLongestAnswer = std::size_t{4} << 20;
 constexpr auto kRequestTime = std::chrono::seconds(5);
 
-Result<feeds::Place> metricsPlace(std::string text) {
+Result<feeds::Endpoint> metricsEndpoint(std::string text) {
     if (const std::size_t scheme = text.find("://"); scheme != text.npos) {
         if (!text.starts_with("http://")) return fail(fmt::format("{}: expected PORT or HOST:PORT", text));
         text = text.substr(scheme + 3);
     }
-    return feeds::Place::ofPort(text.substr(0, text.find('/')));
+    return feeds::Endpoint::ofPort(text.substr(0, text.find('/')));
 }
 
 /// The value of a field of a request; nothing if it is not there once.
@@ -73,7 +73,7 @@ struct MetricsServer::State {
     void run();
     void accept();
     /// Returns false if the connection is done.
-    bool turn(Asking& one);
+    bool poll(Asking& one);
     std::string answer(std::string_view request);
 
     bool isLoopback = true;
@@ -97,15 +97,15 @@ const std::string& MetricsServer::address() const {
 
 Result<std::unique_ptr<MetricsServer>> MetricsServer::start(const std::string& listen, bool insecure,
                                                             std::function<std::string()> text) {
-    auto place = metricsPlace(listen);
-    if (!place) return std::unexpected(place.error());
-    auto socket = feeds::listenAt(*place, insecure);
+    auto endpoint = metricsEndpoint(listen);
+    if (!endpoint) return std::unexpected(endpoint.error());
+    auto socket = feeds::listenAt(*endpoint, insecure);
     if (!socket) return std::unexpected(socket.error());
     auto state = std::make_unique<State>();
-    const auto at = feeds::findAddress(*place);
+    const auto at = feeds::findAddress(*endpoint);
     state->isLoopback = at && at->isLoopback();
     state->socket = std::move(*socket);
-    state->address = place->text.substr(place->text.find("://") + 3);
+    state->address = endpoint->text.substr(endpoint->text.find("://") + 3);
     state->text = std::move(text);
     state->thread = std::thread([s = state.get()] { s->run(); });
     return std::unique_ptr<MetricsServer>(new MetricsServer(std::move(state)));
@@ -120,7 +120,7 @@ void MetricsServer::State::run() {
         if (::poll(items.data(), items.size(), asking.empty() ? -1 : 200) < 0) continue;
         if (items[0].revents != 0) return;
         const auto now = SteadyClock::now();
-        std::erase_if(asking, [&](Asking& one) { return now > one.end || !turn(one); });
+        std::erase_if(asking, [&](Asking& one) { return now > one.end || !poll(one); });
         if (items[1].revents != 0) accept();
     }
 }
@@ -129,7 +129,7 @@ void MetricsServer::State::accept() {
     feeds::Descriptor one(::accept4(socket.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (one.get() >= 0) {
         // Silence keeps nobody out: the oldest that has not asked yet makes room, or the oldest of all.
-        if (asking.size() >= kMostAsking) {
+        if (asking.size() >= kMaxAsking) {
             const auto silent = std::ranges::find_if(asking, [](const Asking& old) { return old.answer.empty(); });
             asking.erase(silent == asking.end() ? asking.begin() : silent);
         }
@@ -138,7 +138,7 @@ void MetricsServer::State::accept() {
     if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(20));
 }
 
-bool MetricsServer::State::turn(Asking& one) {
+bool MetricsServer::State::poll(Asking& one) {
     if (one.answer.empty()) {
         char bytes[kLongestRequest];
         const ssize_t size = ::recv(one.socket.get(), bytes, sizeof(bytes), 0);
@@ -174,37 +174,37 @@ std::string MetricsServer::State::answer(std::string_view request) {
 }
 
 Result<std::string> fetchMetrics(const std::string& address) {
-    const auto place = metricsPlace(address);
-    if (!place) return std::unexpected(place.error());
-    const auto at = feeds::findAddress(*place);
+    const auto endpoint = metricsEndpoint(address);
+    if (!endpoint) return std::unexpected(endpoint.error());
+    const auto at = feeds::findAddress(*endpoint);
     if (!at) return std::unexpected(at.error());
     const feeds::Descriptor socket(::socket(at->storage.ss_family, SOCK_STREAM | SOCK_CLOEXEC, 0));
     const timeval patience = {std::chrono::seconds(kRequestTime).count(), 0};
     for (const int option : {SO_RCVTIMEO, SO_SNDTIMEO})
         (void)::setsockopt(socket.get(), SOL_SOCKET, option, &patience, sizeof(patience));
     if (socket.get() < 0 || ::connect(socket.get(), at->get(), at->length) != 0)
-        return fail(feeds::systemError("ask", *place));
-    const bool isSix = place->host.find(':') != std::string::npos;
+        return fail(feeds::systemError("ask", *endpoint));
+    const bool isSix = endpoint->host.find(':') != std::string::npos;
     const std::string request = fmt::format("GET /metrics HTTP/1.1\r\nHost: {}{}{}\r\nConnection: close\r\n\r\n",
-                                            isSix ? "[" : "", place->host, isSix ? "]" : "");
+                                            isSix ? "[" : "", endpoint->host, isSix ? "]" : "");
     if (::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(request.size()))
-        return fail(feeds::systemError("ask", *place));
+        return fail(feeds::systemError("ask", *endpoint));
     std::string answer(1 << 16, '\0');
     std::size_t size = 0;
     const auto end = SteadyClock::now() + kRequestTime;
     for (ssize_t more = 1; more > 0; size += static_cast<std::size_t>(more)) {
         if (size == answer.size()) answer.resize(2 * size);
-        if (size > kLongestAnswer) return fail(fmt::format("{}: its answer is too long", place->text));
+        if (size > kLongestAnswer) return fail(fmt::format("{}: its answer is too long", endpoint->text));
         more = ::recv(socket.get(), answer.data() + size, answer.size() - size, 0);
         if ((more < 0 && errno == EAGAIN) || (more > 0 && SteadyClock::now() > end))
-            return fail(fmt::format("{}: no whole answer has come for {} s", place->text,
+            return fail(fmt::format("{}: no whole answer has come for {} s", endpoint->text,
                                     std::chrono::seconds(kRequestTime).count()));
-        if (more < 0) return fail(feeds::systemError("hear", *place));
+        if (more < 0) return fail(feeds::systemError("hear", *endpoint));
     }
     answer.resize(size);
     const std::size_t body = answer.find("\r\n\r\n");
     if (!answer.starts_with("HTTP/1.1 200 ") || body == answer.npos)
-        return fail(fmt::format("{}: it serves no figures", place->text));
+        return fail(fmt::format("{}: it serves no figures", endpoint->text));
     return answer.substr(body + 4);
 }
 

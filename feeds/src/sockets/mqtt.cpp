@@ -7,19 +7,19 @@
 
 namespace rtsg::feeds {
 
-Result<std::unique_ptr<MqttModule>> startMqtt(const Place& place, MqttSettings settings) {
+Result<std::unique_ptr<MqttModule>> startMqtt(const Endpoint& endpoint, MqttSettings settings) {
 #ifdef RTSG_NO_MQTT
     (void)settings;
-    return fail(fmt::format("{}: this build leaves MQTT out (libmosquitto-dev, RTSG_MQTT)", place.text));
+    return fail(fmt::format("{}: this build leaves MQTT out (libmosquitto-dev, RTSG_MQTT)", endpoint.text));
 #else
     const auto symbol = loadModule("rtsg_mqtt", RTSG_MQTT_SYMBOL, "feeds by MQTT need");
     if (!symbol) return std::unexpected(symbol.error());
-    settings.host = place.host;
-    settings.topic = place.topic;
-    settings.port = place.port;
+    settings.host = endpoint.host;
+    settings.topic = endpoint.topic;
+    settings.port = endpoint.port;
     std::string problem;
     auto module = reinterpret_cast<StartMqtt (*)()>(*symbol)()(std::move(settings), problem);
-    if (!module) return fail(fmt::format("{}: {}", place.text, problem));
+    if (!module) return fail(fmt::format("{}: {}", endpoint.text, problem));
     return module;
 #endif
 }

@@ -5,12 +5,12 @@
 
 #include <rtsg/core/diagnostic.h>
 
+#include "endpoint.h"
 #include "mqtt_module.h"
-#include "place.h"
 
 namespace rtsg::feeds {
 
 /// Sets host, topic and port of the settings from the place. Errors: no module; those of the broker or the system.
-Result<std::unique_ptr<MqttModule>> startMqtt(const Place& place, MqttSettings settings);
+Result<std::unique_ptr<MqttModule>> startMqtt(const Endpoint& endpoint, MqttSettings settings);
 
 }  // namespace rtsg::feeds

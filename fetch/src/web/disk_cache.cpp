@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::string_view kFirstLine = "rtsg fetched file 1";
-constexpr std::uint64_t kMostEntryBytes = std::uint64_t{64} << 10;
+constexpr std::uint64_t kMaxEntryBytes = std::uint64_t{64} << 10;
 constexpr auto kOldest = std::chrono::hours(1);  // of a file that is being written
 
 bool isHash(std::string_view name) {
@@ -27,13 +27,13 @@ bool isHash(std::string_view name) {
 }
 
 /// The bytes of a regular file that is ours; nothing if there are more than `most`.
-std::optional<std::string> readAll(const fs::path& file, std::uint64_t most) {
+std::optional<std::string> readAll(const fs::path& file, std::uint64_t maximum) {
     const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (descriptor < 0) return std::nullopt;
     struct stat status{};
     std::optional<std::string> result;
     if (::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == ::geteuid() &&
-        static_cast<std::uint64_t>(status.st_size) <= most) {
+        static_cast<std::uint64_t>(status.st_size) <= maximum) {
         result.emplace(static_cast<std::size_t>(status.st_size), '\0');
         std::size_t got = 0;
         while (got < result->size()) {
@@ -82,7 +82,7 @@ DiskCache::DiskCache(fs::path folder, std::uint64_t limit) : folder_(std::move(f
 
 std::optional<CacheEntry> DiskCache::find(const std::string& address, const TransferModule& module) const {
     if (folder_.empty()) return std::nullopt;
-    const auto text = readAll(folder_ / "entries" / module.sha256(address), kMostEntryBytes);
+    const auto text = readAll(folder_ / "entries" / module.sha256(address), kMaxEntryBytes);
     if (!text) return std::nullopt;
     std::string_view rest = *text;
     if (line(rest) != kFirstLine || line(rest) != address) return std::nullopt;
@@ -127,12 +127,12 @@ void DiskCache::store(const std::string& address, const CacheEntry& entry, std::
 /// Errors leave the folder as it was: a cache may lack anything.
 void DiskCache::write(const fs::path& file, std::string_view bytes) const {
     static std::atomic<unsigned> count = 0;
-    const fs::path made = folder_ / fmt::format(".{}.{}", ::getpid(), ++count);
+    const fs::path created = folder_ / fmt::format(".{}.{}", ::getpid(), ++count);
     const int descriptor =
-        ::open(made.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
+        ::open(created.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, S_IRUSR | S_IWUSR);
     if (descriptor < 0) return;
     const bool whole = writeAll(descriptor, bytes);
-    if (::close(descriptor) != 0 || !whole || ::rename(made.c_str(), file.c_str()) != 0) ::unlink(made.c_str());
+    if (::close(descriptor) != 0 || !whole || ::rename(created.c_str(), file.c_str()) != 0) ::unlink(created.c_str());
 }
 
 /// Removes the files longest unused, entries whose files are gone, and remains of processes that were killed.

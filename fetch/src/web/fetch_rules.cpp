@@ -90,10 +90,10 @@ Result<IpNetwork> IpNetwork::parse(std::string_view text) {
     if (slash == text.size()) return network;
     const std::string_view digits = text.substr(slash + 1);
     const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), network.bits);
-    const int most = number.contains(':') ? 128 : 128 - kIpv4Bits;
-    if (problem != std::errc() || end != digits.data() + digits.size() || network.bits < 0 || network.bits > most)
-        return fail(fmt::format("'{}' is no number of bits from 0 to {}", digits, most));
-    network.bits += 128 - most;
+    const int maximum = number.contains(':') ? 128 : 128 - kIpv4Bits;
+    if (problem != std::errc() || end != digits.data() + digits.size() || network.bits < 0 || network.bits > maximum)
+        return fail(fmt::format("'{}' is no number of bits from 0 to {}", digits, maximum));
+    network.bits += 128 - maximum;
     return network;
 }
 

@@ -43,13 +43,13 @@ FetchedFile fileOf(const Node& node) {
 }
 
 bool make(Scene& scene, const FetchedFile& file) {
-    const NodeId made = scene.createNode(F::type);
-    const bool withBytes = file.hasBytes && file.bytes.size() <= FetchedFiles::kMostBytes;
-    return scene.set(made, F::_address, String(file.address)).has_value() &&
-           scene.set(made, F::_source, String(file.source)).has_value() &&
-           scene.set(made, F::_mediaType, String(file.mediaType)).has_value() &&
-           scene.set(made, F::_hash, String(file.hash)).has_value() &&
-           (!withBytes || scene.set(made, F::_bytes, packed(file.bytes)).has_value());
+    const NodeId created = scene.createNode(F::type);
+    const bool withBytes = file.hasBytes && file.bytes.size() <= FetchedFiles::kMaxBytes;
+    return scene.set(created, F::_address, String(file.address)).has_value() &&
+           scene.set(created, F::_source, String(file.source)).has_value() &&
+           scene.set(created, F::_mediaType, String(file.mediaType)).has_value() &&
+           scene.set(created, F::_hash, String(file.hash)).has_value() &&
+           (!withBytes || scene.set(created, F::_bytes, packed(file.bytes)).has_value());
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ using fetch::TransferModule;
 using fetch::TransferRequest;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMostRedirects = 5;
+constexpr int kMaxRedirects = 5;
 constexpr std::size_t kThreads = 4;
 constexpr auto kPause = std::chrono::seconds(5);                // before what failed is tried again
 constexpr std::uint64_t kMemoryStep = std::uint64_t{16} << 20;  // bytes between two looks at the process's memory
@@ -136,7 +136,7 @@ struct WebFetcher::State {
         auto at = WebAddress::parse(address);
         const Clock::time_point end =
             Clock::now() + std::chrono::milliseconds(static_cast<std::int64_t>(1000 * settings.totalSeconds));
-        for (int hop = 0; at && hop <= kMostRedirects; ++hop) {
+        for (int hop = 0; at && hop <= kMaxRedirects; ++hop) {
             const auto leads = [&](const Diagnostic& why) {
                 if (hop == 0) return why.text;
                 return fmt::format("it leads to '{}': {}", urlForMessage(at->text()), why.text);
@@ -153,7 +153,7 @@ struct WebFetcher::State {
             at = at->resolve(next);
         }
         if (!at) return fail("it leads to no http or https address: " + at.error().text);
-        return fail(fmt::format("it leads from address to address, more than {} times", kMostRedirects));
+        return fail(fmt::format("it leads from address to address, more than {} times", kMaxRedirects));
     }
 
     /// One request. `next` is where a redirect leads; the content is nothing then.

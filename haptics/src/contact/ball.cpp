@@ -43,9 +43,10 @@ Vec3d closestOnEdges(const Vec3d& p, const Vec3d (&corners)[3]) {
     return best;
 }
 
-bool leadsAgainstNone(const Vec3d& way, const std::vector<Touching>& touching) {
-    const double most = 1e-9 * glm::length(way);
-    return std::ranges::all_of(touching, [&](const Touching& t) { return glm::dot(t.normal, way) >= -most; });
+bool leadsAgainstNone(const Vec3d& displacement, const std::vector<Touching>& touching) {
+    const double maximum = 1e-9 * glm::length(displacement);
+    return std::ranges::all_of(touching,
+                               [&](const Touching& t) { return glm::dot(t.normal, displacement) >= -maximum; });
 }
 
 }  // namespace
@@ -77,23 +78,24 @@ Vec3d closestOnTriangle(const Vec3d& p, const Vec3d (&corners)[3]) {
 
 /// The distance to a convex set is a convex function of the way, so each step of Newton's method ends before the ball
 /// touches.
-double freeShare(const Vec3d& from, const Vec3d& way, double radius, const NearTriangle& triangle) {
-    double share = 0;
+double freeFraction(const Vec3d& from, const Vec3d& displacement, double radius, const NearTriangle& triangle) {
+    double fraction = 0;
     for (int step = 0; step < kSteps; ++step) {
-        const Vec3d at = from + share * way, closest = closestOnTriangle(at, triangle.corners);
+        const Vec3d at = from + fraction * displacement, closest = closestOnTriangle(at, triangle.corners);
         const double gap = glm::length(at - closest) - radius - kSkin;
-        const double approach = -glm::dot(normalTo(at, closest, triangle), way);  // metres for all of the way
-        if (approach <= kLittle * glm::length(way) || gap > approach * (1 - share)) return 1;
-        if (gap <= kLittle) return share;
-        share += gap / approach;
+        const double approach = -glm::dot(normalTo(at, closest, triangle), displacement);  // metres for all of the way
+        if (approach <= kLittle * glm::length(displacement) || gap > approach * (1 - fraction)) return 1;
+        if (gap <= kLittle) return fraction;
+        fraction += gap / approach;
     }
-    return share;
+    return fraction;
 }
 
-double freeShare(const Vec3d& from, const Vec3d& way, double radius, const std::vector<NearTriangle>& triangles) {
-    double share = 1;
-    for (const NearTriangle& t : triangles) share = std::min(share, freeShare(from, way, radius, t));
-    return share;
+double freeFraction(const Vec3d& from, const Vec3d& displacement, double radius,
+                    const std::vector<NearTriangle>& triangles) {
+    double fraction = 1;
+    for (const NearTriangle& t : triangles) fraction = std::min(fraction, freeFraction(from, displacement, radius, t));
+    return fraction;
 }
 
 std::vector<Touching> touched(const Vec3d& at, double radius, const std::vector<NearTriangle>& triangles,
@@ -115,21 +117,21 @@ std::vector<Touching> touched(const Vec3d& at, double radius, const std::vector<
 }
 
 /// The nearest vector of a cone lies inside, on one of its planes, on the line where two of them meet, or is 0.
-Vec3d alongAll(const Vec3d& way, const std::vector<Touching>& touching) {
-    if (leadsAgainstNone(way, touching)) return way;
+Vec3d alongAll(const Vec3d& displacement, const std::vector<Touching>& touching) {
+    if (leadsAgainstNone(displacement, touching)) return displacement;
     Vec3d best(0);
-    double least = glm::dot(way, way);
+    double minimum = glm::dot(displacement, displacement);
     const auto consider = [&](const Vec3d& candidate) {
-        const double off = glm::dot(way - candidate, way - candidate);
-        if (off < least && leadsAgainstNone(candidate, touching)) best = candidate, least = off;
+        const double off = glm::dot(displacement - candidate, displacement - candidate);
+        if (off < minimum && leadsAgainstNone(candidate, touching)) best = candidate, minimum = off;
     };
     for (std::size_t i = 0; i < touching.size(); ++i) {
         const Vec3d& n = touching[i].normal;
-        if (glm::dot(n, way) < 0) consider(way - glm::dot(n, way) * n);
+        if (glm::dot(n, displacement) < 0) consider(displacement - glm::dot(n, displacement) * n);
         for (std::size_t j = 0; j < i; ++j) {
             const Vec3d line = glm::cross(n, touching[j].normal);
             const double squared = glm::dot(line, line);
-            if (squared > 1e-12) consider(glm::dot(way, line) / squared * line);
+            if (squared > 1e-12) consider(glm::dot(displacement, line) / squared * line);
         }
     }
     return best;
@@ -138,9 +140,9 @@ Vec3d alongAll(const Vec3d& way, const std::vector<Touching>& touching) {
 Vec3d slide(const Vec3d& from, const Vec3d& goal, double radius, const std::vector<NearTriangle>& triangles) {
     Vec3d at = from;
     for (int bend = 0; bend < kSlides; ++bend) {
-        const Vec3d way = alongAll(goal - at, touched(at, radius, triangles));
-        if (glm::dot(way, way) < kLittle * kLittle) break;
-        at += freeShare(at, way, radius, triangles) * way;
+        const Vec3d displacement = alongAll(goal - at, touched(at, radius, triangles));
+        if (glm::dot(displacement, displacement) < kLittle * kLittle) break;
+        at += freeFraction(at, displacement, radius, triangles) * displacement;
     }
     return at;
 }

@@ -25,7 +25,7 @@ struct Touching {
     Vec3d normal{0, 0, 1};     // unit, from the triangle to the ball's middle
     std::size_t triangle = 0;  // place in the list
     double distance = 0;       // of the middle, metres
-    Vec3d place{0};            // on the triangle
+    Vec3d position{0};         // on the triangle
 };
 
 /// A ball stops this far before contact, and counts as touching up to twice this distance; metres.
@@ -35,9 +35,10 @@ Vec3d closestOnTriangle(const Vec3d& p, const Vec3d (&corners)[3]);
 
 /// The share of `way`, at most 1, that a ball may go from `from` until it is kSkin from the triangle. A ball that is
 /// closer already may go away from it and along it.
-double freeShare(const Vec3d& from, const Vec3d& way, double radius, const NearTriangle& triangle);
+double freeFraction(const Vec3d& from, const Vec3d& displacement, double radius, const NearTriangle& triangle);
 /// The same among all of them.
-double freeShare(const Vec3d& from, const Vec3d& way, double radius, const std::vector<NearTriangle>& triangles);
+double freeFraction(const Vec3d& from, const Vec3d& displacement, double radius,
+                    const std::vector<NearTriangle>& triangles);
 
 /// The triangles within radius + 2 kSkin; those whose normals are the same count once. `slack`: what touches
 /// is so much farther away, metres.
@@ -45,7 +46,7 @@ std::vector<Touching> touched(const Vec3d& at, double radius, const std::vector<
                               double slack = 0);
 
 /// The vector next to `way` that leads against none of the normals.
-Vec3d alongAll(const Vec3d& way, const std::vector<Touching>& touching);
+Vec3d alongAll(const Vec3d& displacement, const std::vector<Touching>& touching);
 
 /// The position that a ball reaches when it is drawn from `from` towards `goal` and slides along surfaces: the nearest
 /// position to `goal` that it can reach in this way.

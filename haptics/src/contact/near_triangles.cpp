@@ -10,8 +10,8 @@ namespace rtsg::haptics {
 
 namespace {
 
-constexpr double kMostAhead = 0.1;  // metres that what moves is looked for beyond where it was
-constexpr double kWayOut = 0.25;    // metres to the surface of a solid that has moved over the hand
+constexpr double kMaxAhead = 0.1;       // metres that what moves is looked for beyond where it was
+constexpr double kExitDistance = 0.25;  // metres to the surface of a solid that has moved over the hand
 
 const RayInstance* instanceAt(const WorldMoment& moment, std::uint32_t slot) {
     if (!moment.state || slot >= moment.state->rays->instances().size()) return nullptr;
@@ -40,7 +40,7 @@ WorldFromLocal poseAt(const WorldMoment& moment, const RayInstance& instance, do
     return pose;
 }
 
-void placeCorners(const Mesh& mesh, const WorldFromLocal& pose, std::uint32_t triangle, Vec3d (&corners)[3]) {
+void setCorners(const Mesh& mesh, const WorldFromLocal& pose, std::uint32_t triangle, Vec3d (&corners)[3]) {
     for (std::uint32_t c = 0; c < 3; ++c)
         corners[c] = pose * glm::dvec4(Vec3d(mesh.vertex(triangle, c)) + mesh.anchor, 1.0);
 }
@@ -53,12 +53,12 @@ void NearTriangles::find(const WorldMoment& now, const Vec3d& from, const Vec3d&
     found_.clear();
     if (!now_.state) return;
     const RayView& rays = *now_.state->rays;
-    const double way = glm::length(to - from);
-    const double moved = now_.tables ? std::min(now_.tables->farthest * ahead(now_, seconds), kMostAhead) : 0;
+    const double distance = glm::length(to - from);
+    const double moved = now_.tables ? std::min(now_.tables->farthest * ahead(now_, seconds), kMaxAhead) : 0;
     const Vec3d middle = 0.5 * (from + to);
     // Places of rays are floats.
     const double rounding = 1e-6 * (1 + glm::length(middle - rays.origin()));
-    const auto reach = static_cast<float>(0.5 * way + radius + moved + rounding + 2 * kSkin);
+    const auto reach = static_cast<float>(0.5 * distance + radius + moved + rounding + 2 * kSkin);
     rays.visitNear(rays.fromWorld(middle), reach, [&](std::uint32_t slot, std::uint32_t triangle) {
         found_.emplace_back(slot, triangle);
         return reach;
@@ -71,13 +71,13 @@ void NearTriangles::find(const WorldMoment& now, const Vec3d& from, const Vec3d&
         if (!instance || triangle >= instance->mesh->triangleCount) continue;
         NearTriangle& t = all_.emplace_back();
         t.slot = slot, t.triangle = triangle;
-        placeCorners(*instance->mesh, poseAt(now_, *instance, seconds), triangle, t.corners);
+        setCorners(*instance->mesh, poseAt(now_, *instance, seconds), triangle, t.corners);
         std::copy(t.corners, t.corners + 3, t.before);
         const RayInstance* before = changed || moverOf(now_, *instance) ? instanceAt(last_, slot) : nullptr;
         if (!before || before->info.id != instance->info.id ||
             before->mesh->triangleCount != instance->mesh->triangleCount)
             continue;
-        placeCorners(*before->mesh, poseAt(last_, *before, lastTime_), triangle, t.before);
+        setCorners(*before->mesh, poseAt(last_, *before, lastTime_), triangle, t.before);
         t.moves = !std::equal(t.corners, t.corners + 3, t.before);
     }
 }
@@ -91,48 +91,50 @@ std::vector<NearTriangle> NearTriangles::still() const {
 /// The triangles of solids, in order of their distance; the first is where all that meet in the nearest point are one.
 /// `nearest`: that one alone.
 template <class Counts>
-std::vector<NearTriangles::Surface> NearTriangles::surfacesNear(const WorldMoment& now, const Vec3d& place,
+std::vector<NearTriangles::Surface> NearTriangles::surfacesNear(const WorldMoment& now, const Vec3d& position,
                                                                 double reach, double seconds, bool nearest,
                                                                 const Counts& counts) const {
     const RayView& rays = *now.state->rays;
     std::vector<Surface> found;
     Surface first{reach, Vec3d(0), Vec3d(0)};
-    rays.visitNear(rays.fromWorld(place), static_cast<float>(reach), [&](std::uint32_t slot, std::uint32_t triangle) {
-        const RayInstance* instance = instanceAt(now, slot);
-        if (instance && instance->mesh->solid && counts(*instance)) {
-            Vec3d corners[3];
-            placeCorners(*instance->mesh, poseAt(now, *instance, seconds), triangle, corners);
-            const Vec3d at = closestOnTriangle(place, corners);
-            const double distance = glm::length(place - at);
-            const Vec3d face = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
-            const double area = glm::length(face);
-            if (area > 0 && distance < reach) {
-                const Vec3d normal = (instance->sign < 0 ? -1.0 : 1.0) / area * face;
-                if (!nearest) found.push_back({distance, at, normal});
-                // At an edge or a corner all triangles that meet there count.
-                if (distance < first.distance + 1e-9)
-                    first = {std::min(first.distance, distance), at,
-                             distance < first.distance - 1e-9 ? normal : first.front + normal};
-            }
-        }
-        return static_cast<float>(nearest ? first.distance * (1 + 1e-6) + 1e-6 : reach);
-    });
+    rays.visitNear(rays.fromWorld(position), static_cast<float>(reach),
+                   [&](std::uint32_t slot, std::uint32_t triangle) {
+                       const RayInstance* instance = instanceAt(now, slot);
+                       if (instance && instance->mesh->solid && counts(*instance)) {
+                           Vec3d corners[3];
+                           setCorners(*instance->mesh, poseAt(now, *instance, seconds), triangle, corners);
+                           const Vec3d at = closestOnTriangle(position, corners);
+                           const double distance = glm::length(position - at);
+                           const Vec3d face = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+                           const double area = glm::length(face);
+                           if (area > 0 && distance < reach) {
+                               const Vec3d normal = (instance->sign < 0 ? -1.0 : 1.0) / area * face;
+                               if (!nearest) found.push_back({distance, at, normal});
+                               // At an edge or a corner all triangles that meet there count.
+                               if (distance < first.distance + 1e-9)
+                                   first = {std::min(first.distance, distance), at,
+                                            distance < first.distance - 1e-9 ? normal : first.front + normal};
+                           }
+                       }
+                       return static_cast<float>(nearest ? first.distance * (1 + 1e-6) + 1e-6 : reach);
+                   });
     std::ranges::sort(found, {}, &Surface::distance);
     if (first.front != Vec3d(0)) found.insert(found.begin(), first);
     return found;
 }
 
 /// Whether a ball is outside of all solids, and touches nothing.
-bool NearTriangles::hasRoom(const WorldMoment& now, const Vec3d& place, double radius, double seconds) const {
-    const auto solid = surfacesNear(now, place, kWayOut, seconds, true, [](const RayInstance&) { return true; });
-    if (!solid.empty() && glm::dot(place - solid[0].closest, solid[0].front) < 0) return false;
+bool NearTriangles::hasRoom(const WorldMoment& now, const Vec3d& position, double radius, double seconds) const {
+    const auto solid =
+        surfacesNear(now, position, kExitDistance, seconds, true, [](const RayInstance&) { return true; });
+    if (!solid.empty() && glm::dot(position - solid[0].closest, solid[0].front) < 0) return false;
     NearTriangles around;
-    around.find(now, place, place, radius, seconds);
-    return touched(place, radius - 2 * kSkin, around.all()).empty();
+    around.find(now, position, position, radius, seconds);
+    return touched(position, radius - 2 * kSkin, around.all()).empty();
 }
 
-NearTriangles::WayOut NearTriangles::wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds,
-                                            bool everything) const {
+NearTriangles::PathOut NearTriangles::exitDistance(const WorldMoment& now, const Vec3d& position, double radius,
+                                                   double seconds, bool everything) const {
     constexpr std::size_t kTries = 64;
     if (!now.state) return {};
     const auto came = [&](const RayInstance& instance) {
@@ -141,13 +143,14 @@ NearTriangles::WayOut NearTriangles::wayOut(const WorldMoment& now, const Vec3d&
         const TouchTables::Mover* mover = moverOf(now, instance);
         return mover && !mover->steady;
     };
-    const auto near = surfacesNear(now, place, kWayOut, seconds, true, came);
-    if (near.empty() || glm::dot(place - near[0].closest, near[0].front) >= 0) return {};
+    const auto near = surfacesNear(now, position, kExitDistance, seconds, true, came);
+    if (near.empty() || glm::dot(position - near[0].closest, near[0].front) >= 0) return {};
     const auto beyond = [&](const Surface& surface) {
         return surface.closest + (radius + 4 * kSkin) / glm::length(surface.front) * surface.front;
     };
     if (const Vec3d to = beyond(near[0]); hasRoom(now, to, radius, seconds)) return {true, to};
-    const auto all = surfacesNear(now, place, kWayOut, seconds, false, [](const RayInstance&) { return true; });
+    const auto all =
+        surfacesNear(now, position, kExitDistance, seconds, false, [](const RayInstance&) { return true; });
     for (std::size_t i = 0; i < std::min(all.size(), kTries); ++i)
         if (const Vec3d to = beyond(all[i]); hasRoom(now, to, radius, seconds)) return {true, to};
     return {true, std::nullopt};
@@ -162,11 +165,12 @@ TouchSurface NearTriangles::surfaceOf(const NearTriangle& triangle, const TouchS
 
 Vec3d NearTriangles::smoothNormal(const Touching& contact) const {
     // Facets that are farther from what they stand for are meant to be felt.
-    constexpr double kMostOff = 0.9, kFlat = 1e-6;
+    constexpr double kMaxOff = 0.9, kFlat = 1e-6;
     const NearTriangle& t = all_[contact.triangle];
     const RayInstance* instance = instanceAt(now_, t.slot);
     if (!instance || !instance->mesh->normals.present()) return contact.normal;
-    const Vec3d ab = t.corners[1] - t.corners[0], ac = t.corners[2] - t.corners[0], ap = contact.place - t.corners[0];
+    const Vec3d ab = t.corners[1] - t.corners[0], ac = t.corners[2] - t.corners[0],
+                ap = contact.position - t.corners[0];
     const Vec3d face = glm::cross(ab, ac);
     const double squared = glm::dot(face, face);
     if (!(squared > 0)) return contact.normal;
@@ -180,7 +184,7 @@ Vec3d NearTriangles::smoothNormal(const Touching& contact) const {
     if (!(length > 0)) return contact.normal;
     smooth *= (glm::dot(smooth, contact.normal) < 0 ? -1 : 1) / length;
     const bool isFlat = std::abs(glm::dot(smooth, face)) > (1 - kFlat) * std::sqrt(squared);
-    return isFlat || glm::dot(smooth, contact.normal) < kMostOff ? contact.normal : smooth;
+    return isFlat || glm::dot(smooth, contact.normal) < kMaxOff ? contact.normal : smooth;
 }
 
 NodeId NearTriangles::shapeOf(const NearTriangle& triangle) const {

@@ -50,13 +50,14 @@ class NearTriangles {
     const std::vector<NearTriangle>& all() const { return all_; }
     std::vector<NearTriangle> still() const;
 
-    struct WayOut {
+    struct PathOut {
         bool inside = false;      // of a solid
         std::optional<Vec3d> to;  // where a ball has room; null: nowhere near
     };
     /// The way out of a solid that has come over a place since the last tick, other than by steady motion: the place
     /// lies behind the solid's nearest surface. `everything`: nothing was there before.
-    WayOut wayOut(const WorldMoment& now, const Vec3d& place, double radius, double seconds, bool everything) const;
+    PathOut exitDistance(const WorldMoment& now, const Vec3d& position, double radius, double seconds,
+                         bool everything) const;
     /// Preconditions: of a triangle of find().
     TouchSurface surfaceOf(const NearTriangle& triangle, const TouchSurface& otherwise) const;
     NodeId shapeOf(const NearTriangle& triangle) const;
@@ -70,9 +71,9 @@ class NearTriangles {
         Vec3d closest{0}, front{0};  // a point; towards the outside, not of unit length
     };
     template <class Counts>
-    std::vector<Surface> surfacesNear(const WorldMoment& now, const Vec3d& place, double reach, double seconds,
+    std::vector<Surface> surfacesNear(const WorldMoment& now, const Vec3d& position, double reach, double seconds,
                                       bool nearest, const Counts& counts) const;
-    bool hasRoom(const WorldMoment& now, const Vec3d& place, double radius, double seconds) const;
+    bool hasRoom(const WorldMoment& now, const Vec3d& position, double radius, double seconds) const;
 
     WorldMoment now_, last_;
     double lastTime_ = 0;

@@ -21,9 +21,9 @@ bool isFinite(const Vec3d& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-Vec3d shortened(const Vec3d& v, double most) {
+Vec3d shortened(const Vec3d& v, double maximum) {
     const double length = glm::length(v);
-    return length > most ? most / length * v : v;
+    return length > maximum ? maximum / length * v : v;
 }
 
 Vec3d middleOf(const Vec3d (&corners)[3]) {
@@ -31,7 +31,7 @@ Vec3d middleOf(const Vec3d (&corners)[3]) {
 }
 
 /// Since the last tick.
-Vec3d wayOf(const NearTriangle& t) {
+Vec3d pathFrom(const NearTriangle& t) {
     return middleOf(t.corners) - middleOf(t.before);
 }
 
@@ -75,7 +75,7 @@ HapticTick Touch::tick(const WorldMoment& now, const Vec3d& hand, double seconds
 
 /// Out of a solid that has come over the ball; whether it was in one. What the scene puts in here, no spring owes.
 bool Touch::comeOut(const WorldMoment& now, double seconds, bool everything) {
-    const NearTriangles::WayOut out = near_.wayOut(now, proxy_, options_.radius, seconds, everything);
+    const NearTriangles::PathOut out = near_.exitDistance(now, proxy_, options_.radius, seconds, everything);
     if (out.to) {
         spring_ += *out.to - proxy_;
         proxy_ = *out.to;
@@ -88,11 +88,11 @@ bool Touch::comeOut(const WorldMoment& now, double seconds, bool everything) {
 void Touch::follow(const WorldMoment& now, double seconds) {
     const double step = std::max(kDeepest, glm::length(hand_ - proxy_) / kSweeps);
     for (int i = 0; i < kSweeps; ++i) {
-        const Vec3d from = proxy_, way = hand_ - proxy_, goal = proxy_ + shortened(way, step);
+        const Vec3d from = proxy_, displacement = hand_ - proxy_, goal = proxy_ + shortened(displacement, step);
         near_.find(now, proxy_, goal, options_.radius, seconds);
         if (i == 0 && isSqueezed(now, seconds)) return;
         proxy_ = slide(proxy_, rubbed(goal), options_.radius, near_.all());
-        if (glm::length(way) <= step || glm::length(proxy_ - from) < 0.5 * step) return;
+        if (glm::length(displacement) <= step || glm::length(proxy_ - from) < 0.5 * step) return;
     }
 }
 
@@ -118,9 +118,9 @@ Vec3d Touch::pushOf(const NearTriangle& t, const Vec3d& stood) const {
     const double distance = glm::length(from);
     if (glm::length(from - side * height * normal) < 1e-9 + 1e-6 * distance) {
         // Above or below its area; a triangle that is farther past the ball than it moved was never beside it.
-        double most = options_.radius;
-        for (int c = 0; c < 3; ++c) most = std::max(most, glm::length(t.corners[c] - t.before[c]));
-        if (height < apart && apart - height <= 2 * most) return side * (apart - height) * normal;
+        double maximum = options_.radius;
+        for (int c = 0; c < 3; ++c) maximum = std::max(maximum, glm::length(t.corners[c] - t.before[c]));
+        if (height < apart && apart - height <= 2 * maximum) return side * (apart - height) * normal;
     } else if (distance < apart && distance > 0) {
         return (apart - distance) / distance * from;
     }
@@ -157,7 +157,7 @@ Vec3d Touch::rubbed(const Vec3d& goal) {
     if (surface.staticFriction <= 0 && surface.dynamicFriction <= 0) return goal;
     Vec3d stood = proxy_;
     for (const NearTriangle& t : near_.all())
-        if (t.slot == pressed_->slot && t.triangle == pressed_->triangle) stood += wayOf(t);
+        if (t.slot == pressed_->slot && t.triangle == pressed_->triangle) stood += pathFrom(t);
     const Vec3d smooth = slide(proxy_, goal, options_.radius, near_.all()), pressing = smooth - goal;
     const double depth = glm::length(pressing);
     if (depth < 1e-12) return goal;
@@ -165,21 +165,22 @@ Vec3d Touch::rubbed(const Vec3d& goal) {
     Vec3d lag = smooth - stood;
     lag -= glm::dot(lag, normal) * normal;
     const double length = glm::length(lag);
-    const double most = sticks_ ? std::max(surface.staticFriction, surface.dynamicFriction) : surface.dynamicFriction;
-    sticks_ = length <= most * depth;
+    const double maximum =
+        sticks_ ? std::max(surface.staticFriction, surface.dynamicFriction) : surface.dynamicFriction;
+    sticks_ = length <= maximum * depth;
     return goal - (sticks_ ? lag : surface.dynamicFriction * depth / length * lag);
 }
 
 void Touch::press(HapticTick& tick) {
     const Vec3d spring = proxy_ - hand_, change = spring - std::exchange(spring_, spring);
     const std::vector<Touching> contacts = touched(proxy_, options_.radius, near_.all(), 1e-6);
-    double most = kNoDepth;
+    double maximum = kNoDepth;
     Touching strongest;
     pressed_.reset();
     for (const Touching& t : contacts) {
         const double pressing = squeezed_ ? glm::length(spring) : glm::dot(t.normal, spring);
-        if (pressing <= most) continue;
-        most = pressing;
+        if (pressing <= maximum) continue;
+        maximum = pressing;
         pressed_ = near_.all()[t.triangle];
         strongest = t;
     }
@@ -190,10 +191,10 @@ void Touch::press(HapticTick& tick) {
         return;
     }
     tick.touching = true;
-    tick.place = strongest.place;
+    tick.position = strongest.position;
     tick.normal = strongest.normal;
     tick.shape = near_.shapeOf(*pressed_);
-    tick.velocity = wayOf(*pressed_) / step_;
+    tick.velocity = pathFrom(*pressed_) / step_;
     const TouchSurface surface = near_.surfaceOf(*pressed_, options_.surface);
     // On the way out the force is that of the end of the tick for which it is held, so that it gives no more than it
     // took on the way in. The damper draws no hand to a surface.

@@ -21,7 +21,7 @@ class SimulatedDevice final : public HapticDevice {
   public:
     explicit SimulatedDevice(SimulatedHand hand) : hand_(std::move(hand)), at_(target(0)) {}
 
-    Result<Vec3d> place(double seconds) override {
+    Result<Vec3d> position(double seconds) override {
         if (hand_.mass > 0 && time_ && seconds > *time_) {
             const int steps = static_cast<int>(std::ceil(std::min((seconds - *time_) / kLongestStep, 1e5)));
             for (int i = 1; i <= steps; ++i) {
@@ -42,10 +42,11 @@ class SimulatedDevice final : public HapticDevice {
         const auto& path = hand_.path;
         if (path.empty()) return Vec3d(0);
         const auto next = std::ranges::upper_bound(path, seconds, {}, &SimulatedHand::Stop::seconds);
-        if (next == path.begin()) return path.front().place;
+        if (next == path.begin()) return path.front().position;
         const auto last = next - 1;
-        if (next == path.end() || next->seconds <= last->seconds) return last->place;
-        return last->place + (seconds - last->seconds) / (next->seconds - last->seconds) * (next->place - last->place);
+        if (next == path.end() || next->seconds <= last->seconds) return last->position;
+        return last->position +
+               (seconds - last->seconds) / (next->seconds - last->seconds) * (next->position - last->position);
     }
     /// Semi-implicit Euler: the spring's energy stays bounded.
     void swing(double seconds, double step) {

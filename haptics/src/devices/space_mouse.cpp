@@ -28,7 +28,7 @@ class SpaceMouse final : public HapticDevice {
     SpaceMouse(const SpaceMouse&) = delete;
     SpaceMouse& operator=(const SpaceMouse&) = delete;
 
-    Result<Vec3d> place(double seconds) override {
+    Result<Vec3d> position(double seconds) override {
         if (auto ok = take(); !ok) return std::unexpected(ok.error());
         if (time_) at_ += std::clamp(seconds - *time_, 0.0, kLongestTick) * speed_ / kFull * axes_;
         time_ = seconds;
@@ -68,14 +68,14 @@ Result<std::unique_ptr<HapticDevice>> spaceMouse(const std::string& socket, doub
     address.sun_family = AF_UNIX;
     if (socket.size() >= sizeof(address.sun_path)) return fail(fmt::format("{}: too long for a socket's name", socket));
     std::copy(socket.begin(), socket.end(), address.sun_path);
-    const int made = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (made < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
-    if (::connect(made, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
+    const int created = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (created < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
+    if (::connect(created, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0) {
         const std::string why = std::strerror(errno);
-        ::close(made);
+        ::close(created);
         return fail(fmt::format("{}: no 3D mouse: {} (is spacenavd running?)", socket, why));
     }
-    return std::unique_ptr<HapticDevice>(std::make_unique<SpaceMouse>(made, speed));
+    return std::unique_ptr<HapticDevice>(std::make_unique<SpaceMouse>(created, speed));
 }
 
 }  // namespace rtsg

@@ -34,7 +34,7 @@ class UdpDevice final : public HapticDevice {
     UdpDevice& operator=(const UdpDevice&) = delete;
 
     /// The last of those that have come; a thousand at most, so that a flood does not hold the tick.
-    Result<Vec3d> place(double) override {
+    Result<Vec3d> position(double) override {
         for (int i = 0; i < 1000; ++i) {
             double numbers[3];
             char packet[sizeof(numbers) + 1];
@@ -89,21 +89,21 @@ class UdpDevice final : public HapticDevice {
 }  // namespace
 
 Result<std::unique_ptr<HapticDevice>> udpDevice(std::uint16_t port, double patience, std::uint16_t* bound) {
-    const int made = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (made < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
+    const int created = ::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (created < 0) return fail(fmt::format("no socket can be had: {}", std::strerror(errno)));
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(port);
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof(address);
-    if (::bind(made, reinterpret_cast<const sockaddr*>(&address), size) != 0 ||
-        ::getsockname(made, reinterpret_cast<sockaddr*>(&address), &size) != 0) {
+    if (::bind(created, reinterpret_cast<const sockaddr*>(&address), size) != 0 ||
+        ::getsockname(created, reinterpret_cast<sockaddr*>(&address), &size) != 0) {
         const std::string why = std::strerror(errno);
-        ::close(made);
+        ::close(created);
         return fail(fmt::format("port {} of this machine cannot be had: {}", port, why));
     }
     if (bound) *bound = ntohs(address.sin_port);
-    return std::unique_ptr<HapticDevice>(std::make_unique<UdpDevice>(made, patience));
+    return std::unique_ptr<HapticDevice>(std::make_unique<UdpDevice>(created, patience));
 }
 
 }  // namespace rtsg

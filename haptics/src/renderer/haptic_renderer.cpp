@@ -32,7 +32,7 @@ using haptics::TouchTables;
 class TickTimes {
   public:
     void add(double seconds) {
-        ++counts_[static_cast<std::size_t>(std::clamp(1e6 * seconds, 0.0, kMost - 1.0))];
+        ++counts_[static_cast<std::size_t>(std::clamp(1e6 * seconds, 0.0, kMax - 1.0))];
         ++all_;
         worst_ = std::max(worst_, seconds);
     }
@@ -47,8 +47,8 @@ class TickTimes {
     double worst() const { return worst_; }
 
   private:
-    static constexpr std::size_t kMost = 4096;
-    std::vector<std::uint64_t> counts_ = std::vector<std::uint64_t>(kMost);
+    static constexpr std::size_t kMax = 4096;
+    std::vector<std::uint64_t> counts_ = std::vector<std::uint64_t>(kMax);
     std::uint64_t all_ = 0;
     double worst_ = 0;
 };
@@ -56,13 +56,13 @@ class TickTimes {
 /// How far the corners of a box move at most.
 double farthest(const Bounds& box, const WorldFromLocal& from, const WorldFromLocal& to) {
     const WorldFromLocal change = to - from;
-    double most = 0;
+    double maximum = 0;
     for (int corner = 0; corner < 8; ++corner) {
         const glm::dvec4 at(corner & 1 ? box.max.x : box.min.x, corner & 2 ? box.max.y : box.min.y,
                             corner & 4 ? box.max.z : box.min.z, 1);
-        most = std::max(most, glm::length(change * at));
+        maximum = std::max(maximum, glm::length(change * at));
     }
-    return most;
+    return maximum;
 }
 
 /// Those in whose metadata the entry stands.
@@ -100,15 +100,15 @@ struct HapticRenderer::Impl {
         WorldFromLocal pose{1.0};
         std::uint32_t generation = 0;
     };
-    void place(const Instance& instance) {
+    void putInstance(const Instance& instance) {
         const std::uint32_t slot = instance.id.slot;
-        if (slot >= places.size()) places.resize(slot + 1);
-        places[slot] = {instance.worldFromLocal, instance.id.generation};
+        if (slot >= positions.size()) positions.resize(slot + 1);
+        positions[slot] = {instance.worldFromLocal, instance.id.generation};
         movers.erase(slot);
         movedBefore.erase(slot);
     }
     void move(const InstanceDelta::Moved& moved) {
-        Placed& known = places[moved.id.slot];
+        Placed& known = positions[moved.id.slot];
         TouchTables::Mover& mover =
             movers.try_emplace(moved.id.slot, TouchTables::Mover{.from = known.pose}).first->second;
         mover.to = known.pose = moved.worldFromLocal;
@@ -119,7 +119,7 @@ struct HapticRenderer::Impl {
     void readSurface(const Scene& scene, NodeId appearance) {
         Diagnostics said;
         const TouchSurface surface = readTouchSurface(scene, appearance, options.surface, &said);
-        if (!said.all().empty() && told.insert(appearance.value).second) diagnostics.append(said);
+        if (!said.all().empty() && reported.insert(appearance.value).second) diagnostics.append(said);
         const auto known = surfaces->find(appearance.value);
         if (known != surfaces->end() ? known->second == surface : surface == options.surface) return;
         auto next = std::make_shared<std::unordered_map<std::uint32_t, TouchSurface>>(*surfaces);
@@ -129,7 +129,7 @@ struct HapticRenderer::Impl {
 
     HapticRenderer& renderer;
     const HapticOptions options;
-    std::vector<Placed> places;  // by slot
+    std::vector<Placed> positions;  // by slot
     std::unordered_map<std::uint32_t, TouchTables::Mover> movers;
     std::unordered_map<std::uint32_t, bool> movedBefore;
     std::shared_ptr<const std::unordered_map<std::uint32_t, TouchSurface>> surfaces =
@@ -137,7 +137,7 @@ struct HapticRenderer::Impl {
     double frozenAt = 0;
     bool arrived = false;
     Diagnostics diagnostics;
-    std::unordered_set<std::uint32_t> told;  // appearances of which something was said
+    std::unordered_set<std::uint32_t> reported;  // appearances of which something was said
 
     // On the touch's thread.
     HapticTick step(const Vec3d& hand, double seconds);
@@ -174,8 +174,8 @@ const HapticOptions& HapticRenderer::options() const {
     return impl_->options;
 }
 
-Vec3d HapticRenderer::inWorld(const Vec3d& place) const {
-    return impl_->options.origin + impl_->options.scale * place;
+Vec3d HapticRenderer::inWorld(const Vec3d& position) const {
+    return impl_->options.origin + impl_->options.scale * position;
 }
 
 Result<> HapticRenderer::renderFrame() {
@@ -189,12 +189,12 @@ Result<> HapticRenderer::follow(const Scene& scene, const ChangeSet& changes, co
     for (const InstanceId id : delta.removed) impl_->movers.erase(id.slot), impl_->movedBefore.erase(id.slot);
     impl_->arrived = impl_->arrived || !delta.added.empty() || !delta.geometries.empty();
     for (const Instance& instance : delta.added) {
-        impl_->place(instance);
+        impl_->putInstance(instance);
         impl_->readSurface(scene, instance.appearance);
     }
     for (const Instance& instance : delta.rebound) impl_->readSurface(scene, instance.appearance);
     for (const InstanceDelta::Moved& moved : delta.moved)
-        if (moved.id.slot < impl_->places.size()) impl_->move(moved);
+        if (moved.id.slot < impl_->positions.size()) impl_->move(moved);
     for (const NodeId node : delta.appearanceChanged) impl_->readSurface(scene, node);
     // Metadata mean nothing to those who draw, so no instance tells of them.
     for (const Change& change : changes.changes) {
@@ -273,9 +273,9 @@ void HapticRenderer::Impl::run() {
         }
         due += period;
         const double seconds = std::chrono::duration<double>(now - start).count();
-        const Result<Vec3d> place = device->place(seconds);
+        const Result<Vec3d> position = device->position(seconds);
         const Vec3d nowhere(std::nan(""));
-        const HapticTick tick = renderer.touch(place ? renderer.inWorld(*place) : nowhere, seconds);
+        const HapticTick tick = renderer.touch(position ? renderer.inWorld(*position) : nowhere, seconds);
         device->push(tick.force);
     }
     device->push(Vec3d(0));

@@ -108,7 +108,7 @@ void TouchEvents::pushBody(Scene& scene, const HapticTick& tick) {
     const Node* body = scene.find(pushed_->body);
     if (!body) return;
     const Vec3d force = -tick.force;
-    const Vec3d arm = tick.place - Vec3d(body->get(Body::position));
+    const Vec3d arm = tick.position - Vec3d(body->get(Body::position));
     const auto with = [](const Array<Vec3f>& before, const Vec3d& more) {
         std::vector<Vec3f> all(before.begin(), before.end());
         all.emplace_back(more);

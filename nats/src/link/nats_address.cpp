@@ -17,7 +17,7 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kLongestName = 64;
-constexpr std::size_t kLeastPayload = 16 << 10;  // bytes; a part of a request must fit
+constexpr std::size_t kMinPayload = 16 << 10;  // bytes; a part of a request must fit
 constexpr std::chrono::milliseconds kTryAgain{100};
 
 bool isNameCharacter(char c) {
@@ -101,7 +101,7 @@ std::string withoutSecrets(std::string text, const NatsAddress& address) {
     return text;
 }
 
-std::vector<std::string> NatsNews::take(NatsLink& link, const NatsAddress& address) {
+std::vector<std::string> NatsEvent::take(NatsLink& link, const NatsAddress& address) {
     std::vector<std::string> news = link.takeNews();
     for (std::string& text : news) text = withoutSecrets(std::move(text), address);
     if (const bool now = link.connected(); std::exchange(connected_, now) != now)
@@ -120,9 +120,9 @@ Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const
     while (true) {
         std::string problem;
         if (std::unique_ptr<NatsLink> link = (*open)(settings, problem)) {
-            if (link->maxPayload() >= kLeastPayload) return link;
+            if (link->maxPayload() >= kMinPayload) return link;
             return fail(fmt::format("the NATS server takes messages of {} bytes, and {} are needed", link->maxPayload(),
-                                    kLeastPayload),
+                                    kMinPayload),
                         {}, address.shown);
         }
         if (!mayPass(problem) || std::chrono::steady_clock::now() >= end)

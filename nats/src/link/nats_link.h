@@ -18,9 +18,9 @@
 namespace rtsg {
 
 struct NatsSettings {
-    std::vector<std::string> servers;                 // urls with what authenticates us
-    std::string client;                               // a name, for the server's own reports
-    std::size_t mostWaiting = std::size_t{64} << 20;  // bytes of messages that nobody has taken
+    std::vector<std::string> servers;                // urls with what authenticates us
+    std::string client;                              // a name, for the server's own reports
+    std::size_t maxWaiting = std::size_t{64} << 20;  // bytes of messages that nobody has taken
 };
 
 struct NatsMessage {
@@ -54,7 +54,7 @@ class NatsLink {
     virtual std::string subscribe(const std::string& subject) = 0;
     virtual void unsubscribe(const std::string& subject) = 0;
     /// Waits until the server has read all published messages.
-    virtual std::string flush(std::chrono::milliseconds most) = 0;
+    virtual std::string flush(std::chrono::milliseconds maximum) = 0;
 
     // ---- JetStream ------------------------------------------------------------------------------------------
     virtual std::string streamState(const std::string& stream, NatsStream& into) = 0;

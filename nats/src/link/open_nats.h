@@ -25,7 +25,7 @@ Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const
 
 /// The events of a connection since the last call, in sentences without secrets: that it was lost or made again, and
 /// the NATS server's complaints.
-class NatsNews {
+class NatsEvent {
   public:
     std::vector<std::string> take(NatsLink& link, const NatsAddress& address);
 

@@ -12,8 +12,8 @@ using mirror::Message;
 
 namespace {
 
-constexpr std::size_t kMostMirrors = 20000, kMostRequests = 256, kMostQuestions = 64, kMostCommands = 16;
-constexpr std::uint64_t kMostSubmitted = std::uint64_t{16} << 20;  // bytes of requests without a verdict
+constexpr std::size_t kMaxMirrors = 20000, kMaxRequests = 256, kMaxQuestions = 64, kMaxCommands = 16;
+constexpr std::uint64_t kMaxSubmitted = std::uint64_t{16} << 20;  // bytes of requests without a verdict
 // Slightly less than the server allows one peer.
 constexpr double kQuestionsAtOnce = 20, kQuestionsPerSecond = 3.8;
 constexpr auto kAnswerWithin = 3s;  // after which the next question goes out
@@ -23,7 +23,7 @@ constexpr auto kPruneEvery = 10s;
 }  // namespace
 
 bool AskingMirrors::greeted(const std::string& inbox, const mirror::Hello& hello) {
-    if (mirrors_.size() >= kMostMirrors && !mirrors_.contains(inbox)) return false;
+    if (mirrors_.size() >= kMaxMirrors && !mirrors_.contains(inbox)) return false;
     Mirror& mirror = mirrors_[inbox];
     mirror.client = hello.wishes.client;
     mirror.name = hello.name.empty() ? fmt::format("peer-{:04x}", hello.wishes.client & 0xFFFF) : hello.name;
@@ -48,13 +48,13 @@ bool AskingMirrors::take(const std::string& inbox, const Packet& packet, Clock::
         case Message::inspect:
         case Message::want:
             // A mirror waits for one answer at a time, so another question of it is a newer one.
-            if (questions_.size() < kMostQuestions)
+            if (questions_.size() < kMaxQuestions)
                 questions_.push_back({inbox, {packet.first.begin(), packet.first.end()}});
             return true;
         case Message::submit:
             return submit(inbox, mirror, packet);
         case Message::control: {
-            if (commands_.size() < kMostCommands && server_.send(packet.first)) {
+            if (commands_.size() < kMaxCommands && server_.send(packet.first)) {
                 commands_.push_back({inbox, sessionOf(packet.first)});
                 return true;
             }
@@ -106,7 +106,7 @@ bool AskingMirrors::submit(const std::string& inbox, Mirror& mirror, const Packe
     if (!mirror.sameTypes) return refuse(inbox, session, request, "the node types here are others than there"), true;
     std::uint64_t waiting = record.size();
     for (const auto& [number, other] : requests_) waiting += other.record.size();
-    if (requests_.size() >= kMostRequests || waiting > kMostSubmitted || !ledger_.begin(mirror.client, request))
+    if (requests_.size() >= kMaxRequests || waiting > kMaxSubmitted || !ledger_.begin(mirror.client, request))
         return refuse(inbox, session, request, "too many requests wait for the scene"), true;
     const std::uint64_t number = nextRequest_++;
     passOn(number, requests_[number] = {mirror.client, request, std::move(record), std::move(author)});
@@ -175,13 +175,13 @@ void AskingMirrors::answered(const Packet& packet) {
     }
 }
 
-void AskingMirrors::repaired(const SharedRecord& record, std::size_t mostBytes) {
+void AskingMirrors::repaired(const SharedRecord& record, std::size_t maxBytes) {
     if (!std::exchange(asked_, false)) return;
     const Question question = std::move(questions_.front());
     questions_.pop_front();
     const std::span<const std::byte> whole = record->bytes.bytes();
-    for (std::size_t sent = 0; sent < whole.size(); sent += mostBytes) {
-        const auto part = whole.subspan(sent, std::min(mostBytes, whole.size() - sent));
+    for (std::size_t sent = 0; sent < whole.size(); sent += maxBytes) {
+        const auto part = whole.subspan(sent, std::min(maxBytes, whole.size() - sent));
         const std::uint64_t numbers[] = {sessionOf(question.message), whole.size(), sent, 0};
         mirror::write(message_, Message::data, numbers);
         reply_(question.inbox, message_.bytes(), part);
@@ -200,7 +200,7 @@ void AskingMirrors::welcomed(bool sameEpoch) {
     for (const auto& [number, request] : requests_) passOn(number, request);
 }
 
-void AskingMirrors::turn(Clock::time_point now) {
+void AskingMirrors::poll(Clock::time_point now) {
     allowance_ = std::min(kQuestionsAtOnce,
                           allowance_ + std::chrono::duration<double>(now - turned_).count() * kQuestionsPerSecond);
     turned_ = now;

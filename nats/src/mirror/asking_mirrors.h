@@ -36,11 +36,11 @@ class AskingMirrors {
     bool take(const std::string& inbox, const Packet& packet, Clock::time_point now);
     /// A message of the server. A repair is a record that leads from a state to itself.
     void answered(const Packet& packet);
-    void repaired(const SharedRecord& record, std::size_t mostBytes);
+    void repaired(const SharedRecord& record, std::size_t maxBytes);
     /// The server has welcomed us; with another epoch nothing of before counts.
     void welcomed(bool sameEpoch);
     /// Asks the next question when it is due, and forgets mirrors that have left.
-    void turn(Clock::time_point now);
+    void poll(Clock::time_point now);
 
   private:
     struct Mirror {

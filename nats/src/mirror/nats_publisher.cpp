@@ -35,7 +35,7 @@ constexpr double kAnswersAtOnce = 128e6, kAnswersPerSecond = 32e6;  // bytes
 constexpr auto kSleep = 500ms;                                      // at most
 constexpr auto kFetchWithin = 10s;                                  // a keyframe
 constexpr int kAtOnce = 256;                                        // messages of mirrors, before others get a turn
-constexpr std::size_t kMostDiagnostics = 100;
+constexpr std::size_t kMaxDiagnostics = 100;
 
 std::uint64_t anyNumber() {
     std::random_device device;
@@ -86,7 +86,7 @@ class NatsPublisher::Impl {
     }
     nats::ServerStream::Heard heardByStream();
     void run();
-    bool turn();
+    bool poll();
     bool takeAsked();
     bool ask(const NatsMessage& message);
     bool hello(const std::string& inbox, const Packet& packet);
@@ -99,7 +99,7 @@ class NatsPublisher::Impl {
     void publishEnd(const std::string& subject);
     void publish(const std::string& subject, std::span<const std::byte> first, std::span<const std::byte> second = {});
     void report(Severity severity, std::string text);
-    std::size_t mostOfPart() const { return link_->maxPayload() - kHeadroom; }
+    std::size_t maxOfPart() const { return link_->maxPayload() - kHeadroom; }
 
     const NatsPublisherOptions options_;
     const NatsAddress address_;
@@ -108,7 +108,7 @@ class NatsPublisher::Impl {
     const int stop_;  // eventfd
     ZmqContext context_;
     std::unique_ptr<NatsLink> link_;
-    NatsNews news_;
+    NatsEvent news_;
     MirrorHistory history_;
     nats::ServerStream server_;
     nats::AskingMirrors mirrors_;
@@ -155,7 +155,7 @@ nats::ServerStream::Heard NatsPublisher::Impl::heardByStream() {
 void NatsPublisher::Impl::run() {
     ::pthread_setname_np(::pthread_self(), "rtsg nats");
     try {
-        while (turn()) continue;
+        while (poll()) continue;
         (void)link_->flush(1s);
     } catch (const std::exception& e) {
         report(Severity::error, fmt::format("nothing is published any more: {}", e.what()));
@@ -164,11 +164,11 @@ void NatsPublisher::Impl::run() {
 
 /// False once it shall end. Descriptors are waited for only when everything has been found empty, since sending may
 /// lose ZeroMQ's notice.
-bool NatsPublisher::Impl::turn() {
+bool NatsPublisher::Impl::poll() {
     const Clock::time_point now = Clock::now();
-    server_.turn(now);
-    if (fetch_) fetch_->turn(now);
-    mirrors_.turn(now);
+    server_.poll(now);
+    if (fetch_) fetch_->poll(now);
+    mirrors_.poll(now);
     fetchKeyframe(now);
     publishState(now);
     bool any = false;
@@ -184,8 +184,8 @@ bool NatsPublisher::Impl::turn() {
                       {link_->descriptor(), POLLIN, 0},
                       {server_.descriptor(), POLLIN, 0},
                       {fetch_ ? fetch_->descriptor() : -1, POLLIN, 0}};
-    const std::chrono::milliseconds most = any ? 0ms : stateWanted_ ? 10ms : kSleep;
-    (void)::poll(items, fetch_ ? 4 : 3, static_cast<int>(most.count()));
+    const std::chrono::milliseconds maximum = any ? 0ms : stateWanted_ ? 10ms : kSleep;
+    (void)::poll(items, fetch_ ? 4 : 3, static_cast<int>(maximum.count()));
     return (items[0].revents & POLLIN) == 0;
 }
 
@@ -253,7 +253,7 @@ void NatsPublisher::Impl::welcomed(bool sameEpoch) {
 
 void NatsPublisher::Impl::record(const SharedRecord& record) {
     const RecordHeader& header = record->header;
-    if (header.from == header.to) return mirrors_.repaired(record, mostOfPart());
+    if (header.from == header.to) return mirrors_.repaired(record, maxOfPart());
     const bool jumps = header.from == 0 && history_.newest() != header.to && !history_.empty();
     if (jumps) history_.clear();
     if (!history_.add(record)) return;
@@ -311,7 +311,7 @@ void NatsPublisher::Impl::publishWelcome(const std::string& subject) {
 void NatsPublisher::Impl::publishRecord(const std::string& subject, const EncodedRecord& record) {
     const std::span<const std::byte> whole = record.bytes.bytes();
     for (std::size_t sent = 0; sent < whole.size();) {
-        const auto part = whole.subspan(sent, std::min(mostOfPart(), whole.size() - sent));
+        const auto part = whole.subspan(sent, std::min(maxOfPart(), whole.size() - sent));
         const std::uint64_t numbers[] = {0, whole.size(), sent, record.published, 1};
         mirror::write(message_, Message::data, numbers);
         publish(subject, message_.bytes(), part);
@@ -336,7 +336,7 @@ void NatsPublisher::Impl::publish(const std::string& subject, std::span<const st
 
 void NatsPublisher::Impl::report(Severity severity, std::string text) {
     const std::scoped_lock lock(mutex_);
-    if (diagnostics_.size() < kMostDiagnostics) diagnostics_.push_back({severity, address_.shown, {}, std::move(text)});
+    if (diagnostics_.size() < kMaxDiagnostics) diagnostics_.push_back({severity, address_.shown, {}, std::move(text)});
 }
 
 NatsPublisher::NatsPublisher(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

@@ -32,9 +32,9 @@ using nats::RecordChain;
 namespace {
 
 constexpr auto kJoinAgain = 1s;  // without an answer to a join
-constexpr auto kTurnAtMost = 500ms;
+constexpr auto kFramesAtMost = 500ms;
 constexpr int kReadAtOnce = 256;  // messages, before the client gets a turn
-constexpr std::size_t kMostTold = 100;
+constexpr std::size_t kMaxWarnings = 100;
 constexpr std::uint64_t kSmallestCredit = 1 << 20;  // bytes
 
 /// The published stream has limits, so wishes for less are refused.
@@ -93,7 +93,7 @@ class NatsSubscriber::Impl {
 
     Result<> bind();
     void run();
-    bool turn();
+    bool poll();
     bool takeFromClient();
     void fromClient(std::string identity, std::span<const std::byte> first, const ZmqMessage& second);
     void hello(const std::string& identity, std::span<const std::byte> first);
@@ -120,7 +120,7 @@ class NatsSubscriber::Impl {
     ZmqContext context_;
     ZmqSocket router_;
     std::unique_ptr<NatsLink> link_;
-    NatsNews news_;
+    NatsEvent news_;
 
     Mode mode_ = Mode::idle;
     std::string client_;  // identity of the client's connection
@@ -170,7 +170,7 @@ Result<> NatsSubscriber::Impl::bind() {
 void NatsSubscriber::Impl::run() {
     ::pthread_setname_np(::pthread_self(), "rtsg nats");
     try {
-        while (turn()) continue;
+        while (poll()) continue;
         mirror::begin(message_, Message::bye);
         ask(message_.bytes());
         (void)link_->flush(500ms);
@@ -180,7 +180,7 @@ void NatsSubscriber::Impl::run() {
 }
 
 /// False once it shall end.
-bool NatsSubscriber::Impl::turn() {
+bool NatsSubscriber::Impl::poll() {
     bool any = takeFromClient();
     any = takeFromNats() || any;
     if (mode_ == Mode::joining && Clock::now() - askedAt_ > kJoinAgain) join();
@@ -193,7 +193,7 @@ bool NatsSubscriber::Impl::turn() {
     // Sending may lose ZeroMQ's notice, so its descriptor is waited for only when the socket has just been found empty.
     any = any || !router_.foundEmpty();
     pollfd items[] = {{stop_, POLLIN, 0}, {link_->descriptor(), POLLIN, 0}, {router_.descriptor(), POLLIN, 0}};
-    (void)::poll(items, 3, any ? 0 : static_cast<int>(std::chrono::milliseconds(kTurnAtMost).count()));
+    (void)::poll(items, 3, any ? 0 : static_cast<int>(std::chrono::milliseconds(kFramesAtMost).count()));
     return (items[0].revents & POLLIN) == 0;
 }
 
@@ -427,7 +427,7 @@ bool NatsSubscriber::Impl::toClient(std::span<const std::byte> first, std::span<
 
 void NatsSubscriber::Impl::report(std::string text) {
     const std::scoped_lock lock(mutex_);
-    if (diagnostics_.size() < kMostTold)
+    if (diagnostics_.size() < kMaxWarnings)
         diagnostics_.push_back({Severity::warning, address_.shown, {}, std::move(text)});
 }
 

@@ -64,7 +64,7 @@ void ServerStream::hello() {
     socket_.send(out);
 }
 
-void ServerStream::turn(Clock::time_point now) {
+void ServerStream::poll(Clock::time_point now) {
     if (helloDue_ || (!welcomed_ && now - greeted_ > kHelloAgain) || now - heardAt_ > kSilence) hello();
     if (!welcomed_ || received_ == acknowledged_) return;
     const std::uint64_t numbers[] = {session_, state_, received_};

@@ -44,7 +44,7 @@ class ServerStream {
     /// Takes one message; false if there is none.
     bool receive();
     /// Says hello where that is due, and acknowledges.
-    void turn(Clock::time_point now);
+    void poll(Clock::time_point now);
     /// Sends a message whose session is replaced by this one's. False if there is no connection for it.
     bool send(std::span<const std::byte> first, std::span<const std::byte> second = {});
 

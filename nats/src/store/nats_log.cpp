@@ -156,7 +156,7 @@ class NatsLog::Impl {
     bool storePiece(std::span<const std::byte> piece);
     bool isThere(std::span<const std::byte> piece, std::string& problem);
     /// False once it shall end.
-    bool pause(std::chrono::milliseconds most);
+    bool pause(std::chrono::milliseconds maximum);
     void setFailure(std::string text, bool forGood) {
         const std::scoped_lock lock(mutex_);
         failure_ = std::move(text);
@@ -200,9 +200,9 @@ void NatsLog::Impl::run() {
     }
 }
 
-bool NatsLog::Impl::pause(std::chrono::milliseconds most) {
+bool NatsLog::Impl::pause(std::chrono::milliseconds maximum) {
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, most, [this] { return stop_; });
+    changed_.wait_for(lock, maximum, [this] { return stop_; });
     return !stop_ && !ended_;
 }
 

@@ -20,10 +20,10 @@ void DeltaQueue::add(const InstanceDelta& delta) {
     entry.delta.appearanceChanged = delta.appearanceChanged;
     const std::scoped_lock lock(mutex_);
     entries_.push_back(std::move(entry));
-    if (entries_.size() <= kMost) return;
+    if (entries_.size() <= kMax) return;
     // The newest stay apart: a picture may just be about to be made of one of their states.
     std::vector<const InstanceDelta*> old;
-    for (std::size_t i = 0; i < kMost / 2; ++i) old.push_back(&entries_[i].delta);
+    for (std::size_t i = 0; i < kMax / 2; ++i) old.push_back(&entries_[i].delta);
     Entry all{entries_[0].first, entries_[old.size() - 1].last, mergedDelta(old)};
     entries_.erase(entries_.begin(), entries_.begin() + static_cast<std::ptrdiff_t>(old.size()));
     entries_.push_front(std::move(all));

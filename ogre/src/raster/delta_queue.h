@@ -17,7 +17,7 @@ namespace rtsg {
 
 class DeltaQueue {
   public:
-    static constexpr std::size_t kMost = 256;
+    static constexpr std::size_t kMax = 256;
 
     /// Adds a delta that concerns instances; deltas that do not are not counted.
     void add(const InstanceDelta& delta);

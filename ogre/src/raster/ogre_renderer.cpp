@@ -66,10 +66,10 @@ Result<> checkOptions(const ImageOptions& options, bool traces = false) {
 
 /// The place of a sample in a pixel, from 0 to 1: the middle, or a row of places that fills it evenly. Pictures with
 /// seeds of a row have other places, by the sequence R2 (Roberts 2018).
-Vec2d placeOf(int sample, int samples, std::uint64_t seed) {
+Vec2d positionOf(int sample, int samples, std::uint64_t seed) {
     if (samples == 1) return {.5, .5};
-    double y = 0, share = .5;
-    for (auto bits = static_cast<unsigned>(sample); bits; bits >>= 1, share /= 2) y += (bits & 1u) ? share : 0;
+    double y = 0, fraction = .5;
+    for (auto bits = static_cast<unsigned>(sample); bits; bits >>= 1, fraction /= 2) y += (bits & 1u) ? fraction : 0;
     const auto row = static_cast<double>((seed - RenderSettings().seed) & 0xFFFF);
     return glm::fract(Vec2d((sample + .5) / samples, y + .5 / samples) + row * Vec2d(0.7548776662, 0.5698402910));
 }
@@ -104,13 +104,13 @@ glm::mat4 projectionOf(const RasterView& view, bool orthographic) {
     return m;
 }
 
-RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& place, int samples) {
+RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& point, int samples) {
     const Camera& camera = layer.camera;
     RasterView view;
     view.x = layer.left, view.y = layer.top, view.width = layer.width, view.height = layer.height;
     view.layer = camera.layer;
-    const double across = (camera.rightEdge - camera.left) * (place.x - .5) / layer.width;
-    const double upwards = (camera.top - camera.bottom) * (.5 - place.y) / layer.height;
+    const double across = (camera.rightEdge - camera.left) * (point.x - .5) / layer.width;
+    const double upwards = (camera.top - camera.bottom) * (.5 - point.y) / layer.height;
     view.left = static_cast<float>(camera.left + across),
     view.rightEdge = static_cast<float>(camera.rightEdge + across);
     view.bottom = static_cast<float>(camera.bottom + upwards), view.top = static_cast<float>(camera.top + upwards);
@@ -129,8 +129,8 @@ RasterView rasterView(const LayerView& layer, const Vec3d& origin, const Vec2d& 
     view.uneven = !camera.isEven();
     const glm::dmat3 axes = camera.axes();
     view.square = glm::mat3(glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps());
-    constexpr int kMostSharing = 64;  // as the light tracer's
-    view.sampleShare = 1 / std::sqrt(static_cast<float>(std::min(samples, kMostSharing)));
+    constexpr int kMaxSharing = 64;  // as the light tracer's
+    view.sampleFraction = 1 / std::sqrt(static_cast<float>(std::min(samples, kMaxSharing)));
     return view;
 }
 
@@ -281,7 +281,7 @@ std::optional<PictureSight> OgreRenderer::looksFrom() {
     const auto camera = LightTracer::camera(*light, rays, static_cast<double>(settings.width) / settings.height,
                                             s.options.image.viewpoint);
     if (!camera) return std::nullopt;
-    return PictureSight{EyePlace(camera->position, camera->up),
+    return PictureSight{EyePosition(camera->position, camera->up),
                         LightTracer::sights(LightTracer::layers(*light, rays, *camera, settings.width, settings.height),
                                             settings.width, settings.height)};
 }
@@ -291,7 +291,7 @@ std::vector<RasterView> OgreRenderer::Impl::viewsOf(const SurfaceState& state, c
     std::vector<RasterView> result;
     for (const LayerView& layer : layers) {
         result.push_back(
-            rasterView(layer, scene->origin(), placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel));
+            rasterView(layer, scene->origin(), positionOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel));
         result.back().headlight = state.headlight(layer.camera.layer);
         result.back().sky = scene->sky(result.size() - 1);
     }
@@ -341,7 +341,7 @@ Result<std::vector<LayerView>> OgreRenderer::look(const ImageOptions& options) {
     std::vector<LayerSight> sights;
     if (world().flattener().usesPixels())
         sights = LightTracer::sights(*layers, options.settings.width, options.settings.height);
-    if (auto ok = world().setViewer(EyePlace(s.camera.position, s.camera.up), std::move(sights)); !ok)
+    if (auto ok = world().setViewer(EyePosition(s.camera.position, s.camera.up), std::move(sights)); !ok)
         return std::unexpected(ok.error());
     presentsNow();
     return layers;
@@ -368,14 +368,14 @@ namespace {
 
 /// The surfaces that were drawn in a layer, as the start of rays. The number of a drawn thing is twice its instance's
 /// slot, or one more.
-PrimarySight sightOf(const LayerView& layer, const Vec2d& place, int samples, const std::vector<Vec4f>& numbers,
+PrimarySight sightOf(const LayerView& layer, const Vec2d& point, int samples, const std::vector<Vec4f>& numbers,
                      std::vector<Vec4f> colors) {
     PrimarySight sight;
-    sight.width = layer.width, sight.height = layer.height, sight.place = place, sight.samples = samples;
+    sight.width = layer.width, sight.height = layer.height, sight.position = point, sight.samples = samples;
     sight.colors = std::move(colors);
     sight.instances.reserve(numbers.size()), sight.depths.reserve(numbers.size());
     for (const Vec4f& pixel : numbers) {
-        const bool isNamed = pixel.x <= static_cast<float>(RasterModule::kMostNamed);
+        const bool isNamed = pixel.x <= static_cast<float>(RasterModule::kMaxNamed);
         sight.instances.push_back(!(pixel.x >= 1) ? kNoInstance
                                   : isNamed       ? (static_cast<std::uint32_t>(pixel.x) - 1) / 2
                                                   : kUnnamedInstance);
@@ -399,7 +399,7 @@ Result<std::vector<PrimarySight>> OgreRenderer::Impl::see(const RasterState& sta
         std::vector<Vec4f> numbers, colors;
         module->drawNumbers(view.width, view.height, view, numbers);
         module->draw(view.width, view.height, {view}, colors);
-        result.push_back(sightOf(layers[i], placeOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel, numbers,
+        result.push_back(sightOf(layers[i], positionOf(sample, s.samplesPerPixel, s.seed), s.samplesPerPixel, numbers,
                                  std::move(colors)));
     }
     if (const std::string problem = module->problem(); !problem.empty())
@@ -411,12 +411,12 @@ Result<std::vector<PrimarySight>> OgreRenderer::Impl::see(const RasterState& sta
 void OgreRenderer::Impl::nameMissing(const RenderStats& stats, int depth) {
     constexpr double kVisible = 2 / 255.0;
     const std::scoped_lock lock(mutex);
-    if (!(stats.missingMost > std::max(kVisible, 2 * named))) return;
-    named = stats.missingMost;
+    if (!(stats.missingMaximum > std::max(kVisible, 2 * named))) return;
+    named = stats.missingMaximum;
     lackNews.warning({},
                      fmt::format("rays were cut off after {} mirrorings and refractions: up to {:.2g} % of a pixel's "
                                  "light is missing, {:.2g} % of the picture's",
-                                 depth, 100 * stats.missingMost, 100 * stats.missing));
+                                 depth, 100 * stats.missingMaximum, 100 * stats.missing));
 }
 
 namespace {
@@ -439,7 +439,7 @@ Result<Picture> OgreRenderer::hybridPicture(const ImageOptions& options, RenderS
     if (!layers) return std::unexpected(layers.error());
     const auto state = s.freeze();
     const int samples = options.settings.samplesPerPixel;
-    const float share = 1 / static_cast<float>(samples);
+    const float fraction = 1 / static_cast<float>(samples);
     RenderStats all;
     Picture picture;
     for (int sample = 0; sample < samples && !all.cancelled; ++sample) {
@@ -456,10 +456,10 @@ Result<Picture> OgreRenderer::hybridPicture(const ImageOptions& options, RenderS
         s.tracing += processCpuSeconds() - begun;
         if (!traced) return std::unexpected(traced.error());
         if (sample == 0) picture = Picture(traced->width, traced->height), picture.space = traced->space;
-        for (std::size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] += share * traced->pixels[i];
+        for (std::size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] += fraction * traced->pixels[i];
         all.primaryRays += drawn.primaryRays, all.secondaryRays += drawn.secondaryRays;
         all.shadowRays += drawn.shadowRays, all.missing += drawn.missing / samples;
-        all.missingMost = std::max(all.missingMost, drawn.missingMost), all.cancelled = drawn.cancelled;
+        all.missingMaximum = std::max(all.missingMaximum, drawn.missingMaximum), all.cancelled = drawn.cancelled;
     }
     s.nameMissing(all, options.settings.maxDepth);
     if (!stats) return picture;
@@ -499,9 +499,9 @@ Result<Picture> OgreRenderer::nextPicture(const WorldState& state, const ImageOp
     if (!picture) return picture;
     if (state.sights) {
         const std::scoped_lock lock(s.mutex);
-        s.looked = PictureSight{EyePlace(s.camera.position, s.camera.up), sights};
+        s.looked = PictureSight{EyePosition(s.camera.position, s.camera.up), sights};
     }
-    world().lookFrom(EyePlace(s.camera.position, s.camera.up), std::move(sights));
+    world().lookFrom(EyePosition(s.camera.position, s.camera.up), std::move(sights));
     fillStats(settings, start, cancelled, stats);
     return picture;
 }

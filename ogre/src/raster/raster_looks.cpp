@@ -26,9 +26,9 @@ void RasterTextures::hand(std::uint32_t number, const Texture& texture, bool lin
     std::vector<Vec4f> sampled;
     if (texture.inTiles()) {
         // The largest size that every graphics card supports.
-        constexpr int kMost = 2048;
+        constexpr int kMax = 2048;
         lack_("a texture in tiles is shown with 2048 pixels a side at most");
-        const int width = std::min(texture.width(), kMost), height = std::min(texture.height(), kMost);
+        const int width = std::min(texture.width(), kMax), height = std::min(texture.height(), kMax);
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x)
@@ -37,10 +37,10 @@ void RasterTextures::hand(std::uint32_t number, const Texture& texture, bool lin
                                                  1 / static_cast<float>(std::max(width, height)), access, space));
         handed.levels.push_back({width, height, {}, sampled});
     } else {
-        constexpr int kMost = 8192;  // that every graphics card takes
+        constexpr int kMax = 8192;  // that every graphics card takes
         for (int i = 0; i < texture.levels(); ++i) {
             const Texture::LevelPixels level = texture.level(i, space);
-            if (std::max(level.width, level.height) > kMost) {
+            if (std::max(level.width, level.height) > kMax) {
                 lack_("a texture is shown with 8192 pixels a side at most");
                 continue;
             }
@@ -49,7 +49,7 @@ void RasterTextures::hand(std::uint32_t number, const Texture& texture, bool lin
         handed.decoded = linear;
     }
     if (module_) module_->setTexture(number, handed);
-    ++made_;
+    ++created_;
 }
 
 void RasterTextures::drop(std::uint32_t number) {
@@ -99,7 +99,7 @@ bool isColor(TextureRole role) {
 }
 
 /// Reports the features of a material that the rasteriser does not show.
-void tellOfLacks(const Material& material, const RasterTextures::Lack& lack) {
+void reportOfLacks(const Material& material, const RasterTextures::Lack& lack) {
     if (material.reflectivity != Vec3f(0)) lack("mirrors reflect nothing");
     if (material.refractiveIndex > 0) lack("glass bends nothing");
     if (!material.stages.empty()) lack("a MultiTexture is left out");
@@ -149,7 +149,7 @@ RasterMaterial rasterMaterial(const Material& material, const LookKind& kind, Ra
         result.clear = material.opacity < 1 || kind.alphaColored;
         return result;
     }
-    tellOfLacks(material, lack);
+    reportOfLacks(material, lack);
     result.normalScale = material.normalScale, result.occlusionStrength = material.occlusionStrength;
     result.reflectivity = material.reflectivity;
     const Hatching& hatching = material.hatching;
@@ -201,11 +201,11 @@ std::optional<RasterLight> rasterLight(const Light& light, const Vec3d& origin, 
     return result;
 }
 
-void addFog(const Fog& fog, const Vec3d& origin, RasterSurroundings& place) {
-    place.fogType = fog.type == FogType::linear ? 1.0f : fog.type == FogType::exponential ? 2.0f : 0.0f;
-    place.fogRange = fog.visibilityRange;
-    place.fogColor = fog.color, place.fogAlong = fog.along;
-    place.fogBegin = static_cast<float>(double{fog.begin} - glm::dot(Vec3d(fog.along), origin));
+void addFog(const Fog& fog, const Vec3d& origin, RasterSurroundings& surroundings) {
+    surroundings.fogType = fog.type == FogType::linear ? 1.0f : fog.type == FogType::exponential ? 2.0f : 0.0f;
+    surroundings.fogRange = fog.visibilityRange;
+    surroundings.fogColor = fog.color, surroundings.fogAlong = fog.along;
+    surroundings.fogBegin = static_cast<float>(double{fog.begin} - glm::dot(Vec3d(fog.along), origin));
 }
 
 }  // namespace
@@ -215,22 +215,22 @@ RasterTables rasterTables(std::span<const std::vector<SurfaceState::Surroundings
     RasterTables tables;
     constexpr std::uint32_t kNotShown = 0xFFFFFFFF;
     std::unordered_map<const Light*, std::uint32_t> numbers;
-    for (const auto& places : views)
-        for (const SurfaceState::Surroundings& from : places) {
-            RasterSurroundings& place = tables.places.emplace_back();
+    for (const auto& positions : views)
+        for (const SurfaceState::Surroundings& from : positions) {
+            RasterSurroundings& surroundings = tables.surroundings.emplace_back();
             for (const Light* light : from.lights) {
                 const auto [found, isNew] = numbers.try_emplace(light, kNotShown);
                 if (isNew)
-                    if (const auto made = rasterLight(*light, origin, lack)) {
+                    if (const auto created = rasterLight(*light, origin, lack)) {
                         found->second = static_cast<std::uint32_t>(tables.lights.size());
-                        tables.lights.push_back(*made);
+                        tables.lights.push_back(*created);
                     }
-                if (found->second != kNotShown) place.lights.push_back(found->second);
+                if (found->second != kNotShown) surroundings.lights.push_back(found->second);
             }
             for (const CutPlane& cut : from.cuts)
-                place.cuts.emplace_back(Vec3f(cut.normal),
-                                        static_cast<float>(cut.offset + glm::dot(cut.normal, origin)));
-            addFog(from.fog, origin, place);
+                surroundings.cuts.emplace_back(Vec3f(cut.normal),
+                                               static_cast<float>(cut.offset + glm::dot(cut.normal, origin)));
+            addFog(from.fog, origin, surroundings);
         }
     return tables;
 }

@@ -28,7 +28,7 @@ class RasterTextures {
     /// Its number, with one more user; 0 for none. `linear`: look-ups are to give light.
     std::uint32_t take(const std::shared_ptr<const Texture>& texture, bool linear);
     void drop(std::uint32_t number);
-    std::uint64_t made() const { return made_; }
+    std::uint64_t created() const { return created_; }
 
   private:
     struct Entry {
@@ -42,7 +42,7 @@ class RasterTextures {
     std::map<std::pair<const Texture*, bool>, std::uint32_t> numbers_;
     std::map<std::uint32_t, Entry> entries_;
     std::uint32_t next_ = 0;
-    std::uint64_t made_ = 0;
+    std::uint64_t created_ = 0;
 };
 
 /// The properties of a mesh on which the drawing of a material depends.

@@ -21,7 +21,7 @@
 namespace rtsg {
 
 /// A vertex of triangles: the part that changes when a mesh deforms, and the part that does not.
-struct RasterPlace {
+struct RasterVertex {
     glm::vec3 position{0}, normal{0, 0, 1};
 };
 struct RasterLook {
@@ -39,7 +39,7 @@ struct RasterStroke {
 
 /// Either vertices, which have a place and a look each, or strokes.
 struct RasterMesh {
-    std::span<const RasterPlace> places;
+    std::span<const RasterVertex> vertices;
     std::span<const RasterLook> looks;
     std::span<const RasterStroke> strokes;
     std::span<const std::uint32_t> indices;  // of triangles
@@ -92,9 +92,9 @@ struct RasterMaterial {
 };
 
 /// Something to draw.
-struct RasterThing {
+struct RasterObject {
     std::uint32_t mesh = 0, material = 0;
-    std::uint32_t place = 0;  // among the surroundings
+    std::uint32_t surroundings = 0;  // among the surroundings
     std::uint16_t layer = 0;
     bool fronts = true, backs = true;  // which sides of triangles are drawn
     bool first = false;                // drawn before another thing in the same place: the backs of transparent shapes
@@ -122,7 +122,7 @@ struct RasterLight {
 };
 struct RasterTables {
     std::vector<RasterLight> lights;
-    std::vector<RasterSurroundings> places;
+    std::vector<RasterSurroundings> surroundings;
 };
 
 /// A background: colours by the angle from the zenith, in even steps, and six pictures before them.
@@ -142,7 +142,7 @@ struct RasterView {
     float left = -1, rightEdge = 1, bottom = -1, top = 1;
     float pixelSpread = 0, pixelSize = 0;  // how wide a pixel is at distance 1, or of an orthographic eye
     float nearDistance = 0, farDistance = 0, visibilityLimit = 0;
-    float sampleShare = 1;  // of a pixel's width, for which one of its samples stands
+    float sampleFraction = 1;  // of a pixel's width, for which one of its samples stands
     /// For an eye that is scaled unevenly: the matrix from the world to the space in which its pixels are square, where
     /// lighting is computed.
     glm::mat3 square{1.0f};
@@ -170,18 +170,18 @@ class RasterModule {
     virtual void setMaterial(std::uint32_t number, const RasterMaterial& material) = 0;
     virtual void dropMaterial(std::uint32_t number) = 0;
     /// Mesh and material must be there before the things that have them, and go after them.
-    virtual void setThing(std::uint32_t number, const RasterThing& thing) = 0;
-    virtual void moveThing(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) = 0;
-    virtual void dropThing(std::uint32_t number) = 0;
+    virtual void setItem(std::uint32_t number, const RasterObject& object) = 0;
+    virtual void moveItem(std::uint32_t number, const glm::mat3& linear, const glm::vec3& position, bool mirrored) = 0;
+    virtual void dropItem(std::uint32_t number) = 0;
     virtual void setTables(const RasterTables& tables) = 0;
     /// Draws the layers one over the other. `pixels`: width * height premultiplied display values, row by row from the
     /// top.
     virtual void draw(int width, int height, const std::vector<RasterView>& views, std::vector<glm::vec4>& pixels) = 0;
     /// The frontmost thing at the middle of each pixel of a layer, also if it is partly transparent: x is its number
     /// plus 1, or 0 for nothing; y its depth along the view, in metres. Things that are wholly transparent there do not
-    /// count. Precondition: numbers are below kMostNamed.
+    /// count. Precondition: numbers are below kMaxNamed.
     virtual void drawNumbers(int width, int height, const RasterView& view, std::vector<glm::vec4>& pixels) = 0;
-    static constexpr std::uint32_t kMostNamed = (1u << 24) - 2;  // which a float holds exactly
+    static constexpr std::uint32_t kMaxNamed = (1u << 24) - 2;  // which a float holds exactly
     /// The first error since the last call; empty if there was none.
     virtual std::string problem() = 0;
 };

@@ -152,8 +152,8 @@ std::uint32_t RasterScene::takeMaterial(const std::shared_ptr<const Material>& m
     if (!isNew) return found->second;
     ++nextMaterial_;
     entry.from = material, entry.key = key;
-    entry.made = rasterMaterial(*material, kind, textures_, lack_);
-    module_->setMaterial(found->second, entry.made);
+    entry.created = rasterMaterial(*material, kind, textures_, lack_);
+    module_->setMaterial(found->second, entry.created);
     ++counts_.materials;
     return found->second;
 }
@@ -162,14 +162,14 @@ void RasterScene::dropMaterial(std::uint32_t number) {
     MaterialEntry& entry = materials_[number];
     if (--entry.users > 0) return;
     module_->dropMaterial(number);
-    dropTextures(entry.made, textures_);
+    dropTextures(entry.created, textures_);
     materialNumbers_.erase(entry.key);
     materials_.erase(number);
 }
 
 void RasterScene::release(std::uint32_t at) {
     Slot& slot = slots_[at];
-    for (std::uint32_t i = 0; i < slot.materials.size(); ++i) module_->dropThing(2 * at + i);
+    for (std::uint32_t i = 0; i < slot.materials.size(); ++i) module_->dropItem(2 * at + i);
     for (const std::uint32_t material : std::exchange(slot.materials, {})) dropMaterial(material);
     dropMesh(std::exchange(slot.mesh, 0));
 }
@@ -193,14 +193,14 @@ void RasterScene::bringTables(const SurfaceState& state, const std::vector<Layer
         first[layer.camera.layer] = count;
         all.push_back(state.surroundings(layer.camera));
         count += static_cast<std::uint32_t>(all.back().size());
-        for (const auto& place : all.back()) anyCuts_ = anyCuts_ || !place.cuts.empty();
+        for (const auto& position : all.back()) anyCuts_ = anyCuts_ || !position.cuts.empty();
     }
     module_->setTables(rasterTables(all, origin_, lack_));
     ++counts_.tables;
-    if (first != firstPlace_)
+    if (first != firstSurroundings_)
         for (std::uint32_t slot = 0; slot < slots_.size(); ++slot)
             if (slots_[slot].used) dirtySlots_.insert(slot);
-    firstPlace_ = std::move(first), layers_ = std::move(numbers);
+    firstSurroundings_ = std::move(first), layers_ = std::move(numbers);
 }
 
 void RasterScene::bringSkies(const SurfaceState& state, const std::vector<LayerView>& layers) {
@@ -209,30 +209,30 @@ void RasterScene::bringSkies(const SurfaceState& state, const std::vector<LayerV
         SkyEntry& entry = skies_[i];
         const Sky* sky = state.sky(layers[i].camera.layer);
         if (entry.known && (sky ? entry.from == *sky : !entry.from)) continue;
-        RasterSky made = rasterSky(sky, i > 0, textures_);
+        RasterSky created = rasterSky(sky, i > 0, textures_);
         for (const std::uint32_t side : entry.sky.sides)
             if (side != 0) textures_.drop(side);
-        entry = {sky ? std::optional(*sky) : std::nullopt, true, std::move(made)};
+        entry = {sky ? std::optional(*sky) : std::nullopt, true, std::move(created)};
     }
 }
 
-std::uint32_t RasterScene::placeOf(const SurfaceState::Look& look, std::uint16_t layer) const {
-    const auto first = firstPlace_.find(layer);
-    return look.place + (first == firstPlace_.end() ? 0 : first->second);
+std::uint32_t RasterScene::locationOf(const SurfaceState::Look& look, std::uint16_t layer) const {
+    const auto first = firstSurroundings_.find(layer);
+    return look.surroundings + (first == firstSurroundings_.end() ? 0 : first->second);
 }
 
 namespace {
 
-void setPlace(const WorldFromLocal& m, const Vec3d& origin, RasterThing& thing) {
-    thing.linear = glm::mat3(glm::dmat3(m[0], m[1], m[2]));
-    thing.position = Vec3f(m[3] - origin);
-    thing.mirrored = determinantSign(m) < 0;
+void setSurroundings(const WorldFromLocal& m, const Vec3d& origin, RasterObject& object) {
+    object.linear = glm::mat3(glm::dmat3(m[0], m[1], m[2]));
+    object.position = Vec3f(m[3] - origin);
+    object.mirrored = determinantSign(m) < 0;
 }
 
-void setStrokes(const StrokeStyle& style, bool points, RasterThing& thing) {
-    thing.stroke = {points ? style.pointSize : style.lineWidth, points ? 1 : static_cast<float>(style.lineType),
-                    style.least, style.most};
-    thing.attenuation = Vec4f(style.attenuation, points && style.attenuated() ? 1 : 0);
+void setStrokes(const StrokeStyle& style, bool points, RasterObject& object) {
+    object.stroke = {points ? style.pointSize : style.lineWidth, points ? 1 : static_cast<float>(style.lineType),
+                     style.minimum, style.maximum};
+    object.attenuation = Vec4f(style.attenuation, points && style.attenuated() ? 1 : 0);
 }
 
 /// The first of the coordinates that a material's textures use.
@@ -279,25 +279,25 @@ void RasterScene::bringSlot(const SurfaceState& state, std::uint32_t at) {
     if (usesSeveral(look)) lack_("textures of one material share its first texture coordinates");
     if (traits.generated && look.material->textured()) lack_("a TextureCoordinateGenerator is left out");
     const LookKind kind = traits.kind;
-    RasterThing thing;
-    thing.mesh = takeMesh(instance.geometry, channel);
-    thing.place = placeOf(look, instance.layer), thing.layer = instance.layer;
-    thing.colored = traits.colored, thing.alphaColored = kind.alphaColored, thing.fogged = traits.fogged;
-    if (kind.strokes) setStrokes(instance.strokes ? *instance.strokes : StrokeStyle(), kind.points, thing);
-    setPlace(instance.worldFromLocal, origin_, thing);
+    RasterObject object;
+    object.mesh = takeMesh(instance.geometry, channel);
+    object.surroundings = locationOf(look, instance.layer), object.layer = instance.layer;
+    object.colored = traits.colored, object.alphaColored = kind.alphaColored, object.fogged = traits.fogged;
+    if (kind.strokes) setStrokes(instance.strokes ? *instance.strokes : StrokeStyle(), kind.points, object);
+    setSurroundings(instance.worldFromLocal, origin_, object);
     std::vector<std::uint32_t> materials{takeMaterial(look.material, kind)};
     const bool backs = !traits.solid && !kind.strokes;
-    const bool twice = backs && (look.material->back || materials_[materials[0]].made.clear);
+    const bool twice = backs && (look.material->back || materials_[materials[0]].created.clear);
     if (twice) materials.push_back(takeMaterial(look.material->back ? look.material->back : look.material, kind));
     for (std::uint32_t i = 0; i < materials.size(); ++i) {
-        thing.material = materials[i];
+        object.material = materials[i];
         // The second shows the backs, which lie behind the fronts.
-        thing.fronts = i == 0, thing.backs = i == 1 || (backs && !twice), thing.first = i == 1;
-        module_->setThing(2 * at + i, thing);
-        ++counts_.things;
+        object.fronts = i == 0, object.backs = i == 1 || (backs && !twice), object.first = i == 1;
+        module_->setItem(2 * at + i, object);
+        ++counts_.objects;
     }
-    if (before.materials.size() > materials.size()) module_->dropThing(2 * at + 1);
-    slot.materials = std::move(materials), slot.mesh = thing.mesh;
+    if (before.materials.size() > materials.size()) module_->dropItem(2 * at + 1);
+    slot.materials = std::move(materials), slot.mesh = object.mesh;
     for (const std::uint32_t material : before.materials) dropMaterial(material);
     dropMesh(before.mesh);
 }
@@ -323,13 +323,13 @@ void RasterScene::bring(const SurfaceState& state, const std::vector<LayerView>&
         const Slot& slot = slots_[at];
         if (slot.used && (slot.materials.empty() || !isFinite(slot.instance.worldFromLocal))) bringSlot(state, at);
         if (!slot.used || slot.materials.empty()) continue;
-        RasterThing thing;
-        setPlace(slot.instance.worldFromLocal, origin_, thing);
+        RasterObject object;
+        setSurroundings(slot.instance.worldFromLocal, origin_, object);
         for (std::uint32_t i = 0; i < slot.materials.size(); ++i)
-            module_->moveThing(2 * at + i, thing.linear, thing.position, thing.mirrored);
+            module_->moveItem(2 * at + i, object.linear, object.position, object.mirrored);
         ++counts_.moved;
     }
-    counts_.textures = textures_.made();
+    counts_.textures = textures_.created();
     state_ = state, originMoved_ = false;
     counts_.handing += threadCpuSeconds() - start;
 }

@@ -71,7 +71,7 @@ class RasterScene {
     struct MaterialEntry {
         std::shared_ptr<const Material> from;
         MaterialKey key;
-        RasterMaterial made;
+        RasterMaterial created;
         std::size_t users = 0;
     };
     struct SkyEntry {
@@ -91,7 +91,7 @@ class RasterScene {
     void bringTables(const SurfaceState& state, const std::vector<LayerView>& layers);
     void bringSkies(const SurfaceState& state, const std::vector<LayerView>& layers);
     void bringSlot(const SurfaceState& state, std::uint32_t slot);
-    std::uint32_t placeOf(const SurfaceState::Look& look, std::uint16_t layer) const;
+    std::uint32_t locationOf(const SurfaceState::Look& look, std::uint16_t layer) const;
 
     RasterTextures::Lack lack_;
     RasterTextures textures_;
@@ -104,7 +104,7 @@ class RasterScene {
     std::unordered_map<std::uint32_t, MeshKey> meshOf_;
     std::map<MaterialKey, std::uint32_t> materialNumbers_;
     std::unordered_map<std::uint32_t, MaterialEntry> materials_;
-    std::map<std::uint16_t, std::uint32_t> firstPlace_;  // by layer
+    std::map<std::uint16_t, std::uint32_t> firstSurroundings_;  // by layer
     std::vector<SkyEntry> skies_;
     SurfaceState state_;
     std::vector<std::uint16_t> layers_;

@@ -14,9 +14,9 @@ Vec4f colorOf(const ColorRGBA& c) {
 
 void addTriangles(const Mesh& mesh, std::size_t channel, RasterArrays& out) {
     const VertexArrays arrays = vertexArrays(mesh, channel);
-    out.places.resize(arrays.positions.size()), out.looks.resize(arrays.positions.size());
-    for (std::size_t i = 0; i < out.places.size(); ++i) {
-        out.places[i] = {arrays.positions[i], arrays.normals[i]};
+    out.vertices.resize(arrays.positions.size()), out.looks.resize(arrays.positions.size());
+    for (std::size_t i = 0; i < out.vertices.size(); ++i) {
+        out.vertices[i] = {arrays.positions[i], arrays.normals[i]};
         out.looks[i].coordinates = Vec3f(arrays.texCoords[i], 0);
         if (!arrays.colors.empty()) out.looks[i].color = colorOf(arrays.colors[i]);
     }
@@ -30,14 +30,14 @@ struct Corner {
         : triangle(number / 3), corner(number % 3), u(corner == 1 ? 1 : 0), v(corner == 2 ? 1 : 0) {}
 };
 
-std::vector<RasterPlace> placesOf(const Mesh& mesh, const std::vector<std::uint32_t>& corners) {
-    std::vector<RasterPlace> places;
-    places.reserve(corners.size());
+std::vector<RasterVertex> verticesOf(const Mesh& mesh, const std::vector<std::uint32_t>& corners) {
+    std::vector<RasterVertex> vertices;
+    vertices.reserve(corners.size());
     for (const std::uint32_t number : corners) {
         const Corner at(number);
-        places.push_back({mesh.vertex(at.triangle, at.corner), mesh.shadingNormal(at.triangle, at.u, at.v)});
+        vertices.push_back({mesh.vertex(at.triangle, at.corner), mesh.shadingNormal(at.triangle, at.u, at.v)});
     }
-    return places;
+    return vertices;
 }
 std::vector<RasterLook> looksOf(const Mesh& mesh, std::size_t channel, const std::vector<std::uint32_t>& corners) {
     std::vector<RasterLook> looks;
@@ -54,7 +54,7 @@ std::vector<RasterLook> looksOf(const Mesh& mesh, std::size_t channel, const std
 /// Each corner by itself, with how deep it is in fog.
 void addFogged(const Mesh& mesh, std::size_t channel, RasterArrays& out) {
     for (std::uint32_t corner = 0; corner < 3 * mesh.triangleCount; ++corner) out.indices.push_back(corner);
-    out.places = placesOf(mesh, out.indices), out.looks = looksOf(mesh, channel, out.indices);
+    out.vertices = verticesOf(mesh, out.indices), out.looks = looksOf(mesh, channel, out.indices);
 }
 
 const MeshAttribute& coordinatesOf(const Mesh& mesh, std::size_t channel) {
@@ -125,7 +125,7 @@ RasterArrays RasterCorners::start(std::shared_ptr<const Mesh> mesh, std::size_t 
     corners_.clear();
     if (mesh_->strokeCount > 0) return rasterArrays(*mesh_, channel);
     constexpr std::uint32_t kNone = 0xFFFFFFFF;
-    constexpr int kMostTries = 16;  // at a hub of very many triangles
+    constexpr int kMaxTries = 16;  // at a hub of very many triangles
     using Values = std::array<std::uint32_t, 4>;
     const auto valueOf = [](const MeshAttribute& attribute, const Corner& at, std::uint32_t absent) {
         return attribute.present() ? attribute.valueIndex(at.triangle, at.corner) : absent;
@@ -143,7 +143,7 @@ RasterArrays RasterCorners::start(std::shared_ptr<const Mesh> mesh, std::size_t 
         std::uint32_t& head = first[mesh_->vertexIndex(at.triangle, at.corner)];
         std::uint32_t found = head;
         for (int tries = 0; found != kNone && values[found] != wanted;)
-            found = ++tries < kMostTries ? next[found] : kNone;
+            found = ++tries < kMaxTries ? next[found] : kNone;
         if (found == kNone) {
             found = static_cast<std::uint32_t>(corners_.size());
             corners_.push_back(number), values.push_back(wanted), next.push_back(head);
@@ -151,7 +151,7 @@ RasterArrays RasterCorners::start(std::shared_ptr<const Mesh> mesh, std::size_t 
         }
         out.indices.push_back(found);
     }
-    out.places = placesOf(*mesh_, corners_), out.looks = looksOf(*mesh_, channel, corners_);
+    out.vertices = verticesOf(*mesh_, corners_), out.looks = looksOf(*mesh_, channel, corners_);
     return out;
 }
 
@@ -159,7 +159,7 @@ bool RasterCorners::next(std::shared_ptr<const Mesh> mesh, std::size_t channel, 
     const std::shared_ptr<const Mesh> last = std::exchange(mesh_, std::move(mesh));
     if (!last || corners_.empty() || !sameCorners(*last, *mesh_, channel)) return false;
     out.bounds = mesh_->bounds;
-    out.places = placesOf(*mesh_, corners_);
+    out.vertices = verticesOf(*mesh_, corners_);
     if (!sameLooks(*last, *mesh_, channel)) out.looks = looksOf(*mesh_, channel, corners_);
     return true;
 }

@@ -13,12 +13,12 @@
 namespace rtsg {
 
 struct RasterArrays {
-    std::vector<RasterPlace> places;
+    std::vector<RasterVertex> vertices;
     std::vector<RasterLook> looks;
     std::vector<RasterStroke> strokes;
     std::vector<std::uint32_t> indices;
     Bounds bounds;
-    RasterMesh view() const { return {places, looks, strokes, indices, bounds.min, bounds.max}; }
+    RasterMesh view() const { return {vertices, looks, strokes, indices, bounds.min, bounds.max}; }
 };
 
 /// `channel`: of the texture coordinates.

@@ -51,9 +51,9 @@ bool RigidBodyPhysics::Engine::takeField(Body& body, const Node& node) {
         taken = true;
     };
     take(node.get(B::position), body.written.position, "position",
-         [&] { body.pose.place = glm::dvec3(body.written.position); });
+         [&] { body.pose.position = glm::dvec3(body.written.position); });
     take(node.get(B::orientation), body.written.orientation, "orientation",
-         [&] { body.pose.turn = toQuaternion(body.written.orientation); });
+         [&] { body.pose.rotation = toQuaternion(body.written.orientation); });
     take(node.get(B::linearVelocity), body.written.linearVelocity, "linearVelocity",
          [&] { body.linear = glm::dvec3(body.written.linearVelocity); });
     take(node.get(B::angularVelocity), body.written.angularVelocity, "angularVelocity",
@@ -66,16 +66,16 @@ void RigidBodyPhysics::Engine::takeFields(Body& body, const Node& node) {
 }
 
 /// The engine's body and geometries to where the doubles say.
-void RigidBodyPhysics::Engine::placeBody(Body& body) {
+void RigidBodyPhysics::Engine::moveBody(Body& body) {
     hasMoved_ = true;
     if (!body.body) {
-        for (const std::size_t geom : body.geoms) placeGeom(*geoms_[geom]);
+        for (const std::size_t geom : body.geoms) moveGeom(*geoms_[geom]);
         return;
     }
-    const glm::dvec3 at = body.pose.place + body.pose.turn * body.centre;
+    const glm::dvec3 at = body.pose.position + body.pose.rotation * body.centre;
     dBodySetPosition(body.body, at.x, at.y, at.z);
-    const dQuaternion turn{body.pose.turn.w, body.pose.turn.x, body.pose.turn.y, body.pose.turn.z};
-    dBodySetQuaternion(body.body, turn);
+    const dQuaternion rotation{body.pose.rotation.w, body.pose.rotation.x, body.pose.rotation.y, body.pose.rotation.z};
+    dBodySetQuaternion(body.body, rotation);
     dBodySetLinearVel(body.body, body.linear.x, body.linear.y, body.linear.z);
     dBodySetAngularVel(body.body, body.angular.x, body.angular.y, body.angular.z);
 }
@@ -112,10 +112,10 @@ void RigidBodyPhysics::Engine::setBody(Body& body, const Node& node, const Node&
     dBodySetFiniteRotationMode(b, node.get(B::useFiniteRotation));
     const Vec3f axis = node.get(B::finiteRotationAxis);
     if (node.get(B::useFiniteRotation) && isSound(axis)) dBodySetFiniteRotationAxis(b, axis.x, axis.y, axis.z);
-    const auto share = [](float factor) { return factor >= 0 && factor <= 1 ? double(factor) : 0.0; };
+    const auto fraction = [](float factor) { return factor >= 0 && factor <= 1 ? double(factor) : 0.0; };
     const bool damps = node.get(B::autoDamp);
-    dBodySetDamping(b, damps ? share(node.get(B::linearDampingFactor)) : 0,
-                    damps ? share(node.get(B::angularDampingFactor)) : 0);
+    dBodySetDamping(b, damps ? fraction(node.get(B::linearDampingFactor)) : 0,
+                    damps ? fraction(node.get(B::angularDampingFactor)) : 0);
     dBodySetLinearDampingThreshold(b, 0), dBodySetAngularDampingThreshold(b, 0);
     const bool own = node.get(B::autoDisable), rests = own || collection.get(C::autoDisable);
     dBodySetAutoDisableFlag(b, rests);
@@ -141,10 +141,10 @@ void RigidBodyPhysics::Engine::push() {
             const Node* node = body.body && dBodyIsEnabled(body.body) ? scene_.find(body.id) : nullptr;
             if (!node || (node->get(B::forces).empty() && node->get(B::torques).empty())) continue;
             bool sound = true;
-            const glm::dvec3 force = sumOf(node->get(B::forces), sound), turn = sumOf(node->get(B::torques), sound);
+            const glm::dvec3 force = sumOf(node->get(B::forces), sound), rotation = sumOf(node->get(B::torques), sound);
             if (!sound) warn(node->id(), "has forces or torques that are no numbers: they do nothing");
             dBodyAddForce(body.body, force.x, force.y, force.z);
-            dBodyAddTorque(body.body, turn.x, turn.y, turn.z);
+            dBodyAddTorque(body.body, rotation.x, rotation.y, rotation.z);
         }
         for (const Joint& joint : world.joints) {
             const Node* node = scene_.find(joint.id);
@@ -171,18 +171,18 @@ void RigidBodyPhysics::Engine::settle(World& world) {
         if (!body.body || !dBodyIsEnabled(body.body)) continue;
         const dReal *at = dBodyGetPosition(body.body), *q = dBodyGetQuaternion(body.body);
         const dReal *v = dBodyGetLinearVel(body.body), *w = dBodyGetAngularVel(body.body);
-        glm::dvec3 place(at[0], at[1], at[2]);
+        glm::dvec3 position(at[0], at[1], at[2]);
         const glm::dvec3 linear(v[0], v[1], v[2]);
         if (dBodyGetNumJoints(body.body) == 0) {
-            place -= 0.5 * kStep * (linear - body.before);
-            dBodySetPosition(body.body, place.x, place.y, place.z);
+            position -= 0.5 * kStep * (linear - body.before);
+            dBodySetPosition(body.body, position.x, position.y, position.z);
         }
-        Pose pose{place, {q[0], q[1], q[2], q[3]}};
-        pose.place -= pose.turn * body.centre;
+        Pose pose{position, {q[0], q[1], q[2], q[3]}};
+        pose.position -= pose.rotation * body.centre;
         if (!isFinite(pose) || !isFinite({linear, {}}) || !isFinite({{w[0], w[1], w[2]}, {}})) {
             warn(body.id, "has come to a place or speed that is no number: it rests until it is set");
             body.isStuck = true, body.linear = body.angular = glm::dvec3(0);
-            placeBody(body);
+            moveBody(body);
             dBodyDisable(body.body);
             continue;
         }
@@ -198,8 +198,8 @@ void RigidBodyPhysics::Engine::send(Body& body, const Node& node) {
         written = value;
         if (!same) cascade.emit(node, field, value);
     };
-    put(B::position, body.written.position, Vec3f(body.pose.place));
-    put(B::orientation, body.written.orientation, toRotation(body.pose.turn));
+    put(B::position, body.written.position, Vec3f(body.pose.position));
+    put(B::orientation, body.written.orientation, toRotation(body.pose.rotation));
     put(B::linearVelocity, body.written.linearVelocity, Vec3f(body.linear));
     put(B::angularVelocity, body.written.angularVelocity, Vec3f(body.angular));
     if (!node.get(B::enabled)) return;  // it does not act, on its shapes neither
@@ -209,11 +209,11 @@ void RigidBodyPhysics::Engine::send(Body& body, const Node& node) {
         if (!leaf) continue;
         // Drawn below its CollidableOffsets, it is where the body has it.
         const Pose local = geom.listed == geom.leaf ? body.pose : geom.offset.inverse() * body.pose * geom.offset;
-        const Vec3f place(local.place);
-        const Rotation turn = toRotation(local.turn);
+        const Vec3f position(local.position);
+        const Rotation rotation = toRotation(local.rotation);
         using S = x3d::CollidableShape;
-        if (!isSame(leaf->get(S::translation), place)) cascade.emit(*leaf, S::translation, place);
-        if (!(leaf->get(S::rotation) == turn)) cascade.emit(*leaf, S::rotation, turn);
+        if (!isSame(leaf->get(S::translation), position)) cascade.emit(*leaf, S::translation, position);
+        if (!(leaf->get(S::rotation) == rotation)) cascade.emit(*leaf, S::rotation, rotation);
     }
 }
 

@@ -73,8 +73,8 @@ void sparePush(dContact& contact, dWorldID world, double apart) {
     constexpr double kRests = 0.2;  // m/s: slower ones lie on each other
     if ((contact.surface.mode & dContactSoftERP) || std::abs(apart) < kRests) return;
     contact.surface.mode |= dContactSoftERP;
-    const double most = contact.geom.depth > 0 ? apart * RigidBodyPhysics::kStep / contact.geom.depth : 1;
-    contact.surface.soft_erp = apart < 0 ? 0 : std::min(dWorldGetERP(world), most);
+    const double maximum = contact.geom.depth > 0 ? apart * RigidBodyPhysics::kStep / contact.geom.depth : 1;
+    contact.surface.soft_erp = apart < 0 ? 0 : std::min(dWorldGetERP(world), maximum);
 }
 
 }  // namespace
@@ -106,7 +106,7 @@ dBodyID RigidBodyPhysics::Engine::bodyOf(std::size_t body, std::size_t world) co
 
 void RigidBodyPhysics::Engine::near(void* self, dGeomID a, dGeomID b) {
     auto& engine = *static_cast<Engine*>(self);
-    if (engine.hits_.size() >= kMostContacts) {
+    if (engine.hits_.size() >= kMaxContacts) {
         engine.isFull_ = true;
         return;
     }
@@ -143,7 +143,7 @@ void RigidBodyPhysics::Engine::collide(std::uint64_t collections) {
         hits_, [](const Hit& a, const Hit& b) { return a.first != b.first ? a.first < b.first : a.second < b.second; });
     if (std::exchange(isFull_, false))
         warn(worlds_.empty() ? scene_.root() : worlds_.front().id,
-             fmt::format("has more than {} contacts in a step: those beyond do nothing", kMostContacts));
+             fmt::format("has more than {} contacts in a step: those beyond do nothing", kMaxContacts));
 }
 
 void RigidBodyPhysics::Engine::join() {
@@ -243,9 +243,9 @@ void RigidBodyPhysics::Engine::sense(Cascade& cascade, const Node& sensor) {
     std::vector<const Hit*> met;
     for (const Hit& hit : hits_)
         if (hit.collections & bit) met.push_back(&hit);
-    if (met.size() > kMostReported) {
-        cascade.warn(sensor, fmt::format("has more than {} contacts: it tells of so many", kMostReported));
-        met.resize(kMostReported);
+    if (met.size() > kMaxReported) {
+        cascade.warn(sensor, fmt::format("has more than {} contacts: it tells of so many", kMaxReported));
+        met.resize(kMaxReported);
     }
     auto& pool = reports_[sensor.id().value];
     if (pool.empty()) pool.assign(sensor.get(S::contacts).begin(), sensor.get(S::contacts).end());

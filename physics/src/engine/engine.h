@@ -28,12 +28,14 @@ namespace rtsg {
 namespace physics {
 
 struct Pose {
-    glm::dvec3 place{0};
-    glm::dquat turn{1, 0, 0, 0};
-    Pose operator*(const Pose& inner) const { return {place + turn * inner.place, turn * inner.turn}; }
+    glm::dvec3 position{0};
+    glm::dquat rotation{1, 0, 0, 0};
+    Pose operator*(const Pose& inner) const {
+        return {position + rotation * inner.position, rotation * inner.rotation};
+    }
     Pose inverse() const {
-        const glm::dquat back = glm::conjugate(turn);
-        return {back * -place, back};
+        const glm::dquat back = glm::conjugate(rotation);
+        return {back * -position, back};
     }
 };
 
@@ -159,8 +161,8 @@ class RigidBodyPhysics::Engine final : public Subscriber {
 
     bool takeField(physics::Body& body, const Node& node);
     void takeFields(physics::Body& body, const Node& node);
-    void placeBody(physics::Body& body);
-    void placeGeom(physics::Geom& geom);
+    void moveBody(physics::Body& body);
+    void moveGeom(physics::Geom& geom);
     void wake(physics::Body& body);
     void setWorld(physics::World& world, const Node& node);
     void setBody(physics::Body& body, const Node& node, const Node& collection);

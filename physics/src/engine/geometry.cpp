@@ -18,8 +18,8 @@ bool isLength(double value) {
 
 bool isFinite(const Pose& pose) {
     const auto sound = [](double value) { return std::abs(value) < 1e12; };  // false for NaN
-    return sound(pose.place.x) && sound(pose.place.y) && sound(pose.place.z) && sound(pose.turn.w) &&
-           sound(pose.turn.x) && sound(pose.turn.y) && sound(pose.turn.z);
+    return sound(pose.position.x) && sound(pose.position.y) && sound(pose.position.z) && sound(pose.rotation.w) &&
+           sound(pose.rotation.x) && sound(pose.rotation.y) && sound(pose.rotation.z);
 }
 
 bool GeomMaker::make(const Node& geometry, Geom& into) {
@@ -44,7 +44,7 @@ bool GeomMaker::make(const Node& geometry, Geom& into) {
         const double radius = geometry.get(x3d::Cylinder::radius), height = geometry.get(x3d::Cylinder::height);
         if (!isLength(radius) || !isLength(height)) return false;
         into.geom = dCreateCylinder(nullptr, radius, height);  // along z
-        into.shape.turn = turnAbout(glm::dvec3(1, 0, 0), std::numbers::pi / 2);
+        into.shape.rotation = rotationAround(glm::dvec3(1, 0, 0), std::numbers::pi / 2);
         return true;
     }
     return mesh(geometry, into);
@@ -60,12 +60,14 @@ bool GeomMaker::mesh(const Node& geometry, Geom& into) {
         const Vec3f at = cut->positions[static_cast<std::size_t>(corner)];
         return std::abs(at.x) < 1e9f && std::abs(at.y) < 1e9f && std::abs(at.z) < 1e9f;
     };
-    const auto place = [&](std::int32_t corner) { return Vec3d(cut->positions[static_cast<std::size_t>(corner)]); };
+    const auto positionOf = [&](std::int32_t corner) {
+        return Vec3d(cut->positions[static_cast<std::size_t>(corner)]);
+    };
     for (std::size_t t = 0; t < cut->triangleCount; ++t) {
         const std::int32_t* corner = cut->triangles.data() + t * cut->triangleStride;
         if (!usable(corner[0]) || !usable(corner[1]) || !usable(corner[2])) continue;
-        const Vec3d a = place(corner[0]);
-        if (!(glm::length(glm::cross(place(corner[1]) - a, place(corner[2]) - a)) > 0)) continue;
+        const Vec3d a = positionOf(corner[0]);
+        if (!(glm::length(glm::cross(positionOf(corner[1]) - a, positionOf(corner[2]) - a)) > 0)) continue;
         for (int c = 0; c < 3; ++c) into.triangles.push_back(static_cast<dTriIndex>(corner[c]));
     }
     if (into.triangles.empty()) return false;

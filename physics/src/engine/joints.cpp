@@ -174,7 +174,7 @@ void RigidBodyPhysics::Engine::buildJoint(const Node& node, std::size_t world) {
     const auto put = [&](std::size_t body, const Pose& pose) {
         if (body == kNone) return;
         bodies_[body].pose = pose;
-        placeBody(bodies_[body]);
+        moveBody(bodies_[body]);
     };
     put(joint.first, start.first), put(joint.second, start.second);
     joint.joint = create(worlds_[world].world, node);

@@ -204,7 +204,7 @@ Result<> RigidBodyPhysics::Engine::apply(const Scene& scene, const ChangeSet& ch
 void RigidBodyPhysics::Engine::meet(Cascade& cascade, const Node& node) {
     if (isBroken_) {
         for (const auto& [id, text] : std::exchange(warnings_, {}))
-            if (const Node* told = scene_.find(id)) cascade.warn(*told, text);
+            if (const Node* reported = scene_.find(id)) cascade.warn(*reported, text);
         return;
     }
     isStale_ = isStale_ || !uses_.contains(node.id().value);  // it is new
@@ -233,7 +233,7 @@ void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
         if (index == kNone || !node) continue;
         if (bodies_[index].body && dBodyIsEnabled(bodies_[index].body)) continue;
         if (takeField(bodies_[index], *node))
-            bodies_[index].isStuck = false, placeBody(bodies_[index]);
+            bodies_[index].isStuck = false, moveBody(bodies_[index]);
         else if (!wakes)
             continue;
         wake(bodies_[index]);
@@ -241,7 +241,7 @@ void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
     dirty_.clear();
     for (const NodeId id : moved_)
         if (const auto found = geomOf_.find(id.value); found != geomOf_.end())
-            if (geoms_[found->second]->body == kNone) placeGeom(*geoms_[found->second]);
+            if (geoms_[found->second]->body == kNone) moveGeom(*geoms_[found->second]);
     moved_.clear();
     wakeGiven();
     double count = stepNumber(time_) - stepNumber(from);
@@ -280,7 +280,7 @@ void RigidBodyPhysics::Engine::frame(double count) {
                 Body& body = bodies_[index];
                 const Node* node = scene_.find(body.id);
                 // A value that was set in this frame holds at the frame's time.
-                if (node && takeField(body, *node)) body.isStuck = false, placeBody(body), wake(body);
+                if (node && takeField(body, *node)) body.isStuck = false, moveBody(body), wake(body);
                 const bool awake = body.body && dBodyIsEnabled(body.body);
                 isAwake_ = isAwake_ || awake;
                 if (node && (awake || wasAwake[index] || !body.body)) send(body, *node);
@@ -316,9 +316,9 @@ void RigidBodyPhysics::Engine::solve(World& world) {
         rows += 3 * static_cast<std::size_t>(dBodyGetNumJoints(body.body));
     }
     bool accurate = node->get(Bodies::preferAccuracy);
-    if (accurate && rows > kMostAccurateRows) {
+    if (accurate && rows > kMaxAccurateRows) {
         warn(world.id,
-             fmt::format("has more than {} rows to solve: preferAccuracy is left out then", kMostAccurateRows));
+             fmt::format("has more than {} rows to solve: preferAccuracy is left out then", kMaxAccurateRows));
         accurate = false;
     }
     for (const Joint& joint : world.joints) driveToStops(joint);

@@ -24,11 +24,11 @@ bool isCollidable(const Node& node) {
 
 Pose poseOf(const Node& collidable) {
     const bool isShape = collidable.is(x3d::CollidableShape::type);
-    const Vec3f place = isShape ? collidable.get(x3d::CollidableShape::translation)
-                                : collidable.get(x3d::CollidableOffset::translation);
-    const Rotation& turn =
+    const Vec3f position = isShape ? collidable.get(x3d::CollidableShape::translation)
+                                   : collidable.get(x3d::CollidableOffset::translation);
+    const Rotation& rotation =
         isShape ? collidable.get(x3d::CollidableShape::rotation) : collidable.get(x3d::CollidableOffset::rotation);
-    const Pose pose{glm::dvec3(place), toQuaternion(turn)};
+    const Pose pose{glm::dvec3(position), toQuaternion(rotation)};
     return isFinite(pose) ? pose : Pose{};
 }
 
@@ -176,7 +176,7 @@ void RigidBodyPhysics::Engine::buildBody(const Node& node, std::size_t world) {
     if (body.body && body.isStuck) dBodyDisable(body.body);
     for (const NodeId id : node.get(B::geometry))
         if (const Node* collidable = scene_.effectiveNode(id)) buildCollidable(*collidable, index, 0);
-    placeBody(bodies_[index]);
+    moveBody(bodies_[index]);
 }
 
 /// Down the CollidableOffsets to the CollidableShape. Known already: only its collections are more.
@@ -231,13 +231,13 @@ void RigidBodyPhysics::Engine::buildLeaf(const std::vector<const Node*>& chain, 
         if (owner.body) {
             dGeomSetBody(geom->geom, owner.body);
             const Pose inner = Pose{-owner.centre, {1, 0, 0, 0}} * geom->offset * geom->shape;
-            dGeomSetOffsetPosition(geom->geom, inner.place.x, inner.place.y, inner.place.z);
-            const dQuaternion turn{inner.turn.w, inner.turn.x, inner.turn.y, inner.turn.z};
-            dGeomSetOffsetQuaternion(geom->geom, turn);
+            dGeomSetOffsetPosition(geom->geom, inner.position.x, inner.position.y, inner.position.z);
+            const dQuaternion rotation{inner.rotation.w, inner.rotation.x, inner.rotation.y, inner.rotation.z};
+            dGeomSetOffsetQuaternion(geom->geom, rotation);
         }
     }
     geoms_.push_back(std::move(geom));
-    if (body == kNone) placeGeom(*geoms_.back());
+    if (body == kNone) moveGeom(*geoms_.back());
 }
 
 void RigidBodyPhysics::Engine::useGeometry(const Node& node, int depth) {
@@ -288,7 +288,7 @@ void RigidBodyPhysics::Engine::gatherMembers(const Array<NodeId>& members, std::
 }
 
 /// One that no body has, or one whose body stands.
-void RigidBodyPhysics::Engine::placeGeom(Geom& geom) {
+void RigidBodyPhysics::Engine::moveGeom(Geom& geom) {
     Pose pose;
     if (geom.body == kNone) {
         const Node* leaf = scene_.find(geom.leaf);
@@ -298,9 +298,9 @@ void RigidBodyPhysics::Engine::placeGeom(Geom& geom) {
         pose = bodies_[geom.body].pose * geom.offset;
     }
     pose = pose * geom.shape;
-    dGeomSetPosition(geom.geom, pose.place.x, pose.place.y, pose.place.z);
-    const dQuaternion turn{pose.turn.w, pose.turn.x, pose.turn.y, pose.turn.z};
-    dGeomSetQuaternion(geom.geom, turn);
+    dGeomSetPosition(geom.geom, pose.position.x, pose.position.y, pose.position.z);
+    const dQuaternion rotation{pose.rotation.w, pose.rotation.x, pose.rotation.y, pose.rotation.z};
+    dGeomSetQuaternion(geom.geom, rotation);
     hasMoved_ = true;
 }
 

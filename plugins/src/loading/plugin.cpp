@@ -50,10 +50,10 @@ Result<> addFrom(const PluginEntry& entry, Extensions& extensions) {
 std::string interfaceOf(const std::string& path) {
     constexpr std::string_view kOurs = RTSG_PLUGIN_INTERFACE;
     constexpr std::string_view kOpening = kOurs.substr(0, kOurs.find(RTSG_PLUGIN_HEADERS));
-    constexpr std::uintmax_t kMostBytes = 1 << 30;
+    constexpr std::uintmax_t kMaxBytes = 1 << 30;
     std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(path, error);
-    std::string bytes(error ? 0 : std::min(size, kMostBytes), '\0');
+    std::string bytes(error ? 0 : std::min(size, kMaxBytes), '\0');
     std::ifstream(path, std::ios::binary).read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     const std::size_t opening = bytes.find(kOpening);
     if (opening == bytes.npos) return {};

@@ -20,8 +20,8 @@ namespace rtsg {
 namespace {
 
 /// A table is written by hand. Its types inherit from each other by recursion, which must end before the stack does.
-constexpr std::size_t kMostBytes = 1 << 20, kMostTypes = 1000, kMostFields = 4096;
-constexpr int kMostLevel = 255;
+constexpr std::size_t kMaxBytes = 1 << 20, kMaxTypes = 1000, kMaxFields = 4096;
+constexpr int kMaxLevel = 255;
 
 template <class Enum, std::size_t N>
 Enum fromName(const std::array<std::string_view, N>& names, std::string_view name) {
@@ -87,16 +87,16 @@ std::unique_ptr<NodeType> makeType(const spec::Type& type) {
 
 /// Refuses types that can be compiled but are too large here.
 void checkSize(const spec::Type& type, spec::Model& model) {
-    if (type.level > kMostLevel) model.error(type.where, fmt::format("a level is at most {}", kMostLevel));
-    if (type.fields.size() > kMostFields)
-        model.error(type.where, fmt::format("'{}' has more than {} fields", type.name, kMostFields));
+    if (type.level > kMaxLevel) model.error(type.where, fmt::format("a level is at most {}", kMaxLevel));
+    if (type.fields.size() > kMaxFields)
+        model.error(type.where, fmt::format("'{}' has more than {} fields", type.name, kMaxFields));
 }
 
 }  // namespace
 
 bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& diagnostics) {
-    if (text.size() > kMostBytes) {
-        diagnostics.error({}, fmt::format("a node table of more than {} bytes is not read", kMostBytes));
+    if (text.size() > kMaxBytes) {
+        diagnostics.error({}, fmt::format("a node table of more than {} bytes is not read", kMaxBytes));
         return false;
     }
     spec::Model model([&](const spec::Position& where, const std::string& what) {
@@ -106,8 +106,8 @@ bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& d
         model.parse(std::string(table.name), std::string(table.text), true);
     const std::size_t before = model.types().size();
     model.parse(diagnostics.file(), std::string(text), false);
-    if (model.types().size() - before > kMostTypes)
-        model.error({diagnostics.file(), 1}, fmt::format("a node table has at most {} types", kMostTypes));
+    if (model.types().size() - before > kMaxTypes)
+        model.error({diagnostics.file(), 1}, fmt::format("a node table has at most {} types", kMaxTypes));
     if (model.errors() == 0) model.resolve();
     for (const spec::Type& type : model.types())
         if (!type.imported) checkSize(type, model);
@@ -120,7 +120,7 @@ bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& d
         return false;
     };
     for (const auto& [name, declared] : model.fieldTypes())
-        if (const auto made = fieldTypeOf(declared.text); !made) return refuse(declared.line, made.error());
+        if (const auto created = fieldTypeOf(declared.text); !created) return refuse(declared.line, created.error());
     for (const spec::Type& type : model.types()) {
         if (type.imported || type.isAbstract) continue;
         if (auto ok = more.add(std::shared_ptr<const NodeType>(makeType(type))); !ok)
@@ -133,7 +133,7 @@ bool readNodeTable(std::string_view text, Extensions& extensions, Diagnostics& d
 bool loadNodeTable(const std::filesystem::path& file, Extensions& extensions, Diagnostics& diagnostics) {
     diagnostics.setFile(file.string());
     std::ifstream in(file, std::ios::binary);
-    std::string text(kMostBytes + 1, '\0');
+    std::string text(kMaxBytes + 1, '\0');
     if (in) in.read(text.data(), static_cast<std::streamsize>(text.size()));
     if (in.bad() || (!in && in.gcount() == 0 && !in.eof())) {
         diagnostics.error({}, std::string("cannot read it: ") + std::strerror(errno), DiagnosticCode("file"));

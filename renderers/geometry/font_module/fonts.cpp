@@ -50,8 +50,8 @@ std::vector<Character> decode(const std::string& text) {
             good = byte(i + k) >> 6 == 2;
             code = code << 6 | (byte(i + k) & 0x3Fu);
         }
-        constexpr char32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
-        good = good && code >= least[length] && code <= 0x10FFFF && (code < 0xD800 || code > 0xDFFF);
+        constexpr char32_t minimum[] = {0, 0, 0x80, 0x800, 0x10000};
+        good = good && code >= minimum[length] && code <= 0x10FFFF && (code < 0xD800 || code > 0xDFFF);
         const std::size_t end = i + (good ? length : 1);
         result.push_back({good ? code : kReplacement, i, end});
         i = end;
@@ -250,17 +250,17 @@ class SystemFonts : public Fonts {
             face = found->second;
             return {};
         }
-        if (loaded_.size() >= kMostLoaded || file.size() > kMostBytes - loadedBytes_)
+        if (loaded_.size() >= kMaxLoaded || file.size() > kMaxBytes - loadedBytes_)
             return "it is one font more than are kept";
         if (!library_ && FT_Init_FreeType(&library_) != 0) return "FreeType does not start";
         const auto at = loaded_.emplace(std::string(file), kNone).first;
-        auto made = std::make_unique<Face>(library_, at->first);
-        if (!made->get()) {
+        auto created = std::make_unique<Face>(library_, at->first);
+        if (!created->get()) {
             loaded_.erase(at);
             return "FreeType cannot read it, or it has no outlines";
         }
         loadedBytes_ += file.size();
-        faces_.push_back(std::move(made));
+        faces_.push_back(std::move(created));
         face = at->second = static_cast<std::uint32_t>(faces_.size() - 1);
         return {};
     }
@@ -449,12 +449,12 @@ class SystemFonts : public Fonts {
         hb_shape(face.shaper(), buffer_, nullptr, 0);
         unsigned count = 0;
         const hb_glyph_info_t* glyphs = hb_buffer_get_glyph_infos(buffer_, &count);
-        const hb_glyph_position_t* places = hb_buffer_get_glyph_positions(buffer_, &count);
+        const hb_glyph_position_t* positions = hb_buffer_get_glyph_positions(buffer_, &count);
         for (unsigned i = 0; i < count; ++i) {
             out.glyphs.push_back({run.face, glyphs[i].codepoint,
-                                  out.width + static_cast<float>(places[i].x_offset) * face.em(),
-                                  static_cast<float>(places[i].y_offset) * face.em()});
-            out.width += static_cast<float>(places[i].x_advance) * face.em();
+                                  out.width + static_cast<float>(positions[i].x_offset) * face.em(),
+                                  static_cast<float>(positions[i].y_offset) * face.em()});
+            out.width += static_cast<float>(positions[i].x_advance) * face.em();
         }
     }
     mutable hb_buffer_t* buffer_ = nullptr;

@@ -11,8 +11,8 @@ namespace {
 
 using rtsg::ExrContent;
 
-constexpr int kMostSide = 1 << 16;
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 34;
+constexpr int kMaxTileSide = 1 << 16;
+constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 34;
 
 /// A file that is being read. The first error that the library tells stays here.
 struct Reading {
@@ -60,10 +60,10 @@ bool readHeader(Reading& reading, ExrContent& out) {
     const std::int64_t width = std::int64_t{window.max.x} - window.min.x + 1,
                        height = std::int64_t{window.max.y} - window.min.y + 1;
     if (window.min.x != 0 || window.min.y != 0) return reading.refuse("its lines do not begin at 0, 0");
-    if (width < 1 || height < 1 || width > kMostSide || height > kMostSide ||
+    if (width < 1 || height < 1 || width > kMaxTileSide || height > kMaxTileSide ||
         static_cast<std::uint64_t>(width * height) * sizeof(float) *
                 static_cast<std::uint64_t>(channels->num_channels) >
-            kMostBytes)
+            kMaxBytes)
         return reading.refuse("it has more pixels than are read");
     out.width = static_cast<int>(width), out.height = static_cast<int>(height);
     for (int i = 0; i < channels->num_channels; ++i) {

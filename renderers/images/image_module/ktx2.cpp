@@ -154,8 +154,8 @@ std::string readDescriptor(Bytes file, Ktx2Head& head) {
     const auto format = numberAt<std::uint32_t>(file, 12), offset = numberAt<std::uint32_t>(file, 48),
                length = numberAt<std::uint32_t>(file, 52);
     const auto descriptor = partOf(file, offset, length);
-    constexpr std::size_t least = 4 + 24;  // its size, then a basic block without samples
-    if (!descriptor || descriptor->size() < least)
+    constexpr std::size_t minimum = 4 + 24;  // its size, then a basic block without samples
+    if (!descriptor || descriptor->size() < minimum)
         return damagedAt(48, fmt::format("{} bytes at {} hold no data format descriptor", length, offset));
     if (numberAt<std::uint32_t>(*descriptor, 4) != 0)
         return damagedAt(offset + std::uint64_t{4}, "the first block of the descriptor is not a basic one");
@@ -215,9 +215,9 @@ std::string readSize(Bytes file, Ktx2Head& head) {
     const auto width = numberAt<std::uint32_t>(file, 20), height = numberAt<std::uint32_t>(file, 24),
                depth = numberAt<std::uint32_t>(file, 28), layers = numberAt<std::uint32_t>(file, 32),
                faces = numberAt<std::uint32_t>(file, 36);
-    constexpr std::uint32_t most = 1u << 20;  // products of three fit into 64 bits; callers ask for less
+    constexpr std::uint32_t maximum = 1u << 20;  // products of three fit into 64 bits; callers ask for less
     if (width == 0) return damagedAt(20, "a width of 0");
-    if (width > most || height > most || depth > most)
+    if (width > maximum || height > maximum || depth > maximum)
         return fmt::format("{} x {} x {} pixels are too many", width, height, depth);
     if (height == 0) return "a KTX2 file of one dimension is not read";
     if (layers > 1) return fmt::format("a KTX2 file of an array of {} pictures is not read", layers);

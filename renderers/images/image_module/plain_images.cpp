@@ -31,7 +31,7 @@ bool begin(int width, int height, int channels, bool eightBits, const ReadReques
     return true;
 }
 /// The index at which a row's numbers begin.
-std::size_t placeOf(const FilePixels& out, int y, const ReadRequest& request) {
+std::size_t offsetOf(const FilePixels& out, int y, const ReadRequest& request) {
     const int at = request.bottomRowFirst ? out.height - 1 - y : y;
     return static_cast<std::size_t>(at) * static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.channels);
 }
@@ -88,7 +88,7 @@ bool readPng(std::span<const std::uint8_t> bytes, const ReadRequest& request, Fi
     reading.wide.resize(out.values.size());
     for (int pass = 0; pass < passes; ++pass)
         for (int y = 0; y < out.height; ++y) {
-            const std::size_t at = placeOf(out, y, request);
+            const std::size_t at = offsetOf(out, y, request);
             png_read_row(reading.png, eightBits ? &out.bytes[at] : reinterpret_cast<png_bytep>(&reading.wide[at]),
                          nullptr);
         }
@@ -142,7 +142,7 @@ bool readJpeg(std::span<const std::uint8_t> bytes, const ReadRequest& request, F
     if (jpeg.output_components != jpeg.num_components) return false;
     if (isInks) reading.inks.resize(std::size_t{4} * jpeg.output_width);
     while (jpeg.output_scanline < jpeg.output_height) {
-        std::uint8_t* const row = &out.bytes[placeOf(out, static_cast<int>(jpeg.output_scanline), request)];
+        std::uint8_t* const row = &out.bytes[offsetOf(out, static_cast<int>(jpeg.output_scanline), request)];
         JSAMPROW to = isInks ? reading.inks.data() : row;
         jpeg_read_scanlines(&jpeg, &to, 1);
         if (isInks) lightOfInks(reading.inks, row);

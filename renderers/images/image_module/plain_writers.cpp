@@ -55,13 +55,13 @@ void makeRoom(j_compress_ptr jpeg) {
     JpegWriting& writing = JpegWriting::of(jpeg);
     constexpr std::size_t kFirst = 1 << 16;
     const std::size_t full = writing.file->size();
-    bool made = true;
+    bool created = true;
     try {
         writing.file->resize(std::max(kFirst, 2 * full));
     } catch (const std::bad_alloc&) {
-        made = false;
+        created = false;
     }
-    if (!made) std::longjmp(writing.after, 1);
+    if (!created) std::longjmp(writing.after, 1);
     writing.to.next_output_byte = writing.file->data() + full;
     writing.to.free_in_buffer = writing.file->size() - full;
 }

@@ -43,7 +43,7 @@ class SourceProxy final : public OIIO::Filesystem::IOProxy {
 
 /// The one cache, which lives as long as the process: tiles of pictures that are gone leave it with them.
 auto& cache() {
-    static const auto made = [] {
+    static const auto created = [] {
         auto one = OIIO::ImageCache::create(false);
         one->attribute("max_memory_MB", static_cast<float>(TiledPicture::kCacheMegabytes));
         one->attribute("accept_untiled", 0);
@@ -51,7 +51,7 @@ auto& cache() {
         one->attribute("unassociatedalpha", 1);
         return one;
     }();
-    return made;
+    return created;
 }
 
 class Tiles final : public TiledPicture {
@@ -151,8 +151,8 @@ class Tiles final : public TiledPicture {
             count += static_cast<std::size_t>(grid.columns) *
                      static_cast<std::size_t>((levels[i].height - 1) / grid.height + 1);
         }
-        constexpr std::size_t most = std::size_t{1} << 28;
-        if (count <= most) states_.reset(static_cast<std::uint8_t*>(std::calloc(count, 1)));
+        constexpr std::size_t maximum = std::size_t{1} << 28;
+        if (count <= maximum) states_.reset(static_cast<std::uint8_t*>(std::calloc(count, 1)));
         return states_ != nullptr;
     }
 
@@ -172,7 +172,7 @@ class Tiles final : public TiledPicture {
             const OIIO::ImageSpec& spec = input->spec();
             const auto bytes = static_cast<std::uint64_t>(std::max(spec.tile_width, 0)) *
                                static_cast<std::uint64_t>(std::max(spec.tile_height, 0)) * spec.pixel_bytes();
-            if (bytes == 0 || bytes > kMostTileBytes) return "the picture's tiles are larger than 16 MiB";
+            if (bytes == 0 || bytes > kMaxTileBytes) return "the picture's tiles are larger than 16 MiB";
             levels.push_back({spec.width, spec.height});
             grids_.push_back({spec.tile_width, spec.tile_height});
         }

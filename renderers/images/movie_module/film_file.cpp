@@ -42,12 +42,12 @@ std::int64_t FilmFile::seek(void* self, std::int64_t offset, int whence) {
     return base + offset;
 }
 
-std::string FilmFile::open(std::int64_t most) {
+std::string FilmFile::open(std::int64_t maximum) {
     format_.reset(), io_.reset();
     if (std::string why = whyTablesAreTooLong(bytes_); !why.empty()) return why;
     // No block of memory is larger than a picture may be, of four channels of 16 bits.
-    constexpr std::int64_t kBytesOfPixel = 8, kLeast = std::int64_t{1} << 26;
-    av_max_alloc(static_cast<std::size_t>(std::max(kBytesOfPixel * most, kLeast)));
+    constexpr std::int64_t kBytesOfPixel = 8, kMin = std::int64_t{1} << 26;
+    av_max_alloc(static_cast<std::size_t>(std::max(kBytesOfPixel * maximum, kMin)));
     at_ = 0;
     auto* buffer = static_cast<unsigned char*>(av_malloc(kBuffer));
     io_.reset(avio_alloc_context(buffer, kBuffer, 0, this, read, nullptr, seek));
@@ -63,7 +63,7 @@ std::string FilmFile::open(std::int64_t most) {
     format_.reset(format);
     // Data that the head lacks are found by decoding a little.
     std::vector<AVDictionary*> streams(format_->nb_streams, nullptr);
-    for (AVDictionary*& each : streams) av_dict_set_int(&each, "max_pixels", most, 0);
+    for (AVDictionary*& each : streams) av_dict_set_int(&each, "max_pixels", maximum, 0);
     avformat_find_stream_info(format_.get(), streams.empty() ? nullptr : streams.data());
     for (AVDictionary*& each : streams) av_dict_free(&each);
     return {};
@@ -84,7 +84,7 @@ int takePicture(AVCodecContext* codec, AVFrame* frame, int flags) {
 
 }  // namespace
 
-std::string FilmDecoder::open(FilmFile& file, AVMediaType kind, std::int64_t mostPixels) {
+std::string FilmDecoder::open(FilmFile& file, AVMediaType kind, std::int64_t maxPixels) {
     AVFormatContext& format = file.format();
     const std::string what = kind == AVMEDIA_TYPE_VIDEO ? "pictures" : "sound";
     const AVCodec* decoder = nullptr;
@@ -95,7 +95,7 @@ std::string FilmDecoder::open(FilmFile& file, AVMediaType kind, std::int64_t mos
     packet.reset(av_packet_alloc());
     draining = false;
     avcodec_parameters_to_context(codec.get(), chosen.codecpar);
-    codec->max_pixels = mostPixels;
+    codec->max_pixels = maxPixels;
     codec->pkt_timebase = chosen.time_base;
     codec->thread_count = 1;
     codec->opaque = &file;

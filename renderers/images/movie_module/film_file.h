@@ -46,7 +46,7 @@ class FilmFile {
     FilmFile& operator=(const FilmFile&) = delete;
 
     /// From its beginning, with what is in it found out; pictures of more than `most` pixels are not looked at.
-    std::string open(std::int64_t most);
+    std::string open(std::int64_t maximum);
     AVFormatContext& format() { return *format_; }
     bool mayTake(std::uint64_t bytes) const { return !bytes_.mayTake || bytes_.mayTake(bytes); }
 
@@ -68,7 +68,7 @@ struct FilmDecoder {
     Owned<AVPacket> packet;
     bool draining = false;
 
-    std::string open(FilmFile& file, AVMediaType kind, std::int64_t mostPixels);
+    std::string open(FilmFile& file, AVMediaType kind, std::int64_t maxPixels);
     /// Reads the next picture or piece of sound; false at the end. A damaged packet is skipped.
     bool next(AVFormatContext& format, AVFrame& frame);
 };

@@ -24,7 +24,7 @@ using Written = std::uint8_t;
 using Written = const std::uint8_t;
 #endif
 
-struct FreeMade {
+struct FreeFrame {
     void operator()(AVFormatContext* format) const { avformat_free_context(format); }
 };
 
@@ -180,7 +180,7 @@ class FilmMaker final : public MovieMaker {
     std::uint64_t at_ = 0, size_ = 0;
     bool failed_ = false;
     Owned<AVIOContext> io_;
-    std::unique_ptr<AVFormatContext, FreeMade> format_;
+    std::unique_ptr<AVFormatContext, FreeFrame> format_;
     Owned<AVCodecContext> codec_;
     AVStream* stream_ = nullptr;
     Owned<SwsContext> scaler_;

@@ -36,14 +36,14 @@ class Interleaver {
         const auto format = static_cast<AVSampleFormat>(frame.format);
         if (!resampler_ || format != format_) {
             // The order of channels stays as it is.
-            SwrContext* made = nullptr;
+            SwrContext* created = nullptr;
             AVChannelLayout layout{};
             av_channel_layout_default(&layout, out.channels);
-            const int done = swr_alloc_set_opts2(&made, &layout, AV_SAMPLE_FMT_FLT, out.sampleRate, &layout, format,
+            const int done = swr_alloc_set_opts2(&created, &layout, AV_SAMPLE_FMT_FLT, out.sampleRate, &layout, format,
                                                  out.sampleRate, 0, nullptr);
             av_channel_layout_uninit(&layout);
-            resampler_.reset(made);
-            if (done < 0 || swr_init(made) < 0) return false;
+            resampler_.reset(created);
+            if (done < 0 || swr_init(created) < 0) return false;
             format_ = format;
         }
         const std::size_t before = out.samples.size();
@@ -78,12 +78,12 @@ void fitToPictures(FileSound& sound, double late, double seconds) {
 }  // namespace
 
 std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) {
-    constexpr std::int64_t kMostPixels = 1 << 26;
+    constexpr std::int64_t kMaxPixels = 1 << 26;
     FilmFile file(std::move(bytes));
-    if (std::string error = file.open(kMostPixels); !error.empty()) return error;
+    if (std::string error = file.open(kMaxPixels); !error.empty()) return error;
     out.known = true;
     FilmDecoder decoder;
-    if (std::string error = decoder.open(file, AVMEDIA_TYPE_AUDIO, kMostPixels); !error.empty()) return error;
+    if (std::string error = decoder.open(file, AVMEDIA_TYPE_AUDIO, kMaxPixels); !error.empty()) return error;
     const int pictures = av_find_best_stream(&file.format(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
     const Owned<AVFrame> frame(av_frame_alloc());
     Interleaver interleaver;

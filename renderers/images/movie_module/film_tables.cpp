@@ -8,8 +8,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kDeepest = 12;         // boxes within boxes
-constexpr int kMostBoxes = 1 << 18;  // hours of a film in pieces have some ten thousand
+constexpr int kDeepest = 12;        // boxes within boxes
+constexpr int kMaxBoxes = 1 << 18;  // hours of a film in pieces have some ten thousand
 
 class SampleCounts {
   public:
@@ -20,7 +20,7 @@ class SampleCounts {
         if (first != "ftyp" && first != "moov" && first != "mdat") return {};
         add(0, bytes_.size, 0);
         if (isPacked_) return "a film whose head is packed (cmov) is not read";
-        if (boxes_ > kMostBoxes) return "the film has more than " + std::to_string(kMostBoxes) + " boxes";
+        if (boxes_ > kMaxBoxes) return "the film has more than " + std::to_string(kMaxBoxes) + " boxes";
         if (samples_ <= bytes_.size) return {};
         return "the film's tables count " + std::to_string(samples_) + " samples, which are not in a file of " +
                std::to_string(bytes_.size) + " bytes";
@@ -46,7 +46,7 @@ class SampleCounts {
     }
     void add(std::uint64_t at, std::uint64_t end, int depth) {
         constexpr std::uint64_t kHead = 8, kLongHead = 16;
-        while (at + kHead <= end && ++boxes_ <= kMostBoxes) {
+        while (at + kHead <= end && ++boxes_ <= kMaxBoxes) {
             std::uint64_t size = number(at, 4), head = kHead;
             const std::string kind = name(at + 4);
             if (size == 1) size = number(at + 8, 8), head = kLongHead;

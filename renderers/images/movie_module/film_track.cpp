@@ -73,9 +73,9 @@ std::string encodeSound(const FileSound& sound, AVFormatContext& format, FilmTra
         return textOfError(failed);
     if (const int failed = av_frame_get_buffer(frame.get(), 0); failed < 0) return textOfError(failed);
     const std::size_t all = sound.samples.size() / static_cast<std::size_t>(sound.channels);
-    const auto most = static_cast<std::size_t>(codec.frame_size);
-    for (std::size_t first = 0; first < all; first += most) {
-        frame->nb_samples = static_cast<int>(std::min(most, all - first));
+    const auto maximum = static_cast<std::size_t>(codec.frame_size);
+    for (std::size_t first = 0; first < all; first += maximum) {
+        frame->nb_samples = static_cast<int>(std::min(maximum, all - first));
         if (error = fill(sound, first, *frame); !error.empty()) return error;
         if (const int failed = avcodec_send_frame(&codec, frame.get()); failed < 0) return textOfError(failed);
         if (!takePackets(codec, out.packets, error)) return error;

@@ -67,9 +67,9 @@ class Film final : public MovieFile {
         scaler_.reset();
         hasShown_ = hasAhead_ = false;
         lastTime_ = 0;
-        const auto most = static_cast<std::int64_t>(std::min<std::uint64_t>(maximumPixels_, INT32_MAX));
-        if (std::string error = file_.open(most); !error.empty()) return error;
-        if (std::string error = decoder_.open(file_, AVMEDIA_TYPE_VIDEO, most); !error.empty()) return error;
+        const auto maximum = static_cast<std::int64_t>(std::min<std::uint64_t>(maximumPixels_, INT32_MAX));
+        if (std::string error = file_.open(maximum); !error.empty()) return error;
+        if (std::string error = decoder_.open(file_, AVMEDIA_TYPE_VIDEO, maximum); !error.empty()) return error;
         const AVCodecContext& codec = *decoder_.codec;
         // Some know it only when they have decoded a picture.
         if (codec.width > 0 && codec.height > 0)

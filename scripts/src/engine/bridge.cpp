@@ -140,15 +140,15 @@ bool read(JSContext* cx, unsigned count, JS::Value* vp) {
 
 /// The content of a reader: its Script's number, place and field as (number << 5 | place) << 16 | field, which a double
 /// holds.
-constexpr std::size_t kPlaceInReader = 0, kReadInCall = 1;
+constexpr std::size_t kBitInReader = 0, kReadInCall = 1;
 
 /// Whether the program whose global object this is has touched the field in its call, or one that shares its bit.
-bool isTouched(JSObject* global, unsigned place) {
+bool isTouched(JSObject* global, unsigned bit) {
     const JS::AutoCheckCannotGC noCollection;
     bool shared = false;
     const double* bits =
         JS_GetFloat64ArrayData(&JS::GetReservedSlot(global, Runtime::kTouchedSlot).toObject(), &shared, noCollection);
-    return (static_cast<std::uint32_t>(*bits) >> place & 1u) != 0;
+    return (static_cast<std::uint32_t>(*bits) >> bit & 1u) != 0;
 }
 
 /// The getter of a program's own field of one number. The engine can call it from compiled code, which it cannot do
@@ -157,7 +157,7 @@ bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     JSObject* reader = &args.callee();
     const Call& call = currentCall(cx);
-    const auto packed = static_cast<std::uint64_t>(js::GetFunctionNativeReserved(reader, kPlaceInReader).toNumber());
+    const auto packed = static_cast<std::uint64_t>(js::GetFunctionNativeReserved(reader, kBitInReader).toNumber());
     const NodeId self{static_cast<std::uint32_t>(packed >> 21)};
     const Node* node = call.scene.find(self);
     if (!node || self != call.self || isTouched(call.global, packed >> 16 & 0x1F)) {
@@ -176,13 +176,13 @@ bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
 bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const JSAutoRealm inside(cx, currentCall(cx).global);
-    JSFunction* made = js::NewFunctionWithReserved(cx, readOwn, 0, 0, "");
-    if (!made) return false;
-    JSObject* object = JS_GetFunctionObject(made);
+    JSFunction* created = js::NewFunctionWithReserved(cx, readOwn, 0, 0, "");
+    if (!created) return false;
+    JSObject* object = JS_GetFunctionObject(created);
     const std::uint64_t packed = static_cast<std::uint64_t>(currentCall(cx).self.value) << 21 |
                                  static_cast<std::uint64_t>(args.get(1).toInt32()) << 16 |
                                  static_cast<std::uint64_t>(args.get(0).toInt32());
-    js::SetFunctionNativeReserved(object, kPlaceInReader, JS::NumberValue(static_cast<double>(packed)));
+    js::SetFunctionNativeReserved(object, kBitInReader, JS::NumberValue(static_cast<double>(packed)));
     js::SetFunctionNativeReserved(object, kReadInCall, args.get(3));
     JS::SetReservedSlot(currentCall(cx).global, Runtime::kTouchedSlot, args.get(2));
     args.rval().setObject(*object);
@@ -326,9 +326,9 @@ bool createNode(JSContext* cx, unsigned count, JS::Value* vp) {
     if (!stringFrom(cx, args.get(1), name)) return false;
     const Node* script = call.scene.find(nodeArgument(args, 0));
     if (!call.cascade || !script) return answer(cx, args, "a script that shuts down can change nothing");
-    const auto made = ScriptPrograms::createNode(call.scene, name, script->scope());
-    if (!made) return answer(cx, args, made.error().text);
-    args.rval().setNumber(made->value);
+    const auto created = ScriptPrograms::createNode(call.scene, name, script->scope());
+    if (!created) return answer(cx, args, created.error().text);
+    args.rval().setNumber(created->value);
     return true;
 }
 

@@ -18,9 +18,9 @@ inline NodeId nodeArgument(const JS::CallArgs& args, unsigned index) {
 }
 
 inline bool answer(JSContext* cx, const JS::CallArgs& args, std::string_view text) {
-    JSString* made = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
-    if (!made) return false;
-    args.rval().setString(made);
+    JSString* created = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
+    if (!created) return false;
+    args.rval().setString(created);
     return true;
 }
 

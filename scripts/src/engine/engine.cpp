@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/script_url.h>
 #include <rtsg/core/x3d.h>
@@ -26,7 +26,7 @@ namespace {
 /// Scripts that write to each other's fields directly nest; beyond this it is a circle.
 constexpr int kMaximumDepth = 16;
 /// So many bytes of a failing program's message, and so many of the promises that a call leaves rejected, are reported.
-constexpr std::size_t kLongestMessage = 1000, kMostRejections = 10;
+constexpr std::size_t kLongestMessage = 1000, kMaxRejections = 10;
 
 /// The program's text, from the first url that has one; `problem` says why there is none.
 std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& options, std::string& problem) {
@@ -35,7 +35,7 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
         const auto start = text.find_first_not_of(" \t\r\n");
         if (start == text.npos) continue;
         if (const auto program = programInUrl(text)) return std::string(*program);
-        static const auto& nothing = lasting([] { return Resources(); });
+        static const auto& nothing = neverDestroyed([] { return Resources(); });
         const Resources& resources = options.resources ? *options.resources : nothing;
         auto file = resources.open(scene, node, x3d::Script::url.index, text.substr(start));
         auto program = file ? file->read() : Result<std::string>(std::unexpected(file.error()));
@@ -64,7 +64,7 @@ struct ScriptEngine::State {
         struct Roots {
             JS::PersistentRootedObject global;
             JS::PersistentRootedValue event;
-            Roots(JSContext* cx, JSObject* made) : global(cx, made), event(cx) {}
+            Roots(JSContext* cx, JSObject* created) : global(cx, created), event(cx) {}
         };
         std::unique_ptr<Roots> roots;
         bool canRun = false;  // has a controller, and has not been ended
@@ -205,11 +205,12 @@ struct ScriptEngine::State {
         return at == frames.npos ? 0 : static_cast<unsigned>(std::strtoul(frames.c_str() + at + 8, nullptr, 10));
     }
 
-    enum class Place { program, library };
+    enum class RealmKind { program, library };
     /// Runs `body` (returns false with an exception pending) as one call, and then the jobs that it leaves; reports
     /// errors. Runs in the realm of the program, or briefly in that of the library, whose functions go into it.
     template <class Body>
-    bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body, Place place = Place::program) {
+    bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body,
+               RealmKind where = RealmKind::program) {
         if (runtime->depth >= kMaximumDepth) {
             warn(cascade, node.id(), "scripts write to each other in a circle: cut off");
             return false;
@@ -226,7 +227,7 @@ struct ScriptEngine::State {
         if (runtime->depth == 0 && !runtime->startWatch(options.timeLimit)) return false;
         ++runtime->depth;
         Call* outer = std::exchange(runtime->current, &call);
-        const JSAutoRealm realm(context(), place == Place::program ? global.get() : runtime->library());
+        const JSAutoRealm realm(context(), where == RealmKind::program ? global.get() : runtime->library());
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
         bool goesOn = (ok || report(cascade, id)) && runJobs(cascade, id, global, mark);
@@ -286,7 +287,7 @@ struct ScriptEngine::State {
         JS::RootedValue reason(cx);
         std::size_t reported = 0;
         for (std::size_t taken = 0; (promise = runtime->jobs().nextRejected(mark, taken)); ++reported) {
-            if (reported == kMostRejections) return warn(cascade, id, "more promises that nothing handles");
+            if (reported == kMaxRejections) return warn(cascade, id, "more promises that nothing handles");
             reason = JS::GetPromiseResult(promise);
             warn(cascade, id, describe(JS::ExceptionStack(cx, reason, nullptr)) + " (a promise that nothing handles)");
         }
@@ -461,7 +462,7 @@ class EcmaScript final : public ScriptLanguage {
 }  // namespace
 
 std::shared_ptr<const ScriptLanguage> ecmaScript() {
-    static const auto& language = lasting([] { return std::make_shared<const EcmaScript>(); });
+    static const auto& language = neverDestroyed([] { return std::make_shared<const EcmaScript>(); });
     return language;
 }
 
@@ -497,7 +498,7 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
         return toScript(cx, value.type(), value.storage(), arguments[2]) &&
                JS::Call(cx, JS::UndefinedHandleValue, event, arguments, &ignored);
     };
-    s.enter(&cascade, node, *program, call, State::Place::library);
+    s.enter(&cascade, node, *program, call, State::RealmKind::library);
 }
 
 double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phase) {

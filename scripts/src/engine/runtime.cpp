@@ -10,7 +10,7 @@
 #include <pthread.h>
 
 #include <rtsg/core/delayed_library.h>
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 namespace rtsg::delayed {
 extern DelayedLibrary mozjs;
@@ -99,7 +99,7 @@ const JSClass kProgramClass{"Script", JSCLASS_GLOBAL_FLAGS, &programOps, nullptr
 
 /// Why the library does not start; empty if it has.
 const std::string& startEngine() {
-    static const std::string& problem = lasting([]() -> std::string {
+    static const std::string& problem = neverDestroyed([]() -> std::string {
         if (const auto loaded = delayed::mozjs.load(); !loaded) return loaded.error().text;
         libraryOps = globalOps(resolveForLibrary);
         programOps = globalOps(Runtime::onResolve);
@@ -265,14 +265,14 @@ bool Runtime::evaluateOwn(const char* name, std::string_view source, JS::HandleV
     JS::CompileOptions options(context_);
     options.setFileAndLine(name, 1);
     JS::SourceText<mozilla::Utf8Unit> text;
-    JS::RootedValue function(context_), made(context_);
+    JS::RootedValue function(context_), created(context_);
     JS::RootedValueArray<1> arguments(context_);
     arguments[0].set(bridge);
     if (!text.init(context_, source.data(), source.size(), JS::SourceOwnership::Borrowed) ||
         !JS::Evaluate(context_, options, text, &function) ||
-        !JS_CallFunctionValue(context_, nullptr, function, arguments, &made) || !made.isObject())
+        !JS_CallFunctionValue(context_, nullptr, function, arguments, &created) || !created.isObject())
         return false;
-    result.set(&made.toObject());
+    result.set(&created.toObject());
     return true;
 }
 
@@ -293,19 +293,19 @@ JSObject* Runtime::newGlobal(NodeId self) {
 
 JSObject* Runtime::newController(JS::HandleObject global) {
     JS::RootedValueArray<2> arguments(context_);
-    JS::RootedValue made(context_), ignored(context_);
+    JS::RootedValue created(context_), ignored(context_);
     JS::RootedObject prelude(context_, *prelude_), fences(context_, *fences_);
     arguments[0].set(JS::GetReservedSlot(global, kSelfSlot));
     arguments[1].setObject(*global);
-    if (!JS_CallFunctionName(context_, prelude, "program", arguments, &made)) return nullptr;
-    JS::SetReservedSlot(global, kControllerSlot, made);
+    if (!JS_CallFunctionName(context_, prelude, "program", arguments, &created)) return nullptr;
+    JS::SetReservedSlot(global, kControllerSlot, created);
     JS::RootedValueArray<1> realm(context_);
     realm[0].setObject(*global);
-    return JS_CallFunctionName(context_, fences, "begin", realm, &ignored) ? &made.toObject() : nullptr;
+    return JS_CallFunctionName(context_, fences, "begin", realm, &ignored) ? &created.toObject() : nullptr;
 }
 
 bool Runtime::run(const std::string& source) {
-    constexpr std::size_t kMostKept = std::size_t{4} << 20;
+    constexpr std::size_t kMaxKept = std::size_t{4} << 20;
     JS::CompileOptions options(context_);
     options.setFileAndLine("script", 1);
     auto found = compiled_.find(source);
@@ -314,7 +314,7 @@ bool Runtime::run(const std::string& source) {
         if (!text.init(context_, source.data(), source.size(), JS::SourceOwnership::Borrowed)) return false;
         RefPtr<JS::Stencil> stencil = JS::CompileGlobalScriptToStencil(context_, options, text);
         if (!stencil) return false;
-        if (compiledBytes_ + source.size() > kMostKept) {
+        if (compiledBytes_ + source.size() > kMaxKept) {
             compiled_.clear();
             compiledBytes_ = 0;
         }

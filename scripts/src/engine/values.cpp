@@ -108,9 +108,9 @@ void narrowElements(const double* from, std::size_t count, T* elements) {
 }
 
 bool stringTo(JSContext* cx, std::string_view text, JS::MutableHandleValue out) {
-    JSString* made = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
-    if (!made) return false;
-    out.setString(made);
+    JSString* created = JS_NewStringCopyUTF8N(cx, JS::UTF8Chars(text.data(), text.size()));
+    if (!created) return false;
+    out.setString(created);
     return true;
 }
 
@@ -150,7 +150,7 @@ bool customTo(JSContext* cx, const CustomValue& value, JS::MutableHandleValue ou
 
 bool customFrom(JSContext* cx, JS::HandleValue value, const CustomType& type, CustomValue& out) {
     std::vector<double> numbers;
-    Result<CustomValue> made;
+    Result<CustomValue> created;
     if (value.isString()) {
         std::string text;
         if (!stringFrom(cx, value, text)) return false;
@@ -163,10 +163,10 @@ bool customFrom(JSContext* cx, JS::HandleValue value, const CustomType& type, Cu
         numbers.push_back(value.toNumber());
     else if (!numbersOf(value, numbers))
         return false;
-    made = type.value(numbers);
-    if (made) made = normalisedCustom(type, std::move(*made));
-    if (made) out = std::move(*made);
-    return made.has_value();
+    created = type.value(numbers);
+    if (created) created = normalisedCustom(type, std::move(*created));
+    if (created) out = std::move(*created);
+    return created.has_value();
 }
 
 template <class T>

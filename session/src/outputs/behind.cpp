@@ -59,7 +59,7 @@ Result<> OutputsBehind::follow() {
             if (!attached) return std::unexpected(attached.error());
             outputs_ = std::move(*attached);
         }
-        mostBehind_ = std::max(mostBehind_.load(), queue_.secondsBehind());
+        maxBehind_ = std::max(maxBehind_.load(), queue_.secondsBehind());
     }
     if (outputs_) (void)outputs_->frame();  // of the last time; finish() tells the reason if it fails
     const Result<> result = outputs_ ? outputs_->finish() : Result<>();
@@ -82,7 +82,7 @@ Result<> OutputsBehind::finish() {
 
 OutputReport OutputsBehind::report() const {
     OutputReport report = outputs_ ? outputs_->report() : OutputReport();
-    report.mostBehind = mostBehind_;
+    report.maxBehind = maxBehind_;
     return report;
 }
 

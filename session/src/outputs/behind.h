@@ -48,7 +48,7 @@ class OutputsBehind final : public OutputMaker {
     std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<Outputs> outputs_;
     Result<> result_;
-    std::atomic<double> mostBehind_{0};
+    std::atomic<double> maxBehind_{0};
     std::atomic<bool> failed_{false}, ended_{false}, abandoned_{false};
     std::thread thread_;
 };

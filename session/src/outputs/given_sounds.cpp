@@ -16,7 +16,7 @@ namespace rtsg {
 namespace {
 
 /// The limit that holds for clips, too.
-constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
+constexpr std::uint64_t kMaxSamples = std::uint64_t{1} << 29;
 
 /// For messages, with the option.
 std::unexpected<Diagnostic> failed(const GivenSound& source, const std::string& why) {
@@ -41,12 +41,12 @@ Result<ClipLibrary::Given> openSource(const GivenSound& source, bool live, doubl
     std::string damage;
     Result<SoundBuffer> sound = source.kind == GivenSound::Kind::pipe
                                     ? readPipe(source.name, source.raw, seconds, [&] { return !context.interrupted(); })
-                                    : readSound(source.name, kMostSamples, &damage);
+                                    : readSound(source.name, kMaxSamples, &damage);
     if (!sound) return failed(source, name + ": " + sound.error().text);
     if (!damage.empty()) {
-        Diagnostics told;
-        told.warning({}, fmt::format("{}: {} is damaged or cut short: {}", source.option, name, damage));
-        context.report(told);
+        Diagnostics reported;
+        reported.warning({}, fmt::format("{}: {} is damaged or cut short: {}", source.option, name, damage));
+        context.report(reported);
     }
     return ClipLibrary::Given(std::make_shared<const SoundBuffer>(std::move(*sound)));
 }

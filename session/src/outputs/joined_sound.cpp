@@ -73,8 +73,8 @@ class Joining {
             return fail(fmt::format("it ends within the time of picture {}: with --fps {:g} there is a gap", next - 1,
                                     picturesPerSecond_),
                         {}, name);
-        const std::int64_t most = sampleOf(range_.last + 1, sound.sampleRate) - sampleOf(number, sound.sampleRate);
-        const auto kept = static_cast<std::ptrdiff_t>(most) * sound.channels;
+        const std::int64_t maximum = sampleOf(range_.last + 1, sound.sampleRate) - sampleOf(number, sound.sampleRate);
+        const auto kept = static_cast<std::ptrdiff_t>(maximum) * sound.channels;
         const auto samples = static_cast<std::ptrdiff_t>(read->samples.size());
         sound.samples.insert(sound.samples.end(), read->samples.begin(),
                              read->samples.begin() + std::min(kept, samples));

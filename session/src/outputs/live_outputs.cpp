@@ -85,7 +85,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
 }
 
 LiveOutputs::~LiveOutputs() {
-    tell(abandoned_);
+    report(abandoned_);
     threads_.clear();  // joins the threads
 }
 
@@ -113,12 +113,12 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
         const bool last = ending && (*state)->moment >= lastMoment_;
         if ((*state)->moment == moment && !last) {
             std::unique_lock lock(mutex_);
-            const auto most = ending ? milliseconds(1) : kNoNews;
-            const std::uint64_t known = newsTold_;
+            const auto maximum = ending ? milliseconds(1) : kNoNews;
+            const std::uint64_t known = newsReported_;
             ++resting_;
-            news_.wait_for(lock, most,
+            news_.wait_for(lock, maximum,
                            [&] { return abandoned_ || (!ending && ((*state)->sequence != stateNow_ || ending_)); });
-            if (known == newsTold_) --resting_;
+            if (known == newsReported_) --resting_;
             continue;
         }
         moment = (*state)->moment;
@@ -127,7 +127,7 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
     }
 }
 
-void LiveOutputs::tell(std::atomic<bool>& whatIsTrue) {
+void LiveOutputs::report(std::atomic<bool>& whatIsTrue) {
     {
         const std::lock_guard lock(mutex_);
         whatIsTrue = true;
@@ -150,7 +150,7 @@ void LiveOutputs::noteTime() {
         firstState_ = scene_.sequence();
     }
     if (std::exchange(stateNow_, scene_.sequence()) == scene_.sequence()) return;
-    ++newsTold_, resting_ = 0;
+    ++newsReported_, resting_ = 0;
     news_.notify_all();
 }
 
@@ -222,9 +222,9 @@ Result<Picture> LiveOutputs::preview(const WorldState& state) {
         const int before = preview_.samples(), more = static_cast<int>(std::lround(stats.samples)) - before;
         if (more <= 0) break;  // it is as good as it gets
         Picture news = *picture;
-        const float share = static_cast<float>(before) / static_cast<float>(more);
+        const float fraction = static_cast<float>(before) / static_cast<float>(more);
         for (std::size_t i = 0; before > 0 && i < news.pixels.size(); ++i)
-            news.pixels[i] += share * (news.pixels[i] - refined_.pixels[i]);
+            news.pixels[i] += fraction * (news.pixels[i] - refined_.pixels[i]);
         if (auto ok = preview_.add(std::move(news), more); !ok) return std::unexpected(ok.error());
         refined_ = std::move(*picture);
     }
@@ -236,12 +236,12 @@ Result<> LiveOutputs::hear(const WorldState& state) {
     const double elapsed = elapsedAt(state, stretchHeard_);
     // Time elapsed, and not the scene's time, tells: a log that is played again has the same states at the same times.
     const bool again = !heard_.empty() && heard_.back() == std::pair(elapsed, state.sequence);
-    if (again || soundMade_ >= arguments_.seconds) return {};
-    if (stretchHeard_ != before && elapsed > soundMade_) {
+    if (again || soundWritten_ >= arguments_.seconds) return {};
+    if (stretchHeard_ != before && elapsed > soundWritten_) {
         // Also makes the time between the last state heard and the moment when the scene went back. Otherwise the sound
         // would be too short.
         WorldState late = state;
-        late.time = soundAt_ + (elapsed - soundMade_);
+        late.time = soundAt_ + (elapsed - soundWritten_);
         if (auto ok = hearTo(late); !ok) return ok;
     }
     if (auto ok = hearTo(state); !ok) return ok;
@@ -252,14 +252,14 @@ Result<> LiveOutputs::hear(const WorldState& state) {
 
 Result<> LiveOutputs::hearTo(const WorldState& state) {
     if (auto ok = sound_->renderFrame(state); !ok) return ok;
-    soundMade_ += std::max(0.0, state.time - std::exchange(soundAt_, state.time));
+    soundWritten_ += std::max(0.0, state.time - std::exchange(soundAt_, state.time));
     return {};
 }
 
 Result<> LiveOutputs::frame() {
     if (auto ok = world_.update(); !ok) {
         fail(ok);
-        tell(abandoned_);
+        report(abandoned_);
     }
     noteTime();
     if (!failed_ && !ending_)
@@ -274,7 +274,7 @@ Result<> LiveOutputs::frame() {
 }
 
 Result<> LiveOutputs::finish() {
-    if (arguments_.isCutShort()) tell(abandoned_);
+    if (arguments_.isCutShort()) report(abandoned_);
     if (!failed_ && !abandoned_)
         if (auto ok = presentHere(true); !ok) fail(ok);
     if (running_ > 0) {
@@ -284,7 +284,7 @@ Result<> LiveOutputs::finish() {
     }
     afterInterruption_ =
         arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
-    tell(ending_);
+    report(ending_);
     const auto progress = running_ > 0 ? arguments_.context.progress("completing pictures and sound") : nullptr;
     while (running_ > 0) {
         (void)frame();  // whoever asks gets the last state

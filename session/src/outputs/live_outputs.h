@@ -52,7 +52,7 @@ class LiveOutputs final : public OutputMaker {
     Result<> hear(const WorldState& state);
     Result<> hearTo(const WorldState& state);
     void fail(const Result<>& why);
-    void tell(std::atomic<bool>& whatIsTrue);
+    void report(std::atomic<bool>& whatIsTrue);
     Result<> write();
     std::uint64_t heardAt(double elapsed) const;
 
@@ -73,7 +73,7 @@ class LiveOutputs final : public OutputMaker {
     double nextPicture_ = 0;  // k of the next time k / F
     std::size_t stretchPictured_ = 0, stretchHeard_ = 0;
     std::vector<std::pair<double, std::uint64_t>> heard_;  // length of the sound, and the state of which it was made
-    double soundAt_, soundMade_ = 0;  // the scene time that it has reached, and its length in seconds
+    double soundAt_, soundWritten_ = 0;  // the scene time that it has reached, and its length in seconds
 
     std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
     std::atomic<bool> afterInterruption_{false};  // set before ending_
@@ -82,7 +82,7 @@ class LiveOutputs final : public OutputMaker {
     mutable std::mutex mutex_;
     std::condition_variable news_;  // signals a new state of the scene, and the end
     // Guarded by mutex_: how often there was a new state, and the threads that have waited since the last one.
-    std::uint64_t newsTold_ = 0;
+    std::uint64_t newsReported_ = 0;
     int resting_ = 0;
     Result<> problem_;  // the first one
     ElapsedTime time_;

@@ -35,8 +35,8 @@ void OutputReport::addMissing(std::string_view what) {
     missing += fmt::format("{}{}", missing.empty() ? "" : ", ", what);
 }
 
-void OutputReport::addMissingSound(double made, double wanted) {
-    if (made < wanted - 1e-4) addMissing(fmt::format("{:.4g} of {:.4g} s of sound", wanted - made, wanted));
+void OutputReport::addMissingSound(double created, double wanted) {
+    if (created < wanted - 1e-4) addMissing(fmt::format("{:.4g} of {:.4g} s of sound", wanted - created, wanted));
 }
 
 void OutputReport::forget(bool pictures) {
@@ -53,7 +53,7 @@ std::string OutputReport::json() const {
         R"(,"pictures":{},"kept":{:.4g},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"picture_samples":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
         R"("missing":{},"flattenings":{},"worlds":{},"commits":{})",
         pictureStates.size(), meanKept(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes),
-        jsonArray(pictureSamples), jsonArray(soundStates), mostBehind, overlapped,
+        jsonArray(pictureSamples), jsonArray(soundStates), maxBehind, overlapped,
         missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds, world.commits);
     if (cuts) text += tessellationJson(*cuts);
     if (live)
@@ -64,14 +64,14 @@ std::string OutputReport::json() const {
     return text;
 }
 
-std::string keptText(double share) {
-    return share > 0 ? fmt::format(", {:.0f} % of the pixels kept", 100 * share) : "";
+std::string keptText(double fraction) {
+    return fraction > 0 ? fmt::format(", {:.0f} % of the pixels kept", 100 * fraction) : "";
 }
 
 std::string OutputReport::text() const {
     if (!live)
         return fmt::format("{} pictures{}, {:.3f} s of sound, at most {:.2f} s behind", pictureStates.size(),
-                           keptText(meanKept()), soundSeconds, mostBehind);
+                           keptText(meanKept()), soundSeconds, maxBehind);
     const std::string samples =
         pictureSamples.empty() ? "" : fmt::format(", the last of {:.6g} samples a pixel", pictureSamples.back());
     std::string text = fmt::format("{} pictures ({} skipped{}{}), {:.3f} s of sound, of {} of {} states",
@@ -86,7 +86,7 @@ std::string OutputReport::text() const {
 
 std::string tessellationJson(const Flattener::Cuts& cuts) {
     return fmt::format(R"(,"tessellation":{{"geometries":{},"triangles":{},"levels":[{}],"too_coarse":{},"made":{}}})",
-                       cuts.geometries, cuts.triangles, fmt::join(cuts.ofLevel, ","), cuts.tooCoarse, cuts.made);
+                       cuts.geometries, cuts.triangles, fmt::join(cuts.ofLevel, ","), cuts.tooCoarse, cuts.created);
 }
 
 std::string missingError(double asked, double reached, double unreached) {

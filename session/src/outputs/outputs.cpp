@@ -26,7 +26,7 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
     return {};
 }
 
-void tellGain(const ListenReport& report, const SessionContext& context) {
+void reportGain(const ListenReport& report, const SessionContext& context) {
     if (report.gain < 1)
         context.note(fmt::format("note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer",
                                  -20 * std::log10(static_cast<double>(report.gain))));
@@ -51,11 +51,12 @@ Result<double> writeStretch(ListenReport report, const OutputOptions& arguments)
 Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures) {
     ListenReport report = sound.finish();
     if (arguments.only) return writeStretch(std::move(report), arguments);
-    const double most = std::round(arguments.seconds * report.sound.sampleRate);
-    if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
-        report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
+    const double maximum = std::round(arguments.seconds * report.sound.sampleRate);
+    if (maximum < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
+        report.sound.samples.resize(static_cast<std::size_t>(maximum) *
+                                    static_cast<std::size_t>(report.sound.channels));
     arguments.context.report(report.diagnostics);
-    tellGain(report, arguments.context);
+    reportGain(report, arguments.context);
     const SoundBuffer& heard = report.sound;
     const Result<> written = arguments.soundInFilm()
                                  ? pictures.addSound(heard.samples, heard.sampleRate, heard.channels)
@@ -184,13 +185,13 @@ void Outputs::work() {
         changed_.wait(lock, [this] { return stop_ || job_; });
         if (stop_) return;
         lock.unlock();
-        Result<> made;
+        Result<> created;
         try {
-            made = make(*job_);
+            created = make(*job_);
         } catch (const std::exception& e) {
-            made = fail(fmt::format("pictures and sound ended: {}", e.what()));
+            created = fail(fmt::format("pictures and sound ended: {}", e.what()));
         }
-        if (result_) result_ = made;
+        if (result_) result_ = created;
         if (!result_) failed_ = true;
         lock.lock();
         job_.reset();
@@ -251,12 +252,12 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::finish() {
-    Result<> made = ready();  // does not wait for an interrupted picture
+    Result<> created = ready();  // does not wait for an interrupted picture
     if (arguments_.isCutShort())
-        return allOf(arguments_.context, {[&] { return made; }, [&] { return leaveUnwritten(); }});
+        return allOf(arguments_.context, {[&] { return created; }, [&] { return leaveUnwritten(); }});
     afterInterruption_ =
         arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
-    return allOf(arguments_.context, {[&] { return made; }, [&] { return lastPicture(); },
+    return allOf(arguments_.context, {[&] { return created; }, [&] { return lastPicture(); },
                                       [&]() -> Result<> {
                                           if (!sound_) return {};
                                           const Result<double> seconds = writeSound(*sound_, arguments_, files_);
@@ -307,9 +308,10 @@ OutputReport Outputs::report() const {
     if (!std::isfinite(arguments_.seconds)) return report;
     const double before = arguments_.only ? static_cast<double>(arguments_.only->first) : 0;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6) - before;
-    const auto made = static_cast<double>(report.pictureStates.size());
-    if (light_ && arguments_.animated() && made < pictures)
-        report.addMissing(fmt::format("{} of {} pictures{}", pictures - made, pictures, numbersFrom(before + made)));
+    const auto created = static_cast<double>(report.pictureStates.size());
+    if (light_ && arguments_.animated() && created < pictures)
+        report.addMissing(
+            fmt::format("{} of {} pictures{}", pictures - created, pictures, numbersFrom(before + created)));
     // The sound of the last picture's time ends with the log.
     const double sound = arguments_.only ? static_cast<double>(arguments_.only->last) / arguments_.picturesPerSecond
                                          : arguments_.seconds;

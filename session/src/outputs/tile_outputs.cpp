@@ -21,7 +21,7 @@ namespace {
 
 /// States of this many pictures are kept, for tiles that others did not draw in the end.
 constexpr std::size_t kKept = 3;
-constexpr std::uint64_t kMostAside = 4096;  // aside
+constexpr std::uint64_t kMaxAside = 4096;  // aside
 
 /// What must be the same for all tiles of a picture, besides size and pictures a second; a word.
 std::string looksOf(const OutputOptions& options) {
@@ -111,10 +111,10 @@ struct TileOutputs::Drawer {
             if (auto ok = apply(); !ok) return std::unexpected(ok.error());
         }
         if (from >= timeOf(picture)) return nullptr;
-        auto made = light->prepare();
-        if (!made) return std::unexpected(made.error());
+        auto created = light->prepare();
+        if (!created) return std::unexpected(created.error());
         if (states.size() == kKept) states.pop_front();
-        states.push_back({picture, scene.sequence(), scene.now(), scene.hash(), std::move(*made)});
+        states.push_back({picture, scene.sequence(), scene.now(), scene.hash(), std::move(*created)});
         return &states.back();
     }
     Result<std::string> draw(const State& state, const PictureTile& tile) {
@@ -196,7 +196,7 @@ Result<> TileOutputs::answer(Drawer& drawer, const TileLink::Message& message) {
     if (message.words[0] != "draw") return {};
     const std::uint64_t number = message.number(1);
     const auto word = [&](std::size_t at) {
-        return static_cast<int>(std::min<std::uint64_t>(message.number(at), kMostAside));
+        return static_cast<int>(std::min<std::uint64_t>(message.number(at), kMaxAside));
     };
     const PictureTile tile{word(2), word(3), std::max(word(4), 1), std::max(word(5), 1)};
     const auto state = drawer.find(number);

@@ -81,15 +81,15 @@ std::string timeLine(const ReplayReport& r) {
     std::vector<Lane> lanes;
     const double length = r.end - r.start;
     if (!(length > 0)) return {};  // one time only, or none
-    const auto share = [&](double t) { return std::clamp(t / length, 0.0, 1.0); };
+    const auto fraction = [&](double t) { return std::clamp(t / length, 0.0, 1.0); };
     for (const FieldDifference& d : r.differences) {
         if (lanes.size() == 40) break;
         const double last =
-            r.frames > 1 ? share(d.time) + static_cast<double>(d.last - d.frame + 1) / static_cast<double>(r.frames)
+            r.frames > 1 ? fraction(d.time) + static_cast<double>(d.last - d.frame + 1) / static_cast<double>(r.frames)
                          : 1;
-        lanes.push_back({d.node + "." + d.field, share(d.time), std::min(last, 1.0)});
+        lanes.push_back({d.node + "." + d.field, fraction(d.time), std::min(last, 1.0)});
     }
-    if (lanes.empty() && r.divergence) lanes.push_back({"all fields", share(r.divergence->time), 1});
+    if (lanes.empty() && r.divergence) lanes.push_back({"all fields", fraction(r.divergence->time), 1});
     if (lanes.empty()) return {};
     std::string text = "<h2>Time line</h2>\n<div role=\"img\" aria-label=\"time line\">\n";
     for (const Lane& lane : lanes)
@@ -144,8 +144,8 @@ std::string table(const ReplayReport& r) {
         "<h2>{} field{} differed</h2>\n<div class=\"wide\"><table><tr><th>Field<th>From state<th>t, "
         "s<th>States<th>Largest<th>At first<th>By</tr>\n",
         r.differences.size(), r.differences.size() == 1 ? "" : "s");
-    constexpr std::size_t kMost = 200;
-    for (std::size_t i = 0; i < std::min(r.differences.size(), kMost); ++i) {
+    constexpr std::size_t kMax = 200;
+    for (std::size_t i = 0; i < std::min(r.differences.size(), kMax); ++i) {
         const FieldDifference& d = r.differences[i];
         text += fmt::format("<tr><td><code>{}.{}</code><td>{}<td>{:.4g}<td>{}<td>{}<td>{}<td>{}</tr>\n",
                             escapeMarkup(d.node), escapeMarkup(d.field), d.frame, d.time, d.states,
@@ -153,7 +153,7 @@ std::string table(const ReplayReport& r) {
                             escapeMarkup(d.cause));
     }
     text += "</table></div>\n";
-    if (r.differences.size() > kMost) text += fmt::format("<p class=\"soft\">The first {} are listed.</p>\n", kMost);
+    if (r.differences.size() > kMax) text += fmt::format("<p class=\"soft\">The first {} are listed.</p>\n", kMax);
     return text;
 }
 
@@ -197,17 +197,17 @@ Result<Picture> difference(const Result<Picture>& a, const Result<Picture>& b) {
 }
 
 std::string pictures(const ReplayOutcome& o) {
-    const auto side = [](std::string_view which, const Result<Picture>& expected, const Result<Picture>& made,
+    const auto side = [](std::string_view which, const Result<Picture>& expected, const Result<Picture>& rendered,
                          const ToneMap& toneMap = {}) {
         return fmt::format("<h2>Pictures of {}</h2>\n<div class=\"pictures\">{}{}{}</div>\n", which,
-                           pageFigure(expected, "expected", toneMap), pageFigure(made, "now", toneMap),
-                           pageFigure(difference(expected, made), "difference, 8 times"));
+                           pageFigure(expected, "expected", toneMap), pageFigure(rendered, "now", toneMap),
+                           pageFigure(difference(expected, rendered), "difference, 8 times"));
     };
     if (!o.expectedPicture.empty())
-        return side("the last state", readPicture(o.expectedPicture), readPicture(o.madePicture));
+        return side("the last state", readPicture(o.expectedPicture), readPicture(o.createdPicture));
     if (!o.differing) return {};
     return side(fmt::format("state {}, the first that differed", o.differing->state), o.differing->expected,
-                o.differing->made, o.differing->toneMap);
+                o.differing->rendered, o.differing->toneMap);
 }
 
 }  // namespace

@@ -44,20 +44,20 @@ constexpr int kUsualWidth = 1280, kUsualHeight = 720;  // of pictures, unless an
 ///
 /// Tests may run at the same time in one folder with references of the same name. So each test makes its file under a
 /// name of its own, and renames it at the end.
-class MadeFile {
+class TemporaryFile {
   public:
-    explicit MadeFile(const std::string& reference) {
+    explicit TemporaryFile(const std::string& reference) {
         if (reference.empty()) return;
         shown_ = actualName(reference);
         const std::filesystem::path path(shown_);
         file_ = fmt::format("{}.{}{}", path.stem().string(), ::getpid(), path.extension().string());
     }
-    ~MadeFile() {
+    ~TemporaryFile() {
         std::error_code ignored;  // there may be none, and the reason has been reported
         if (!file_.empty()) std::filesystem::rename(file_, shown_, ignored);
     }
-    MadeFile(const MadeFile&) = delete;
-    MadeFile& operator=(const MadeFile&) = delete;
+    TemporaryFile(const TemporaryFile&) = delete;
+    TemporaryFile& operator=(const TemporaryFile&) = delete;
 
     const std::string& file() const { return file_; }
     const std::string& shown() const { return shown_; }
@@ -67,35 +67,35 @@ class MadeFile {
 };
 
 /// The files of a test that compares and does not update.
-struct MadeFiles {
-    explicit MadeFiles(const ReplayTestOptions& options)
+struct CreatedFiles {
+    explicit CreatedFiles(const ReplayTestOptions& options)
         : picture(options.update ? "" : options.expectPicture), sound(options.update ? "" : options.expectSound) {}
-    const MadeFile picture, sound;
+    const TemporaryFile picture, sound;
 };
 
-Result<> comparePictures(const std::string& reference, const MadeFile& actual, double tolerance) {
-    const std::string& made = actual.shown();
+Result<> comparePictures(const std::string& reference, const TemporaryFile& actual, double tolerance) {
+    const std::string& created = actual.shown();
     const auto a = readPicture(reference), b = readPicture(actual.file());
     for (const auto* picture : {&a, &b})
         if (!*picture) return std::unexpected(picture->error());
     const auto difference = compare(*a, *b);
-    if (!difference) return fail(fmt::format("{} and {}: {}", made, reference, difference.error().text));
+    if (!difference) return fail(fmt::format("{} and {}: {}", created, reference, difference.error().text));
     if (difference->rmse <= tolerance) return {};
-    return fail(fmt::format("{} differs from {}: rmse {:.4g} exceeds {:.4g}, most at pixel {}, {} ({:.4g})", made,
+    return fail(fmt::format("{} differs from {}: rmse {:.4g} exceeds {:.4g}, most at pixel {}, {} ({:.4g})", created,
                             reference, difference->rmse, tolerance, difference->worstX, difference->worstY,
                             difference->maximum));
 }
 
-Result<> compareSounds(const std::string& reference, const MadeFile& actual, double toleranceDb) {
-    const std::string& made = actual.shown();
+Result<> compareSounds(const std::string& reference, const TemporaryFile& actual, double toleranceDb) {
+    const std::string& created = actual.shown();
     const auto a = readSound(reference), b = readSound(actual.file());
     for (const auto* sound : {&a, &b})
         if (!*sound) return std::unexpected(sound->error());
     const auto level = differenceDb(*a, *b);
-    if (!level) return fail(fmt::format("{} and {}: {}", made, reference, level.error().text));
+    if (!level) return fail(fmt::format("{} and {}: {}", created, reference, level.error().text));
     if (*level <= toleranceDb) return {};
-    return fail(fmt::format("{} differs from {}: the difference is at {:.1f} dB of it, which exceeds {:.1f} dB", made,
-                            reference, *level, toleranceDb));
+    return fail(fmt::format("{} differs from {}: the difference is at {:.1f} dB of it, which exceeds {:.1f} dB",
+                            created, reference, *level, toleranceDb));
 }
 
 void countFromStart(ReplayReport& report, double start) {
@@ -162,8 +162,8 @@ DifferingPictures picturesOf(const Scene& recorded, const Scene& now, OutputOpti
 }
 
 /// Compares the picture and the sound that were made.
-void compareWithExpected(ReplayOutcome& outcome, const ReplayTestOptions& options, const MadeFile& picture,
-                         const MadeFile& sound) {
+void compareWithExpected(ReplayOutcome& outcome, const ReplayTestOptions& options, const TemporaryFile& picture,
+                         const TemporaryFile& sound) {
     if (options.update) return;
     // A run that ended at a difference has not reached the state of the references.
     const bool cut = outcome.report.divergence && outcome.report.differences.empty();
@@ -178,7 +178,7 @@ void compareWithExpected(ReplayOutcome& outcome, const ReplayTestOptions& option
            [&] { return compareSounds(options.expectSound, sound, options.soundTolerance); });
     if (options.expectPicture.empty()) return;
     outcome.expectedPicture = options.expectPicture;
-    outcome.madePicture = picture.file();
+    outcome.createdPicture = picture.file();
 }
 
 ReplayOutcome outcomeOf(const ReplayTestOptions& options, const std::string& log) {
@@ -219,7 +219,7 @@ ReplayOutcome failedOutcome(const std::string& log, const ReplayTestOptions& opt
 ReplayTestRun runReplayTest(const std::string& log, const ReplayTestOptions& options, OutputOptions outputs,
                             const Resources& resources) {
     const SessionContext& context = outputs.context;
-    const auto files = std::make_shared<const MadeFiles>(options);
+    const auto files = std::make_shared<const CreatedFiles>(options);
     const auto& [picture, sound] = *files;
     if (!options.expectPicture.empty()) outputs.render = options.update ? options.expectPicture : picture.file();
     if (!options.expectSound.empty()) outputs.listen = options.update ? options.expectSound : sound.file();
@@ -264,9 +264,9 @@ ReplayTestRun runReplayTest(const std::string& log, const ReplayTestOptions& opt
     // Within the test's run, because the scene ends with it.
     test.finish = [&]() -> Result<> {
         if (!following) return {};
-        Result<> made = following->finish();
+        Result<> created = following->finish();
         context.report(world->scene().diagnostics());
-        return made;
+        return created;
     };
     Result<ReplayReport> report = runReplayTest(test);
     if (!report) {

@@ -3,7 +3,7 @@
 
 namespace rtsg {
 
-Notices& SessionContext::told() const {
+Notices& SessionContext::reported() const {
     static Notices nobody;  // has no state
     return notices ? *notices : nobody;
 }

@@ -57,8 +57,8 @@ Result<> Requests::parseLocks(const Scene& replica) {
         lock.request.kind = MirrorRequest::Kind::lock;
         const auto lease = secondsIn(text.substr(equals + 1, at - equals - 1));
         if (!lease) return std::unexpected(lease.error());
-        const double most = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();
-        if (*lease > most) return fail(kUsageCode, fmt::format("--lock: {}: {} s at most", text, most));
+        const double maximum = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();
+        if (*lease > maximum) return fail(kUsageCode, fmt::format("--lock: {}: {} s at most", text, maximum));
         lock.request.lease = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * *lease));
         for (std::size_t from = 0; from <= equals;) {
             const std::size_t comma = std::min(text.find(',', from), equals);
@@ -110,7 +110,7 @@ void Requests::sendDue(MirrorClient& client, std::vector<Timed>& requests, std::
     }
 }
 
-void Requests::turn(MirrorClient& client, double since, double now) {
+void Requests::poll(MirrorClient& client, double since, double now) {
     sendDue(client, locks_, nextLock_, since);
     const auto submit = [&](const Injections::Injection& due, auto method) -> Result<std::uint64_t> {
         if (!replica_->find(due.target.node)) return fail("its node is no longer there");

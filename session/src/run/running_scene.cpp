@@ -44,13 +44,13 @@ RunningScene::RunningScene(std::string file, Resources resources, SceneStart sta
 }
 
 RunningScene::~RunningScene() {
-    const std::size_t told = scene_.diagnostics().all().size();
+    const std::size_t reported = scene_.diagnostics().all().size();
     ScriptOptions none;
     none.enabled = false;
     scene_.setScriptOptions(none);
     const auto& all = scene_.diagnostics().all();
     Diagnostics last;
-    for (std::size_t i = told; i < all.size(); ++i) last.add(all[i]);
+    for (std::size_t i = reported; i < all.size(); ++i) last.add(all[i]);
     context_.report(last);
 }
 
@@ -107,8 +107,8 @@ void RunningScene::followInlines() {
     BuildOptions build;
     build.resources = resources_;
     if (file_ != "-") build.file = file_;
-    build.mediaLength = [most = resources_.policy().maximumSamples](const Resource& file) {
-        return mediaSeconds(file, most);
+    build.mediaLength = [maximum = resources_.policy().maximumSamples](const Resource& file) {
+        return mediaSeconds(file, maximum);
     };
     if (WebFetcher* fetcher = webFetcher(resources_)) {
         fetched_ = std::make_unique<FetchedFiles>(*fetcher, embedsFetched_);

@@ -15,10 +15,10 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kInWork = 3;             // pictures at a time
-constexpr int kAsked = 2;                      // tiles that a mirror owes: one is drawn while the other is on its way
-constexpr std::uint64_t kLagging = 25;         // pictures: who is farther behind is not waited for
-constexpr double kLate = 10, kLeastLate = .5;  // times what tiles usually take, and seconds
+constexpr std::size_t kInWork = 3;           // pictures at a time
+constexpr int kAsked = 2;                    // tiles that a mirror owes: one is drawn while the other is on its way
+constexpr std::uint64_t kLagging = 25;       // pictures: who is farther behind is not waited for
+constexpr double kLate = 10, kMinLate = .5;  // times what tiles usually take, and seconds
 
 double passedSince(TileAssembler::Clock::time_point start) {
     return std::chrono::duration<double>(TileAssembler::Clock::now() - start).count();
@@ -26,14 +26,14 @@ double passedSince(TileAssembler::Clock::time_point start) {
 
 }  // namespace
 
-std::optional<TileAssembler::Joined> TileAssembler::turn(std::chrono::milliseconds most) {
+std::optional<TileAssembler::Joined> TileAssembler::poll(std::chrono::milliseconds maximum) {
     std::vector<pollfd> items{{door_.descriptor(), POLLIN, 0}};
     for (const Mirror& mirror : mirrors_)
         items.push_back(
             {mirror.link.descriptor(), static_cast<short>(POLLIN | (mirror.link.waitsToSend() ? POLLOUT : 0)), 0});
     const bool whole = !work_.empty() && work_.front().left == 0;
     const auto rest = std::chrono::ceil<std::chrono::milliseconds>(lateAt_ - Clock::now());
-    const auto wait = whole ? std::chrono::milliseconds(0) : std::clamp(rest, std::chrono::milliseconds(0), most);
+    const auto wait = whole ? std::chrono::milliseconds(0) : std::clamp(rest, std::chrono::milliseconds(0), maximum);
     (void)::poll(items.data(), items.size(), static_cast<int>(wait.count()));
     while (auto link = door_.accept()) mirrors_.emplace_back(std::move(*link));
     for (auto it = mirrors_.begin(); it != mirrors_.end();) {
@@ -46,7 +46,7 @@ std::optional<TileAssembler::Joined> TileAssembler::turn(std::chrono::millisecon
         it = mirrors_.erase(it);
     }
     counts_.mirrors = static_cast<std::size_t>(std::ranges::count_if(mirrors_, &Mirror::known));
-    counts_.mostMirrors = std::max(counts_.mostMirrors, counts_.mirrors);
+    counts_.maxMirrors = std::max(counts_.maxMirrors, counts_.mirrors);
     giveUp();
     while (begin()) {
     }
@@ -118,8 +118,8 @@ void TileAssembler::takeTile(Mirror& mirror, const TileLink::Message& message) {
     const auto work = std::ranges::find(work_, message.number(1), &Work::number);
     if (work == work_.end() || message.words.size() != 8) return;
     const auto tile = std::ranges::find_if(work->tiles, [&](const Tile& one) {
-        return message.number(2) == static_cast<std::uint64_t>(one.place.x) &&
-               message.number(3) == static_cast<std::uint64_t>(one.place.y);
+        return message.number(2) == static_cast<std::uint64_t>(one.area.x) &&
+               message.number(3) == static_cast<std::uint64_t>(one.area.y);
     });
     if (tile == work->tiles.end() || tile->done) return;  // another one was quicker
     const PixelRegion& region = tile->region;
@@ -177,8 +177,8 @@ bool TileAssembler::begin() {
     work.begun = Clock::now();
     for (int y = 0; y < rows_; ++y)
         for (int x = 0; x < columns_; ++x) {
-            const PictureTile place{x, y, columns_, rows_};
-            work.tiles.push_back({place, place.in(width_, height_), false, {}, {}});
+            const PictureTile area{x, y, columns_, rows_};
+            work.tiles.push_back({area, area.in(width_, height_), false, {}, {}});
         }
     work.left = work.tiles.size();
     work.joined.width = width_, work.joined.height = height_;
@@ -205,7 +205,7 @@ TileAssembler::Tile* TileAssembler::next(const Mirror& mirror, std::uint64_t& nu
 }
 
 TileAssembler::Clock::duration TileAssembler::patience() const {
-    const std::chrono::duration<double> seconds(std::max(kLeastLate, kLate * usual_));
+    const std::chrono::duration<double> seconds(std::max(kMinLate, kLate * usual_));
     return std::chrono::duration_cast<Clock::duration>(seconds);
 }
 
@@ -221,7 +221,7 @@ void TileAssembler::ask() {
             tile->of.push_back(&mirror);
             tile->since = Clock::now();
             ++mirror.asked;
-            mirror.link.send(fmt::format("draw {} {} {} {} {}", number, tile->place.x, tile->place.y, columns_, rows_));
+            mirror.link.send(fmt::format("draw {} {} {} {} {}", number, tile->area.x, tile->area.y, columns_, rows_));
         }
 }
 

@@ -20,7 +20,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kLongestLine = 4096, kMostBytes = std::size_t{1} << 28;
+constexpr std::size_t kLongestLine = 4096, kMaxBytes = std::size_t{1} << 28;
 
 struct FreeAddress {
     void operator()(addrinfo* found) const { ::freeaddrinfo(found); }
@@ -118,7 +118,7 @@ void TileLink::flush() {
 void TileLink::read() {
     in_.erase(0, std::exchange(taken_, 0));
     char buffer[1 << 16];
-    while (over_.empty() && in_.size() <= kMostBytes) {
+    while (over_.empty() && in_.size() <= kMaxBytes) {
         const ssize_t came = ::recv(descriptor_, buffer, sizeof(buffer), MSG_DONTWAIT);
         if (came < 0 && errno == EINTR) continue;
         if (came < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
@@ -144,7 +144,7 @@ std::optional<TileLink::Message> TileLink::receive() {
     }
     const std::uint64_t length =
         !message.words.empty() && message.words[0] == "tile" ? message.number(message.words.size() - 1) : 0;
-    if (message.words.empty() || length > kMostBytes) {
+    if (message.words.empty() || length > kMaxBytes) {
         over_ = "it sent what is no message";
         return std::nullopt;
     }

@@ -71,7 +71,7 @@ void Foxglove::after() {
     if (!server_) return;
     server_->service();
     (void)messages_->offer();  // a server takes everything
-    if (const double now = messages_->time(); now != told_) server_->tellTime(told_ = now);
+    if (const double now = messages_->time(); now != reported_) server_->sendTime(reported_ = now);
     for (const Diagnostic& d : server_->takeDiagnostics()) context_.report(d);
 }
 

@@ -24,13 +24,13 @@ Result<std::unique_ptr<McapExport>> McapExport::attach(SharedWorld& world, const
                                                        McapOptions options) {
     auto writer = McapWriter::create(file, options);
     if (!writer) return std::unexpected(writer.error());
-    std::unique_ptr<McapExport> made(new McapExport);
-    made->writer_ = std::move(*writer);
-    made->sink_ = std::make_unique<Sink>(*made->writer_);
-    auto messages = SceneMessages::attach(world, *made->sink_);
+    std::unique_ptr<McapExport> created(new McapExport);
+    created->writer_ = std::move(*writer);
+    created->sink_ = std::make_unique<Sink>(*created->writer_);
+    auto messages = SceneMessages::attach(world, *created->sink_);
     if (!messages) return std::unexpected(messages.error());
-    made->messages_ = std::move(*messages);
-    return made;
+    created->messages_ = std::move(*messages);
+    return created;
 }
 
 Result<> McapExport::finish() {

@@ -43,17 +43,17 @@ std::string moment(double time) {
     const auto nanoseconds = static_cast<std::uint64_t>(std::llround(std::max(0., time) * 1e9));
     return fmt::format(R"({{"sec":{},"nsec":{}}})", nanoseconds / 1000000000, nanoseconds % 1000000000);
 }
-std::string pose(const glm::dquat& turn = {1, 0, 0, 0}) {
-    return fmt::format(R"({{"position":{},"orientation":{}}})", vector(0, 0, 0), quaternion(turn));
+std::string pose(const glm::dquat& rotation = {1, 0, 0, 0}) {
+    return fmt::format(R"({{"position":{},"orientation":{}}})", vector(0, 0, 0), quaternion(rotation));
 }
 
 /// A place in the world: position, rotation, and the rest of the linear part.
-struct Place {
+struct ScaledPose {
     glm::dvec3 position{0};
     glm::dquat rotation{1, 0, 0, 0};
     glm::dmat3 rest{1};
 
-    explicit Place(const WorldFromLocal& m) : position(m[3]) {
+    explicit ScaledPose(const WorldFromLocal& m) : position(m[3]) {
         const glm::dmat3 linear(m[0], m[1], m[2]);
         const double a = glm::length(linear[0]);
         glm::dvec3 x = linear[0] / a, y = linear[1] - x * glm::dot(x, linear[1]);
@@ -63,11 +63,11 @@ struct Place {
             return;
         }
         y /= b;
-        const glm::dmat3 turn(x, y, glm::cross(x, y));
-        rotation = glm::quat_cast(turn);
-        rest = glm::transpose(turn) * linear;
+        const glm::dmat3 rotated(x, y, glm::cross(x, y));
+        rotation = glm::quat_cast(rotated);
+        rest = glm::transpose(rotated) * linear;
     }
-    bool sameShape(const Place& other) const {
+    bool sameShape(const ScaledPose& other) const {
         double difference = 0, size = 0;
         for (int i = 0; i < 3; ++i) {
             difference = std::max(difference, glm::length(rest[i] - other.rest[i]));
@@ -156,14 +156,14 @@ void appendChange(std::string& out, const Scene& scene, const Change& c) {
 
 struct SceneMessages::Impl : InstanceSubscriber {
     using Reach = MessageSink::Reach;
-    struct Thing {
+    struct Item {
         std::string frame;
-        Place place;
+        ScaledPose pose;
         Instance instance;   // only for shapes
         std::string entity;  // JSON without its beginning, only for shapes
         bool moved = false, changed = false;
     };
-    using Things = std::unordered_map<std::uint32_t, Thing>;  // by slot
+    using Items = std::unordered_map<std::uint32_t, Item>;  // by slot
     /// A chosen field, with its topic. Without a node it is not there at present.
     struct Chosen {
         std::string path;
@@ -175,7 +175,7 @@ struct SceneMessages::Impl : InstanceSubscriber {
     std::uint16_t frames = 0, entities = 0, changes = 0;
     std::vector<Chosen> chosen;
     SharedWorld& world;
-    Things shapes, placed;
+    Items shapes, placed;
     std::vector<std::uint32_t> movedShapes, movedPlaced, changedShapes;  // things for which a message is due, each once
     double latest = 0, shift = 0;                                        // of the messages' times
     /// The shapes that use each geometry and appearance.
@@ -212,24 +212,24 @@ struct SceneMessages::Impl : InstanceSubscriber {
                 if (found->second.empty()) users.erase(found);
             }
     }
-    void forget(Things& things, InstanceId id) {
-        const auto found = things.find(id.slot);
-        if (found == things.end()) return;
-        if (&things == &shapes) unuse(found->second.instance);
+    void forget(Items& items, InstanceId id) {
+        const auto found = items.find(id.slot);
+        if (found == items.end()) return;
+        if (&items == &shapes) unuse(found->second.instance);
         names.erase(found->second.frame);
         entityBytes -= found->second.entity.size();
-        if (&things == &shapes) gone.push_back(found->second.frame);
-        things.erase(found);
+        if (&items == &shapes) gone.push_back(found->second.frame);
+        items.erase(found);
     }
-    void describe(const Scene& scene, Thing& thing) {
-        const Node* geometry = scene.find(thing.instance.geometry);
-        const std::string color = colorOf(scene, thing.instance.appearance);
-        const auto scale = thing.place.scale();
+    void describe(const Scene& scene, Item& item) {
+        const Node* geometry = scene.find(item.instance.geometry);
+        const std::string color = colorOf(scene, item.instance.appearance);
+        const auto scale = item.pose.scale();
         std::string body;
         const auto solid = [&](const char* list, const glm::dvec3& size, const std::string& more,
-                               const glm::dquat& turn) {
-            body = fmt::format(R"("{}":[{{"pose":{},"size":{},{}"color":{}}}])", list, pose(turn), vector(size), more,
-                               color);
+                               const glm::dquat& rotation) {
+            body = fmt::format(R"("{}":[{{"pose":{},"size":{},{}"color":{}}}])", list, pose(rotation), vector(size),
+                               more, color);
         };
         // X3D's cylinders have the axis y, the viewer's have z.
         const glm::dquat upright(std::sqrt(.5), -std::sqrt(.5), 0, 0);
@@ -250,14 +250,14 @@ struct SceneMessages::Impl : InstanceSubscriber {
             const double d = 2. * double(geometry->get(x3d::Cone::bottomRadius)), h = geometry->get(x3d::Cone::height);
             solid("cylinders", {d * scale->x, d * scale->z, h * scale->y}, R"("bottom_scale":1,"top_scale":0,)",
                   upright);
-        } else if (const auto mesh = meshes.find(thing.instance.geometry.value);
-                   !thing.instance.volume && mesh != meshes.end() && mesh->second) {
+        } else if (const auto mesh = meshes.find(item.instance.geometry.value);
+                   !item.instance.volume && mesh != meshes.end() && mesh->second) {
             body = fmt::format(R"("triangles":[{{"pose":{},"color":{},"points":[)", pose(), color);
             const Mesh& m = *mesh->second;
             bool first = true;
             for (const Vec3f p : m.positions) {
                 if (!std::exchange(first, false)) body += ',';
-                body += vector(thing.place.rest * glm::dvec3(p.x, p.y, p.z));
+                body += vector(item.pose.rest * glm::dvec3(p.x, p.y, p.z));
             }
             body += "],\"indices\":[";
             for (std::uint32_t t = 0; t < m.triangleCount; ++t)
@@ -265,14 +265,14 @@ struct SceneMessages::Impl : InstanceSubscriber {
                     body += fmt::format("{}{}", t + c ? "," : "", m.vertexIndex(t, c));
             body += "]}]";
         }
-        entityBytes -= thing.entity.size();
-        const std::string name = jsonString(thing.frame);
-        thing.entity = fmt::format(R"(,"frame_id":{},"id":{},"lifetime":{{"sec":0,"nsec":0}},"frame_locked":true,)"
-                                   R"("metadata":[{{"key":"node","value":{}}}])",
-                                   name, name, jsonString(labelOf(scene, thing.instance.shape)));
-        if (!body.empty()) thing.entity += "," + body;
-        thing.entity += '}';
-        entityBytes += thing.entity.size();
+        entityBytes -= item.entity.size();
+        const std::string name = jsonString(item.frame);
+        item.entity = fmt::format(R"(,"frame_id":{},"id":{},"lifetime":{{"sec":0,"nsec":0}},"frame_locked":true,)"
+                                  R"("metadata":[{{"key":"node","value":{}}}])",
+                                  name, name, jsonString(labelOf(scene, item.instance.shape)));
+        if (!body.empty()) item.entity += "," + body;
+        item.entity += '}';
+        entityBytes += item.entity.size();
     }
 
     /// Another session of a log may begin with an earlier time. It then goes on from the last one, as in
@@ -305,40 +305,41 @@ struct SceneMessages::Impl : InstanceSubscriber {
         for (const auto& geometry : delta.geometries) meshes[geometry.node.value] = geometry.mesh;
         for (const InstanceId id : delta.removed) forget(shapes, id);
         for (const InstanceId id : delta.placedRemoved) forget(placed, id);
-        const auto add = [](Things& things, std::vector<std::uint32_t>& list, std::uint32_t slot, Thing thing) {
-            Thing& added = things.insert_or_assign(slot, std::move(thing)).first->second;
+        const auto add = [](Items& items, std::vector<std::uint32_t>& list, std::uint32_t slot, Item item) {
+            Item& added = items.insert_or_assign(slot, std::move(item)).first->second;
             mark(added.moved, list, slot);
         };
         for (const Instance& i : delta.added) {
             if (i.boundingBox) continue;
-            add(shapes, movedShapes, i.id.slot, {nameFor(scene, flattener.path(i.id)), Place(i.worldFromLocal), i, {}});
+            add(shapes, movedShapes, i.id.slot,
+                {nameFor(scene, flattener.path(i.id)), ScaledPose(i.worldFromLocal), i, {}});
             mark(shapes.at(i.id.slot).changed, changedShapes, i.id.slot);
             use(i);
         }
         for (const Placed& p : delta.placedAdded)
             add(placed, movedPlaced, p.id.slot,
-                {nameFor(scene, flattener.placedPath(p.id)), Place(p.worldFromLocal), {}, {}});
+                {nameFor(scene, flattener.placedPath(p.id)), ScaledPose(p.worldFromLocal), {}, {}});
         for (const Instance& i : delta.rebound) {
             if (i.boundingBox) continue;
-            Thing& thing = shapes.at(i.id.slot);
-            unuse(thing.instance);
-            thing.instance = i;
+            Item& item = shapes.at(i.id.slot);
+            unuse(item.instance);
+            item.instance = i;
             use(i);
-            mark(thing.changed, changedShapes, i.id.slot);
+            mark(item.changed, changedShapes, i.id.slot);
         }
         for (const auto& moved : delta.moved) {
             const auto shape = shapes.find(moved.id.slot);
             if (shape == shapes.end()) continue;  // it is a bounding box
-            Thing& thing = shape->second;
-            const Place place(moved.worldFromLocal);
-            if (!place.sameShape(thing.place)) mark(thing.changed, changedShapes, moved.id.slot);
-            thing.place = place;
-            mark(thing.moved, movedShapes, moved.id.slot);
+            Item& item = shape->second;
+            const ScaledPose pose(moved.worldFromLocal);
+            if (!pose.sameShape(item.pose)) mark(item.changed, changedShapes, moved.id.slot);
+            item.pose = pose;
+            mark(item.moved, movedShapes, moved.id.slot);
         }
         for (const auto& moved : delta.placedMoved) {
-            Thing& thing = placed.at(moved.id.slot);
-            thing.place = Place(moved.worldFromLocal);
-            mark(thing.moved, movedPlaced, moved.id.slot);
+            Item& item = placed.at(moved.id.slot);
+            item.pose = ScaledPose(moved.worldFromLocal);
+            mark(item.moved, movedPlaced, moved.id.slot);
         }
         const auto touch = [&](NodeId node) {
             if (const auto found = users.find(node.value); found != users.end())
@@ -350,24 +351,23 @@ struct SceneMessages::Impl : InstanceSubscriber {
     }
 
     /// Calls `each` for the due things on `list` that still exist, or with `whole` for all things.
-    static void visit(Things& things, std::vector<std::uint32_t>& list, bool Thing::* due, bool whole,
-                      const auto& each) {
+    static void visit(Items& items, std::vector<std::uint32_t>& list, bool Item::* due, bool whole, const auto& each) {
         if (whole)
-            for (auto& [slot, thing] : things) {
-                thing.*due = false;
-                each(thing);
+            for (auto& [slot, item] : items) {
+                item.*due = false;
+                each(item);
             }
         else
             for (const std::uint32_t slot : list)
-                if (const auto found = things.find(slot); found != things.end())
+                if (const auto found = items.find(slot); found != items.end())
                     if (std::exchange(found->second.*due, false)) each(found->second);
         list.clear();
     }
 
     Result<> writeFrames(double t) {
         if (!sink.wants(frames)) {  // who wants them later is told of all
-            visit(shapes, movedShapes, &Thing::moved, false, [](const Thing&) {});
-            visit(placed, movedPlaced, &Thing::moved, false, [](const Thing&) {});
+            visit(shapes, movedShapes, &Item::moved, false, [](const Item&) {});
+            visit(placed, movedPlaced, &Item::moved, false, [](const Item&) {});
             return {};
         }
         const bool due = !movedShapes.empty() || !movedPlaced.empty(), wanted = sink.wantsWhole(frames);
@@ -377,14 +377,14 @@ struct SceneMessages::Impl : InstanceSubscriber {
         if (whole) wholeFrames = t;
         std::string text = R"({"transforms":[)";
         bool first = true;
-        const auto append = [&](const Thing& thing) {
+        const auto append = [&](const Item& item) {
             text += fmt::format(R"({}{{"timestamp":{},"parent_frame_id":"world","child_frame_id":{},)"
                                 R"("translation":{},"rotation":{}}})",
-                                std::exchange(first, false) ? "" : ",", moment(t), jsonString(thing.frame),
-                                vector(thing.place.position), quaternion(thing.place.rotation));
+                                std::exchange(first, false) ? "" : ",", moment(t), jsonString(item.frame),
+                                vector(item.pose.position), quaternion(item.pose.rotation));
         };
-        visit(shapes, movedShapes, &Thing::moved, whole, append);
-        visit(placed, movedPlaced, &Thing::moved, whole, append);
+        visit(shapes, movedShapes, &Item::moved, whole, append);
+        visit(placed, movedPlaced, &Item::moved, whole, append);
         return sink.write(frames, t, text + "]}", reachOf(whole, due));
     }
 
@@ -411,9 +411,9 @@ struct SceneMessages::Impl : InstanceSubscriber {
         gone.clear();
         text += R"(],"entities":[)";
         bool first = true;
-        visit(shapes, changedShapes, &Thing::changed, whole, [&](const Thing& thing) {
+        visit(shapes, changedShapes, &Item::changed, whole, [&](const Item& item) {
             text += fmt::format(R"({}{{"timestamp":{})", std::exchange(first, false) ? "" : ",", moment(t));
-            text += thing.entity;
+            text += item.entity;
         });
         return sink.write(entities, t, text + "]}", reachOf(whole, due));
     }
@@ -421,8 +421,8 @@ struct SceneMessages::Impl : InstanceSubscriber {
     /// Describes the shapes on the list, or with `all` each that has changed since it was described.
     void describeChanged(const Scene& scene, bool all) {
         if (all) {
-            for (auto& [slot, thing] : shapes)
-                if (thing.changed) describe(scene, thing);
+            for (auto& [slot, item] : shapes)
+                if (item.changed) describe(scene, item);
             return;
         }
         for (const std::uint32_t slot : changedShapes)

@@ -18,7 +18,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostMarks = 2000, kMostLines = 400;
+constexpr std::size_t kMaxMarks = 2000, kMaxLines = 400;
 constexpr double kOneEvent = 0.5;  // seconds: input of a kind that comes again within this time is part of the same
                                    // event
 
@@ -101,7 +101,7 @@ void LogNotes::readMarks() {
     double lastAt = -1;
     const auto note = [&](double time, std::string text, bool isDamage) {
         const std::scoped_lock lock(mutex_);
-        if (marks_.size() >= kMostMarks) return;
+        if (marks_.size() >= kMaxMarks) return;
         marks_.push_back({time, std::move(text), isDamage});
         ++version_;
     };
@@ -156,7 +156,7 @@ void LogNotes::readHistory(const std::string& field) {
             // Changes that the scene itself drives are reported once.
             const auto isAlike = [&](const FieldStep& b) { return b.author == step.author && b.cause == step.cause; };
             if (i > 0 && !step.wasSet && isAlike((*steps)[i - 1])) continue;
-            if (lines.size() > kMostLines) break;
+            if (lines.size() > kMaxLines) break;
             const std::string by = step.author.empty() ? step.cause : fmt::format("{}, {}", step.author, step.cause);
             const double time = std::max(0., step.time - start);
             lines.push_back(

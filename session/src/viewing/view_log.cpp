@@ -90,7 +90,7 @@ class LogSource final : public ViewSource {
     std::string status() const override {
         return fmt::format("{:.1f} of {:.1f} s", player_->time(), player_->length());
     }
-    void tell(SceneWindowStatus& status) override {
+    void describe(SceneWindowStatus& status) override {
         const Replayer& replayer = player_->replayer();
         status.lines.push_back({"verified",
                                 fmt::format("{} of {} states", replayer.verified(), replayer.frames()),
@@ -99,7 +99,7 @@ class LogSource final : public ViewSource {
         SceneWindowTimeline& line = status.timeline.emplace();
         line.time = player_->time(), line.length = player_->length(), line.rate = player_->rate();
         notes_.marks(line);
-        status.tellsHistory = true;
+        status.showsHistory = true;
         status.history = notes_.history();
     }
     Result<> finish() override {

@@ -143,7 +143,7 @@ class ServedSource final : public ViewSource {
         if (!client_->originLost()) heard_ = Clock::now();
         left_ = client_->serverLeft() || silence() > patience_;
         const MirrorClient::Waiting waiting = client_->waiting();
-        due_ = t + std::chrono::duration<double>(waiting.most).count();
+        due_ = t + std::chrono::duration<double>(waiting.maximum).count();
         if (waiter_) waiter_->wait(waiting.descriptors);
         return !left_;
     }
@@ -181,10 +181,11 @@ class ServedSource final : public ViewSource {
         const MirrorStatistics& statistics = client_->statistics();
         return client_->originLost() ? "out of reach" : statistics.equal ? "equal" : "not equal";
     }
-    void tell(SceneWindowStatus& status) override {
+    void describe(SceneWindowStatus& status) override {
         const MirrorStatistics& s = client_->statistics();
         status.lines.push_back({"hash", s.equal ? "equal to the origin's" : "not the origin's", !s.equal, {}});
-        status.lines.push_back({"lag", fmt::format("{:.0f} ms, most {:.0f}", 1e3 * s.lag, 1e3 * s.mostLag), false, {}});
+        status.lines.push_back(
+            {"lag", fmt::format("{:.0f} ms, most {:.0f}", 1e3 * s.lag, 1e3 * s.maximumLag), false, {}});
         const std::uint64_t behind = s.originSequence - std::min(s.originSequence, s.sequence);
         if (behind > 0) status.lines.push_back({"behind", fmt::format("{} states", behind), false, {}});
         if (client_->originLost()) status.lines.push_back({"origin", "out of reach", true, {}});

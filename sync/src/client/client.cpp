@@ -18,8 +18,8 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
     if (const Result<bool> local = isLocalEndpoint(endpoint); !local) return std::unexpected(local.error());
     if (options.keys)
         if (auto ok = options.keys->checkForClient(); !ok) return std::unexpected(ok.error());
-    if (options.parts.size() > mirror::kMostParts)
-        return fail(fmt::format("{} parts: a hello names {} at most", options.parts.size(), mirror::kMostParts), {},
+    if (options.parts.size() > mirror::kMaxParts)
+        return fail(fmt::format("{} parts: a hello names {} at most", options.parts.size(), mirror::kMaxParts), {},
                     endpoint);
     if (options.name.size() > mirror::kLongestName)
         return fail(fmt::format("a name of {} bytes, the most is {}", options.name.size(), mirror::kLongestName), {},

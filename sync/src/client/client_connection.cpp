@@ -21,11 +21,11 @@ constexpr int kLinger = 100;                                // ms, for the goodb
 constexpr int kReconnect = 10;                              // ms between attempts
 constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms for an attempt, at most and at least
 constexpr auto kAttemptsFor = 2s;                           // attempts with one such time at first; then longer,
-constexpr int kMostAttemptsFor = 8;                         // up to this many times
+constexpr int kMaxAttemptsFor = 8;                          // up to this many times
 constexpr auto kHelloAgain = 500ms;                         // after a refusal or a goodbye
 constexpr auto kHelloLost = 2s;                             // without any answer at first; doubled each time
-constexpr int kMostDoublings = 4;
-constexpr auto kLongestTurn = 20ms;  // the most that poll() exceeds its timeout while frames keep coming
+constexpr int kMaxDoublings = 4;
+constexpr auto kLongestWait = 20ms;  // the most that poll() exceeds its timeout while frames keep coming
 constexpr auto kQuiet = 400ms;       // after a heartbeat: then the server counts as lost, but may come back
 constexpr auto kStreams = 250ms;     // longest pause between records that follow each other closely
 constexpr auto kStreamEnds = 500ms;  // after such records: the server is asked whether it is there
@@ -113,8 +113,8 @@ std::optional<Diagnostic> MirrorClient::Impl::takeRefusedPolls() {
 }
 
 void MirrorClient::Impl::garbage(std::string text) {
-    if (auto told = mirror::toldOf(++statistics_.garbage, "ignored " + std::move(text)))
-        report(Severity::warning, std::move(*told));
+    if (auto reported = mirror::reportedOf(++statistics_.garbage, "ignored " + std::move(text)))
+        report(Severity::warning, std::move(*reported));
 }
 
 Result<> MirrorClient::Impl::start(const std::string& endpoint) {
@@ -165,10 +165,10 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.wishes.whenSlow = static_cast<std::uint8_t>(options_.whenSlow);
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);
     greeting.wishes.parts = options_.parts;
-    greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMostInputTroubles;
+    greeting.wishes.inputs = options_.inputs && options_.latency.count() == 0 && inputTroubles_ < kMaxInputTroubles;
     if (options_.whenSlow == MirrorWhenSlow::coalesce || options_.whenSlow == MirrorWhenSlow::nearFirst)
         greeting.wishes.lag = static_cast<std::uint32_t>(std::clamp<std::int64_t>(options_.maxLag.count(), 0, 1 << 30));
-    greeting.wishes.rate = options_.mostBytesPerSecond;
+    greeting.wishes.rate = options_.maxBytesPerSecond;
     if (haveState_) greeting.wishes.hash = stateHash_;
     running_ = false;
     for (const Aspect aspect : options_.aspects)
@@ -182,7 +182,7 @@ void MirrorClient::Impl::hello(bool afresh) {
 /// Another hello makes the answer to the last one void. On a slow link that answer may take seconds.
 bool MirrorClient::Impl::mayGreet(Clock::time_point now) const {
     const Clock::duration after =
-        unanswered_ > 0 ? Clock::duration(kHelloLost) * (1 << std::min(unanswered_ - 1, kMostDoublings)) : kHelloAgain;
+        unanswered_ > 0 ? Clock::duration(kHelloLost) * (1 << std::min(unanswered_ - 1, kMaxDoublings)) : kHelloAgain;
     return helloPending_ || (!connected_ && now - greeted_ > after);
 }
 
@@ -257,7 +257,7 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
         attempts_ = 0;
         reconnect(now);
     } else if (!connected_ && attempts_ > 0 &&
-               now - reconnected_ > kAttemptsFor * std::min(attempts_, kMostAttemptsFor)) {
+               now - reconnected_ > kAttemptsFor * std::min(attempts_, kMaxAttemptsFor)) {
         reconnect(now);
     }
     if (!connected_) return;
@@ -305,11 +305,11 @@ void MirrorClient::Impl::ping(Clock::time_point now) {
 /// since the socket was last found empty, but sending may lose that notice. So after sending the socket is read, and
 /// only if it is empty we wait at the descriptor. zmq_poll() would take several more system calls for each frame. The
 /// monitor's socket is always read until it is empty, and nothing is sent on it.
-bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
+bool MirrorClient::Impl::wait(std::chrono::milliseconds maximum) {
     if (!socket_.foundEmpty()) return true;  // events of the connection are read after its messages
     pollfd items[] = {
         {socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}, {std::max(wakes_, 0), POLLIN, 0}};
-    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(untilDue(most).count()));
+    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(untilDue(maximum).count()));
     if (ready > 0 && items[1].revents) watchConnection();
     called_ = called_ || ready < 0 || (ready > 0 && items[2].revents);
     return ready > 0;
@@ -320,7 +320,7 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
 MirrorClient::Waiting MirrorClient::Impl::waiting() const {
     MirrorClient::Waiting waiting;
     waiting.descriptors = {socket_.descriptor(), monitor_.descriptor()};
-    if (socket_.foundEmpty() && !cut_ && !(helloPending_ && linked())) waiting.most = untilDue(longestSleep());
+    if (socket_.foundEmpty() && !cut_ && !(helloPending_ && linked())) waiting.maximum = untilDue(longestSleep());
     return waiting;
 }
 
@@ -339,15 +339,15 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     called_ = false;
     const bool lost = originLost();
     const Clock::time_point start = Clock::now();
-    const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
+    const auto longest = std::max<Clock::duration>(timeout, kLongestWait);
     Clock::duration spent{};
     bool more = false;
     while (true) {
-        auto most = std::clamp<std::chrono::milliseconds>(std::chrono::ceil<std::chrono::milliseconds>(timeout - spent),
-                                                          0ms, longestSleep());
+        auto maximum = std::clamp<std::chrono::milliseconds>(
+            std::chrono::ceil<std::chrono::milliseconds>(timeout - spent), 0ms, longestSleep());
         // There is something to do, or more may follow, as frames follow a keyframe.
-        if (more || cut_ || (helloPending_ && linked())) most = 0ms;
-        const int messages = wait(most) ? receivePortion() : 0;
+        if (more || cut_ || (helloPending_ && linked())) maximum = 0ms;
+        const int messages = wait(maximum) ? receivePortion() : 0;
         statistics_.messages += static_cast<std::uint64_t>(messages);
         // Everything that came before the connection's event was there when the event was read.
         if (messages == 0 && cut_) connectionLost();
@@ -370,7 +370,7 @@ int MirrorClient::Impl::receivePortion() {
     const Clock::time_point start = Clock::now();
     int messages = 0;
     moreWaits_ = true;
-    while (messages < kPortion && Clock::now() - start < kLongestTurn) {
+    while (messages < kPortion && Clock::now() - start < kLongestWait) {
         moreWaits_ = receiveOne();
         if (!moreWaits_) break;
         ++messages;

@@ -87,7 +87,7 @@ class MirrorClient::Impl {
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
     void ping(Clock::time_point now);
-    bool wait(std::chrono::milliseconds most);
+    bool wait(std::chrono::milliseconds maximum);
     std::chrono::milliseconds longestSleep() const;
     int receivePortion();
     bool receiveOne();
@@ -101,14 +101,14 @@ class MirrorClient::Impl {
     // Replica.
     void arrived(std::span<const std::byte> bytes, bool isRecord, std::uint64_t published);
     void playDue();
-    std::chrono::milliseconds untilDue(std::chrono::milliseconds most) const;
+    std::chrono::milliseconds untilDue(std::chrono::milliseconds maximum) const;
     void take(std::span<const std::byte> bytes, bool isRecord);
     void record(std::span<const std::byte> bytes);
     bool editedByItsOwner();
     void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
     bool applyAgain(std::span<const std::byte> bytes, const RecordHeader& header);
     Result<std::shared_ptr<ChangeSet>> applySet(std::span<const std::byte> bytes, const RecordHeader& header);
-    void tellStep(std::span<const std::byte> bytes, const RecordHeader& header, std::shared_ptr<ChangeSet> set);
+    void reportStep(std::span<const std::byte> bytes, const RecordHeader& header, std::shared_ptr<ChangeSet> set);
     void input(std::span<const std::byte> bytes, const RecordHeader& header);
     void stopRunning(const std::string& why);
     void noteLag();
@@ -176,7 +176,7 @@ class MirrorClient::Impl {
 
     bool running_ = false;        // it has a run state, so inputs can be run
     unsigned inputTroubles_ = 0;  // after some of these, inputs are not asked for any more
-    static constexpr unsigned kMostInputTroubles = 3;
+    static constexpr unsigned kMaxInputTroubles = 3;
     bool diverged_ = false;
     mirror::Bisection bisection_;
     std::size_t lastChanges_ = 0;  // of the frame after which the hash differed

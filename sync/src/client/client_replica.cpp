@@ -19,9 +19,9 @@ using mirror::Message;
 
 namespace {
 
-constexpr auto kRepairAgain = 1000ms;       // between two snapshots that a divergence asks for
-constexpr unsigned kScrubBits = 12;         // nodes compared at once, as a power of two
-constexpr std::size_t kMostAnnounced = 20;  // differences of one divergence that are reported
+constexpr auto kRepairAgain = 1000ms;      // between two snapshots that a divergence asks for
+constexpr unsigned kScrubBits = 12;        // nodes compared at once, as a power of two
+constexpr std::size_t kMaxAnnounced = 20;  // differences of one divergence that are reported
 
 }  // namespace
 
@@ -60,11 +60,11 @@ void MirrorClient::Impl::playDue() {
     }
 }
 
-std::chrono::milliseconds MirrorClient::Impl::untilDue(std::chrono::milliseconds most) const {
-    if (playout_.empty()) return most;
+std::chrono::milliseconds MirrorClient::Impl::untilDue(std::chrono::milliseconds maximum) const {
+    if (playout_.empty()) return maximum;
     const std::uint64_t now = mirror::clockNow(), due = playout_.front().due;
     if (due <= now) return 0ms;
-    return std::min(most, std::chrono::ceil<std::chrono::milliseconds>(std::chrono::nanoseconds(due - now)));
+    return std::min(maximum, std::chrono::ceil<std::chrono::milliseconds>(std::chrono::nanoseconds(due - now)));
 }
 
 Value MirrorClient::Impl::presented(NodeId node, FieldIndex field) const {
@@ -93,7 +93,7 @@ bool MirrorClient::Impl::editedByItsOwner() {
     ++statistics_.divergences;
     statistics_.equal = false;
     if (edits)
-        for (std::size_t i = 0; i < std::min(edits->changes.size(), kMostAnnounced); ++i) {
+        for (std::size_t i = 0; i < std::min(edits->changes.size(), kMaxAnnounced); ++i) {
             const Change& c = edits->changes[i];
             const Node* node = replica_.find(c.node);
             const bool hasField = node && c.field < node->type().fields.size();
@@ -172,8 +172,8 @@ Result<std::shared_ptr<ChangeSet>> MirrorClient::Impl::applySet(std::span<const 
 }
 
 /// Others can use the record itself if its values are complete and its field numbers are ours.
-void MirrorClient::Impl::tellStep(std::span<const std::byte> bytes, const RecordHeader& header,
-                                  std::shared_ptr<ChangeSet> set) {
+void MirrorClient::Impl::reportStep(std::span<const std::byte> bytes, const RecordHeader& header,
+                                    std::shared_ptr<ChangeSet> set) {
     if (!onStep_) return;
     RecordStep step;
     if (!set || (decoder_.exact() && header.kind == RecordKind::frame && header.flags == 0)) {
@@ -235,7 +235,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
     state_ = statistics_.sequence = header.to;
     stateHash_ = header.hash;
     if (!afresh) noteLag();
-    tellStep(bytes, header, std::move(*set));
+    reportStep(bytes, header, std::move(*set));
     compare(header);
 }
 
@@ -244,7 +244,7 @@ void MirrorClient::Impl::noteLag() {
     if (shownAt_ == 0 || !clock_.known()) return;
     statistics_.lag =
         std::max(0., (static_cast<double>(mirror::clockNow()) - static_cast<double>(clock_.here(shownAt_))) * 1e-9);
-    statistics_.mostLag = std::max(statistics_.mostLag, statistics_.lag);
+    statistics_.maximumLag = std::max(statistics_.maximumLag, statistics_.lag);
 }
 
 /// Takes the input of a frame, which is run here, or a run state from which inputs can be run.
@@ -291,9 +291,8 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
 /// Asks for a state of the origin. After a few such troubles it asks for changes instead of inputs.
 void MirrorClient::Impl::stopRunning(const std::string& why) {
     ++inputTroubles_;
-    report(Severity::warning,
-           fmt::format("state {}, run here from its input: {}{}", state_, why,
-                       inputTroubles_ < kMostInputTroubles ? "" : "; changes are taken from now on"));
+    report(Severity::warning, fmt::format("state {}, run here from its input: {}{}", state_, why,
+                                          inputTroubles_ < kMaxInputTroubles ? "" : "; changes are taken from now on"));
     hello(true);
 }
 
@@ -378,7 +377,7 @@ void MirrorClient::Impl::answer(std::span<const std::byte> message) {
         report(Severity::error, fmt::format("state {}: other memory than the origin's", state_));
     }
     if (type == Message::anatomy)
-        for (std::size_t i = 0; i < std::min(bisection_.found().size(), kMostAnnounced); ++i)
+        for (std::size_t i = 0; i < std::min(bisection_.found().size(), kMaxAnnounced); ++i)
             announce(bisection_.found()[i]);
     switch (step) {
         case Bisection::Step::ask:
@@ -451,9 +450,9 @@ void MirrorClient::Impl::repair(std::span<const std::byte> bytes, const RecordHe
 
 Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
     if (asked.author.size() > mirror::kLongestName) return fail("an author's name of over 200 bytes");
-    if (asked.nodes.size() > MirrorRequest::kMostLocked)
+    if (asked.nodes.size() > MirrorRequest::kMaxLocked)
         return fail(
-            fmt::format("{} nodes are locked at once, the most is {}", asked.nodes.size(), MirrorRequest::kMostLocked));
+            fmt::format("{} nodes are locked at once, the most is {}", asked.nodes.size(), MirrorRequest::kMaxLocked));
     if (asked.lease < std::chrono::milliseconds(0) || asked.lease > MirrorRequest::kLongestLease)
         return fail(
             fmt::format("a lease of {} ms, the most is {}", asked.lease.count(), MirrorRequest::kLongestLease.count()));

@@ -33,10 +33,10 @@ Result<> OptimisticScene::startOver(const ChangeSet& snapshot) {
         const FieldIndex field = entry.first.second;
         return !node || field >= node->type().fields.size() || !node->type().fields[field].holds(entry.second.value);
     });
-    for (const auto& [place, mine] : ours_) {
+    for (const auto& [key, mine] : ours_) {
         Change& change = ours.changes.emplace_back();
-        change.node = NodeId{place.first};
-        change.field = place.second;
+        change.node = NodeId{key.first};
+        change.field = key.second;
         change.value = mine.value;
     }
     return ours.changes.empty() ? Result<>{} : show(std::move(ours));
@@ -77,14 +77,14 @@ Result<std::uint64_t> OptimisticScene::edit(NodeId id, FieldIndex field, Value v
 }
 
 /// From now on the origin's value counts.
-void OptimisticScene::settle(const Place& place) {
-    const Node *there = replica_.find(NodeId{place.first}), *here = shown_.find(NodeId{place.first});
-    if (!there || !here || there->value(place.second) == here->value(place.second)) return;
+void OptimisticScene::settle(const FieldKey& field) {
+    const Node *there = replica_.find(NodeId{field.first}), *here = shown_.find(NodeId{field.first});
+    if (!there || !here || there->value(field.second) == here->value(field.second)) return;
     ChangeSet set;
     Change& change = set.changes.emplace_back();
-    change.node = NodeId{place.first};
-    change.field = place.second;
-    change.value = there->value(place.second);
+    change.node = NodeId{field.first};
+    change.field = field.second;
+    change.value = there->value(field.second);
     if (auto ok = show(std::move(set)); !ok) shown_.diagnostics().error({}, "what was asked for: " + ok.error().text);
 }
 
@@ -93,13 +93,13 @@ std::size_t OptimisticScene::poll(std::chrono::milliseconds timeout) {
     std::vector<MirrorVerdict> verdicts = client_.takeVerdicts();
     // If the origin is another run, requests end without an answer.
     const bool noneLeft = client_.unanswered() == 0;
-    std::vector<Place> answered;
-    for (const auto& [place, mine] : ours_)
+    std::vector<FieldKey> answered;
+    for (const auto& [field, mine] : ours_)
         if (noneLeft || std::ranges::find(verdicts, mine.request, &MirrorVerdict::request) != verdicts.end())
-            answered.push_back(place);
-    for (const Place& place : answered) {
-        ours_.erase(place);
-        settle(place);
+            answered.push_back(field);
+    for (const FieldKey& field : answered) {
+        ours_.erase(field);
+        settle(field);
     }
     std::ranges::move(verdicts, std::back_inserter(verdicts_));
     return applied;

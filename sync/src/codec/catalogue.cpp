@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include <rtsg/core/lasting.h>
+#include <rtsg/core/never_destroyed.h>
 
 #include "columns/wire.h"
 
@@ -19,7 +19,7 @@ namespace {
 using Entries = std::vector<std::span<const std::byte>>;
 
 const Entries& catalogueEntries() {
-    static const Entries& entries = lasting([] {
+    static const Entries& entries = neverDestroyed([] {
         Entries result;
         for (Reader in(std::as_bytes(catalogueBytes())); in.left() && !in.problem;) {
             const std::byte* start = in.at;

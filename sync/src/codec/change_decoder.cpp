@@ -311,7 +311,7 @@ void readPackedColumn(Reader& in, std::size_t count, const wire::ColumnHead& hea
 }
 
 /// More fields than this in one stream's memory are taken for an attack.
-constexpr std::size_t kMostFields = std::size_t{1} << 22;
+constexpr std::size_t kMaxFields = std::size_t{1} << 22;
 /// Up to this many changes the capacity of a set doubles as it grows from record to record. Above, it is only as large
 /// as needed.
 constexpr std::size_t kDoubleUpTo = 32768;
@@ -394,7 +394,7 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
 #undef RTSG_X
     }
     if (!columns || in.problem) return true;
-    if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMostFields)
+    if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMaxFields)
         in.refuse("more values than a reader remembers");
     else
         columns->remember(head, changes.set(), first);

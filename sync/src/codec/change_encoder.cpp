@@ -42,15 +42,15 @@ struct Rows {
 /// One frame in so many has kSync, so that readers can start there without the frames before.
 constexpr unsigned kSyncEvery = 32;
 /// The writer forgets all fields when it remembers this many, unless a single frame has as many.
-constexpr std::size_t kMostRemembered = std::size_t{1} << 20;
+constexpr std::size_t kMaxRemembered = std::size_t{1} << 20;
 /// Frames with more changes are not predicted, because readers remember only this many fields and those of a few
 /// frames.
-constexpr std::size_t kMostPredicted = std::size_t{1} << 20;
+constexpr std::size_t kMaxPredicted = std::size_t{1} << 20;
 
 /// Shorter arrays are not packed, because the description of the packing takes more bytes than it saves.
 constexpr std::size_t kFewest = 8;
 /// Up to this many bytes, packed arrays are deflated as well.
-constexpr std::size_t kMostDeflated = std::size_t{1} << 20;
+constexpr std::size_t kMaxDeflated = std::size_t{1} << 20;
 
 /// A bit of a column's key, beside wire::kValueExternal.
 constexpr unsigned kPackedKey = 2;
@@ -140,11 +140,11 @@ struct ChangeEncoder::Parts {
 
     /// The memory that decoding the present set takes. If it is far below the limit, this is a quick upper bound.
     std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
-        constexpr std::uint64_t kMostForAByte = 128;  // a field of a type takes at least 6 bytes, a text at least 1
+        constexpr std::uint64_t kMaxForAByte = 128;  // a field of a type takes at least 6 bytes, a text at least 1
         const std::uint64_t changes =
             (set.changes.size() + (set.authors ? set.authors->size() : 0)) * wire::kChangeCost;
-        const std::uint64_t most = changes + recordSize * kMostForAByte;
-        if (!makesSmall && most <= wire::Budget(recordSize).left) return most;
+        const std::uint64_t maximum = changes + recordSize * kMaxForAByte;
+        if (!makesSmall && maximum <= wire::Budget(recordSize).left) return maximum;
         std::uint64_t result = changes + descriptions + inflated;
         for (const Change& change : set.changes) result += wire::costOf(change.value);
         for (const DefinedType& type : set.types)
@@ -377,7 +377,7 @@ struct ChangeEncoder::Parts {
 
     // ---- the blocks -----------------------------------------------------------------------------------------------
 
-    std::size_t mostBytes() const {
+    std::size_t maxBytes() const {
         std::size_t size = kRecordHeaderSize;
         for (const Rows& r : rows) size += r.bytes.size() + 32;
         for (std::size_t i = 0; i < used; ++i) size += columns[i].nodes.size() + columns[i].values.size() + 64;
@@ -434,7 +434,7 @@ struct ChangeEncoder::Parts {
         ByteBuffer before, after;
         std::size_t packed = 0;
         for (std::size_t i = 0; i < used; ++i) packed += columns[i].packed ? columns[i].values.size() : 0;
-        const bool all = packed <= kMostDeflated;
+        const bool all = packed <= kMaxDeflated;
         for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
             putRows(block, all || block < wire::kValues ? before : after);
             for (std::size_t i = 0; block == wire::kValues && i < used; ++i)
@@ -539,12 +539,12 @@ void ChangeEncoder::encode(const ChangeSet& set, ByteBuffer& record) {
     std::uint8_t flags = 0;
     if (set.isSnapshot()) {
         restart();
-    } else if (parts.mode.coding != Coding::raw && set.changes.size() > kMostPredicted) {
+    } else if (parts.mode.coding != Coding::raw && set.changes.size() > kMaxPredicted) {
         restart();
     } else if (parts.mode.coding != Coding::raw) {
         flags = kRemember;
-        const std::size_t most = std::max(kMostRemembered, 2 * parts.predicted);
-        if (parts.forget || parts.writer.history().slots() > most)
+        const std::size_t maximum = std::max(kMaxRemembered, 2 * parts.predicted);
+        if (parts.forget || parts.writer.history().slots() > maximum)
             flags |= kForget | kSync;
         else if (++parts.sinceSync >= kSyncEvery)
             flags |= kSync;
@@ -562,10 +562,10 @@ void ChangeEncoder::encodeMerged(const ChangeSet& set, ByteBuffer& record) {
 
 bool ChangeEncoder::encodeScene(const ChangeSet& snapshot, ByteBuffer& record) {
     if (!parts_->takeNumbersOfCatalogue(snapshot)) return false;
-    const bool madeSmall = std::exchange(parts_->makesSmall, true);
+    const bool reduced = std::exchange(parts_->makesSmall, true);
     restart();
     write(snapshot, 0, false, record);
-    parts_->makesSmall = madeSmall;
+    parts_->makesSmall = reduced;
     parts_->catalogued.clear();
     return true;
 }
@@ -601,7 +601,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
     if (set.authors) parts.addAuthors(*set.authors);
 
     record.clear();
-    record.room(parts.mostBytes());
+    record.room(parts.maxBytes());
     record.advance(kRecordHeaderSize);
     const bool isScene = !parts.catalogued.empty();
     if (isScene) {

@@ -14,7 +14,7 @@ namespace {
 
 /// A value counts as resting after so many frames without a change.
 constexpr std::uint32_t kRest = 2;
-constexpr std::size_t kMostValues = std::size_t{1} << 20;
+constexpr std::size_t kMaxValues = std::size_t{1} << 20;
 
 /// The distance between what two values mean, whatever their bits.
 double distance(FieldType type, const float* a, const float* b) {
@@ -162,7 +162,7 @@ Result<> LossyScene::apply(const Scene& origin, const ChangeSet& changes) {
         }
         s.settle(origin);
         // Drops fields of destroyed nodes, too. Dropping a field only makes its next change exact.
-        if (s.rounded.empty() && s.fields.slots() > kMostValues) s.fields.clear();
+        if (s.rounded.empty() && s.fields.slots() > kMaxValues) s.fields.clear();
     }
     const Result<> applied = s.scene.apply(s.set);
     s.set.reset();

@@ -76,11 +76,11 @@ Hash128 OriginHash::listTerm(NodeId node, const Type& type, FieldIndex field,
 
 void OriginHash::create(const Change& change) {
     if (change.index >= types_.size() || !types_[change.index].type) return;
-    const auto [place, fresh] = nodes_.try_emplace(change.node.value);
+    const auto [entry, fresh] = nodes_.try_emplace(change.node.value);
     if (!fresh) return;
-    place->second.type = static_cast<std::uint16_t>(change.index);
+    entry->second.type = static_cast<std::uint16_t>(change.index);
     const std::uint64_t parts[2] = {types_[change.index].name, change.other.value};
-    replace(place->second.own, hashOfBytes(parts, sizeof(parts), seed(change.node, nullptr, kNoField, HashTerm::node)));
+    replace(entry->second.own, hashOfBytes(parts, sizeof(parts), seed(change.node, nullptr, kNoField, HashTerm::node)));
 }
 
 void OriginHash::setField(Node& node, const Change& change) {
@@ -120,11 +120,11 @@ void OriginHash::changeChildren(Node& node, const Change& change) {
     // No neighbours on either side means that the list is empty, so there is no pair.
     const Hash128 without = before || after ? pairTerm(before, after, s) : Hash128{};
     replace(field.term, inserts ? field.term - without + with : field.term - with + without);
-    const auto place = children.begin() + static_cast<std::ptrdiff_t>(at);
+    const auto position = children.begin() + static_cast<std::ptrdiff_t>(at);
     if (inserts)
-        children.insert(place, child);
+        children.insert(position, child);
     else
-        children.erase(place);
+        children.erase(position);
 }
 
 void OriginHash::setName(Node& node, const Change& change) {

@@ -152,14 +152,13 @@ std::unexpected<Diagnostic> TypeMapping::lacks(const Change& change) const {
 }
 
 std::string TypeMapping::lackingHere() const {
-    constexpr std::size_t kMost = 3;
+    constexpr std::size_t kMax = 3;
     std::string names;
     std::size_t count = 0;
     for (const Type& type : types_)
         for (const auto& [field, name] : type.lacking)
-            if (++count <= kMost)
-                names += fmt::format("{}{}.{}", count > 1 ? ", " : "", local_[type.local]->name, name);
-    return count > kMost ? fmt::format("{} and {} more", names, count - kMost) : names;
+            if (++count <= kMax) names += fmt::format("{}{}.{}", count > 1 ? ", " : "", local_[type.local]->name, name);
+    return count > kMax ? fmt::format("{} and {} more", names, count - kMax) : names;
 }
 
 FieldIndex TypeMapping::fieldAtOrigin(NodeId node, FieldIndex field) const {

@@ -16,12 +16,12 @@ namespace {
 
 constexpr std::size_t kBlock = 1024;       // elements
 constexpr unsigned kDecimal = 0x80;        // a bit of the form byte; the others are the bits of a difference
-constexpr unsigned kMostExponent = 10;     // of powers of ten
-constexpr std::size_t kMostOdd = 32;       // numbers in a block that are not decimals
+constexpr unsigned kMaxExponent = 10;      // of powers of ten
+constexpr std::size_t kMaxOdd = 32;        // numbers in a block that are not decimals
 constexpr std::size_t kSmallestLane = 10;  // bytes: form, lag, base, a number
 constexpr std::array<unsigned, 7> kLags = {1, 2, 3, 4, 5, 6, 8};
-constexpr unsigned kMostLag = 8;
-constexpr std::array<double, kMostExponent + 1> kPowers = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10};
+constexpr unsigned kMaxLag = 8;
+constexpr std::array<double, kMaxExponent + 1> kPowers = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10};
 
 using Numbers = std::array<std::uint32_t, kBlock>;
 
@@ -32,7 +32,7 @@ struct Odd {
 };
 
 struct Odds {
-    std::array<Odd, kMostOdd> all;
+    std::array<Odd, kMaxOdd> all;
     std::size_t count = 0;
 };
 
@@ -51,7 +51,7 @@ bool asDecimal(std::uint32_t bits, unsigned exponent, std::uint32_t& number) {
 /// Converts all numbers. Those that are not decimals are listed and repeat the one before. Returns false if there are
 /// too many.
 bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers& numbers, Odds& odds) {
-    const std::size_t most = std::min(kMostOdd, 1 + bits.size() / 32);
+    const std::size_t maximum = std::min(kMaxOdd, 1 + bits.size() / 32);
     odds.count = 0;
     std::uint32_t before = 0;
     for (std::size_t i = 0; i < bits.size(); ++i) {
@@ -59,7 +59,7 @@ bool asDecimals(std::span<const std::uint32_t> bits, unsigned exponent, Numbers&
             before = numbers[i];
             continue;
         }
-        if (odds.count == most || odds.count * 8 > i + 8) return false;  // the second condition gives up early
+        if (odds.count == maximum || odds.count * 8 > i + 8) return false;  // the second condition gives up early
         odds.all[odds.count++] = {static_cast<std::uint16_t>(i), bits[i]};
         numbers[i] = before;
     }
@@ -76,15 +76,15 @@ struct Packing {
 Packing packingBy(std::span<const std::uint32_t> numbers, unsigned lag) {
     Packing result{lag, 0, 0, 32 * std::min<std::size_t>(lag, numbers.size())};
     if (numbers.size() <= lag) return result;
-    std::int32_t least = INT32_MAX, most = INT32_MIN;
+    std::int32_t minimum = INT32_MAX, maximum = INT32_MIN;
     for (std::size_t i = lag; i < numbers.size(); ++i) {
         const auto difference = static_cast<std::int32_t>(numbers[i] - numbers[i - lag]);
-        least = std::min(least, difference);
-        most = std::max(most, difference);
+        minimum = std::min(minimum, difference);
+        maximum = std::max(maximum, difference);
     }
-    result.base = static_cast<std::uint32_t>(least);
-    result.bits =
-        static_cast<unsigned>(std::bit_width(static_cast<std::uint32_t>(most) - static_cast<std::uint32_t>(least)));
+    result.base = static_cast<std::uint32_t>(minimum);
+    result.bits = static_cast<unsigned>(
+        std::bit_width(static_cast<std::uint32_t>(maximum) - static_cast<std::uint32_t>(minimum)));
     result.cost += result.bits * (numbers.size() - lag);
     return result;
 }
@@ -133,7 +133,7 @@ void chooseDecimals(std::span<const std::uint32_t> bits, unsigned& guess, Lane& 
     constexpr unsigned kFew = 8;  // bits; other ways are unlikely to take fewer
     std::size_t size = bits.size();
     bool found = asDecimals(bits, lane.exponent = guess, lane.numbers, lane.odds);
-    for (unsigned e = 0; e <= kMostExponent && !found; ++e)
+    for (unsigned e = 0; e <= kMaxExponent && !found; ++e)
         found = e != guess && asDecimals(bits, lane.exponent = e, lane.numbers, lane.odds);
     if (found) {
         guess = lane.exponent;
@@ -219,13 +219,13 @@ void readLane(Reader& in, std::size_t size, bool isFloat, std::uint32_t* to, std
     const auto base = in.number<std::uint32_t>();
     const unsigned bits = form & ~kDecimal;
     const bool isDecimal = form & kDecimal;
-    if (bits > 32 || lag == 0 || lag > kMostLag || (isDecimal && !isFloat)) return in.refuse("unknown packing");
+    if (bits > 32 || lag == 0 || lag > kMaxLag || (isDecimal && !isFloat)) return in.refuse("unknown packing");
     unsigned exponent = 0;
     Odds odds;
     if (isDecimal) {
         exponent = in.number<std::uint8_t>();
         odds.count = in.number<std::uint8_t>();
-        if (exponent > kMostExponent || odds.count > kMostOdd) return in.refuse("unknown packing");
+        if (exponent > kMaxExponent || odds.count > kMaxOdd) return in.refuse("unknown packing");
         for (std::size_t i = 0; i < odds.count; ++i) {
             odds.all[i].at = in.number<std::uint16_t>();
             odds.all[i].bits = in.number<std::uint32_t>();

@@ -36,7 +36,7 @@ bool RepeatedColumns::readAll(std::span<const std::byte> record, const RecordHea
     Reader blocks(record.subspan(kRecordHeaderSize, header.length));
     while (blocks.left()) {
         const RawColumn& one = read_.emplace_back(readRawColumn(blocks));
-        if (one.places.empty() || info(one.column.type).size > sizeof(Vec4f)) return false;
+        if (one.keys.empty() || info(one.column.type).size > sizeof(Vec4f)) return false;
         const auto isNone = [](std::byte b) { return std::to_integer<unsigned>(b) > 1; };
         if (one.column.type == FieldType::SFBool &&
             std::any_of(one.column.values, one.column.values + one.column.count, isNone))
@@ -46,26 +46,26 @@ bool RepeatedColumns::readAll(std::span<const std::byte> record, const RecordHea
 }
 
 void RepeatedColumns::remember(std::span<const std::byte> record, const RecordHeader& header) {
-    places_.clear();
+    targets_.clear();
     if (!readAll(record, header)) return;
     for (const RawColumn& one : read_) {
-        places_.put(static_cast<std::uint64_t>(one.column.count));
-        places_.append(one.places);
+        targets_.put(static_cast<std::uint64_t>(one.column.count));
+        targets_.append(one.keys);
     }
 }
 
 std::optional<std::span<const PlainColumn>> RepeatedColumns::match(std::span<const std::byte> record,
                                                                    const RecordHeader& header) {
-    if (places_.empty() || !readAll(record, header)) return std::nullopt;
+    if (targets_.empty() || !readAll(record, header)) return std::nullopt;
     columns_.clear();
-    std::span<const std::byte> known = places_.bytes();
+    std::span<const std::byte> known = targets_.bytes();
     for (const RawColumn& one : read_) {
         std::uint64_t count = 0;
-        if (known.size() < sizeof(count) + one.places.size()) return std::nullopt;
+        if (known.size() < sizeof(count) + one.keys.size()) return std::nullopt;
         std::memcpy(&count, known.data(), sizeof(count));
         known = known.subspan(sizeof(count));
-        if (count != one.column.count || !areSame(known.first(one.places.size()), one.places)) return std::nullopt;
-        known = known.subspan(one.places.size());
+        if (count != one.column.count || !areSame(known.first(one.keys.size()), one.keys)) return std::nullopt;
+        known = known.subspan(one.keys.size());
         columns_.push_back(one.column);
     }
     if (!known.empty()) return std::nullopt;

@@ -19,7 +19,7 @@ namespace rtsg::wire {
 
 /// A block that is a raw column of values of one size.
 struct RawColumn {
-    std::span<const std::byte> places;  // encoded fields and nodes of the values; empty for other blocks
+    std::span<const std::byte> keys;  // encoded fields and nodes of the values; empty for other blocks
     PlainColumn column;
 };
 /// Reads one block.
@@ -33,7 +33,7 @@ class RepeatedColumns {
     /// Call it when Scene::apply() has applied an intact frame.
     void remember(std::span<const std::byte> record, const RecordHeader& header);
     /// Call it when anything else was applied.
-    void forget() { places_.clear(); }
+    void forget() { targets_.clear(); }
     /// The columns of an intact frame, for Scene::applyAgain(), if it has the same fields of the same nodes as the
     /// frame remembered and nothing else. Otherwise empty.
     std::optional<std::span<const PlainColumn>> match(std::span<const std::byte> record, const RecordHeader& header);
@@ -43,7 +43,7 @@ class RepeatedColumns {
 
     std::vector<RawColumn> read_;
     std::vector<PlainColumn> columns_;
-    ByteBuffer places_;  // for each column its count and its encoded targets
+    ByteBuffer targets_;  // for each column its count and its encoded targets
 };
 
 }  // namespace rtsg::wire

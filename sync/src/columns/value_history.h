@@ -121,11 +121,11 @@ class ValueHistory {
         for (std::size_t l = 0; l < Lanes; ++l) {
             unsigned best = 0;
             if (f.depth == 1) best = 1;  // there is nothing to compare yet, and motion mostly continues
-            std::uint32_t least = magnitude(difference(now[l], f.of[0][l]));
+            std::uint32_t minimum = magnitude(difference(now[l], f.of[0][l]));
             for (std::size_t o = 1; o < static_cast<std::size_t>(f.depth); ++o) {
                 const std::uint32_t miss = magnitude(difference(now[l], f.of[o][l]));
-                if (miss < least) {
-                    least = miss;
+                if (miss < minimum) {
+                    minimum = miss;
                     best = static_cast<unsigned>(o);
                 }
             }

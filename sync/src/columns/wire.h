@@ -84,9 +84,9 @@ struct Reader {
         return 0;
     }
     std::uint32_t varint32() { return static_cast<std::uint32_t>(bounded(0xFFFFFFFF)); }
-    std::uint64_t bounded(std::uint64_t most) {
+    std::uint64_t bounded(std::uint64_t maximum) {
         const std::uint64_t result = varint();
-        if (result <= most) return result;
+        if (result <= maximum) return result;
         refuse("number out of range");
         return 0;
     }

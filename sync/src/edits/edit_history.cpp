@@ -17,7 +17,7 @@ namespace rtsg::mirror {
 namespace {
 
 constexpr std::uint64_t kItemCost = 256;  // bytes beside its values
-constexpr std::size_t kMostNamed = 3;     // of what was left unchanged
+constexpr std::size_t kMaxNamed = 3;      // of what was left unchanged
 
 bool isReadable(const Node& node, FieldIndex field) {
     return field < node.type().fields.size() && node.type().fields[field].readable();
@@ -37,7 +37,7 @@ Array<NodeId> childrenOf(const Scene& scene, const Change& c) {
 }
 
 /// The place of the child now: where it was, or else the first place.
-std::size_t placeOf(const Scene& scene, const Change& c) {
+std::size_t indexOf(const Scene& scene, const Change& c) {
     const Array<NodeId> children = childrenOf(scene, c);
     if (c.index < children.size() && children[c.index] == c.other) return c.index;
     return static_cast<std::size_t>(std::ranges::find(children, c.other) - children.begin());
@@ -83,13 +83,13 @@ std::shared_ptr<const EditHistory::Lost> EditHistory::remember(const Scene& scen
         const Node& parent = scene.node(p.node);
         const FieldDef& def = parent.type().fields[p.field];
         if (def.hidden || !def.readable() || def.access == Access::outputOnly) continue;
-        Change place = changeOf(ChangeKind::setField, p.node, p.field);
+        Change link = changeOf(ChangeKind::setField, p.node, p.field);
         if (def.type == FieldType::MFNode) {
-            place.kind = ChangeKind::insertChild;
+            link.kind = ChangeKind::insertChild;
             const auto& children = parent.get(Field<Array<NodeId>>{p.field});
-            place.index = static_cast<std::uint32_t>(std::ranges::find(children, id) - children.begin());
+            link.index = static_cast<std::uint32_t>(std::ranges::find(children, id) - children.begin());
         }
-        lost->places.push_back(std::move(place));
+        lost->links.push_back(std::move(link));
     }
     for (const auto& routes : {scene.routesFrom(id), scene.routesTo(id)})
         for (const Route& route : routes)
@@ -162,7 +162,7 @@ void EditHistory::push(std::deque<Step>& steps, MirrorUpstream permission) {
     for (const Item& item : step.items) {
         step.bytes += kItemCost + wire::costOf(item.back.value) + wire::costOf(item.left);
         if (!item.lost) continue;
-        step.bytes += kItemCost * (item.lost->places.size() + item.lost->routes.size());
+        step.bytes += kItemCost * (item.lost->links.size() + item.lost->routes.size());
         for (const auto& [field, value] : item.lost->fields) step.bytes += kItemCost + wire::costOf(value);
     }
     bytes_ += step.bytes;
@@ -187,8 +187,8 @@ void EditHistory::forget() {
     };
     for (auto& [name, author] : authors_)
         for (std::deque<Step>* steps : {&author.done, &author.undone})
-            while (steps->size() > kMostSteps) drop(*steps);
-    while (bytes_ > kMostBytes) {
+            while (steps->size() > kMaxSteps) drop(*steps);
+    while (bytes_ > kMaxBytes) {
         std::deque<Step>* oldest = nullptr;
         for (auto& [name, author] : authors_)
             for (std::deque<Step>* steps : {&author.done, &author.undone})
@@ -196,7 +196,7 @@ void EditHistory::forget() {
         if (!oldest) break;
         drop(*oldest);
     }
-    while (authors_.size() > kMostAuthors) {
+    while (authors_.size() > kMaxAuthors) {
         const auto first = std::ranges::min_element(authors_, {}, [](const auto& entry) { return entry.second.used; });
         for (const std::deque<Step>* steps : {&first->second.done, &first->second.undone})
             for (const Step& step : *steps) bytes_ -= step.bytes;
@@ -262,7 +262,7 @@ std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Tak
 
 Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author) {
     Change& c = item.back;
-    if (c.kind == ChangeKind::removeChild) c.index = static_cast<std::uint32_t>(placeOf(scene, c));
+    if (c.kind == ChangeKind::removeChild) c.index = static_cast<std::uint32_t>(indexOf(scene, c));
     before(scene, c);
     auto done = edit(scene, c, author);
     if (!done) {
@@ -284,17 +284,17 @@ Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view
     const Lost& lost = *own.lost;
     for (const auto& [field, value] : lost.fields) (void)scene.setField(id, field, onlyWhatIsThere(scene, value));
     if (!lost.name.empty() && !scene.findName(lost.name)) (void)scene.setName(id, lost.name);
-    for (const Change& place : lost.places) {
-        const Node* parent = scene.find(place.node);
-        if (!parent || !isReadable(*parent, place.field)) continue;
+    for (const Change& link : lost.links) {
+        const Node* parent = scene.find(link.node);
+        if (!parent || !isReadable(*parent, link.field)) continue;
         Result<> back;
-        if (place.kind == ChangeKind::insertChild)
-            back = scene.insertChild(place.node, place.field, id, place.index);
-        else if (parent->value(place.field) == Value(NodeId{}))
-            back = scene.setField(place.node, place.field, Value(id));
+        if (link.kind == ChangeKind::insertChild)
+            back = scene.insertChild(link.node, link.field, id, link.index);
+        else if (parent->value(link.field) == Value(NodeId{}))
+            back = scene.setField(link.node, link.field, Value(id));
         else
             continue;  // somebody has put another node there
-        if (back) scene.attribute(author, place.node, place.field);
+        if (back) scene.attribute(author, link.node, link.field);
     }
     for (const Route& r : lost.routes)
         if (scene.find(r.fromNode) && scene.find(r.toNode))
@@ -327,7 +327,7 @@ void EditHistory::rename(Item& item, const Renamed& renamed) {
     if (!item.lost) return;
     Lost lost = *item.lost;
     for (auto& [field, value] : lost.fields) inValue(value);
-    for (Change& place : lost.places) in(place.node);
+    for (Change& link : lost.links) in(link.node);
     for (Route& route : lost.routes) in(route.fromNode), in(route.toNode);
     item.lost = std::make_shared<const Lost>(std::move(lost));
 }
@@ -362,8 +362,8 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     const auto isLocked = [&](const Item& item) {
         std::string why = locks.refusal(scene, item.back, author, now);
         if (!item.lost) return why;
-        for (const Change& place : item.lost->places)
-            if (why.empty()) why = locks.refusal(scene, place.node, author, now);
+        for (const Change& link : item.lost->links)
+            if (why.empty()) why = locks.refusal(scene, link.node, author, now);
         for (const Route& route : item.lost->routes)
             for (const NodeId end : {route.fromNode, route.toNode})
                 if (why.empty()) why = locks.refusal(scene, end, author, now);
@@ -381,7 +381,7 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
                 why = ok.error().text;
         }
         if (why.empty() || std::ranges::find(kept, why) != kept.end()) continue;
-        kept.size() < kMostNamed ? kept.push_back(std::move(why)) : void(++more);
+        kept.size() < kMaxNamed ? kept.push_back(std::move(why)) : void(++more);
     }
     rename(taking.renamed);
     push(again ? found->second.done : found->second.undone, step.permission);

@@ -25,9 +25,9 @@ namespace rtsg::mirror {
 
 class EditHistory {
   public:
-    static constexpr std::size_t kMostSteps = 1000;  // for each author, in each direction
-    static constexpr std::size_t kMostAuthors = 256;
-    static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;  // for all together
+    static constexpr std::size_t kMaxSteps = 1000;  // for each author, in each direction
+    static constexpr std::size_t kMaxAuthors = 256;
+    static constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;  // for all together
 
     /// Call it before a change of the present request is carried out. All nodes exist then, except one that the change
     /// creates.
@@ -50,7 +50,7 @@ class EditHistory {
         TypeIndex type;
         std::string name;
         std::vector<std::pair<FieldIndex, Value>> fields;
-        std::vector<Change> places;  // insertChild and setField of its parents
+        std::vector<Change> links;  // insertChild and setField of its parents
         std::vector<Route> routes;
     };
     struct Item {

@@ -16,7 +16,7 @@ Result<> NodeLocks::lock(const Scene& scene, std::string_view author, std::span<
         if (!scene.find(node)) return fail(fmt::format("no node {}", node.value));
         if (std::string why = refusal(scene, node, author, now); !why.empty()) return fail(std::move(why));
     }
-    if (lease > std::chrono::milliseconds(0) && locks_.size() + nodes.size() > kMost)
+    if (lease > std::chrono::milliseconds(0) && locks_.size() + nodes.size() > kMax)
         return fail("too many nodes are locked");
     for (const NodeId node : nodes) {
         if (lease > std::chrono::milliseconds(0))

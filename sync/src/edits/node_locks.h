@@ -20,7 +20,7 @@ namespace rtsg::mirror {
 class NodeLocks {
   public:
     using Clock = std::chrono::steady_clock;
-    static constexpr std::size_t kMost = 1 << 16;  // for all authors together
+    static constexpr std::size_t kMax = 1 << 16;  // for all authors together
 
     /// Locks all the nodes or none. A lease of 0 releases them. Errors: a node is locked by somebody else; too many
     /// locks.

@@ -88,7 +88,7 @@ void askDoubt(ByteBuffer& out, std::uint64_t session, std::span<const NodeRange>
 
 bool answerDoubt(const Scene& scene, std::uint64_t session, wire::Reader& in, ByteBuffer& out) {
     const std::size_t count = in.count(2);
-    if (in.problem || count > kMostRanges) return false;
+    if (in.problem || count > kMaxRanges) return false;
     std::vector<NodeRange> ranges(count);
     for (NodeRange& range : ranges)
         if (!readRange(in, range)) return false;
@@ -105,7 +105,7 @@ bool answerDoubt(const Scene& scene, std::uint64_t session, wire::Reader& in, By
 
 bool answerInspect(const Scene& scene, std::uint64_t session, wire::Reader& in, ByteBuffer& out) {
     const std::size_t count = in.count(1);
-    if (in.problem || count > kMostNodes) return false;
+    if (in.problem || count > kMaxNodes) return false;
     std::vector<NodeId> nodes(count);
     for (NodeId& id : nodes) id = NodeId{in.varint32()};
     if (in.problem) return false;
@@ -128,7 +128,7 @@ bool answerInspect(const Scene& scene, std::uint64_t session, wire::Reader& in, 
 
 bool answerWant(const Scene& scene, wire::Reader& in, ChangeSet& out) {
     const std::size_t count = in.count(2);
-    if (in.problem || count > kMostWants) return false;
+    if (in.problem || count > kMaxWants) return false;
     std::vector<std::pair<NodeId, NodePart>> wants(count);
     for (auto& [id, part] : wants) {
         id = NodeId{in.varint32()};
@@ -193,7 +193,7 @@ void Bisection::differs(const Scene& replica, NodeId node, std::string field, st
 
 Bisection::Step Bisection::digest(const Scene& replica, wire::Reader& in, ByteBuffer& question) {
     const std::size_t count = in.count(2);
-    if (in.problem || count > kMostRanges || (!asked_.empty() && count != asked_.size())) return Step::malformed;
+    if (in.problem || count > kMaxRanges || (!asked_.empty() && count != asked_.size())) return Step::malformed;
     std::vector<NodeRange> next;
     for (std::size_t i = 0; i < count; ++i) {
         NodeRange range;
@@ -216,7 +216,7 @@ Bisection::Step Bisection::digest(const Scene& replica, wire::Reader& in, ByteBu
             });
         }
     }
-    if (next.size() > kMostRanges || suspects_.size() > kMostNodes) return Step::hopeless;
+    if (next.size() > kMaxRanges || suspects_.size() > kMaxNodes) return Step::hopeless;
     if (next.empty() && suspects_.empty()) return Step::same;
     ++questions_;
     if (!next.empty()) {
@@ -276,7 +276,7 @@ Bisection::Step Bisection::anatomy(const Scene& replica, wire::Reader& in, ByteB
             routes_.push_back(id);
         }
     }
-    if (!possible || wants.size() > kMostWants) return Step::hopeless;
+    if (!possible || wants.size() > kMaxWants) return Step::hopeless;
     if (found_.empty()) return Step::same;
     ++questions_;
     mirror::begin(question, Message::want);

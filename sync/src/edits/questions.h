@@ -18,10 +18,10 @@
 
 namespace rtsg::mirror {
 
-constexpr unsigned kFanOutBits = 8;      // a range is answered in 256 parts
-constexpr std::size_t kMostRanges = 16;  // in one question
-constexpr std::size_t kMostNodes = 64;   // inspected at once; if more differ, a snapshot is sent
-constexpr std::size_t kMostWants = 512;  // parts of nodes sent again at once
+constexpr unsigned kFanOutBits = 8;     // a range is answered in 256 parts
+constexpr std::size_t kMaxRanges = 16;  // in one question
+constexpr std::size_t kMaxNodes = 64;   // inspected at once; if more differ, a snapshot is sent
+constexpr std::size_t kMaxWants = 512;  // parts of nodes sent again at once
 constexpr std::size_t kLongestAnswer = std::size_t{128} << 10;
 
 /// The 2^bits node numbers from `first` on.

@@ -32,7 +32,7 @@ Result<MirrorRequest> readOther(std::span<const std::byte> record) {
             in.refuse("a lease longer than may be given");
         request.lease = std::chrono::milliseconds(lease);
         const std::size_t count = in.count(1);
-        if (count > MirrorRequest::kMostLocked) in.refuse("too many nodes in one request");
+        if (count > MirrorRequest::kMaxLocked) in.refuse("too many nodes in one request");
         std::uint32_t last = 0;
         for (std::size_t i = 0; i < count && !in.problem; ++i) request.nodes.push_back(NodeId{last = in.delta(last)});
     }

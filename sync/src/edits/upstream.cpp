@@ -17,9 +17,9 @@ namespace rtsg::mirror {
 
 namespace {
 
-constexpr std::size_t kMostClients = 256;
-constexpr std::size_t kMostAnswers = 256;   // kept for each client
-constexpr std::size_t kMostPending = 4096;  // for each client
+constexpr std::size_t kMaxClients = 256;
+constexpr std::size_t kMaxAnswers = 256;   // kept for each client
+constexpr std::size_t kMaxPending = 4096;  // for each client
 constexpr std::size_t kLongestReason = 300;
 
 /// Checks and carries out one submission. Provisional numbers of its new nodes are replaced as they are created.
@@ -361,11 +361,11 @@ RequestLedger::Standing RequestLedger::standing(std::uint64_t client, std::uint6
 }
 
 bool RequestLedger::begin(std::uint64_t client, std::uint64_t request) {
-    if (!clients_.contains(client) && clients_.size() >= kMostClients)
+    if (!clients_.contains(client) && clients_.size() >= kMaxClients)
         clients_.erase(std::ranges::min_element(clients_, {}, [](const auto& c) { return c.second.used; }));
     Client& c = clients_[client];
     c.used = ++uses_;
-    return c.pending.size() < kMostPending && c.pending.insert(request).second;
+    return c.pending.size() < kMaxPending && c.pending.insert(request).second;
 }
 
 void RequestLedger::answer(const Verdict& verdict) {
@@ -374,7 +374,7 @@ void RequestLedger::answer(const Verdict& verdict) {
     Client& c = found->second;
     c.pending.erase(verdict.request);
     c.answers.push_back(verdict);
-    if (c.answers.size() <= kMostAnswers) return;
+    if (c.answers.size() <= kMaxAnswers) return;
     c.forgotten = std::max(c.forgotten, c.answers.front().request);
     c.answers.pop_front();
 }

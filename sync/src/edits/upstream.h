@@ -28,7 +28,7 @@ namespace rtsg::mirror {
 /// From this number on, node numbers are a submission's own, for the nodes that it creates.
 constexpr std::uint32_t kFirstProvisional = std::uint32_t{1} << 31;
 /// The most bytes of submissions, of all peers, that may wait for the scene's thread.
-constexpr std::uint64_t kMostSubmitted = std::uint64_t{16} << 20;
+constexpr std::uint64_t kMaxSubmitted = std::uint64_t{16} << 20;
 
 struct Submission {
     std::uint64_t client = 0, request = 0;

@@ -27,22 +27,22 @@ class Blame {
     Result<> look(Replayer& replayer) {
         const Scene& scene = replayer.scene();
         if (!ofPart_) ofPart_ = showsAPart(scene, replayer.lastSet());
-        const auto place = findField(scene, path_);
+        const auto field = findField(scene, path_);
         touched_.clear();
         touched_.add(replayer.lastSet());
         if (replayer.lastSet().isSnapshot()) touched_.forget();
-        if (!place) {
-            if (!known_) why_ = place.error();
+        if (!field) {
+            if (!known_) why_ = field.error();
             before_.reset();
             return {};
         }
         // Later changes may follow from this one, even if the field itself does not change now.
-        if (!replayer.lastSet().isSnapshot() && touched_.isFromOutside()) touched_.rememberStarts(scene, place->node);
+        if (!replayer.lastSet().isSnapshot() && touched_.isFromOutside()) touched_.rememberStarts(scene, field->node);
         known_ = true;
-        const Node& node = scene.node(place->node);
-        if (!node.type().fields[place->field].readable())
+        const Node& node = scene.node(field->node);
+        if (!node.type().fields[field->field].readable())
             return fail(fmt::format("{} holds no value: it is an event", path_));
-        const Value now = node.value(place->field);
+        const Value now = node.value(field->field);
         if (now == before_) return {};
         before_ = now;
         FieldStep& step = steps_.emplace_back();
@@ -53,7 +53,7 @@ class Blame {
             step.cause = "as the log begins, or goes on";
             return {};
         }
-        auto [cause, author, appeared, fromOutside] = touched_.cause(scene, place->node, place->field);
+        auto [cause, author, appeared, fromOutside] = touched_.cause(scene, field->node, field->field);
         if (appeared && author.empty()) appeared_.push_back(steps_.size() - 1);
         step.cause = std::move(cause);
         step.author = std::move(author);
@@ -73,17 +73,17 @@ class Blame {
     /// older one, it existed before, outside the part of the scene that the log has.
     static bool showsAPart(const Scene& scene, const ChangeSet& set) {
         if (set.isSnapshot() || set.from == set.to) return false;
-        std::unordered_set<std::uint32_t> made;
+        std::unordered_set<std::uint32_t> created;
         std::uint32_t lowest = UINT32_MAX;
         for (const Change& c : set.changes) {
             if (c.kind != ChangeKind::createNode) continue;
-            made.insert(c.node.value);
+            created.insert(c.node.value);
             lowest = std::min(lowest, c.node.value);
         }
         bool shows = false;
-        if (!made.empty())
+        if (!created.empty())
             scene.forEachNode(
-                [&](const Node& node) { shows |= node.id().value > lowest && !made.contains(node.id().value); });
+                [&](const Node& node) { shows |= node.id().value > lowest && !created.contains(node.id().value); });
         return shows;
     }
 

@@ -39,14 +39,14 @@ std::string scopedName(const Scene& scene, NodeId id) {
 }
 
 Result<FieldPatterns> FieldPatterns::make(const std::vector<std::string>& patterns) {
-    FieldPatterns made;
+    FieldPatterns created;
     for (const std::string& pattern : patterns) {
         const std::size_t dot = pattern.rfind('.');
         if (dot == pattern.npos || dot == 0 || dot + 1 == pattern.size())
             return fail(DiagnosticCode("no-such-field"), pattern + ": expected NODE.field");
-        made.patterns_.push_back({pattern.substr(0, dot), pattern.substr(dot + 1)});
+        created.patterns_.push_back({pattern.substr(0, dot), pattern.substr(dot + 1)});
     }
-    return made;
+    return created;
 }
 
 std::vector<FieldPatterns::Match> FieldPatterns::matches(const Scene& scene, NodeId id) const {

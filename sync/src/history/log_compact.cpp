@@ -182,10 +182,10 @@ class Written {
 
 Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOptions& options) {
     Merger merger(to);
-    auto made = FieldCut::make(options);
-    if (!made) return std::unexpected(made.error());
+    auto created = FieldCut::make(options);
+    if (!created) return std::unexpected(created.error());
     const bool cuts = !options.only.empty() || !options.without.empty();
-    Written written(merger, cuts ? made->get() : nullptr);
+    Written written(merger, cuts ? created->get() : nullptr);
     const bool seeks = options.from > -std::numeric_limits<double>::infinity();
     if (seeks)
         if (auto ok = from.seek(options.from); !ok) return std::unexpected(ok.error());
@@ -217,7 +217,7 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
     }
     if (auto ok = merger.flush(written.scene(from.scene())); !ok) return std::unexpected(ok.error());
     if (cuts)
-        if (auto ok = (*made)->expectAllNamed(); !ok) return std::unexpected(ok.error());
+        if (auto ok = (*created)->expectAllNamed(); !ok) return std::unexpected(ok.error());
     if (from.divergence()) return fail(from.divergence()->format(), {}, from.log().file().string());
     report.statesWritten = merger.written();
     report.damaged = from.log().damage().size();
@@ -237,9 +237,9 @@ Result<CompactReport> compactLog(const std::filesystem::path& in, const std::fil
         auto opened = Replayer::open(in);
         if (!opened) return std::unexpected(opened.error());
         from = std::move(*opened);
-        auto made = compact(*from, to, options);
-        if (!made) return std::unexpected(made.error());
-        report = std::move(*made);
+        auto created = compact(*from, to, options);
+        if (!created) return std::unexpected(created.error());
+        report = std::move(*created);
         return {};
     });
     if (!done) return std::unexpected(done.error());

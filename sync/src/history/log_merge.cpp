@@ -20,8 +20,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr double kSame = 1e-6;                    // seconds; times since 1970 are exact to a quarter of that
-constexpr std::uint32_t kMostNodes = 0x7FFFFFFE;  // so that twice the number is one
+constexpr double kSame = 1e-6;                   // seconds; times since 1970 are exact to a quarter of that
+constexpr std::uint32_t kMaxNodes = 0x7FFFFFFE;  // so that twice the number is one
 constexpr std::array<NodeId, 2> kGroups = {NodeId{2}, NodeId{3}};
 constexpr std::array<const char*, 2> kPrefixes = {"A_", "B_"};
 
@@ -45,9 +45,9 @@ class MergedSide {
             turnedSet.types.push_back({own, type.type});
         }
         for (const Change& change : set.changes) {
-            if (change.node.value > kMostNodes || change.other.value > kMostNodes)
+            if (change.node.value > kMaxNodes || change.other.value > kMaxNodes)
                 return fail(fmt::format("node #{}: there is no room for twice as many", change.node.value));
-            if (auto made = turned(scene, change)) turnedSet.changes.push_back(std::move(*made));
+            if (auto created = turned(scene, change)) turnedSet.changes.push_back(std::move(*created));
         }
         if (set.authors) {
             auto authors = std::make_shared<std::vector<Authored>>(*set.authors);
@@ -177,10 +177,10 @@ class MergedSource {
 ChangeSet groups(float apart) {
     ChangeSet set;
     for (const NodeId group : kGroups) {
-        Change& made = set.changes.emplace_back();
-        made.kind = ChangeKind::createNode;
-        made.node = group;
-        made.index = x3d::Transform::type.value;
+        Change& created = set.changes.emplace_back();
+        created.kind = ChangeKind::createNode;
+        created.node = group;
+        created.index = x3d::Transform::type.value;
     }
     const auto setField = [&](NodeId node, FieldIndex field, Value value) {
         Change& change = set.changes.emplace_back();

@@ -27,10 +27,10 @@ LogTable& LogTable::operator=(LogTable&&) noexcept = default;
 LogTable::~LogTable() = default;
 
 Result<LogTable> LogTable::make(const std::vector<std::string>& patterns) {
-    auto made = FieldPatterns::make(patterns);
-    if (!made) return std::unexpected(made.error());
+    auto created = FieldPatterns::make(patterns);
+    if (!created) return std::unexpected(created.error());
     LogTable table;
-    *table.patterns_ = std::move(*made);
+    *table.patterns_ = std::move(*created);
     return table;
 }
 
@@ -192,9 +192,9 @@ double sinceStart(double time, double start) {
 Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<std::string>& patterns,
                            const TableOptions& options, std::optional<Divergence>* lacks) {
     constexpr double kSame = 1e-6;  // times since 1970 are exact to a quarter of that
-    auto made = LogTable::make(patterns);
-    if (!made) return made;
-    LogTable& table = *made;
+    auto created = LogTable::make(patterns);
+    if (!created) return created;
+    LogTable& table = *created;
     const auto replayer = Replayer::open(log);
     if (!replayer) return std::unexpected(replayer.error());
     Replayer& inside = **replayer;
@@ -220,7 +220,7 @@ Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<s
     }
     if (const std::string none = table.matchedNothing(); !none.empty())
         return fail(DiagnosticCode("no-such-field"), "no state has a field " + none, {}, log.string());
-    return made;
+    return created;
 }
 
 }  // namespace rtsg

@@ -54,18 +54,18 @@ void FrameTouches::add(const ChangeSet& set) {
     for (const Change& c : set.changes)
         if (c.kind == ChangeKind::setField || c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
             c.kind == ChangeKind::event || c.kind == ChangeKind::createNode)
-            places_[key(c.node, c.field)] |= c.external;
+            fields_[key(c.node, c.field)] |= c.external;
     if (set.input)  // for a log in input mode, which has nothing else
-        for (const Change& c : set.input->events) places_[key(c.node, c.field)] = true;
+        for (const Change& c : set.input->events) fields_[key(c.node, c.field)] = true;
     if (!set.authors) return;
     authors_.insert(authors_.end(), set.authors->begin(), set.authors->end());
     for (const Authored& one : *set.authors)
-        if (one.field != kNoField) places_[key(one.node, one.field)] = true;
+        if (one.field != kNoField) fields_[key(one.node, one.field)] = true;
 }
 
-bool FrameTouches::isMade(NodeId node) const {
-    const auto found = places_.find(key(node, kNoField));
-    return found != places_.end() && found->second;
+bool FrameTouches::isCreated(NodeId node) const {
+    const auto found = fields_.find(key(node, kNoField));
+    return found != fields_.end() && found->second;
 }
 
 /// Prefers the author of the field, then that of another field of the node, since input by one field may show in
@@ -78,9 +78,9 @@ std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
         if (one.field == field) return one.author.str();
         (one.field == kNoField ? ofNode : ofOther) = one.author.str();
     }
-    if (!isMade(node) || ofNode.empty()) return ofOther;
-    const auto found = places_.find(key(node, field));
-    const bool followed = found != places_.end() && !found->second;
+    if (!isCreated(node) || ofNode.empty()) return ofOther;
+    const auto found = fields_.find(key(node, field));
+    const bool followed = found != fields_.end() && !found->second;
     return followed && !ofOther.empty() ? ofOther : ofNode;
 }
 
@@ -88,14 +88,14 @@ std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
 /// of the node. ROUTEs go before IS connections, by which a field of a PROTO instance also gets back values of its own
 /// body.
 std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField,
-                                    std::vector<std::uint64_t>& way) const {
+                                    std::vector<std::uint64_t>& path) const {
     std::vector<Route> routes = scene.routesTo(node);
     std::ranges::stable_partition(routes, [](const Route& r) { return !r.isConnection; });
     for (const Route& r : routes) {
         if (!anyField && r.toField != field) continue;
         if (!has(r.fromNode, r.fromField)) continue;
-        if (std::ranges::find(way, key(r.fromNode, r.fromField)) != way.end()) continue;
-        way.push_back(key(r.fromNode, r.fromField));
+        if (std::ranges::find(path, key(r.fromNode, r.fromField)) != path.end()) continue;
+        path.push_back(key(r.fromNode, r.fromField));
         const auto name = [&](NodeId id, FieldIndex index) {
             return fmt::format("{}.{}", nodeLabel(scene, id), scene.node(id).type().fields[index].name);
         };
@@ -109,32 +109,32 @@ std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex
 
 bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
     for (FieldIndex i = 0; i < scene.node(node).type().fields.size(); ++i)
-        if (const auto found = places_.find(key(node, i)); found != places_.end() && found->second) return true;
+        if (const auto found = fields_.find(key(node, i)); found != fields_.end() && found->second) return true;
     return false;
 }
 
 FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
-    const bool made = isMade(node);
+    const bool created = isCreated(node);
     constexpr int kLongest = 16;  // most steps back
-    std::vector<std::uint64_t> way{key(node, field)};
+    std::vector<std::uint64_t> path{key(node, field)};
     std::string text;
     bool outside = false;
     for (int step = 0; step < kLongest; ++step) {
-        const auto found = places_.find(key(node, field));
-        outside = found != places_.end() && found->second;
+        const auto found = fields_.find(key(node, field));
+        outside = found != fields_.end() && found->second;
         if (outside || !scene.find(node)) break;
         // The first step needs a route to the field itself. Where a node has sent the value, a route to any of its
         // fields will do.
         const NodeType& type = scene.node(node).type();
         const FieldDef& def = type.fields[field];
-        std::string route = routeInto(scene, node, field, step > 0 || !def.writable(), way);
+        std::string route = routeInto(scene, node, field, step > 0 || !def.writable(), path);
         // Nodes like BooleanToggle write to their own fields what came in by others. For other nodes nothing is
         // guessed.
         if (route.empty() && step == 0 && (type.writesInputs || type.kind == NodeType::Kind::script))
-            route = routeInto(scene, node, field, true, way);
+            route = routeInto(scene, node, field, true, path);
         if (route.empty()) {
             // All fields of a new node come from its creation, defaults included.
-            outside = step > 0 ? anyFromOutside(scene, node) : made && found == places_.end();
+            outside = step > 0 ? anyFromOutside(scene, node) : created && found == fields_.end();
             break;
         }
         text = text.empty() ? route : fmt::format("{}, {}", route, text);
@@ -149,7 +149,7 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
             return {then(fmt::format("{} in state {}", start->second.text, start->second.state)), start->second.author,
                     false, true};
     }
-    if (outside) return {then(kSetFromOutside), authorOf(node, field), made && text.empty(), true};
+    if (outside) return {then(kSetFromOutside), authorOf(node, field), created && text.empty(), true};
     return {text.empty() ? text : fmt::format("ROUTE {}", text), {}, false, false};
 }
 

@@ -21,14 +21,14 @@ class FrameTouches {
     void add(const ChangeSet& set);
     /// Prepares for the next frame, and keeps what rememberStarts() noted.
     void clear() {
-        places_.clear();
+        fields_.clear();
         authors_.clear();
     }
     /// True if something in the frame came from outside the scene.
     bool isFromOutside() const {
-        return std::ranges::any_of(places_, [](const auto& place) { return place.second; });
+        return std::ranges::any_of(fields_, [](const auto& entry) { return entry.second; });
     }
-    bool has(NodeId node, FieldIndex field) const { return places_.contains(key(node, field)); }
+    bool has(NodeId node, FieldIndex field) const { return fields_.contains(key(node, field)); }
     /// The cause if somebody set the field directly.
     static constexpr std::string_view kSetFromOutside = "set from outside";
     struct Cause {
@@ -51,15 +51,15 @@ class FrameTouches {
   private:
     static std::uint64_t key(NodeId node, FieldIndex field) { return std::uint64_t{node.value} << 32 | field; }
     /// True if the application, or whoever asked it, made the node in this state.
-    bool isMade(NodeId node) const;
+    bool isCreated(NodeId node) const;
     bool anyFromOutside(const Scene& scene, NodeId node) const;
     FieldIndex deviceFor(const Scene& scene, const NodeType& type) const;
     std::string routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField,
-                          std::vector<std::uint64_t>& way) const;
+                          std::vector<std::uint64_t>& path) const;
 
     std::string authorOf(NodeId node, FieldIndex field) const;
 
-    std::unordered_map<std::uint64_t, bool> places_;  // value: it came from outside; with kNoField: the node was made
+    std::unordered_map<std::uint64_t, bool> fields_;  // value: it came from outside; with kNoField: the node was made
     std::vector<Authored> authors_;
     struct Start {
         std::uint64_t state = 0;

@@ -17,7 +17,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostHistories = 64, kMostSamples = 4096, kNone = SIZE_MAX;
+constexpr std::size_t kMaxHistories = 64, kMaxSamples = 4096, kNone = SIZE_MAX;
 constexpr double kApart = std::numeric_limits<double>::infinity();
 
 /// Matches a pattern in which * stands for any letters.
@@ -135,13 +135,13 @@ struct FieldComparison::State {
         std::unordered_map<std::uint32_t, std::vector<std::size_t>> watches;  // by node number
         FrameTouches touched;
     };
-    struct Place {
+    struct FieldSlot {
         NodeId node;
         FieldIndex field = kNoField;
     };
     struct Watch {
         std::string path, field;
-        Place a, b;
+        FieldSlot a, b;
         bool happened = false, queued = false, differs = false;
         std::size_t difference = kNone;
         FieldHistory history;
@@ -182,13 +182,13 @@ struct FieldComparison::State {
             if (found == byName.end()) {
                 if (!(first || ofEither) || !chosen(path, def.name)) continue;
                 found = byName.emplace(std::move(key), watches.size()).first;
-                Watch& made = watches.emplace_back();
-                made.path = path;
-                made.field = def.name;
+                Watch& created = watches.emplace_back();
+                created.path = path;
+                created.field = def.name;
                 isNew = true;
             }
             Watch& watch = watches[found->second];
-            (first ? watch.a : watch.b) = Place{.node = node.id(), .field = i};
+            (first ? watch.a : watch.b) = FieldSlot{.node = node.id(), .field = i};
             auto& ofNode = side.watches[node.id().value];
             if (std::ranges::find(ofNode, found->second) == ofNode.end()) ofNode.push_back(found->second);
             queue(found->second);
@@ -201,9 +201,9 @@ struct FieldComparison::State {
         const auto found = side.watches.find(node.value);
         if (found == side.watches.end()) return;
         for (const std::size_t i : found->second) {
-            Place& place = &side == &a ? watches[i].a : watches[i].b;
-            if (place.node != node) continue;
-            place = {};
+            FieldSlot& field = &side == &a ? watches[i].a : watches[i].b;
+            if (field.node != node) continue;
+            field = {};
             queue(i);
         }
         side.watches.erase(found);
@@ -237,8 +237,8 @@ struct FieldComparison::State {
             const auto found = side.watches.find(c.node.value);
             if (found == side.watches.end()) continue;
             for (const std::size_t i : found->second) {
-                const Place& place = &side == &a ? watches[i].a : watches[i].b;
-                if (place.field != c.field) continue;
+                const FieldSlot& field = &side == &a ? watches[i].a : watches[i].b;
+                if (field.field != c.field) continue;
                 watches[i].happened = true;
                 queue(i);
             }
@@ -263,8 +263,8 @@ struct FieldComparison::State {
         return d;
     }
     void sample(Watch& w) {
-        if (histories >= kMostHistories && w.history.samples.empty()) return;
-        if (w.history.samples.size() >= kMostSamples || !w.a.node || !w.b.node) return;
+        if (histories >= kMaxHistories && w.history.samples.empty()) return;
+        if (w.history.samples.size() >= kMaxSamples || !w.a.node || !w.b.node) return;
         FieldHistory::Sample s;
         s.time = a.scene.now();
         const int n = numbers(a.scene.node(w.a.node).value(w.a.field), s.a);
@@ -274,8 +274,8 @@ struct FieldComparison::State {
         w.history.samples.push_back(s);
     }
     std::string causeOf(const Watch& w) const {
-        const auto of = [](const Side& side, const Place& place) {
-            return place.node ? told(side.touched.cause(side.scene, place.node, place.field)) : std::string();
+        const auto of = [](const Side& side, const FieldSlot& field) {
+            return field.node ? describe(side.touched.cause(side.scene, field.node, field.field)) : std::string();
         };
         // The second scene is under test. If nothing happened in it, the cause in the first scene tells what should
         // have happened.
@@ -287,7 +287,7 @@ struct FieldComparison::State {
         if (x.empty() || y.empty()) return fmt::format("{} only: {}", x.empty() ? words.b : words.a, x + y);
         return fmt::format("{}: {}; {}: {}", words.a, x, words.b, y);
     }
-    static std::string told(const FrameTouches::Cause& cause) {
+    static std::string describe(const FrameTouches::Cause& cause) {
         return cause.author.empty() ? cause.text : fmt::format("{}, as {} asked", cause.text, cause.author);
     }
 

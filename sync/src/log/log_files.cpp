@@ -71,7 +71,7 @@ int LogFiles::descriptorOf(std::size_t file) {
 void LogFiles::read(std::uint64_t offset, std::size_t length, ByteBuffer& into) {
     into.clear();
     std::byte* at = into.room(length);
-    const auto after = [](std::uint64_t place, const File& one) { return place < one.from; };
+    const auto after = [](std::uint64_t position, const File& one) { return position < one.from; };
     while (length > 0) {
         const auto next = std::upper_bound(files_.begin() + 1, files_.end(), offset, after);
         const auto file = static_cast<std::size_t>(next - files_.begin()) - 1;
@@ -106,7 +106,7 @@ bool LogFiles::beingWritten() const {
     return isLocked(newest_);
 }
 
-std::string LogFiles::placeOf(std::uint64_t offset) const {
+std::string LogFiles::locationAt(std::uint64_t offset) const {
     if (files_.size() == 1) return {};
     const auto next = std::ranges::find_if(files_, [&](const File& one) { return offset < one.from; });
     const File& file = *(next - 1);

@@ -35,7 +35,7 @@ class LogFiles {
     /// A writer has the last file open.
     bool beingWritten() const;
     /// " (byte 12 of a.0002.rlog)" if there are several files.
-    std::string placeOf(std::uint64_t offset) const;
+    std::string locationAt(std::uint64_t offset) const;
 
   private:
     struct File {

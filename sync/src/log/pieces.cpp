@@ -35,7 +35,7 @@ std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(cons
         if (const auto [end, problem] = std::from_chars(first, last, number); problem != std::errc() || end != last)
             continue;
         // The name must be one that the writer gives; RUN.20261128.rlog is somebody's copy.
-        if (number >= kMostPieces || fmt::format("{:04}", number) != std::string_view(first, last)) continue;
+        if (number >= kMaxPieces || fmt::format("{:04}", number) != std::string_view(first, last)) continue;
         found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
     }
     std::ranges::sort(found);
@@ -50,7 +50,7 @@ std::string logOf(const std::filesystem::path& file) {
     const std::string_view digits = std::string_view(ending).substr(ending.empty() ? 0 : 1);
     std::uint64_t number = 0;
     const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-    const bool isPiece = problem == std::errc() && end == digits.data() + digits.size() && number < kMostPieces &&
+    const bool isPiece = problem == std::errc() && end == digits.data() + digits.size() && number < kMaxPieces &&
                          fmt::format("{:04}", number) == digits;
     return isPiece ? file.stem().stem().string() : stem;
 }
@@ -110,7 +110,7 @@ struct Marks {
 
 /// Reads the record at `offset` if it is intact. Reads no further, as there may be thousands of files.
 std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, ByteBuffer& record) {
-    constexpr std::uint64_t kMost = std::uint64_t{16} << 20;
+    constexpr std::uint64_t kMax = std::uint64_t{16} << 20;
     const auto append = [&](std::size_t length) {
         in.read(reinterpret_cast<char*>(record.room(length)), static_cast<std::streamsize>(length));
         if (in) record.advance(length);
@@ -118,8 +118,8 @@ std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, 
     };
     record.clear();
     if (!in.seekg(static_cast<std::streamoff>(offset)) || !append(kRecordHeaderSize)) return std::nullopt;
-    const auto header = parseRecordHeader(record.bytes(), offset, kMost);
-    if (!header || !append(header->length) || !checkRecord(record.bytes(), offset, kMost)) return std::nullopt;
+    const auto header = parseRecordHeader(record.bytes(), offset, kMax);
+    if (!header || !append(header->length) || !checkRecord(record.bytes(), offset, kMax)) return std::nullopt;
     return *header;
 }
 

@@ -12,7 +12,7 @@
 namespace rtsg {
 
 /// Numbers of pieces are below this and have at least four digits.
-inline constexpr std::uint64_t kMostPieces = 1'000'000;
+inline constexpr std::uint64_t kMaxPieces = 1'000'000;
 
 /// All files that have the name of a piece of `file`, ordered by number.
 std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(const std::filesystem::path& file);

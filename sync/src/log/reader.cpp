@@ -172,7 +172,7 @@ std::uint64_t LogReader::findMagic(std::uint64_t from) {
 void LogReader::noteDamage(std::uint64_t from, std::uint64_t to, std::string text) {
     const auto known = [from](const LogDamage& d) { return d.offset == from; };
     if (damage_.size() < 1000 && std::ranges::none_of(damage_, known))
-        damage_.push_back({from, to - from, std::move(text) + files_->placeOf(from)});
+        damage_.push_back({from, to - from, std::move(text) + files_->locationAt(from)});
 }
 
 std::optional<LogReader::Record> LogReader::next() {

@@ -21,9 +21,9 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostWaiting = 128;                // steps
+constexpr std::size_t kMaxWaiting = 128;                 // steps
 constexpr auto kFirstWithin = std::chrono::seconds(10);  // for the first state, in case the disk hangs
-constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kMaxWaitingBytes = std::uint64_t{64} << 20;
 
 std::uint64_t memoryOf(const RecordStep& step) {
     return (step.record ? memoryOf(*step.record) : 0) + (step.set ? step.set->changes.capacity() * sizeof(Change) : 0);
@@ -44,7 +44,7 @@ struct RecordLog::Impl {
     /// A step, or the place of a snapshot that was asked for and has not come yet.
     struct Entry {
         RecordStep step;
-        bool isPlace = false;
+        bool isIt = false;
         bool isKeyframe = false;  // its set is the snapshot of the last state
         std::uint64_t state = 0;  // the state of the place
     };
@@ -74,7 +74,7 @@ struct RecordLog::Impl {
 
     // ---- with `mutex` held -----------------------------------------------------------------------------------
     bool hasRoom(std::uint64_t more) const {
-        return waiting.empty() || (waiting.size() < kMostWaiting && waitingBytes + more <= kMostWaitingBytes);
+        return waiting.empty() || (waiting.size() < kMaxWaiting && waitingBytes + more <= kMaxWaitingBytes);
     }
     void append(RecordStep step, bool isKeyframe = false) {
         waitingBytes += memoryOf(step);
@@ -85,9 +85,9 @@ struct RecordLog::Impl {
     void appendLate() {
         if (!late.empty()) append({nullptr, std::make_shared<const ChangeSet>(late.take())});
     }
-    bool canGoOn() const { return waiting.empty() ? !late.empty() : !waiting.front().isPlace; }
+    bool canGoOn() const { return waiting.empty() ? !late.empty() : !waiting.front().isIt; }
     /// Wakes those who wait for states that will never be in the file.
-    void tellEnd() const {
+    void reportEnd() const {
         constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
         if (heard) heard(kAny, kAny);
     }
@@ -132,7 +132,7 @@ struct RecordLog::Impl {
             if (waiting.empty()) return {};
             const Entry entry = std::move(waiting.front());
             waiting.pop_front();
-            if (entry.isPlace) continue;  // the log ends before its snapshot has come
+            if (entry.isIt) continue;  // the log ends before its snapshot has come
             waitingBytes -= memoryOf(entry.step);
             lock.unlock();
             if (auto ok = write(entry.step, entry.isKeyframe); !ok) return ok;
@@ -169,7 +169,7 @@ struct RecordLog::Impl {
         waiting.clear();
         waitingBytes = 0;
         ended = true;
-        tellEnd();
+        reportEnd();
         gone.notify_all();
     }
 };
@@ -240,15 +240,15 @@ bool RecordLog::addInPassing(const RecordStep& step, const ChangeSet& changes) {
 void RecordLog::giveSnapshot(std::uint64_t state, std::shared_ptr<const ChangeSet> snapshot) {
     Impl& s = *impl_;
     const std::scoped_lock lock(s.mutex);
-    const auto isIt = [&](const Impl::Entry& entry) { return entry.isPlace && entry.state == state; };
-    const auto place = std::ranges::find_if(s.waiting, isIt);
-    if (place == s.waiting.end()) return;
+    const auto isIt = [&](const Impl::Entry& entry) { return entry.isIt && entry.state == state; };
+    const auto found = std::ranges::find_if(s.waiting, isIt);
+    if (found == s.waiting.end()) return;
     if (snapshot) {
-        place->isPlace = false;
-        place->step.set = std::move(snapshot);
-        s.waitingBytes += memoryOf(place->step);
+        found->isIt = false;
+        found->step.set = std::move(snapshot);
+        s.waitingBytes += memoryOf(found->step);
     } else {
-        s.waiting.erase(place);
+        s.waiting.erase(found);
         s.isAsked = false;
     }
     s.come.notify_one();
@@ -259,7 +259,7 @@ void RecordLog::onAcknowledged(std::function<void(std::uint64_t start, std::uint
     const std::scoped_lock lock(s.mutex);
     s.heard = std::move(heard);
     if (s.ended)
-        s.tellEnd();
+        s.reportEnd();
     else if (s.heard)
         s.heard(s.starts, s.acknowledged);
 }

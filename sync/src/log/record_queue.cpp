@@ -89,7 +89,7 @@ struct RecordQueue::Impl {
     std::deque<SharedRecord> memory;
     std::uint64_t memoryBytes = 0;
     std::deque<std::size_t> onDisk;  // sizes of the records in the file, which are all later than those in memory
-    std::uint64_t fileBegin = 0, fileEnd = 0, mostOnDisk = 0, encoded = 0;
+    std::uint64_t fileBegin = 0, fileEnd = 0, maxOnDisk = 0, encoded = 0;
     double newest = 0, taken = 0;
     bool closed = false;
     Result<> problem;
@@ -104,7 +104,7 @@ struct RecordQueue::Impl {
         if (auto ok = file.write(record->bytes.bytes(), fileEnd); !ok) return ok;
         onDisk.push_back(record->bytes.size());
         fileEnd += record->bytes.size();
-        mostOnDisk = std::max(mostOnDisk, fileEnd - fileBegin);
+        maxOnDisk = std::max(maxOnDisk, fileEnd - fileBegin);
         return {};
     }
     /// Precondition: something waits. Returns null if the record is now in `fromFile`.
@@ -195,9 +195,9 @@ std::uint64_t RecordQueue::inMemory() const {
     const std::scoped_lock lock(impl_->mutex);
     return impl_->memoryBytes;
 }
-std::uint64_t RecordQueue::mostOnDisk() const {
+std::uint64_t RecordQueue::maxOnDisk() const {
     const std::scoped_lock lock(impl_->mutex);
-    return impl_->mostOnDisk;
+    return impl_->maxOnDisk;
 }
 std::uint64_t RecordQueue::encoded() const {
     const std::scoped_lock lock(impl_->mutex);

@@ -20,7 +20,7 @@ namespace rtsg {
 namespace {
 
 /// States that a scene may be ahead of the log before it waits. The bus keeps more than that without merging.
-constexpr std::uint64_t kMostAhead = 128;
+constexpr std::uint64_t kMaxAhead = 128;
 
 }  // namespace
 
@@ -33,24 +33,24 @@ struct LogRecorder::Impl {
     struct Bell final : Subscriber {
         Impl& impl;
         std::atomic<std::uint64_t> rung{0};
-        Heard told;  // the last state it heard of; for the scene's thread only
+        Heard reported;  // the last state it heard of; for the scene's thread only
         explicit Bell(Impl& i) : impl(i) {}
         /// An error makes the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             if (impl.ended) return impl.outcome();
-            const bool startsOver = changes.isSnapshot() && impl.thread.joinable() && told.state != 0;
-            told.start += startsOver;
-            told.state = changes.to;
+            const bool startsOver = changes.isSnapshot() && impl.thread.joinable() && reported.state != 0;
+            reported.start += startsOver;
+            reported.state = changes.to;
             ring();
             // If somebody counts the starts, the recorder must see each of them.
-            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.tells)))
-                impl.waitForRoom(told, changes.isSnapshot() ? 0 : kMostAhead);
+            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.notifies)))
+                impl.waitForRoom(reported, changes.isSnapshot() ? 0 : kMaxAhead);
             return impl.ended ? impl.outcome() : Result<>();
         }
         /// Without this the bus would drop earlier states that are not in the file yet.
         void beforeRestart() override {
-            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || impl.tells))
-                impl.waitForRoom(told, 0);
+            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || impl.notifies))
+                impl.waitForRoom(reported, 0);
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -77,7 +77,7 @@ struct LogRecorder::Impl {
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
     std::atomic<bool> stopping{false}, ended{false};
-    std::atomic<bool> tells{false};  // somebody hears what is in the file
+    std::atomic<bool> notifies{false};  // somebody hears what is in the file
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
@@ -112,16 +112,17 @@ struct LogRecorder::Impl {
     }
 
     /// With `mutex` held: wakes those who wait for states that will never be in the file.
-    void tellEnd() const {
+    void reportEnd() const {
         constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
         if (heard) heard(kAny, kAny);
     }
 
     /// Blocks the scene's thread until at most so many states are not in the file.
-    void waitForRoom(const Heard& told, std::uint64_t most) const {
+    void waitForRoom(const Heard& reported, std::uint64_t maximum) const {
         std::unique_lock lock(mutex);
         progress.wait(lock, [&] {
-            return ended || starts > told.start || (starts == told.start && acknowledged + most >= told.state);
+            return ended || starts > reported.start ||
+                   (starts == reported.start && acknowledged + maximum >= reported.state);
         });
     }
 
@@ -170,7 +171,7 @@ struct LogRecorder::Impl {
         result = std::move(how);
         ended = true;
         bytes = log->bytes();
-        tellEnd();
+        reportEnd();
         progress.notify_all();
     }
 };
@@ -215,9 +216,9 @@ std::uint64_t LogRecorder::bytes() const {
 void LogRecorder::onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard) {
     const std::scoped_lock lock(impl_->mutex);
     impl_->heard = std::move(heard);
-    impl_->tells = impl_->heard != nullptr;
+    impl_->notifies = impl_->heard != nullptr;
     if (impl_->ended)
-        impl_->tellEnd();
+        impl_->reportEnd();
     else if (impl_->begun && impl_->heard)
         impl_->heard(impl_->starts, impl_->acknowledged);
 }

@@ -81,7 +81,7 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
         return {};
     }
     lost_ = true;
-    told_ = false;
+    reported_ = false;
     headed_ = false;
     head_ = std::move(*head);
     if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
@@ -104,7 +104,7 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
 /// Notes a frame that does not follow from the scene's state. Counts it once until the next keyframe.
 void Replayer::missFrames() {
     lost_ = true;
-    if (!std::exchange(told_, true)) ++gaps_;
+    if (!std::exchange(reported_, true)) ++gaps_;
 }
 
 /// Time never goes back within a session, so such a record is not as it was written.
@@ -130,7 +130,7 @@ bool Replayer::leadsOn(const RecordHeader& header) {
 }
 
 Result<> Replayer::lose(std::uint64_t offset, std::uint64_t state, std::string_view why) {
-    lost_ = told_ = true;
+    lost_ = reported_ = true;
     return fail(fmt::format("at byte {}: state {}: {}", offset, state, why), {}, log_.file().string());
 }
 
@@ -152,7 +152,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
         ok = scene_->apply(set_);
     }
     if (!ok) return lose(record.offset, header.to, ok.error().text);
-    lost_ = told_ = false;
+    lost_ = reported_ = false;
     ++frames_;
     noteTime(header);
     if (decoder_.originHash()) set_->hash = scene_->hash();
@@ -399,16 +399,16 @@ void Replayer::noteTime(const RecordHeader& header) {
 
 double Replayer::shiftAt(std::uint64_t offset) const {
     double shift = 0;
-    for (const Turn& turn : *turns_)
-        if (turn.offset <= offset) shift = turn.shift;
+    for (const Cycle& rotation : *cycles_)
+        if (rotation.offset <= offset) shift = rotation.shift;
     return shift;
 }
 
 /// Finds where sessions begin earlier than the last one ended. Time never goes back within a session, so nothing needs
 /// to be read if the first and the last keyframe are of one session.
-void Replayer::findTurns() {
-    if (turns_) return;
-    turns_.emplace();
+void Replayer::findCycles() {
+    if (cycles_) return;
+    cycles_.emplace();
     const std::uint64_t from = log_.keyframes().front().head, to = log_.keyframes().back().head;
     Result<LogReader> log = from == to ? fail("") : LogReader::open(log_.file());
     if (!log) return;
@@ -434,7 +434,7 @@ void Replayer::findTurns() {
         } else if (header.kind != RecordKind::index) {
             if (begins && header.time + shift < last) {
                 shift = last - header.time;
-                turns_->push_back({beginsAt, shift});
+                cycles_->push_back({beginsAt, shift});
             }
             begins = false;
             last = std::max(last, header.time + shift);
@@ -496,7 +496,7 @@ Result<> Replayer::composeUntil(double time) {
 Result<> Replayer::seek(double time) {
     const std::vector<LogKeyframe>& keyframes = log_.keyframes();
     if (keyframes.empty()) return fail("no keyframe to start from", {}, log_.file().string());
-    findTurns();
+    findCycles();
     std::size_t best = 0;
     for (std::size_t i = 0; i < keyframes.size(); ++i)
         if (keyframes[i].time + shiftAt(keyframes[i].offset) <= time) best = i;

@@ -13,7 +13,7 @@ namespace rtsg {
 
 Result<NodeId> InputPlayer::here(NodeId node) const {
     if (!recorded_ || !node || node == live_.root()) return node;
-    if (const auto found = made_.find(node.value); found != made_.end() && live_.find(found->second))
+    if (const auto found = created_.find(node.value); found != created_.end() && live_.find(found->second))
         return found->second;
     const std::string_view name = recorded_->name(node);
     if (!name.empty()) {
@@ -31,15 +31,15 @@ Result<NodeId> InputPlayer::here(NodeId node) const {
     return fail(fmt::format("node #{} has no name to find it by, and its number is another node's now", node.value));
 }
 
-Result<InputPlayer::Place> InputPlayer::here(NodeId node, FieldIndex field) const {
+Result<InputPlayer::NodeField> InputPlayer::here(NodeId node, FieldIndex field) const {
     const Result<NodeId> found = here(node);
     if (!found) return std::unexpected(found.error());
-    if (!recorded_) return Place{*found, field};
+    if (!recorded_) return NodeField{*found, field};
     const Node *then = recorded_->find(node), *now = live_.find(*found);
-    if (!then || !now || field >= then->type().fields.size()) return Place{*found, field};
+    if (!then || !now || field >= then->type().fields.size()) return NodeField{*found, field};
     const FieldDef& def = then->type().fields[field];
     const FieldIndex index = now->type().findExact(def.name);
-    if (index != kNoField && haveOneType(now->type().fields[index], def)) return Place{*found, index};
+    if (index != kNoField && haveOneType(now->type().fields[index], def)) return NodeField{*found, index};
     return fail(fmt::format("it has no {} any more", def.name));
 }
 
@@ -70,14 +70,14 @@ Result<> InputPlayer::create(const Change& change) {
     }
     const Result<NodeId> scope = here(change.other);
     if (!scope) return std::unexpected(scope.error());
-    const NodeId made = live_.createNode(type, *scope);
+    const NodeId created = live_.createNode(type, *scope);
     if (recorded_) {
-        made_[change.node.value] = made;
+        created_[change.node.value] = created;
         return {};
     }
-    if (made == change.node) return {};
+    if (created == change.node) return {};
     return fail(
-        fmt::format("a {} that was #{} would be #{} here", live_.type(type).name, change.node.value, made.value));
+        fmt::format("a {} that was #{} would be #{} here", live_.type(type).name, change.node.value, created.value));
 }
 
 Result<> InputPlayer::edit(const ChangeSet& set, const Change& c) {
@@ -89,9 +89,9 @@ Result<> InputPlayer::edit(const ChangeSet& set, const Change& c) {
     }
     if (c.kind == ChangeKind::createNode) return create(c);
     if (c.kind == ChangeKind::destroyNode && !recorded_ && !live_.find(c.node)) return {};
-    const auto place = here(c.node, c.field);
-    if (!place) return std::unexpected(place.error());
-    const auto [node, field] = *place;
+    const auto target = here(c.node, c.field);
+    if (!target) return std::unexpected(target.error());
+    const auto [node, field] = *target;
     const auto value = here(c.value);
     if (!value) return std::unexpected(value.error());
     switch (c.kind) {
@@ -144,7 +144,7 @@ void InputPlayer::begin() {
 
 void InputPlayer::pair(NodeId node) {
     if (recorded_->name(node).empty()) return;
-    if (const Result<NodeId> found = here(node)) made_[node.value] = *found;
+    if (const Result<NodeId> found = here(node)) created_[node.value] = *found;
 }
 
 Result<> InputPlayer::run(const ChangeSet& set) {
@@ -170,7 +170,7 @@ Result<> InputPlayer::run(const ChangeSet& set) {
     }
     if (const auto& authors = exact ? set.input->authors : set.authors)
         for (const Authored& one : *authors)
-            if (const auto place = here(one.node, one.field)) live_.attribute(one.author, place->node, place->field);
+            if (const auto field = here(one.node, one.field)) live_.attribute(one.author, field->node, field->field);
     if (ran)
         live_.newFrame(set.time);
     else

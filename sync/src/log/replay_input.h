@@ -27,12 +27,12 @@ class InputPlayer {
     Result<> run(const ChangeSet& set);
 
   private:
-    struct Place {
+    struct NodeField {
         NodeId node;
         FieldIndex field = kNoField;
     };
     Result<NodeId> here(NodeId node) const;
-    Result<Place> here(NodeId node, FieldIndex field) const;
+    Result<NodeField> here(NodeId node, FieldIndex field) const;
     Result<Value> here(Value value) const;
     Result<> create(const Change& change);
     Result<> edit(const ChangeSet& set, const Change& change);
@@ -44,7 +44,7 @@ class InputPlayer {
     const Scene* recorded_;
     ReplayInput which_;
     std::unordered_map<std::uint32_t, NodeId>
-        made_;  // our nodes for those that the application created, and named ones
+        created_;  // our nodes for those that the application created, and named ones
     std::vector<std::pair<NodeId, FieldIndex>> sent_;  // targets of this frame's events, sorted
 };
 

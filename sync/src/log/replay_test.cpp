@@ -53,7 +53,7 @@ class Run {
         }
         frameIsWhole();
         takeDifferences();
-        tellDamage();
+        reportDamage();
         if (test_.finish)
             if (auto ok = test_.finish(); !ok) diverge(ok.error().text);
         if (log_)
@@ -186,7 +186,7 @@ class Run {
     }
 
     /// Reports damage. All states may still have been compared, but the log is not as it was recorded.
-    void tellDamage() {
+    void reportDamage() {
         const std::optional<Divergence>& damage = check_.first();
         if (!damage) return;
         if (!done())
@@ -220,7 +220,7 @@ class Run {
             if (report_.frames == 1 ? fields_->first() : fields_->compare())
                 ++report_.verified;
             else
-                tellDifference();
+                reportDifference();
         } else if (now.hash() == recorded_.scene().hash()) {
             ++report_.verified;
         } else if (auto difference = firstDifference(recorded_.scene(), now, {"recorded", "now"})) {
@@ -229,7 +229,7 @@ class Run {
                 diverge(late);
             else
                 report_.divergence = std::move(difference);
-            tellDifference();
+            reportDifference();
         } else {
             diverge("another hash, though no difference is to be seen");
         }
@@ -238,7 +238,7 @@ class Run {
     }
 
     /// Reports only the first difference, as later ones mostly follow from it.
-    void tellDifference() {
+    void reportDifference() {
         if (test_.differ && test_.build && !std::exchange(differed_, true)) test_.differ(recorded_.scene(), scene());
     }
 

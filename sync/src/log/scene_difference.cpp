@@ -86,7 +86,7 @@ class Comparison {
 };
 
 /// Only this many differences are searched for the cause.
-constexpr std::size_t kMostDifferences = 4096;
+constexpr std::size_t kMaxDifferences = 4096;
 
 }  // namespace
 
@@ -106,7 +106,7 @@ std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, Differ
     std::vector<std::pair<NodeId, Comparison::Found>> found;
     for (const NodeId id : all) {
         if (auto difference = comparison.compareNode(id)) found.emplace_back(id, std::move(*difference));
-        if (found.size() == kMostDifferences) break;
+        if (found.size() == kMaxDifferences) break;
     }
     if (found.empty()) return std::nullopt;
     const auto differs = [&](NodeId id) {

@@ -17,8 +17,8 @@ namespace {
 
 class TreeDifference {
   public:
-    TreeDifference(const Scene& a, const Scene& b, std::size_t most, DifferenceWords words)
-        : a_(a), b_(b), most_(most), words_(words) {}
+    TreeDifference(const Scene& a, const Scene& b, std::size_t maximum, DifferenceWords words)
+        : a_(a), b_(b), maximum_(maximum), words_(words) {}
 
     std::vector<Divergence> run() {
         // Uses its own stack, because documents may be deeper than the call stack allows.
@@ -35,20 +35,20 @@ class TreeDifference {
   private:
     struct Pair {
         NodeId a, b;
-        std::string place;  // how to name the node if it has no DEF name
+        std::string path;  // how to name the node if it has no DEF name
     };
     using Nodes = Array<NodeId>;
 
-    bool full() const { return found_.size() >= most_; }
+    bool full() const { return found_.size() >= maximum_; }
     void note(std::string node, std::string field, std::string text) {
         if (!full()) found_.push_back({a_.sequence(), a_.now(), std::move(node), std::move(field), std::move(text)});
     }
     std::string both(std::string_view x, std::string_view y) const {
         return fmt::format("{} {}, {} {}", words_.a, x, words_.b, y);
     }
-    static std::string label(const Scene& scene, NodeId id, const std::string& place) {
+    static std::string label(const Scene& scene, NodeId id, const std::string& path) {
         const std::string_view name = scene.name(id);
-        return name.empty() ? place : std::string(name);
+        return name.empty() ? path : std::string(name);
     }
     static std::string kind(const Scene& scene, NodeId id) {
         if (!id) return "NULL";
@@ -57,20 +57,20 @@ class TreeDifference {
     }
     /// Compares each pair once, even if it is used in several places. Of a long way only the end is kept, or a deep
     /// document would take memory by the square of its depth.
-    void push(NodeId x, NodeId y, std::string place) {
+    void push(NodeId x, NodeId y, std::string path) {
         constexpr std::size_t longest = 2000, kept = 1000;
-        if (place.size() > longest) {
-            const std::size_t dot = place.find('.', place.size() - kept);
-            place = "..." + place.substr(dot == place.npos ? place.size() - kept : dot);
+        if (path.size() > longest) {
+            const std::size_t dot = path.find('.', path.size() - kept);
+            path = "..." + path.substr(dot == path.npos ? path.size() - kept : dot);
         }
-        if (seen_.insert(std::uint64_t{x.value} << 32 | y.value).second) waiting_.push_back({x, y, std::move(place)});
+        if (seen_.insert(std::uint64_t{x.value} << 32 | y.value).second) waiting_.push_back({x, y, std::move(path)});
     }
 
     void compare(const Pair& pair) {
         const Node &x = a_.node(pair.a), &y = b_.node(pair.b);
-        const std::string where = label(a_, pair.a, pair.place);
+        const std::string where = label(a_, pair.a, pair.path);
         if (a_.name(pair.a) != b_.name(pair.b))
-            note(where.empty() ? pair.place : where, "name",
+            note(where.empty() ? pair.path : where, "name",
                  both(fmt::format("'{}'", a_.name(pair.a)), fmt::format("'{}'", b_.name(pair.b))));
         for (FieldIndex i = 0; i < x.type().fields.size(); ++i) {
             const FieldDef& f = x.type().fields[i];
@@ -80,11 +80,11 @@ class TreeDifference {
                 note(where, f.name, fmt::format("a field only in {}", words_.a));
                 continue;
             }
-            const std::string place = where.empty() ? f.name : fmt::format("{}.{}", where, f.name);
+            const std::string path = where.empty() ? f.name : fmt::format("{}.{}", where, f.name);
             if (f.type == FieldType::MFNode)
-                compareChildren(x.value(i).as<Nodes>(), y.value(k).as<Nodes>(), where, f.name, place);
+                compareChildren(x.value(i).as<Nodes>(), y.value(k).as<Nodes>(), where, f.name, path);
             else if (f.type == FieldType::SFNode)
-                compareChild(x.value(i).as<NodeId>(), y.value(k).as<NodeId>(), where, f.name, place);
+                compareChild(x.value(i).as<NodeId>(), y.value(k).as<NodeId>(), where, f.name, path);
             else if (!equalStorage(f.type, x.storage(i), y.storage(k)))
                 compareValues(x.value(i), y.value(k), where, f.name);
         }
@@ -93,10 +93,9 @@ class TreeDifference {
         const std::string p = printFieldText(x), q = printFieldText(y);
         note(where, field, both(excerpt(p, q), excerpt(q, p)));
     }
-    void compareChild(NodeId x, NodeId y, const std::string& where, const std::string& field,
-                      const std::string& place) {
+    void compareChild(NodeId x, NodeId y, const std::string& where, const std::string& field, const std::string& path) {
         if (!x && !y) return;
-        if (x && y && a_.node(x).type().name == b_.node(y).type().name) return push(x, y, place);
+        if (x && y && a_.node(x).type().name == b_.node(y).type().name) return push(x, y, path);
         note(where, field, both(kind(a_, x), kind(b_, y)));
     }
 
@@ -136,7 +135,7 @@ class TreeDifference {
         return partner;
     }
     void compareChildren(const Nodes& ours, const Nodes& theirs, const std::string& where, const std::string& field,
-                         const std::string& place) {
+                         const std::string& path) {
         const std::vector<std::size_t> partner = pairUp(ours, theirs);
         std::vector<bool> taken(theirs.size());
         std::size_t highest = 0;
@@ -155,7 +154,7 @@ class TreeDifference {
             if (!taken[k]) note(where, field, fmt::format("{} at {} only in {}", kind(b_, theirs[k]), k, words_.b));
         if (moved) note(where, field, "the same nodes in another order");
         for (std::size_t i = ours.size(); i-- > 0;)  // the stack is popped from its end
-            if (partner[i] != SIZE_MAX) push(ours[i], theirs[partner[i]], fmt::format("{}[{}]", place, i));
+            if (partner[i] != SIZE_MAX) push(ours[i], theirs[partner[i]], fmt::format("{}[{}]", path, i));
     }
 
     std::set<std::string> routesOf(const Scene& scene) const {
@@ -181,7 +180,7 @@ class TreeDifference {
     }
 
     const Scene &a_, &b_;
-    std::size_t most_;
+    std::size_t maximum_;
     DifferenceWords words_;
     std::vector<Pair> waiting_;
     std::unordered_set<std::uint64_t> seen_;
@@ -190,8 +189,8 @@ class TreeDifference {
 
 }  // namespace
 
-std::vector<Divergence> sceneDifferences(const Scene& a, const Scene& b, std::size_t most, DifferenceWords words) {
-    return TreeDifference(a, b, most, words).run();
+std::vector<Divergence> sceneDifferences(const Scene& a, const Scene& b, std::size_t maximum, DifferenceWords words) {
+    return TreeDifference(a, b, maximum, words).run();
 }
 
 }  // namespace rtsg

@@ -28,7 +28,7 @@ class Recent final : public Subscriber {
         auto kept = std::make_shared<ChangeSet>(set);
         kept->hash = scene.hash();  // logs of earlier formats have another kind of hash
         sets_.push_back(std::move(kept));
-        while (!sets_.empty() && (changes_ > options_.mostChanges || sets_.size() > options_.mostSets)) {
+        while (!sets_.empty() && (changes_ > options_.maxChanges || sets_.size() > options_.maxSets)) {
             changes_ -= sets_.front()->changes.size();
             sets_.pop_front();
         }

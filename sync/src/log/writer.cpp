@@ -116,19 +116,19 @@ Result<> LogWriter::openFile() {
         return std::unexpected(failure("cannot write", ENOSPC));
     }
     if (!lockForWriting(descriptor_, fresh)) return fail("another log writer has the file open", {}, file_.string());
-    made_ = fresh;
+    created_ = fresh;
     if (there) target_ = target;
     return {};
 }
 
 /// The new file replaces the old one once it has its first state, so a full disk destroys no log.
-Result<> LogWriter::takePlace() {
+Result<> LogWriter::replaceFile() {
     if (replaced_ < 0) return {};
-    if (::rename(made_.c_str(), target_.c_str()) != 0) {
+    if (::rename(created_.c_str(), target_.c_str()) != 0) {
         broken_ = true;
         return std::unexpected(failure("cannot replace", errno));
     }
-    made_ = target_;
+    created_ = target_;
     ::close(std::exchange(replaced_, -1));
     return {};
 }
@@ -147,8 +147,8 @@ Result<> LogWriter::dropReplacedPieces() {
 
 /// Deletes a log without a state, unless somebody else has put another file there.
 void LogWriter::discard() {
-    if (frames_ > 0 || made_.empty()) return;
-    if (isStill(descriptor_, made_)) ::unlink(made_.c_str());
+    if (frames_ > 0 || created_.empty()) return;
+    if (isStill(descriptor_, created_)) ::unlink(created_.c_str());
     size_ = 0;
 }
 
@@ -330,7 +330,7 @@ void LogWriter::enter(std::uint64_t state, const Hash128& hash, double time) {
 }
 
 Result<> LogWriter::entered(bool isSnapshot) {
-    if (auto ok = takePlace(); !ok) return ok;
+    if (auto ok = replaceFile(); !ok) return ok;
     ++frames_;
     // From here on the new log stays, even if the old pieces cannot be removed.
     if (auto ok = dropReplacedPieces(); !ok) return ok;
@@ -402,8 +402,8 @@ void LogWriter::adoptPieces() {
 Result<std::filesystem::path> LogWriter::freePieceName() {
     if (pieceNumber_ == 0)
         for (const auto& [number, piece] : numberedPieces(file_))
-            if (number + 1 < kMostPieces) pieceNumber_ = number;
-    while (++pieceNumber_ < kMostPieces) {
+            if (number + 1 < kMaxPieces) pieceNumber_ = number;
+    while (++pieceNumber_ < kMaxPieces) {
         std::filesystem::path name = file_;
         name.replace_filename(
             fmt::format("{}.{:04}{}", file_.stem().string(), pieceNumber_, file_.extension().string()));
@@ -435,7 +435,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     for (const Piece& before : std::span(pieces_).first(going))
         if (before.epoch == epoch_) keptFrom_ = std::max(keptFrom_.value_or(before.end), before.end);
     Result<> done = beginPiece(fresh, state);
-    if (done) done = putInPlace(fresh, *piece);
+    if (done) done = moveIntoPlace(fresh, *piece);
     ::close(old);  // until the file has its piece name, nobody else may write it
     if (!done) {
         broken_ = true;
@@ -460,7 +460,7 @@ Result<> LogWriter::beginPiece(const std::filesystem::path& fresh, const ChangeS
 }
 
 /// The file has both names for a moment, or neither if the file system has no hard links.
-Result<> LogWriter::putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece) {
+Result<> LogWriter::moveIntoPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece) {
     const bool linked = ::link(file_.c_str(), piece.c_str()) == 0;
     if (!linked && (errno == ENOENT || errno == EEXIST || ::rename(file_.c_str(), piece.c_str()) != 0))
         return std::unexpected(failure("cannot rotate", errno));

@@ -126,7 +126,7 @@ Value MirrorPart::valueOf(const Node& node, FieldIndex field) const {
     forEachReference(node, field, [&](NodeId id) {
         if (holds(id)) result.push_back(id);
     });
-    if (region_ && field == ShapePlaces::listOf(node.type())) std::ranges::sort(result);
+    if (region_ && field == SpatialIndex::listOf(node.type())) std::ranges::sort(result);
     return Array<NodeId>(std::move(result));
 }
 
@@ -217,16 +217,16 @@ void MirrorPart::compare(const Scene& whole, Members now, const ChangeSet* set, 
 /// Corrects the lists of groups and all other references.
 class MirrorPart::Links {
   public:
-    Links(const MirrorPart& part, const Scene& whole, const ShapePlaces& places, const Region::Step& step,
+    Links(const MirrorPart& part, const Scene& whole, const SpatialIndex& index, const Region::Step& step,
           ChangeSet& out)
-        : part_(part), whole_(whole), places_(places), step_(step), out_(out) {}
+        : part_(part), whole_(whole), index_(index), step_(step), out_(out) {}
 
     /// `set` is the step of the whole scene.
     void run(const ChangeSet& set) {
         for (const NodeId id : step_.left) takeOut(id);
-        for (const ShapePlaces::Edge& edge : places_.edges())
+        for (const SpatialIndex::Edge& edge : index_.edges())
             if (edge.now < edge.before && inLists(edge)) remove(edge.group, edge.child, edge.before - edge.now);
-        for (const ShapePlaces::Edge& edge : places_.edges())
+        for (const SpatialIndex::Edge& edge : index_.edges())
             if (edge.now > edge.before && inLists(edge)) insert(edge.group, edge.child, edge.now - edge.before);
         for (const NodeId id : step_.entered) putIn(id);
         for (const Change& c : set.changes)
@@ -241,9 +241,9 @@ class MirrorPart::Links {
   private:
     bool entered(NodeId id) const { return std::ranges::binary_search(step_.entered, id); }
     bool stays(NodeId id) const { return part_.holds(id) && !entered(id); }
-    bool isList(NodeId node, FieldIndex field) const { return places_.isListed(node, field); }
-    bool inLists(const ShapePlaces::Edge& edge) const {
-        return stays(edge.group) && stays(edge.child) && places_.isListed(edge.group, listOf(edge.group));
+    bool isList(NodeId node, FieldIndex field) const { return index_.isListed(node, field); }
+    bool inLists(const SpatialIndex::Edge& edge) const {
+        return stays(edge.group) && stays(edge.child) && index_.isListed(edge.group, listOf(edge.group));
     }
     FieldIndex listOf(NodeId group) const {
         const Node* node = whole_.find(group);
@@ -282,9 +282,9 @@ class MirrorPart::Links {
     void insert(NodeId group, NodeId child, std::size_t times) {
         std::vector<NodeId>& children = list(group);
         for (; times > 0; --times) {
-            const auto place = std::ranges::upper_bound(children, child);
-            change(ChangeKind::insertChild, group, child, static_cast<std::size_t>(place - children.begin()));
-            children.insert(place, child);
+            const auto position = std::ranges::upper_bound(children, child);
+            change(ChangeKind::insertChild, group, child, static_cast<std::size_t>(position - children.begin()));
+            children.insert(position, child);
         }
     }
     /// Removes the references to a node that leaves from nodes that stay.
@@ -311,12 +311,12 @@ class MirrorPart::Links {
         std::ranges::sort(groups);
         const auto [last, end] = std::ranges::unique(groups);
         groups.erase(last, end);
-        for (const NodeId group : groups) insert(group, id, places_.count(group, id));
+        for (const NodeId group : groups) insert(group, id, index_.count(group, id));
     }
 
     const MirrorPart& part_;
     const Scene& whole_;
-    const ShapePlaces& places_;
+    const SpatialIndex& index_;
     const Region::Step& step_;
     ChangeSet& out_;
     std::map<NodeId, std::vector<NodeId>> lists_;  // as they are after the changes so far
@@ -345,7 +345,7 @@ void MirrorPart::copyRoutes(const Scene& whole, const ChangeSet& set, const Regi
     }
 }
 
-void MirrorPart::copyRegion(const Scene& whole, const ChangeSet& set, const ShapePlaces& places,
+void MirrorPart::copyRegion(const Scene& whole, const ChangeSet& set, const SpatialIndex& index,
                             const Region::Step& step, ChangeSet& out) const {
     const auto entered = [&](NodeId id) { return std::ranges::binary_search(step.entered, id); };
     for (const Change& c : set.changes)
@@ -371,7 +371,7 @@ void MirrorPart::copyRegion(const Scene& whole, const ChangeSet& set, const Shap
             c.value = std::move(value);
         }
     }
-    Links(*this, whole, places, step, out).run(set);
+    Links(*this, whole, index, step, out).run(set);
     const auto stays = [&](NodeId id) { return holds(id) && !entered(id); };
     for (const Change& c : set.changes)
         if (c.kind == ChangeKind::setField && !refers(c.value.type()) && stays(c.node) &&
@@ -396,8 +396,8 @@ void MirrorPart::copyRegion(const Scene& whole, const ChangeSet& set, const Shap
         if (c.kind == ChangeKind::event && holds(c.node)) out.changes.push_back(c);
 }
 
-void MirrorPart::followRegion(const Scene& whole, const ChangeSet* set, const ShapePlaces& places, ChangeSet& out) {
-    const Region::Step step = region_->follow(whole, places, set == nullptr);
+void MirrorPart::followRegion(const Scene& whole, const ChangeSet* set, const SpatialIndex& index, ChangeSet& out) {
+    const Region::Step step = region_->follow(whole, index, set == nullptr);
     if (step.anew) {
         Members now = members_;
         for (const NodeId id : step.entered) now.insert(id.value);
@@ -409,19 +409,19 @@ void MirrorPart::followRegion(const Scene& whole, const ChangeSet* set, const Sh
     if (step.entered.empty() && step.left.empty() && std::ranges::none_of(set->changes, movesNodes))
         copyWanted(whole, *set, out);
     else
-        copyRegion(whole, *set, places, step, out);
+        copyRegion(whole, *set, index, step, out);
 }
 
 Result<std::shared_ptr<const ChangeSet>> MirrorPart::follow(const Scene& whole, const ChangeSet* set,
-                                                            const ShapePlaces* places) {
+                                                            const SpatialIndex* index) {
     auto out = std::make_shared<ChangeSet>();
     out->from = scene_->sequence();
     out->to = whole.sequence();
     out->time = whole.now();
     if (set && set->from != scene_->sequence()) set = nullptr;
-    if (region_ && !places) return fail("a region without places");
+    if (region_ && !index) return fail("a region without places");
     if (region_)
-        followRegion(whole, set, *places, *out);
+        followRegion(whole, set, *index, *out);
     else if (set && std::ranges::none_of(set->changes, movesNodes))
         copyWanted(whole, *set, *out);
     else

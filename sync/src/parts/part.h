@@ -43,7 +43,7 @@ class MirrorPart {
     /// Brings the part to the state of `whole`, whose last step was `set`; with null, from any state. Returns the set
     /// that does the same to another replica of the part. A region needs `places` that have followed the same step.
     Result<std::shared_ptr<const ChangeSet>> follow(const Scene& whole, const ChangeSet* set,
-                                                    const ShapePlaces* places = nullptr);
+                                                    const SpatialIndex* index = nullptr);
 
   private:
     using Members = std::unordered_set<std::uint32_t>;
@@ -56,9 +56,9 @@ class MirrorPart {
     Value valueOf(const Node& node, FieldIndex field) const;
     /// Gives the part these members. With `set` null everything is compared.
     void compare(const Scene& whole, Members now, const ChangeSet* set, ChangeSet& out);
-    void followRegion(const Scene& whole, const ChangeSet* set, const ShapePlaces& places, ChangeSet& out);
+    void followRegion(const Scene& whole, const ChangeSet* set, const SpatialIndex& index, ChangeSet& out);
     /// For a step in which nodes enter, leave or get another parent.
-    void copyRegion(const Scene& whole, const ChangeSet& set, const ShapePlaces& places, const Region::Step& step,
+    void copyRegion(const Scene& whole, const ChangeSet& set, const SpatialIndex& index, const Region::Step& step,
                     ChangeSet& out) const;
     void copyRoutes(const Scene& whole, const ChangeSet& set, const Region::Step& step, ChangeSet& out) const;
     void copyWanted(const Scene& whole, const ChangeSet& set, ChangeSet& out) const;

@@ -15,7 +15,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kLongestWay = 1000;  // most nodes above the one at the centre
+constexpr int kLongestChain = 1000;  // most nodes above the one at the centre
 
 std::optional<double> numberIn(std::string_view text) {
     double value = 0;
@@ -72,12 +72,12 @@ void Region::drop(NodeId id) {
     touched_.try_emplace(id.value, true);
 }
 
-void Region::count(PlaceId id, std::span<const NodeId> nodes) {
+void Region::count(EntryId id, std::span<const NodeId> nodes) {
     taken_[id].assign(nodes.begin(), nodes.end());
     for (const NodeId node : nodes) refer(node);
 }
 
-void Region::uncount(PlaceId id) {
+void Region::uncount(EntryId id) {
     const auto found = taken_.find(id);
     if (found == taken_.end()) return;
     for (const NodeId node : found->second) drop(node);
@@ -85,54 +85,54 @@ void Region::uncount(PlaceId id) {
 }
 
 /// Holds the group and all groups above it.
-void Region::hold(const ShapePlaces& places, PlaceId group) {
-    for (; group != ShapePlaces::kNone; group = places.place(group).parent) {
+void Region::hold(const SpatialIndex& index, EntryId group) {
+    for (; group != SpatialIndex::kNone; group = index.entry(group).parent) {
         if (held_[group]++ > 0) return;
-        const ShapePlaces::Place& place = places.place(group);
-        count(group, places.nodesOf(place.node));
-        for (const PlaceId id : place.below)
-            if (places.place(id).kind == ShapePlaces::Kind::companion && !taken_.contains(id))
-                count(id, places.nodesOf(places.place(id).node));
+        const SpatialIndex::Entry& entry = index.entry(group);
+        count(group, index.nodesOf(entry.node));
+        for (const EntryId id : entry.below)
+            if (index.entry(id).kind == SpatialIndex::Kind::companion && !taken_.contains(id))
+                count(id, index.nodesOf(index.entry(id).node));
     }
 }
 
-void Region::take(const ShapePlaces& places, PlaceId id) {
-    const ShapePlaces::Place& place = places.place(id);
-    count(id, places.nodesOf(place.node));
-    hold(places, place.parent);
+void Region::take(const SpatialIndex& index, EntryId id) {
+    const SpatialIndex::Entry& entry = index.entry(id);
+    count(id, index.nodesOf(entry.node));
+    hold(index, entry.parent);
 }
 
 /// Releases a unit, and the groups that nothing else holds.
-void Region::release(const ShapePlaces& places, PlaceId id) {
+void Region::release(const SpatialIndex& index, EntryId id) {
     uncount(id);
-    for (PlaceId group = places.place(id).parent; group != ShapePlaces::kNone; group = places.place(group).parent) {
+    for (EntryId group = index.entry(id).parent; group != SpatialIndex::kNone; group = index.entry(group).parent) {
         if (--held_[group] > 0) return;
         held_.erase(group);
         uncount(group);
-        for (const PlaceId below : places.place(group).below)
-            if (places.place(below).kind == ShapePlaces::Kind::companion) uncount(below);
+        for (const EntryId below : index.entry(group).below)
+            if (index.entry(below).kind == SpatialIndex::Kind::companion) uncount(below);
     }
 }
 
-void Region::judge(const ShapePlaces& places, PlaceId id) {
-    const ShapePlaces::Place& place = places.place(id);
-    if (place.isGone || place.kind == ShapePlaces::Kind::group) return;
+void Region::judge(const SpatialIndex& index, EntryId id) {
+    const SpatialIndex::Entry& entry = index.entry(id);
+    if (entry.isGone || entry.kind == SpatialIndex::Kind::group) return;
     const bool isIn = taken_.contains(id);
-    if (place.kind == ShapePlaces::Kind::companion) {
-        if (!isIn && held_.contains(place.parent)) count(id, places.nodesOf(place.node));
+    if (entry.kind == SpatialIndex::Kind::companion) {
+        if (!isIn && held_.contains(entry.parent)) count(id, index.nodesOf(entry.node));
         return;
     }
     const double reach = isIn ? wish_.radius * (1 + wish_.margin) : wish_.radius;
-    const bool shall = place.isUnbounded || (known_ && place.box.distance(centre_) <= reach);
-    if (shall && !isIn) take(places, id);
-    if (!shall && isIn) release(places, id);
+    const bool shall = entry.isUnbounded || (known_ && entry.box.distance(centre_) <= reach);
+    if (shall && !isIn) take(index, id);
+    if (!shall && isIn) release(index, id);
 }
 
 // ---- steps -------------------------------------------------------------------------------------------------------
 
 /// Finds the centre. The path upwards follows first parents, as for viewpoints.
 void Region::findCentre(const Scene& whole) {
-    std::vector<NodeId> way;
+    std::vector<NodeId> path;
     known_ = true;
     if (wish_.isFixed) {
         centre_ = wish_.point;
@@ -143,53 +143,54 @@ void Region::findCentre(const Scene& whole) {
         known_ = node != nullptr;
         glm::dvec4 at(0, 0, 0, 1);
         if (const auto view = node ? viewOf(*node) : std::nullopt) at = glm::dvec4(view->position, 1);
-        while (node && way.size() < kLongestWay) {
-            way.push_back(node->id());
+        while (node && path.size() < kLongestChain) {
+            path.push_back(node->id());
             at = parentFromLocal(whole, *node) * at;
             const Node* above = nullptr;
             for (const ParentRef& parent : whole.parents(node->id()))
-                if (!above && isPlace(whole.node(parent.node).type(), parent.field)) above = whole.find(parent.node);
+                if (!above && isTransform(whole.node(parent.node).type(), parent.field))
+                    above = whole.find(parent.node);
             node = above;
         }
         centre_ = Vec3d(at);
     }
     known_ = known_ && std::isfinite(centre_.x) && std::isfinite(centre_.y) && std::isfinite(centre_.z);
-    if (way == way_) return;
-    for (const NodeId id : way) refer(id);
-    for (const NodeId id : way_) drop(id);
-    way_ = std::move(way);
+    if (path == chain_) return;
+    for (const NodeId id : path) refer(id);
+    for (const NodeId id : chain_) drop(id);
+    chain_ = std::move(path);
 }
 
-Region::Step Region::follow(const Scene& whole, const ShapePlaces& places, bool fresh) {
-    const bool anew = fresh || places.beginning() != beginning_;
-    beginning_ = places.beginning();
+Region::Step Region::follow(const Scene& whole, const SpatialIndex& index, bool fresh) {
+    const bool anew = fresh || index.beginning() != beginning_;
+    beginning_ = index.beginning();
     touched_.clear();
     if (anew) {
         for (const auto& [id, times] : counts_) touched_.try_emplace(id, true);
         counts_.clear();
         taken_.clear();
         held_.clear();
-        way_.clear();
-        hold(places, places.root());
+        chain_.clear();
+        hold(index, index.root());
     }
     const Vec3d before = centre_;
     const bool knownBefore = known_;
     findCentre(whole);
     if (!anew) {
-        for (const PlaceId id : places.removed()) {
+        for (const EntryId id : index.removed()) {
             if (!taken_.contains(id)) continue;
-            if (places.place(id).kind == ShapePlaces::Kind::unit) release(places, id);
-            if (places.place(id).kind == ShapePlaces::Kind::companion) uncount(id);
+            if (index.entry(id).kind == SpatialIndex::Kind::unit) release(index, id);
+            if (index.entry(id).kind == SpatialIndex::Kind::companion) uncount(id);
         }
-        for (const PlaceId id : places.added()) judge(places, id);
-        for (const PlaceId id : places.moved()) judge(places, id);
+        for (const EntryId id : index.added()) judge(index, id);
+        for (const EntryId id : index.moved()) judge(index, id);
     }
     if (anew || known_ != knownBefore || centre_ != before) {
         near_.clear();
         for (const auto& [id, nodes] : taken_) near_.push_back(id);
-        if (known_) places.find(centre_, wish_.radius, near_);
-        if (anew) append(near_, places.unbounded());
-        for (const PlaceId id : near_) judge(places, id);
+        if (known_) index.find(centre_, wish_.radius, near_);
+        if (anew) append(near_, index.unbounded());
+        for (const EntryId id : near_) judge(index, id);
     }
     Step step;
     step.anew = anew;

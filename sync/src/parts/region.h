@@ -1,6 +1,6 @@
 // Region: a sphere in the world and the nodes within it, for parts that peers ask for by region.
 //
-// Units (shape_places.h) enter when their boxes are within the radius. They leave when they are beyond the radius and
+// Units (spatial_index.h) enter when their boxes are within the radius. They leave when they are beyond the radius and
 // its margin, so that things at the border do not flicker. Units with an effect anywhere are always in. A unit takes
 // all groups above it with it, and the sensors beside it in these.
 // Threading: one thread.
@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "shape_places.h"
+#include "spatial_index.h"
 
 namespace rtsg {
 
@@ -41,31 +41,31 @@ class Region {
         bool anew = false;
         std::vector<NodeId> entered, left;
     };
-    Step follow(const Scene& whole, const ShapePlaces& places, bool fresh);
+    Step follow(const Scene& whole, const SpatialIndex& index, bool fresh);
 
   private:
-    using PlaceId = ShapePlaces::PlaceId;
+    using EntryId = SpatialIndex::EntryId;
 
-    void take(const ShapePlaces& places, PlaceId id);
-    void hold(const ShapePlaces& places, PlaceId group);
-    void release(const ShapePlaces& places, PlaceId id);
-    void count(PlaceId id, std::span<const NodeId> nodes);
-    void uncount(PlaceId id);
-    void judge(const ShapePlaces& places, PlaceId id);
+    void take(const SpatialIndex& index, EntryId id);
+    void hold(const SpatialIndex& index, EntryId group);
+    void release(const SpatialIndex& index, EntryId id);
+    void count(EntryId id, std::span<const NodeId> nodes);
+    void uncount(EntryId id);
+    void judge(const SpatialIndex& index, EntryId id);
     void findCentre(const Scene& whole);
     void refer(NodeId id);
     void drop(NodeId id);
 
     RegionWish wish_;
-    std::uint64_t beginning_ = 0;                             // ShapePlaces::beginning() of the places
+    std::uint64_t beginning_ = 0;                             // SpatialIndex::beginning() of the places
     bool known_ = false;                                      // there is a centre
     Vec3d centre_{0};                                         // in the world
-    std::vector<NodeId> way_;                                 // from the node at the centre upwards
-    std::unordered_map<PlaceId, std::vector<NodeId>> taken_;  // the nodes counted for each place
-    std::unordered_map<PlaceId, std::uint32_t> held_;         // by group: how many of its units and groups are in
+    std::vector<NodeId> chain_;                               // from the node at the centre upwards
+    std::unordered_map<EntryId, std::vector<NodeId>> taken_;  // the nodes counted for each place
+    std::unordered_map<EntryId, std::uint32_t> held_;         // by group: how many of its units and groups are in
     std::unordered_map<std::uint32_t, std::uint32_t> counts_;
     std::unordered_map<std::uint32_t, bool> touched_;  // whether the node was in before this step
-    std::vector<PlaceId> near_;
+    std::vector<EntryId> near_;
 };
 
 }  // namespace rtsg

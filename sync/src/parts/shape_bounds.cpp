@@ -177,7 +177,7 @@ void appendBelow(const Scene& scene, const Node& node, FieldIndex except, std::v
     const bool isInstance = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
     for (const FieldIndex field : type.nodeFields()) {
         const FieldDef& def = type.fields[field];
-        if (field == except || !def.readable() || !(isInstance || isPlace(type, field))) continue;
+        if (field == except || !def.readable() || !(isInstance || isTransform(type, field))) continue;
         const auto add = [&](NodeId id) {
             if (scene.find(id)) out.push_back(id);
         };

@@ -12,9 +12,9 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kPooled = 32;
-constexpr std::size_t kMostPooled = std::size_t{8} << 20;  // bytes, of all buffers
-constexpr std::size_t kLeastReady = std::size_t{32} << 10,
-                      kMostReady = std::size_t{4} << 20;  // bytes, of one buffer and of all
+constexpr std::size_t kMaxPooled = std::size_t{8} << 20;  // bytes, of all buffers
+constexpr std::size_t kMinReady = std::size_t{32} << 10,
+                      kMaxReady = std::size_t{4} << 20;  // bytes, of one buffer and of all
 constexpr std::size_t kReady = 4;
 constexpr std::size_t kPage = 4096;
 /// Touches the pages of this memory, if possible at once, so that the system allocates them. Its content does not
@@ -53,10 +53,10 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
 }
 
 void RecordPool::keepReady(std::size_t bytes) {
-    if (bytes < kLeastReady) return;
+    if (bytes < kMinReady) return;
     const auto enough = [&] {
         const std::scoped_lock lock(mutex_);
-        return free_.size() >= std::min(kReady, kMostReady / bytes);
+        return free_.size() >= std::min(kReady, kMaxReady / bytes);
     };
     while (!enough()) {
         std::unique_ptr<EncodedRecord> record;
@@ -77,7 +77,7 @@ void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
     record->predicted.reset();
     if (record->header.kind == RecordKind::keyframe) return;
     const std::scoped_lock lock(mutex_);
-    if (free_.size() >= kPooled || freeBytes_ + record->bytes.capacity() > kMostPooled) return;
+    if (free_.size() >= kPooled || freeBytes_ + record->bytes.capacity() > kMaxPooled) return;
     freeBytes_ += record->bytes.capacity();
     free_.push_back(std::move(record));
 }
@@ -184,10 +184,10 @@ std::uint64_t MirrorHistory::bytesFrom(std::uint64_t state) const {
     return index < frames_.size() ? total_ - ends_[index] + frames_[index]->bytes.size() : 0;
 }
 
-std::vector<SharedRecord> MirrorHistory::framesFrom(std::uint64_t state, std::size_t most) const {
+std::vector<SharedRecord> MirrorHistory::framesFrom(std::uint64_t state, std::size_t maximum) const {
     const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(indexOf(state));
     return {first, first + static_cast<std::ptrdiff_t>(
-                               std::min<std::size_t>(most, static_cast<std::size_t>(frames_.end() - first)))};
+                               std::min<std::size_t>(maximum, static_cast<std::size_t>(frames_.end() - first)))};
 }
 
 SharedRecord MirrorHistory::keyframe() const {

@@ -57,7 +57,7 @@ class MirrorHistory {
     /// The frame that starts at `state`; null if there is none.
     SharedRecord frameFrom(std::uint64_t state) const;
     /// All frames from `state` on, but at most `most`.
-    std::vector<SharedRecord> framesFrom(std::uint64_t state, std::size_t most) const;
+    std::vector<SharedRecord> framesFrom(std::uint64_t state, std::size_t maximum) const;
     /// The last keyframe whose state is not after `state`, and all frames since. Empty if these do not contain `state`.
     std::vector<SharedRecord> allSince(std::uint64_t state) const;
     /// Bytes of all frames from `state` on.

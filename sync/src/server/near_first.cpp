@@ -19,10 +19,10 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::uint64_t kPlainChange = 16;    // approximate bytes of a change without an array
-constexpr int kDeepest = 1000;                // parents that are followed at most
-constexpr double kBehind = 4;                 // factor on the distance of what is behind the viewer
-constexpr std::size_t kMostPlaces = 1 << 20;  // remembered while a set is ranked
+constexpr std::uint64_t kPlainChange = 16;      // approximate bytes of a change without an array
+constexpr int kDeepest = 1000;                  // parents that are followed at most
+constexpr double kBehind = 4;                   // factor on the distance of what is behind the viewer
+constexpr std::size_t kMaxPositions = 1 << 20;  // remembered while a set is ranked
 
 bool refersToNodes(FieldType type) {
     return sf(type) == FieldType::SFNode;
@@ -41,7 +41,7 @@ class Ranks {
 
     /// The distance from the viewer, made longer for what is behind.
     double of(NodeId id) {
-        const glm::dvec3 to = place(id) - viewer_.position;
+        const glm::dvec3 to = positionOf(id) - viewer_.position;
         const double distance = glm::length(to);
         if (!std::isfinite(distance)) return std::numeric_limits<double>::max();
         return glm::dot(to, viewer_.orientation * glm::dvec3(0, 0, -1)) < 0 ? kBehind * distance : distance;
@@ -49,19 +49,20 @@ class Ranks {
 
   private:
     /// The position of a node's origin in the world.
-    glm::dvec3 place(NodeId id) {
-        if (const auto known = places_.find(id.value); known != places_.end()) return known->second;
+    glm::dvec3 positionOf(NodeId id) {
+        if (const auto known = positions_.find(id.value); known != positions_.end()) return known->second;
         glm::dvec3 at(0);
         NodeId above = id;
         for (int depth = 0; above && depth < kDeepest; ++depth) {
             const Node* node = scene_.find(above);
             if (!node) break;
             if (node->is(x3d::Transform::type)) at = through(*node, at);
-            if (isGeoPlace(node->type())) at = geoPlace(scene_, *node).value_or(glm::dmat4(1)) * glm::dvec4(at, 1);
+            if (isGeoTransform(node->type()))
+                at = geoTransform(scene_, *node).value_or(glm::dmat4(1)) * glm::dvec4(at, 1);
             const std::vector<ParentRef> parents = scene_.parents(above);
             above = parents.empty() ? NodeId{} : parents.front().node;
         }
-        if (places_.size() < kMostPlaces) places_[id.value] = at;
+        if (positions_.size() < kMaxPositions) positions_[id.value] = at;
         return at;
     }
     static glm::dvec3 through(const Node& node, const glm::dvec3& point) {
@@ -74,7 +75,7 @@ class Ranks {
 
     const Scene& scene_;
     const ViewerPose viewer_;
-    std::unordered_map<std::uint32_t, glm::dvec3> places_;
+    std::unordered_map<std::uint32_t, glm::dvec3> positions_;
 };
 
 }  // namespace

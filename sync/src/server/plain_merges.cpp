@@ -10,8 +10,8 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::uint64_t kMostBytes = std::uint64_t{2}
-                                     << 20;  // of the frames; comparing these takes some tenths of a millisecond
+constexpr std::uint64_t kMaxBytes = std::uint64_t{2}
+                                    << 20;  // of the frames; comparing these takes some tenths of a millisecond
 constexpr std::size_t kKept = 16;
 
 bool isPlainFrame(const RecordHeader& header) {
@@ -24,19 +24,19 @@ SharedRecord PlainMerges::merge(std::uint32_t part, std::span<const SharedRecord
     if (frames.empty()) return nullptr;
     const std::uint64_t from = frames.front()->header.from;
     const RecordHeader& last = frames.back()->header;
-    for (const Made& known : made_)
+    for (const Created& known : created_)
         if (known.part == part && known.from == from && known.to == last.to && known.hash == last.hash)
             return known.record;
-    made_.push_front({part, from, last.to, last.hash, make(frames)});
-    if (made_.size() > kKept) made_.pop_back();
-    return made_.front().record;
+    created_.push_front({part, from, last.to, last.hash, make(frames)});
+    if (created_.size() > kKept) created_.pop_back();
+    return created_.front().record;
 }
 
 SharedRecord PlainMerges::make(std::span<const SharedRecord> frames) const {
     std::uint64_t bytes = 0;
     for (const SharedRecord& frame : frames) {
         bytes += frame->bytes.size();
-        if (!isPlainFrame(frame->header) || bytes > kMostBytes) return nullptr;
+        if (!isPlainFrame(frame->header) || bytes > kMaxBytes) return nullptr;
     }
     for (std::size_t i = 1; i < frames.size(); ++i)
         if (!mirror::isSuperseded(frames[i - 1]->bytes.bytes(), frames[i]->bytes.bytes())) return nullptr;

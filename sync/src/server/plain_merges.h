@@ -21,10 +21,10 @@ class PlainMerges {
     /// Merges consecutive frames of the stream with the number `part`. Null if they are not of that kind, or so many
     /// that comparing them takes long; that result is kept, too.
     SharedRecord merge(std::uint32_t part, std::span<const SharedRecord> frames);
-    void clear() { made_.clear(); }
+    void clear() { created_.clear(); }
 
   private:
-    struct Made {
+    struct Created {
         std::uint32_t part = 0;
         std::uint64_t from = 0, to = 0;
         Hash128 hash;         // of the state `to`
@@ -33,7 +33,7 @@ class PlainMerges {
     SharedRecord make(std::span<const SharedRecord> frames) const;
 
     std::shared_ptr<RecordPool> pool_;
-    std::deque<Made> made_;  // the newest first
+    std::deque<Created> created_;  // the newest first
 };
 
 }  // namespace rtsg

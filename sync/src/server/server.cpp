@@ -23,7 +23,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostForwarded = 64;  // commands that wait for the origin's answer
+constexpr std::size_t kMaxForwarded = 64;  // commands that wait for the origin's answer
 constexpr auto kLongestWaitForLog = std::chrono::hours(24);
 
 }  // namespace
@@ -149,15 +149,15 @@ std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
 
 /// Encodes the input once, for all peers that run the cascade themselves.
 void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) {
-    const auto finish = [&](const std::shared_ptr<EncodedRecord>& made) {
-        finishRecord(*made);
-        made->published = record.published;
-        return made;
+    const auto finish = [&](const std::shared_ptr<EncodedRecord>& created) {
+        finishRecord(*created);
+        created->published = record.published;
+        return created;
     };
-    const std::shared_ptr<EncodedRecord> made = shared_->pool->take();
+    const std::shared_ptr<EncodedRecord> created = shared_->pool->take();
     if (!needsState(changes)) {
-        encoder_->inputs.encode(changes, made->bytes);
-        record.input = finish(made);
+        encoder_->inputs.encode(changes, created->bytes);
+        record.input = finish(created);
     }
     ChangeSet state;
     state.to = changes.to;
@@ -215,7 +215,7 @@ void MirrorServer::waitForThoseWhoBlock() {
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = shared_->result(); !ok) return ok;
     encodeAndPost(changes, false);
-    tell(order_->happened(changes));
+    notify(order_->happened(changes));
     const bool inThisState = scene.sequence() == changes.to && !scene.hasUnsealedEdits();
     if (inThisState && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
     if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
@@ -237,7 +237,7 @@ void MirrorServer::service() {
     }
     const bool any = !submissions.empty() || !controls.empty();
     for (Shared::Control& control : controls) {
-        if (!controller_ && forwardCommand_ && forwardedCommands_.size() < kMostForwarded &&
+        if (!controller_ && forwardCommand_ && forwardedCommands_.size() < kMaxForwarded &&
             forwardCommand_(control.text)) {
             forwardedCommands_.emplace_back(std::move(control.peer), control.session);
             continue;
@@ -261,7 +261,7 @@ void MirrorServer::service() {
                              {}});
     } else {
         order_->add(std::move(submissions));
-        tell(order_->carryOut());
+        notify(order_->carryOut());
     }
     leaving_.insert(leaving_.end(), left.begin(), left.end());
     std::erase_if(leaving_, [&](std::uint64_t client) { return !order_->holds(client) && (letGo(client), true); });
@@ -274,16 +274,16 @@ void MirrorServer::service() {
 void MirrorServer::wait(std::chrono::steady_clock::time_point until) {
     const auto left = std::max(until - std::chrono::steady_clock::now(), std::chrono::steady_clock::duration(0));
     const auto whole = std::chrono::floor<std::chrono::seconds>(left);
-    const timespec most = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
+    const timespec maximum = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
     pollfd item = {shared_->call, POLLIN, 0};
-    (void)::ppoll(&item, 1, &most, nullptr);
+    (void)::ppoll(&item, 1, &maximum, nullptr);
 }
 
 int MirrorServer::callDescriptor() const {
     return shared_->call;
 }
 
-void MirrorServer::tell(std::vector<mirror::Verdict> verdicts) {
+void MirrorServer::notify(std::vector<mirror::Verdict> verdicts) {
     if (verdicts.empty()) return;
     for (mirror::Verdict& verdict : verdicts) shared_->answer(std::move(verdict));
     shared_->awaken();

@@ -76,7 +76,7 @@ MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
       gate_(context_),
       history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
       shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20),
-              shared_->options.maximumPlaces),
+              shared_->options.maximumIndexed),
       merges_(shared_->pool) {}
 
 MirrorServer::Io::~Io() {
@@ -136,7 +136,7 @@ void MirrorServer::Io::restart() {
 void MirrorServer::Io::run() {
     ::pthread_setname_np(::pthread_self(), "rtsg mirror");
     try {
-        while (!shared_->stop) turn();
+        while (!shared_->stop) poll();
         sayGoodbye();
     } catch (const std::exception& e) {
         giveUp(e.what());
@@ -163,8 +163,8 @@ void MirrorServer::Io::gather() {
     const auto left = turned_ + kGather - Clock::now();
     if (peers_.size() > kFewPeers && !news_ && left > 0ns) {
         pollfd item = {shared_->wake, POLLIN, 0};
-        const timespec most = {0, static_cast<long>(std::chrono::nanoseconds(left).count())};
-        (void)::ppoll(&item, 1, &most, nullptr);
+        const timespec maximum = {0, static_cast<long>(std::chrono::nanoseconds(left).count())};
+        (void)::ppoll(&item, 1, &maximum, nullptr);
     }
     turned_ = Clock::now();
 }
@@ -190,7 +190,7 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
     return {any(0), any(1), any(2)};
 }
 
-void MirrorServer::Io::turn() {
+void MirrorServer::Io::poll() {
     gather();
     const Came came = wait();
     takeInbox();
@@ -210,7 +210,7 @@ void MirrorServer::Io::turn() {
     const Clock::time_point now = Clock::now();
     if (shared_->wantAcknowledged.exchange(false)) askAllForAcknowledgements();
     if (now - ticked_ >= std::max<Clock::duration>(kTick, kTickCosts * peers_.size()) ||
-        shared_->originLost != toldLost_)
+        shared_->originLost != reportedLost_)
         tick(now);
     // A thousand peers answer one after the other. A message of one is no reason to look at all others.
     const bool everybody = std::exchange(news_, false) || now >= allDue_;
@@ -521,7 +521,7 @@ void MirrorServer::Io::refuseRegions(std::string why) {
 
 void MirrorServer::Io::tick(Clock::time_point now) {
     ticked_ = now;
-    const bool lost = shared_->originLost, news = std::exchange(toldLost_, lost) != lost;
+    const bool lost = shared_->originLost, news = std::exchange(reportedLost_, lost) != lost;
     for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
     for (auto s = std::next(streams_.begin()); s != streams_.end();) {
         const auto next = std::next(s);
@@ -558,7 +558,7 @@ void MirrorServer::Io::noticeWhoLeft() {
 }
 
 bool MirrorServer::Io::ping(const Peer& peer) {
-    const std::uint64_t token[] = {peer.state, historyOf(peer).newest(), toldLost_ ? 1u : 0u};
+    const std::uint64_t token[] = {peer.state, historyOf(peer).newest(), reportedLost_ ? 1u : 0u};
     mirror::write(message_, Message::ping, token);
     return sendTo(peer.identity, message_);
 }
@@ -574,7 +574,8 @@ void MirrorServer::Io::garbage(std::string text) {
 
 /// Refused clients may try again twenty times a second for ever.
 void MirrorServer::Io::warn(std::uint64_t by, std::string text) {
-    if (auto told = mirror::toldOf(by, std::move(text))) shared_->report(Severity::warning, std::move(*told));
+    if (auto reported = mirror::reportedOf(by, std::move(text)))
+        shared_->report(Severity::warning, std::move(*reported));
 }
 
 void MirrorServer::Io::publishStatistics() {

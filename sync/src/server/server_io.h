@@ -158,7 +158,7 @@ class MirrorServer::Io {
     };
     Came wait();
     void gather();
-    void turn();
+    void poll();
     void giveUp(const char* why);
     void sayGoodbye();
     void sendLastFrames();
@@ -203,7 +203,7 @@ class MirrorServer::Io {
     /// The number of the stream for the parts and aspects of this hello. Empty if there are as many streams as allowed.
     std::optional<std::uint32_t> streamFor(const mirror::Hello& hello);
     /// Lets the peer go on from the state that it says it has, if frames lead on from there.
-    void place(Peer& peer);
+    void enqueue(Peer& peer);
     void dropStream(std::uint32_t part);
     bool dropUnusedPart();
     void refuseRegions(std::string why);
@@ -261,7 +261,7 @@ class MirrorServer::Io {
     mirror::RequestLedger ledger_;
     std::set<std::uint64_t> submitters_;  // connected clients that sent requests
     Peers peers_;
-    bool toldLost_ = false;           // what peers were told about the origin
+    bool reportedLost_ = false;       // what peers were told about the origin
     bool leaving_ = false;            // at the end: only what peers have read, and their goodbyes, count
     bool news_ = true;                // something came for all peers: frames, answers, verdicts
     std::vector<std::string> heard_;  // peers heard in this turn

@@ -19,16 +19,16 @@ constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
 constexpr std::uint64_t kAnswerCost = 1024;  // overhead of an answer that waits to be read
 constexpr std::uint64_t kSmallBacklog =
-    8 << 10;                                 // bytes of frames behind a keyframe for which a new keyframe does not pay
-constexpr auto kPatience = 200ms;            // to wait for the shadow's newer keyframe
-constexpr double kMostQuestions = 24;        // of one peer at once
-constexpr double kQuestionsPerSecond = 4;    // of one peer in the long run
-constexpr auto kAskEvery = 500ms;            // least time between requests for acknowledgement
-constexpr auto kAskSeldom = 3500ms;          // the same where little is sent; pings of clients tell their state, too
-constexpr auto kForgetEvery = 250ms;         // while some peers cannot read predicted frames
-constexpr std::size_t kMostMerged = 20000;   // frames
-constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
-constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
+    8 << 10;                                // bytes of frames behind a keyframe for which a new keyframe does not pay
+constexpr auto kPatience = 200ms;           // to wait for the shadow's newer keyframe
+constexpr double kMaxQuestions = 24;        // of one peer at once
+constexpr double kQuestionsPerSecond = 4;   // of one peer in the long run
+constexpr auto kAskEvery = 500ms;           // least time between requests for acknowledgement
+constexpr auto kAskSeldom = 3500ms;         // the same where little is sent; pings of clients tell their state, too
+constexpr auto kForgetEvery = 250ms;        // while some peers cannot read predicted frames
+constexpr std::size_t kMaxMerged = 20000;   // frames
+constexpr std::size_t kMaxControls = 16;    // that wait for the scene, of all peers
+constexpr std::size_t kMaxVerdicts = 1000;  // that wait for their frame
 
 }  // namespace
 
@@ -121,7 +121,7 @@ void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
         return reply({peer.identity, command.session, "refused: this server takes no requests"});
     const std::scoped_lock lock(shared_->mutex);
     // A seek may cost every peer a snapshot. No more seeks are taken than a frame has time for.
-    if (shared_->controls.size() >= kMostControls)
+    if (shared_->controls.size() >= kMaxControls)
         return reply({peer.identity, command.session, "refused: too many commands wait"});
     shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
     shared_->callScene();
@@ -184,11 +184,11 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
-    statistics_.mostPeers = std::max(statistics_.mostPeers, peers_.size());
+    statistics_.maxPeers = std::max(statistics_.maxPeers, peers_.size());
     Peer& peer = found->second;
     const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head_.size() + kAnswerCost;
     if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");
-    const double allowance = peer.allowed == Clock::time_point{} ? kMostQuestions : peer.allowance;
+    const double allowance = peer.allowed == Clock::time_point{} ? kMaxQuestions : peer.allowance;
     peer = Peer{};
     peer.debt = debt;
     peer.identity = identity;
@@ -208,8 +208,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
             peer.upstream = own->second;
     std::uint64_t rate = hello.wishes.rate;
-    if (const std::uint64_t most = shared_->options.mostBytesPerSecond; most > 0)
-        rate = rate > 0 ? std::min(rate, most) : most;
+    if (const std::uint64_t maximum = shared_->options.maxBytesPerSecond; maximum > 0)
+        rate = rate > 0 ? std::min(rate, maximum) : maximum;
     peer.pace = MirrorPace(hello.wishes.lag / 1e3, static_cast<double>(rate));
     peer.sameTypes = hello.dictionaryHash == dictionaryHash_;
     peer.noTypes = hello.dictionaryHash == 0;
@@ -218,7 +218,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
     if (hello.epoch == epoch) peer.claim = Peer::Claim{hello.sequence, hello.wishes.hash};
-    if (!historyOf(peer).empty()) place(peer);
+    if (!historyOf(peer).empty()) enqueue(peer);
     const std::uint64_t numbers[] = {hello.session, epoch,
                                      static_cast<std::uint64_t>(shared_->options.heartbeat.count()),
                                      historyOf(peer).newest(), shared_->originMissed};
@@ -227,7 +227,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     if (!sendTo(identity, message_, &body)) peers_.erase(found);
 }
 
-void MirrorServer::Io::place(Peer& peer) {
+void MirrorServer::Io::enqueue(Peer& peer) {
     const std::optional<Peer::Claim> claim = std::exchange(peer.claim, std::nullopt);
     if (!claim || !historyOf(peer).continues(claim->state, claim->hash)) return;
     peer.placed = true;
@@ -238,7 +238,7 @@ void MirrorServer::Io::place(Peer& peer) {
 void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
     const Clock::time_point now = Clock::now();
     const double earned = std::chrono::duration<double>(now - peer.allowed).count() * kQuestionsPerSecond;
-    peer.allowance = std::min(kMostQuestions, peer.allowance + earned);
+    peer.allowance = std::min(kMaxQuestions, peer.allowance + earned);
     peer.allowed = now;
     if (peer.asking || peer.allowance < 1) return garbage("a question too many");
     peer.allowance -= 1;
@@ -287,7 +287,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
         refusal.refusal = "the node types here are others than there";
     } else {
         const std::scoped_lock lock(shared_->mutex);
-        if (shared_->submittedBytes + whole.record.size() <= mirror::kMostSubmitted &&
+        if (shared_->submittedBytes + whole.record.size() <= mirror::kMaxSubmitted &&
             ledger_.begin(peer.client, request)) {
             shared_->submittedBytes += whole.record.size();
             submitters_.insert(peer.client);
@@ -345,7 +345,7 @@ void MirrorServer::Io::merge(Peer& peer, std::vector<SharedRecord> frames, bool 
 
 /// Merges what waits for the peer with everything since, or up to the state of the answer that waits.
 void MirrorServer::Io::mergeHeld(Peer& peer) {
-    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.held, kMostMerged);
+    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.held, kMaxMerged);
     const bool all = peer.answer.has_value();
     if (all) {
         const std::uint64_t state = peer.answer->state;
@@ -371,21 +371,21 @@ SharedRecord MirrorServer::Io::mergeNow(Peer& peer, std::vector<SharedRecord> fr
 SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
     SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to == historyOf(peer).newest()) return next;
-    return mergeNow(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
+    return mergeNow(peer, historyOf(peer).framesFrom(peer.state, kMaxMerged));
 }
 
 /// Leads towards the `state` of an answer that waits, frame by frame, or merged if that would be late.
 SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
     SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to >= state || !late(peer)) return next;
-    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
+    std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.state, kMaxMerged);
     std::erase_if(frames, [state](const SharedRecord& frame) { return frame->header.to > state; });
     return mergeNow(peer, std::move(frames));
 }
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
     if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
-    if (peer.claim) place(peer);
+    if (peer.claim) enqueue(peer);
     if (peer.placed && !historyOf(peer).continues(peer.held != 0 ? peer.held : peer.state)) peer.placed = false;
     SharedRecord next;
     if (!peer.placed) {
@@ -452,7 +452,7 @@ bool MirrorServer::Io::deliverAnswer(Peer& peer) {
 }
 
 bool MirrorServer::Io::deliverVerdicts(Peer& peer) {
-    if (peer.verdicts.size() > kMostVerdicts) peer.verdicts.clear();  // an honest peer never has that many
+    if (peer.verdicts.size() > kMaxVerdicts) peer.verdicts.clear();  // an honest peer never has that many
     while (!peer.verdicts.empty()) {
         const mirror::Verdict& verdict = peer.verdicts.front();
         if (verdict.refusal.empty() && (!peer.placed || peer.sending || peer.held != 0 || peer.state < verdict.state))
@@ -495,18 +495,18 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
 
 /// The last message is kept until another record comes; it is at most as long as a part.
 const ZmqMessage& MirrorServer::Io::bodyOf(const SharedRecord& record, std::span<const std::byte> part) {
-    const bool isWhole = part.size() == record->bytes.size();
-    if (isWhole && body_ && bodyRecord_ == record) return *body_;
+    const bool isComplete = part.size() == record->bytes.size();
+    if (isComplete && body_ && bodyRecord_ == record) return *body_;
     body_.emplace(part, record);
-    bodyRecord_ = isWhole ? record : nullptr;
+    bodyRecord_ = isComplete ? record : nullptr;
     return *body_;
 }
 
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
     const Clock::time_point now = Clock::now();
-    const std::size_t most = peer.pace.chunk(kChunk, now);
-    const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(most, whole.size() - peer.sent));
+    const std::size_t maximum = peer.pace.chunk(kChunk, now);
+    const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(maximum, whole.size() - peer.sent));
     const bool later = part.size() == whole.size() && mayWait(peer, part.size(), now);
     const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published, later};
     mirror::write(message_, Message::data, numbers);

@@ -30,17 +30,17 @@ namespace {
 constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;          // bytes that may wait until the thread has time
 constexpr std::uint64_t kWorthWaking = std::uint64_t{256} << 10;  // bytes of memory; less is quickly caught up with
 constexpr auto kLeisure = 50ms;
-constexpr int kNiceness = 5;           // lower priority than the scene's and the sockets' thread
-constexpr std::size_t kMostEased = 8;  // peers with NearFirst; each costs a scene
+constexpr int kNiceness = 5;          // lower priority than the scene's and the sockets' thread
+constexpr std::size_t kMaxEased = 8;  // peers with NearFirst; each costs a scene
 constexpr auto kUnusedEased = 10s;
-constexpr std::size_t kMostMergedKept = 8;                          // merged frames that are kept for other peers,
+constexpr std::size_t kMaxMergedKept = 8;                           // merged frames that are kept for other peers,
 constexpr std::uint64_t kMergedKeptBytes = std::uint64_t{1} << 20;  // and their bytes, if there are several
-constexpr int kEasedShare = 20;  // a new one is made after this many times its own cost
+constexpr int kEasedFraction = 20;  // a new one is made after this many times its own cost
 
 }  // namespace
 
-MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit, std::size_t places)
-    : pool_(std::move(pool)), wake_(wake), limit_(limit), mostPlaces_(places), decoder_({}, 0) {
+MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit, std::size_t index)
+    : pool_(std::move(pool)), wake_(wake), limit_(limit), maximumIndexed_(index), decoder_({}, 0) {
     thread_ = std::thread([this] { run(); });
 }
 
@@ -202,11 +202,11 @@ bool MirrorShadow::openEarlier(const Scene& scene, const Question& question) {
     Scene past;
     past.setBehavioursEnabled(false);
     std::vector<Answer> steps;
-    ShapePlaces places(mostPlaces_);  // the shapes' places in the past
-    if (part.region()) places.coverRadius(part.region()->radius);
+    SpatialIndex index(maximumIndexed_);  // the shapes' places in the past
+    if (part.region()) index.coverRadius(part.region()->radius);
     const auto step = [&](const Scene& whole, const ChangeSet* set) {
-        const bool follows = !part.region() || places.follow(whole, set);
-        Answer frame = frameOf(part, whole, set, follows ? &places : nullptr, 0);
+        const bool follows = !part.region() || index.follow(whole, set);
+        Answer frame = frameOf(part, whole, set, follows ? &index : nullptr, 0);
         frame.part = question.part;
         const bool good = frame.record != nullptr;
         steps.push_back(std::move(frame));
@@ -228,8 +228,8 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
     if (!question.frames.empty() && !parts_.contains(question.part) && openEarlier(scene, question)) return;
     const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
     if (!fresh) return;
-    findPlaces(scene, nullptr);
-    Answer first = frameOf(part->second, scene, nullptr, places_.get(), 0);
+    findSpatialIndex(scene, nullptr);
+    Answer first = frameOf(part->second, scene, nullptr, index_.get(), 0);
     first.part = question.part;
     if (!first.record) parts_.erase(part);
     reply(std::move(first));
@@ -237,15 +237,15 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
 
 /// The part's next step. It has no record if the part cannot be followed any more.
 MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set,
-                                           const ShapePlaces* places, std::uint64_t published) {
+                                           const SpatialIndex* index, std::uint64_t published) {
     Answer frame;
     frame.kind = Question::Kind::frame;
-    if (part.region() && !places) {
+    if (part.region() && !index) {
         frame.why = fmt::format("shapes stand in more than {} places, the most among which regions are followed here",
-                                mostPlaces_);
+                                maximumIndexed_);
         return frame;
     }
-    if (const auto step = part.follow(scene, set, places)) {
+    if (const auto step = part.follow(scene, set, index)) {
         const std::shared_ptr<EncodedRecord> record = encode(**step);
         record->published = published;
         frame.record = record;
@@ -255,26 +255,26 @@ MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene,
 
 /// Finds the places of shapes, for all regions together. `set` is null if the scene is unchanged and the regions may be
 /// others.
-void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
+void MirrorShadow::findSpatialIndex(const Scene& scene, const ChangeSet* set) {
     double smallest = std::numeric_limits<double>::infinity();
     for (const auto& [number, part] : parts_)
         if (part.region()) smallest = std::min(smallest, part.region()->radius);
-    if (!std::isfinite(smallest)) return places_.reset();
+    if (!std::isfinite(smallest)) return index_.reset();
     // Cells that are too large only cost time. So do new regions, each time the smallest radius shrinks.
-    const bool fits = places_ && smallest >= cells_ && smallest <= 16 * cells_;
-    if (!set && fits && places_->state() == scene.sequence()) return;
+    const bool fits = index_ && smallest >= cells_ && smallest <= 16 * cells_;
+    if (!set && fits && index_->state() == scene.sequence()) return;
     if (!fits) {
-        if (!places_) places_ = std::make_unique<ShapePlaces>(mostPlaces_);
-        places_->coverRadius(smallest);
+        if (!index_) index_ = std::make_unique<SpatialIndex>(maximumIndexed_);
+        index_->coverRadius(smallest);
         cells_ = smallest;
     }
-    if (!places_->follow(scene, fits ? set : nullptr)) places_.reset();
+    if (!index_->follow(scene, fits ? set : nullptr)) index_.reset();
 }
 
 void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
-    findPlaces(scene, set);
+    findSpatialIndex(scene, set);
     for (auto part = parts_.begin(); part != parts_.end();) {
-        Answer frame = frameOf(part->second, scene, set, places_.get(), published);
+        Answer frame = frameOf(part->second, scene, set, index_.get(), published);
         frame.part = part->first;
         part = frame.record ? std::next(part) : parts_.erase(part);
         reply(std::move(frame));
@@ -353,7 +353,7 @@ void MirrorShadow::keepMerged(std::uint32_t part, SharedRecord record) {
     std::uint64_t bytes = 0;
     for (std::size_t i = 0; i < merged_.size(); ++i) {
         bytes += memoryOf(*merged_[i].record);
-        if (i > 0 && (i == kMostMergedKept || bytes > kMergedKeptBytes)) merged_.resize(i);
+        if (i > 0 && (i == kMaxMergedKept || bytes > kMergedKeptBytes)) merged_.resize(i);
     }
 }
 
@@ -370,14 +370,14 @@ void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, 
     if (!fits) {
         if (question.held) return;
         result.record = merge(scene, question.part, question.frames);
-        if (scene.sequence() != result.state || (found == eased_.end() && eased_.size() >= kMostEased)) return;
+        if (scene.sequence() != result.state || (found == eased_.end() && eased_.size() >= kMaxEased)) return;
         Eased& eased = eased_[question.peer];
         eased.scene.reset();
         if (now < eased.again) return;
-        if (auto made = NearFirst::of(scene)) eased.scene = std::move(*made);
+        if (auto created = NearFirst::of(scene)) eased.scene = std::move(*created);
         eased.session = question.session;
         eased.used = NearFirst::Clock::now();
-        eased.again = eased.used + kEasedShare * (eased.used - now);
+        eased.again = eased.used + kEasedFraction * (eased.used - now);
         return;
     }
     std::vector<ChangeSet> sets(question.frames.size());

@@ -65,7 +65,7 @@ class MirrorShadow {
 
     /// `places` is the most places of shapes; with more, regions are not followed.
     MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
-                 std::size_t places = std::size_t{1} << 22);
+                 std::size_t index = std::size_t{1} << 22);
     ~MirrorShadow();
 
     /// Sets who takes the snapshots that post() asks for. Called on the shadow's thread, or on the one that gives the
@@ -93,8 +93,8 @@ class MirrorShadow {
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
     bool openEarlier(const Scene& scene, const Question& question);
-    void findPlaces(const Scene& scene, const ChangeSet* set);
-    Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, const ShapePlaces* places,
+    void findSpatialIndex(const Scene& scene, const ChangeSet* set);
+    Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, const SpatialIndex* index,
                    std::uint64_t published);
     void reply(Answer answer);
     Answer answer(const Scene& whole, const Question& question);
@@ -107,7 +107,7 @@ class MirrorShadow {
     const std::shared_ptr<RecordPool> pool_;
     const int wake_;
     const std::uint64_t limit_;
-    const std::size_t mostPlaces_;
+    const std::size_t maximumIndexed_;
 
     std::mutex mutex_;  // guards what follows
     std::condition_variable some_;
@@ -138,7 +138,7 @@ class MirrorShadow {
     };
     std::deque<Merged> merged_;
     std::map<std::uint32_t, MirrorPart> parts_;
-    std::unique_ptr<ShapePlaces> places_;  // exists while regions are followed
+    std::unique_ptr<SpatialIndex> index_;  // exists while regions are followed
     double cells_ = 0;                     // the radius for which they were made
     /// A peer that got merged frames recently.
     struct Eased {

@@ -11,7 +11,7 @@ namespace rtsg::mirror {
 bool isSuperseded(std::span<const std::byte> frame, std::span<const std::byte> next) {
     wire::Reader a(frame.subspan(kRecordHeaderSize)), b(next.subspan(kRecordHeaderSize));
     while (a.left() && b.left()) {
-        const std::span<const std::byte> first = wire::readRawColumn(a).places, second = wire::readRawColumn(b).places;
+        const std::span<const std::byte> first = wire::readRawColumn(a).keys, second = wire::readRawColumn(b).keys;
         if (first.empty() || !wire::areSame(first, second)) return false;
     }
     return !a.left() && !b.left();

@@ -20,25 +20,25 @@ namespace rtsg {
 
 namespace {
 
-struct Place {
+struct Endpoint {
     std::string address = "127.0.0.1";
     std::uint16_t port = 0;
 };
 
-Result<Place> placeFrom(const std::string& text) {
-    Place place;
+Result<Endpoint> endpointFrom(const std::string& text) {
+    Endpoint endpoint;
     const std::size_t colon = text.rfind(':');
     const std::string port = colon == std::string::npos ? text : text.substr(colon + 1);
-    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), place.port);
+    const auto [end, error] = std::from_chars(port.data(), port.data() + port.size(), endpoint.port);
     if (error != std::errc() || end != port.data() + port.size())
         return fail(fmt::format("'{}' is no place to serve browsers at: expected PORT or ADDRESS:PORT", text));
-    if (colon == std::string::npos) return place;
-    place.address = text.substr(0, colon);
-    if (place.address.size() > 2 && place.address.front() == '[' && place.address.back() == ']')
-        place.address = place.address.substr(1, place.address.size() - 2);
-    if (place.address == "localhost") place.address = "127.0.0.1";
-    if (place.address == "*") place.address = "0.0.0.0";
-    return place;
+    if (colon == std::string::npos) return endpoint;
+    endpoint.address = text.substr(0, colon);
+    if (endpoint.address.size() > 2 && endpoint.address.front() == '[' && endpoint.address.back() == ']')
+        endpoint.address = endpoint.address.substr(1, endpoint.address.size() - 2);
+    if (endpoint.address == "localhost") endpoint.address = "127.0.0.1";
+    if (endpoint.address == "*") endpoint.address = "0.0.0.0";
+    return endpoint;
 }
 
 bool isLoopback(const std::string& address) {
@@ -65,7 +65,7 @@ std::string ownAddress() {
     return found;
 }
 
-std::string madeUpToken() {
+std::string randomToken() {
     std::random_device device;
     std::string token;
     for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", device());
@@ -139,7 +139,7 @@ std::string fileOf(const Scene& scene, const Resources& resources, const FileWis
 }  // namespace
 
 Result<> WebGatewayOptions::check() const {
-    if (const auto place = placeFrom(listen); !place) return std::unexpected(place.error());
+    if (const auto endpoint = endpointFrom(listen); !endpoint) return std::unexpected(endpoint.error());
     if (!isToken(token))
         return fail(fmt::format("a token is made of {} letters, digits, '-' and '_' or more", kShortestToken));
     if (certificate.empty() != privateKey.empty())
@@ -149,13 +149,13 @@ Result<> WebGatewayOptions::check() const {
 
 Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options) {
     if (auto ok = options.check(); !ok) return std::unexpected(ok.error());
-    const auto place = placeFrom(options.listen);
+    const auto endpoint = endpointFrom(options.listen);
     WebSettings settings;
     settings.certificate = options.certificate.string();
     settings.privateKey = options.privateKey.string();
-    settings.address = place->address;
-    settings.port = place->port;
-    settings.loopback = isLoopback(place->address);
+    settings.address = endpoint->address;
+    settings.port = endpoint->port;
+    settings.loopback = isLoopback(endpoint->address);
     settings.endpoint = options.endpoint;
     if (options.keys) {
         if (auto ok = options.keys->checkForClient(); !ok)
@@ -165,7 +165,7 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
         settings.secretKey = options.keys->clientSecret;
     }
     settings.folder = options.folder.string();
-    settings.token = options.token.empty() && !settings.loopback ? madeUpToken() : options.token;
+    settings.token = options.token.empty() && !settings.loopback ? randomToken() : options.token;
     settings.maximumConnections = options.maximumConnections;
     settings.requestTimeout = options.requestTimeout;
     settings.call = options.call;

@@ -91,7 +91,7 @@ void ConnectionWatch::look(Clock::time_point now) {
         connection.counted = received.has_value();
         // If only little has come, it does not matter whether ZeroMQ has read all of it. This saves half of the calls
         // for each peer.
-        const bool little = connection.counted && *received <= connection.settled + kMostUnfinished;
+        const bool little = connection.counted && *received <= connection.settled + kMaxUnfinished;
         connection.come = little ? *received : bytesRead(descriptor).value_or(0);
         if (!connection.counted && bytesWait(descriptor) && connection.busy++ == 0) connection.busySince = now;
         suspicious_ = suspicious_ || connection.busy > 0;
@@ -128,7 +128,7 @@ bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drain
         connection.stirs = false;
         return false;
     }
-    if (connection.come <= connection.settled + (drained ? kMostUnfinished : kMostWaiting)) return false;
+    if (connection.come <= connection.settled + (drained ? kMaxUnfinished : kMaxWaiting)) return false;
     // ZeroMQ closes descriptors itself, and the system may reuse their numbers. So it looks once more.
     return bytesRead(descriptor).value_or(0) >= connection.come;
 }

@@ -6,7 +6,7 @@
 // bytes wait. Bytes belong to a message that is soon complete, so a connection is shut, too, if bytes wait on it again
 // and again and no message comes. While nothing comes there is no need to look: after rest() the system tells when
 // something does.
-// Invariant: an unfinished message has at most kMostUnfinished bytes and what comes between two looks. A local
+// Invariant: an unfinished message has at most kMaxUnfinished bytes and what comes between two looks. A local
 // connection may bring what comes in kBusyFor, or some megabytes if it is so slow that it is rarely seen with bytes.
 // Threading: one thread.
 #pragma once
@@ -28,9 +28,9 @@ class ConnectionWatch {
   public:
     using Clock = std::chrono::steady_clock;
     /// Twice the longest honest message and what ZeroMQ reads at once.
-    static constexpr std::uint64_t kMostUnfinished = 64 << 10;
+    static constexpr std::uint64_t kMaxUnfinished = 64 << 10;
     /// The same while messages wait to be taken: all that ZeroMQ lets wait on one connection.
-    static constexpr std::uint64_t kMostWaiting = 2 << 20;
+    static constexpr std::uint64_t kMaxWaiting = 2 << 20;
     /// The number of looks at which bytes wait on a local connection without a message, and the time from the first to
     /// the last.
     static constexpr unsigned kBusyLooks = 4;

@@ -19,7 +19,7 @@ namespace rtsg::mirror {
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kPrologue = 8;
 constexpr std::size_t kLongestName = 200;
-constexpr std::size_t kMostParts = 1024;  // subtrees that a peer may name in its hello
+constexpr std::size_t kMaxParts = 1024;  // subtrees that a peer may name in its hello
 constexpr std::size_t kLongestControl = 200;
 constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
 constexpr std::size_t kLongestSubmission = 1 << 20;
@@ -102,7 +102,7 @@ struct Wishes {
         milliFrames = in.number<std::uint32_t>();
         aspects = in.number<std::uint32_t>();
         const std::size_t count = in.count(1);
-        if (count > kMostParts) in.refuse("too many parts");
+        if (count > kMaxParts) in.refuse("too many parts");
         for (std::size_t i = 0; i < count && !in.problem; ++i) parts.emplace_back(in.text());
         if (in.left() && !in.problem) inputs = in.number<std::uint8_t>() & 1u;
         if (in.left() < sizeof(lag) + sizeof(rate) || in.problem) return;

@@ -7,18 +7,18 @@ namespace rtsg {
 
 namespace {
 
-constexpr double kHeadroom = 1.25;                    // without it a rate that was measured too low would stay low
-constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: at first, and in any case,
-constexpr double kFew = 256;                          // and fewer if a slow link takes longer for them than the lag
-constexpr double kSmallRecord = 16 << 10;             // a record of this size may always be under way as a whole,
-constexpr double kLargeRecord = 64 << 10;             // and one of this size if the link takes it within the lag
-constexpr double kMostSpared = 128 << 10;  // bytes without immediate acknowledgement, if that is a short time
-constexpr double kShortest = 1e-4;         // s; shorter measurements are noise
+constexpr double kHeadroom = 1.25;                  // without it a rate that was measured too low would stay low
+constexpr double kFirst = 8 << 10, kMin = 2 << 10;  // bytes under way: at first, and in any case,
+constexpr double kFew = 256;                        // and fewer if a slow link takes longer for them than the lag
+constexpr double kSmallRecord = 16 << 10;           // a record of this size may always be under way as a whole,
+constexpr double kLargeRecord = 64 << 10;           // and one of this size if the link takes it within the lag
+constexpr double kMaxSpared = 128 << 10;            // bytes without immediate acknowledgement, if that is a short time
+constexpr double kShortest = 1e-4;                  // s; shorter measurements are noise
 constexpr MirrorPace::Seconds kRateSpan{1}, kDelaySpan{5};
 constexpr double kSpanDelays = 8;  // or this many delays, if that is longer
 constexpr int kRateKnown = 4;      // acknowledgements before the first delay can be judged
 
-double leastOf(double a, double b) {
+double smallestOf(double a, double b) {
     return a <= 0 ? b : b <= 0 ? a : std::min(a, b);
 }
 
@@ -26,11 +26,11 @@ double leastOf(double a, double b) {
 
 double MirrorPace::rate() const {
     const double measured = std::max(rate_.now, rate_.before);
-    return most_ > 0 && measured > 0 ? std::min(most_, measured) : measured;
+    return maximum_ > 0 && measured > 0 ? std::min(maximum_, measured) : measured;
 }
 
 double MirrorPace::delay() const {
-    return leastOf(delay_.now, delay_.before);
+    return smallestOf(delay_.now, delay_.before);
 }
 
 double MirrorPace::limit(std::uint64_t record) const {
@@ -38,13 +38,13 @@ double MirrorPace::limit(std::uint64_t record) const {
     if (rate() <= 0) return kFirst;
     // If a record is sent in one part, the next can wait until it has arrived.
     const double whole =
-        double(record) <= kLeast ? 0 : std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
-    const double least = std::clamp(rate() * lag_ / 4, kFew, kLeast);
-    return std::max({least, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
+        double(record) <= kMin ? 0 : std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
+    const double minimum = std::clamp(rate() * lag_ / 4, kFew, kMin);
+    return std::max({minimum, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
 }
 
 bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
-    if (most_ > 0 && now < next_) return false;
+    if (maximum_ > 0 && now < next_) return false;
     const std::uint64_t all = sentTotal_ - acknowledgedTotal_, under = all - std::min(all, spared_);
     // At the end no more is added than passes while the goodbye is awaited, or than the systems take at once.
     if (lifted_ && double(sentTotal_ - liftedAt_) < std::clamp(rate(), kSmallRecord, kLargeRecord)) return true;
@@ -62,47 +62,46 @@ bool MirrorPace::settled(Clock::time_point now) const {
 }
 
 /// Bytes that have not arrived yet, if the link is as fast as measured.
-double MirrorPace::onTheWay(Clock::time_point now) const {
-    return std::max(0., onTheWay_ - rate() * Seconds(now - onTheWayAt_).count());
+double MirrorPace::inFlight(Clock::time_point now) const {
+    return std::max(0., inFlight_ - rate() * Seconds(now - inFlightAt_).count());
 }
 
 /// Single frames rarely use all that a link can carry. So some more small ones may go unacknowledged.
-double MirrorPace::mostSpared() const {
-    return rate() * std::max(lag_ / 2, std::min(2 * lag_, kMostSpared / rate()));
+double MirrorPace::maxSpared() const {
+    return rate() * std::max(lag_ / 2, std::min(2 * lag_, kMaxSpared / rate()));
 }
 
 bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {
-    if (most_ > 0) return false;  // held back by that limit and not by missing credit
+    if (maximum_ > 0) return false;  // held back by that limit and not by missing credit
     if (lag_ <= 0) return true;
-    return settled(now) && onTheWay(now) + double(size) <= rate() * lag_ / 2 &&
-           double(spared_ + size) <= mostSpared() &&
+    return settled(now) && inFlight(now) + double(size) <= rate() * lag_ / 2 && double(spared_ + size) <= maxSpared() &&
            (sent_.empty() || Seconds(now - sent_.front().at).count() <= 2 * lag_);
 }
 
-std::uint64_t MirrorPace::chunk(std::uint64_t most, Clock::time_point now) const {
-    double result = double(most);
+std::uint64_t MirrorPace::chunk(std::uint64_t maximum, Clock::time_point now) const {
+    double result = double(maximum);
     // Parts measure the link. Once it is known, the parts of a record that passes in time only cost.
     if (lag_ > 0) {
-        const double least = settled(now) ? std::min(kSmallRecord, rate() * lag_) : kLeast;
-        result = std::min(result, std::max({kLeast, least, limit(0) / 4}));
+        const double minimum = settled(now) ? std::min(kSmallRecord, rate() * lag_) : kMin;
+        result = std::min(result, std::max({kMin, minimum, limit(0) / 4}));
     }
-    if (most_ > 0) result = std::min(result, std::max(kLeast, most_ / 20));  // a twentieth of a second
+    if (maximum_ > 0) result = std::min(result, std::max(kMin, maximum_ / 20));  // a twentieth of a second
     return static_cast<std::uint64_t>(result);
 }
 
 void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) {
     const std::uint64_t size = total - sentTotal_;
-    if (most_ > 0)
-        next_ = std::max(next_, now) + std::chrono::duration_cast<Clock::duration>(Seconds(double(size) / most_));
+    if (maximum_ > 0)
+        next_ = std::max(next_, now) + std::chrono::duration_cast<Clock::duration>(Seconds(double(size) / maximum_));
     if (lag_ > 0) {
         const bool alone = sentTotal_ == acknowledgedTotal_;
         if (alone) acknowledgedAt_ = now;
         // Only for a part so short that its own time does not hide the delay.
-        const bool tells = alone && awaited && size <= static_cast<std::uint64_t>(std::max(kLeast, limit(0) / 4));
-        sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, tells, awaited ? 0 : size});
+        const bool measures = alone && awaited && size <= static_cast<std::uint64_t>(std::max(kMin, limit(0) / 4));
+        sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, measures, awaited ? 0 : size});
         spared_ += sent_.back().spared;
-        onTheWay_ = onTheWay(now) + double(size);
-        onTheWayAt_ = now;
+        inFlight_ = inFlight(now) + double(size);
+        inFlightAt_ = now;
     }
     sentTotal_ = total;
 }
@@ -111,7 +110,7 @@ void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) 
 void MirrorPace::learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now) {
     const double whole = Seconds(now - sent.at).count();
     const double own = rate() > 0 ? double(size) / rate() : 0;
-    delay_.now = leastOf(delay_.now, std::max(kShortest, whole - own));
+    delay_.now = smallestOf(delay_.now, std::max(kShortest, whole - own));
     draining_ = false;
     if (rate() <= 0) unjudged_ = double(size);
 }
@@ -148,14 +147,14 @@ void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
         const Sent chunk = sent_.front();
         sent_.pop_front();
         spared_ -= chunk.spared;
-        if (chunk.tells) learnDelay(chunk, chunk.total - before, now);
+        if (chunk.measures) learnDelay(chunk, chunk.total - before, now);
         before = chunk.total;
         if (sent_.empty() || sent_.front().total > total) learnRate(chunk, now);
     }
     judgeFirstDelay();
     acknowledgedAt_ = now;
-    onTheWay_ = std::min(onTheWay(now), double(sentTotal_ - acknowledgedTotal_));
-    onTheWayAt_ = now;
+    inFlight_ = std::min(inFlight(now), double(sentTotal_ - acknowledgedTotal_));
+    inFlightAt_ = now;
     if (lag_ > 0 && now - delay_.began > kDelaySpan) {
         // The empty link was not measured in all this time, so it must be made empty.
         draining_ = delay_.now <= 0;

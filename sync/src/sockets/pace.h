@@ -23,7 +23,7 @@ class MirrorPace {
     using Seconds = std::chrono::duration<double>;
 
     /// `lag` in seconds and `most` in bytes a second; 0 for no limit.
-    MirrorPace(double lag, double most) : lag_(lag), most_(most) {}
+    MirrorPace(double lag, double maximum) : lag_(lag), maximum_(maximum) {}
     MirrorPace() = default;
 
     /// Notes what was sent. `total`: all bytes so far, with these. `awaited`: the peer acknowledges them as soon as it
@@ -52,7 +52,7 @@ class MirrorPace {
     /// waits longer than twice the lag, so that a link that has become slower is noticed in time.
     bool spare(std::uint64_t size, Clock::time_point now) const;
     /// The most to send at once.
-    std::uint64_t chunk(std::uint64_t most, Clock::time_point now) const;
+    std::uint64_t chunk(std::uint64_t maximum, Clock::time_point now) const;
     /// True if so many waiting bytes would be too old on arrival. Then it is better to merge them.
     bool late(std::uint64_t waiting) const {
         return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 2));
@@ -61,7 +61,7 @@ class MirrorPace {
     std::uint64_t inTime() const { return static_cast<std::uint64_t>(rate() * lag_ / 4); }
     /// The time until the limit of the rate lets something pass. 0 if nothing waits for that.
     Clock::duration wait(Clock::time_point now) const {
-        return most_ > 0 && next_ > now ? next_ - now : Clock::duration{};
+        return maximum_ > 0 && next_ > now ? next_ - now : Clock::duration{};
     }
 
     /// The measured rate in bytes a second, and the delay in seconds. 0 while unknown.
@@ -72,7 +72,7 @@ class MirrorPace {
     struct Sent {
         std::uint64_t total = 0, acknowledgedThen = 0;
         Clock::time_point at, since;  // since: when the bytes acknowledged at `at` had been
-        bool tells = false;           // nothing else was under way, so it measures the delay
+        bool measures = false;        // nothing else was under way, so it measures the delay
         std::uint64_t spared = 0;     // bytes that are not acknowledged at once
     };
     /// The greatest or least value of the last two spans of time.
@@ -81,18 +81,18 @@ class MirrorPace {
         Clock::time_point began{};
     };
     double limit(std::uint64_t record) const;
-    double onTheWay(Clock::time_point now) const;
-    double mostSpared() const;
+    double inFlight(Clock::time_point now) const;
+    double maxSpared() const;
     bool settled(Clock::time_point now) const;
     void learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now);
     void judgeFirstDelay();
     void learnRate(const Sent& sent, Clock::time_point now);
 
-    double lag_ = 0, most_ = 0;
+    double lag_ = 0, maximum_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
     std::uint64_t spared_ = 0;  // under way without immediate acknowledgement
-    double onTheWay_ = 0;       // bytes that had not arrived at `onTheWayAt_`, by the known rate
-    Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{}, onTheWayAt_{};
+    double inFlight_ = 0;       // bytes that had not arrived at `onTheWayAt_`, by the known rate
+    Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{}, inFlightAt_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;
     bool draining_ = false, lifted_ = false;

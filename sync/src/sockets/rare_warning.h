@@ -13,10 +13,10 @@
 namespace rtsg::mirror {
 
 /// What is told of the warning that is number `by` of its kind, counted from 1. Nothing for most of them.
-inline std::optional<std::string> toldOf(std::uint64_t by, std::string text) {
-    constexpr std::uint64_t kAllTold = 8;
-    if (by > kAllTold && !std::has_single_bit(by)) return std::nullopt;
-    if (by > kAllTold) text += fmt::format("; {} such things by now", by);
+inline std::optional<std::string> reportedOf(std::uint64_t by, std::string text) {
+    constexpr std::uint64_t kAllReported = 8;
+    if (by > kAllReported && !std::has_single_bit(by)) return std::nullopt;
+    if (by > kAllReported) text += fmt::format("; {} such things by now", by);
     return text;
 }
 

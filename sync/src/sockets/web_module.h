@@ -64,13 +64,13 @@ struct SocketSettings {
     std::string protocol;  // the subprotocol, which a client must offer
     std::size_t maximumConnections = 0;
     std::size_t longestIncoming = 0;  // bytes of a message; a longer one ends the connection
-    std::size_t mostQueued = 0;       // bytes that wait for one client
+    std::size_t maxQueued = 0;        // bytes that wait for one client
     std::chrono::milliseconds requestTimeout{0};
     std::chrono::milliseconds silence{0};  // a client that does not even answer pings for so long is dropped
     int call = -1;                         // eventfd, written when there is news
 };
 
-struct SocketNews {
+struct SocketEvent {
     enum class Kind : std::uint8_t { came, text, bytes, left, refused };
     Kind kind = Kind::came;
     std::uint64_t client = 0;  // each has a number of its own; 0 if it was refused
@@ -82,7 +82,7 @@ class SocketModule {
     virtual ~SocketModule() = default;
     virtual std::size_t connections() const = 0;
     /// The events since the last call. A client's next message is read after its last one was taken here.
-    virtual std::vector<SocketNews> takeNews() = 0;
+    virtual std::vector<SocketEvent> takeNews() = 0;
     /// True if a message of so many bytes has room: within the bound, or because nothing waits.
     virtual bool hasRoom(std::uint64_t client, std::size_t bytes) const = 0;
     /// Sends one message, `head` and then `body`, as bytes or as text. False, and nothing is sent, if it has no room or

@@ -165,12 +165,12 @@ TEST(AcousticEngine, AHeadThatTurnsTracesNothing) {
     EXPECT_EQ(later.first.rays, before.first.rays);
     EXPECT_EQ(always.first.responses, 1u);
     EXPECT_EQ(always.first.turned, 3u) << "every .2 s";
-    double most = 0, other = 0;
+    double maximum = 0, other = 0;
     for (std::size_t i = 2 * 48000 * 6 / 10; i < later.second.samples.size(); ++i) {
-        most = std::max(most, double{std::abs(later.second.samples[i] - before.second.samples[i])});
+        maximum = std::max(maximum, double{std::abs(later.second.samples[i] - before.second.samples[i])});
         other = std::max(other, double{std::abs(later.second.samples[i] - never.second.samples[i])});
     }
-    EXPECT_LT(most, 1e-5 * before.second.peak());
+    EXPECT_LT(maximum, 1e-5 * before.second.peak());
     EXPECT_GT(other, .02 * before.second.peak());
 }
 
@@ -315,7 +315,7 @@ TEST(AcousticEngine, TheRendererIsTheTwoPartsTogether) {
 
 TEST(AcousticEngine, QualityIsRaysAndCandidates) {
     const TraceOptions usual = AcousticOptions().trace, twice = AcousticOptions::heardTrace(2),
-                       half = AcousticOptions::heardTrace(.5), most = AcousticOptions::heardTrace(16),
+                       half = AcousticOptions::heardTrace(.5), maximum = AcousticOptions::heardTrace(16),
                        of = AcousticOptions::heardTraceOf(80);
     EXPECT_EQ(usual.rays, AcousticOptions::kHeardRays);
     EXPECT_EQ(twice.rays, 4 * usual.rays);
@@ -323,7 +323,7 @@ TEST(AcousticEngine, QualityIsRaysAndCandidates) {
     EXPECT_EQ(of.rays, 80u);
     EXPECT_EQ(twice.maxImageCandidates, 4 * usual.maxImageCandidates);
     for (const TraceOptions& fewer : {half, of}) EXPECT_EQ(fewer.maxImageCandidates, usual.maxImageCandidates);
-    EXPECT_EQ(most.maxImageCandidates, TraceOptions().maxImageCandidates) << "as figures have at most";
+    EXPECT_EQ(maximum.maxImageCandidates, TraceOptions().maxImageCandidates) << "as figures have at most";
     Stage stage;
     AcousticOptions options;
     options.trace = AcousticOptions::heardTraceOf(4000);
@@ -369,10 +369,10 @@ TEST(AcousticEngine, TheErrorOfWhatIsHeardFallsAsQualityRises) {
     const std::vector<double> right = heardWith(8);
     const auto errorOf = [&](double quality) {
         const std::vector<double> heard = heardWith(quality);
-        const double least = 1e-4 * *std::ranges::max_element(right);
+        const double minimum = 1e-4 * *std::ranges::max_element(right);
         double squares = 0, count = 0;
         for (std::size_t k = 0; k < heard.size(); ++k) {
-            if (right[k] < least) continue;
+            if (right[k] < minimum) continue;
             squares += std::pow(10 * std::log10(heard[k] / right[k]), 2);
             ++count;
         }

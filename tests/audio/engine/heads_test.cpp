@@ -33,14 +33,14 @@ class Heads : public test::Listen {
         asked.render.reflections = false;
         return asked;
     }
-    SoundBuffer heard(const std::string& body, const ListenOptions& asked, const std::string& told = "") {
+    SoundBuffer heard(const std::string& body, const ListenOptions& asked, const std::string& reported = "") {
         Scene scene;
         load(scene, body);
         const auto report = listen(scene, asked);
         EXPECT_TRUE(report);
         std::string said;
         for (const Diagnostic& d : report->diagnostics.all()) said += d.text;
-        EXPECT_EQ(said, told);
+        EXPECT_EQ(said, reported);
         return report->sound;
     }
     /// From .1 to .15 s.
@@ -80,10 +80,10 @@ TEST_F(Heads, EnableHrtfIsHeardByTheHeadOfBinauralSound) {
                           own = heard(hornAt("enableHRTF TRUE", azimuth) + view, plain()),
                           panned = heard(hornAt("enableHRTF FALSE", azimuth) + view, plain());
         ASSERT_EQ(whole.samples.size(), own.samples.size());
-        double most = 0;
+        double maximum = 0;
         for (std::size_t i = 0; i < own.samples.size(); ++i)
-            most = std::max(most, std::abs(static_cast<double>(whole.samples[i] - own.samples[i])));
-        EXPECT_LT(most, 1e-6);
+            maximum = std::max(maximum, std::abs(static_cast<double>(whole.samples[i] - own.samples[i])));
+        EXPECT_LT(maximum, 1e-6);
         // Panned, both at the same time.
         const double right = .9 * std::sin(azimuth * std::numbers::pi / 180);
         const auto both = ears(panned);
@@ -129,19 +129,19 @@ TEST_F(Heads, EnableHrtfChangesWhileItIsHeardAndConcernsItsSoundAlone) {
         ASSERT_TRUE(report);
         const SoundBuffer &before = first ? through : panned, &after = first ? panned : through;
         ASSERT_EQ(report->sound.samples.size(), before.samples.size());
-        double mostBefore = 0, mostAfter = 0, steepest = 0;
+        double maxBefore = 0, maxAfter = 0, steepest = 0;
         const auto& samples = report->sound.samples;
         for (std::size_t i = 0; i < samples.size(); ++i) {
             const auto apart = [&](const SoundBuffer& from) {
                 return std::abs(static_cast<double>(samples[i] - from.samples[i]));
             };
-            if (i < 2 * 4200) mostBefore = std::max(mostBefore, apart(before));
+            if (i < 2 * 4200) maxBefore = std::max(maxBefore, apart(before));
             // A head rings for a block or two.
-            if (i > 2 * 6500) mostAfter = std::max(mostAfter, apart(after));
+            if (i > 2 * 6500) maxAfter = std::max(maxAfter, apart(after));
             if (i > 2 * 1500) steepest = std::max(steepest, std::abs(static_cast<double>(samples[i] - samples[i - 2])));
         }
-        EXPECT_LT(mostBefore, 1e-5) << first;
-        EXPECT_LT(mostAfter, 1e-5) << first;
+        EXPECT_LT(maxBefore, 1e-5) << first;
+        EXPECT_LT(maxAfter, 1e-5) << first;
         // A sine of this frequency has 2 pi f / rate, times what the louder ear gets.
         EXPECT_LT(steepest, .1 * 2 * 2 * std::numbers::pi * kHertz / kRate) << first;
     }
@@ -195,9 +195,9 @@ TEST_F(Heads, WhatIsGoneIsHeardOnByTheSameHead) {
     through.seconds = .3;
     const ListenOptions panned = through;
     if (std::filesystem::exists(kMeasured)) through.render.hrtf = *Hrtf::load(kMeasured, kRate);
-    const std::vector<std::pair<std::string, ListenOptions>> ways{
+    const std::vector<std::pair<std::string, ListenOptions>> directions{
         {far + view, panned}, {own + view, panned}, {own + wide, panned}, {own + view, through}};
-    for (const auto& [body, options] : ways) {
+    for (const auto& [body, options] : directions) {
         const auto until = [&](double gone) {
             Scene scene;
             load(scene, "DEF G Group { children [ " + body + " ] }");
@@ -214,11 +214,11 @@ TEST_F(Heads, WhatIsGoneIsHeardOnByTheSameHead) {
         };
         const SoundBuffer all = until(1), cut = until(.0999);
         const auto loudest = [&](const SoundBuffer& sound, std::size_t from, std::size_t to, bool apart) {
-            double most = 0;
+            double maximum = 0;
             for (std::size_t i = 2 * from; i < 2 * to; ++i)
-                most = std::max(most, std::abs(static_cast<double>(sound.samples[i]) -
-                                               (apart ? static_cast<double>(all.samples[i]) : 0)));
-            return most;
+                maximum = std::max(maximum, std::abs(static_cast<double>(sound.samples[i]) -
+                                                     (apart ? static_cast<double>(all.samples[i]) : 0)));
+            return maximum;
         };
         EXPECT_GT(loudest(cut, 7500, 11'500, false), .04);
         EXPECT_LT(loudest(cut, 0, 11'500, true), 1e-5);
@@ -286,7 +286,7 @@ TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
         "TRUE children OscillatorSource { frequency 500 } } }\nListenerPointSource { interauralDistance .4 }";
     for (const double speed : {0.0, 3.0}) {
         SCOPED_TRACE(speed);
-        const auto made = [&](bool walls) {
+        const auto created = [&](bool walls) {
             Scene scene;
             load(scene, body);
             ListenOptions asked = plain();
@@ -301,7 +301,7 @@ TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
             EXPECT_TRUE(report);
             return report->sound;
         };
-        const SoundBuffer echo = made(true), direct = made(false);
+        const SoundBuffer echo = created(true), direct = created(false);
         for (std::size_t e = 0; e < 2; ++e) {
             // The tone as it was when that went out which an ear hears at t; what is left of the phase is what the ear
             // hears too late.
@@ -317,8 +317,8 @@ TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
                 // The pitch that is heard.
                 const double pitch = 2 * std::numbers::pi * kHertz / (1 + speed * x / distance / kSpeed);
                 const auto ear = test::onRigidSphere(pitch * .2 / kSpeed, std::acos((e == 0 ? -x : x) / distance));
-                const auto turn = std::polar(1.0, -2 * std::numbers::pi * kHertz * emitted - std::arg(ear));
-                sum += static_cast<double>(echo.samples[2 * i + e] - direct.samples[2 * i + e]) * turn;
+                const auto rotation = std::polar(1.0, -2 * std::numbers::pi * kHertz * emitted - std::arg(ear));
+                sum += static_cast<double>(echo.samples[2 * i + e] - direct.samples[2 * i + e]) * rotation;
                 // Beside the source 1, at d of the image so many times less.
                 const double near = 6 + speed * (t - (6 + speed * t) / kSpeed);
                 level += near / distance * std::abs(ear);

@@ -20,11 +20,12 @@ namespace {
 constexpr double kMovingRate = 48000, kMovingTone = 1000;
 
 /// Renders while `place` says where the emitter is.
-template <class Place>
-SoundBuffer render(const std::string& text, AcousticOptions options, double fps, double seconds, const Place& place) {
+template <class Position>
+SoundBuffer render(const std::string& text, AcousticOptions options, double fps, double seconds,
+                   const Position& positionAt) {
     options.trace.air.absorbs = false;
     return test::playedFrames(text, "Car", options, fps, seconds, [&](Scene& scene, NodeId car, double t) {
-        EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(t))));
+        EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(positionAt(t))));
     });
 }
 
@@ -206,12 +207,12 @@ const std::string kWall =
 /// The sound by way of the wall alone: all sound minus the direct sound.
 SoundBuffer reflection(const std::string& text, AcousticOptions options, double fps, double seconds, double start,
                        double speed, const glm::dvec3& axis = {0, 0, 1}) {
-    const auto place = [&](double t) { return axis * (start + speed * t); };
+    const auto positionAt = [&](double t) { return axis * (start + speed * t); };
     options.trace.rays = 200;
     options.trace.maxSeconds = .7;
-    SoundBuffer all = render(text, options, fps, seconds, place);
+    SoundBuffer all = render(text, options, fps, seconds, positionAt);
     options.reflections = false;
-    const SoundBuffer straight = render(text, options, fps, seconds, place);
+    const SoundBuffer straight = render(text, options, fps, seconds, positionAt);
     for (std::size_t i = 0; i < all.samples.size(); ++i) all.samples[i] -= straight.samples[i];
     return all;
 }
@@ -265,9 +266,9 @@ TEST(MovingSource, AReflectionThatFollowsIsAtEachEarInItsTime) {
     const double w = 2 * std::numbers::pi * kMovingTone / (1 + 5.0 / 343);
     std::complex<double> left = 0, right = 0;
     for (std::size_t i = 43'200; i < 72'000; ++i) {
-        const auto turn = std::polar(1.0, -w * static_cast<double>(i) / kMovingRate);
-        left += static_cast<double>(sound.samples[2 * i]) * turn;
-        right += static_cast<double>(sound.samples[2 * i + 1]) * turn;
+        const auto rotation = std::polar(1.0, -w * static_cast<double>(i) / kMovingRate);
+        left += static_cast<double>(sound.samples[2 * i]) * rotation;
+        right += static_cast<double>(sound.samples[2 * i + 1]) * rotation;
     }
     const double hz = w / (2 * std::numbers::pi);
     const auto expected = test::earOnSphere(.0875, hz, -90, 0) / test::earOnSphere(.0875, hz, -90, 1);
@@ -387,8 +388,8 @@ TEST(Trajectory, TellsTheSameOfAnyTimeHoweverLongAgo) {
     for (int blocks = 1; blocks <= 70; ++blocks) {
         Trajectory path(10);
         std::vector<double> times;
-        std::vector<glm::dvec3> told;
-        const auto remember = [&](double time) { times.push_back(time), told.push_back(path.at(time).position); };
+        std::vector<glm::dvec3> reported;
+        const auto remember = [&](double time) { times.push_back(time), reported.push_back(path.at(time).position); };
         path.put(0, {0, 0, 0}, true);
         double end = 0;
         for (int block = 1; block <= blocks; ++block) {
@@ -396,10 +397,10 @@ TEST(Trajectory, TellsTheSameOfAnyTimeHoweverLongAgo) {
             const double before = end;
             end = 10.0 * block - 3 * (block % 2);
             path.advance(end);
-            for (const double share : {.1, .5, 1.0}) remember(before + share * (end - before));
+            for (const double fraction : {.1, .5, 1.0}) remember(before + fraction * (end - before));
         }
         for (std::size_t i = 0; i < times.size(); ++i)
-            EXPECT_EQ(path.at(times[i]).position, told[i]) << blocks << " blocks, at " << times[i];
+            EXPECT_EQ(path.at(times[i]).position, reported[i]) << blocks << " blocks, at " << times[i];
         EXPECT_EQ(path.at(-1).position, glm::dvec3(0));
     }
 }

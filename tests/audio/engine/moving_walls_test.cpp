@@ -36,7 +36,7 @@ std::string periodicNoise() {
 struct Moving {
     std::string walls;  // besides
     std::string body;
-    std::function<glm::dvec3(double)> place;  // of the body
+    std::function<glm::dvec3(double)> positionAt;  // of the body
     std::function<glm::dvec3(double)> listener = [](double) { return glm::dvec3(4, 0, 0); };
     double seconds = 0;
     bool carries = false;  // the source is in the body
@@ -95,7 +95,7 @@ class Heard {
         return "Sound { minBack 300 minFront 300 maxBack 900 maxFront 900 source " + periodicNoise() + " }\n";
     }
     void goTo(double t) {
-        EXPECT_TRUE(scene_.set(scene_.findName("Body"), x3d::Transform::translation, Vec3f(moving_.place(t))));
+        EXPECT_TRUE(scene_.set(scene_.findName("Body"), x3d::Transform::translation, Vec3f(moving_.positionAt(t))));
         EXPECT_TRUE(scene_.set(scene_.findName("Ear"), x3d::ListenerPointSource::position, Vec3f(moving_.listener(t))));
         scene_.newFrame(t);
         const auto present = world_.present();
@@ -117,7 +117,7 @@ class Heard {
 
 /// From `z` on with nothing that moves.
 double restingLevel(const std::string& body, double z) {
-    return Heard({.walls = "", .body = body, .place = [z](double) { return glm::dvec3(2, 0, z); }, .seconds = .3})
+    return Heard({.walls = "", .body = body, .positionAt = [z](double) { return glm::dvec3(2, 0, z); }, .seconds = .3})
         .levels()
         .back();
 }
@@ -144,7 +144,7 @@ void staysBetween(const Resting& resting, const std::string& body, bool backgrou
     ASSERT_GT(resting.highest, resting.lowest + 8);
     const auto levels = Heard({.walls = "",
                                .body = body,
-                               .place =
+                               .positionAt =
                                    [](double t) {
                                        const double in = kFar * (1 - std::clamp((t - .4) / .8, 0.0, 1.0));
                                        return glm::dvec3(2, 0, in - kFar * std::clamp((t - 1.6) / .8, 0.0, 1.0));
@@ -180,7 +180,7 @@ TEST(MovingWalls, AWallThatIsThereAtOnceEndsDirectSoundWithTheNextTrace) {
     for (const bool background : {false, true}) {
         const auto levels = Heard({.walls = "",
                                    .body = kBox,
-                                   .place = [](double t) { return glm::dvec3(2, 0, t > .5 && t < 1.3 ? 0 : -3); },
+                                   .positionAt = [](double t) { return glm::dvec3(2, 0, t > .5 && t < 1.3 ? 0 : -3); },
                                    .seconds = 2,
                                    .background = background})
                                 .levels();
@@ -197,7 +197,7 @@ TEST(MovingWalls, WallsThatRestCountInEveryBlockWhileOthersMove) {
     const auto levelsBeside = [](double swing) {
         return Heard({.walls = "Transform { translation 2 0 2.5 children Shape { geometry Box { size .2 6 4 } } }\n",
                       .body = "Shape { geometry Box { size .02 .02 .02 } }",
-                      .place = [=](double t) { return glm::dvec3(1 + swing * std::sin(20 * t), .2, 0); },
+                      .positionAt = [=](double t) { return glm::dvec3(1 + swing * std::sin(20 * t), .2, 0); },
                       .listener = [](double t) { return glm::dvec3(4, 0, std::clamp(t - .3, 0.0, 1.5)); },
                       .seconds = 1.8})
             .levels();
@@ -212,7 +212,7 @@ TEST(MovingWalls, TheBodyOfAVehicleDoesNotCoverTheSoundThatItCarries) {
     const auto driven = [](double speed) {
         return Heard({.walls = "",
                       .body = "Transform { translation .4 0 -.33 children Shape { geometry Box { size .6 .6 .6 } } }\n",
-                      .place = [=](double t) { return glm::dvec3(0, 0, speed * t); },
+                      .positionAt = [=](double t) { return glm::dvec3(0, 0, speed * t); },
                       .listener = [=](double t) { return glm::dvec3(10, 0, speed * t); },
                       .seconds = 1.5,
                       .carries = true});

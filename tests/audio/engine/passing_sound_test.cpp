@@ -66,7 +66,7 @@ const std::string kTurning =
 void passBy(Scene& scene, NodeId mover, double t) {
     EXPECT_TRUE(scene.set(mover, x3d::Transform::translation, Vec3f(static_cast<float>(4 * t - 4), 0, -2)));
 }
-void turn(Scene& scene, NodeId mover, double t) {
+void rotate(Scene& scene, NodeId mover, double t) {
     EXPECT_TRUE(scene.set(mover, x3d::Transform::rotation, Rotation{0, 1, 0, static_cast<float>(1.5 * t)}));
 }
 
@@ -79,7 +79,7 @@ TEST(PassingSound, HasNothingFarBesideItsLine) {
             options.ambisonicOrder = order;
             EXPECT_LE(farFromLine(passing(options, passBy, kPassing)).by60, -90) << block << ' ' << order;
             // A turn that is uneven within frames was heard at -56 to -68 dB, by the rate of frames.
-            EXPECT_LE(farFromLine(passing(options, turn, kTurning)).by60, -90) << block << ' ' << order;
+            EXPECT_LE(farFromLine(passing(options, rotate, kTurning)).by60, -90) << block << ' ' << order;
         }
 }
 
@@ -91,7 +91,7 @@ TEST(PassingSound, ThroughASphereHasNothingFarBesideItsLine) {
         options.reflections = false;
         options.binaural = true;
         EXPECT_LE(farFromLine(passing(options, passBy, kPassing)).by60, -90) << block;
-        EXPECT_LE(farFromLine(passing(options, turn, kTurning)).by60, -90) << block;
+        EXPECT_LE(farFromLine(passing(options, rotate, kTurning)).by60, -90) << block;
     }
 }
 
@@ -104,7 +104,7 @@ TEST(PassingSound, ThroughAHeadHasLittleFarBesideItsLine) {
     options.hrtf = *Hrtf::load(measured, 48000);
     // Responses in steps of a degree, each with its own delay, were heard at -47 and -43 dB.
     const Far past = farFromLine(passing(options, passBy, kPassing)),
-              turned = farFromLine(passing(options, turn, kTurning));
+              turned = farFromLine(passing(options, rotate, kTurning));
     EXPECT_LE(past.by60, -80);
     EXPECT_LE(past.by400, -95);
     EXPECT_LE(turned.by60, -80);

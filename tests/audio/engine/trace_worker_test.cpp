@@ -12,11 +12,11 @@ namespace {
 using namespace std::chrono_literals;
 
 TEST(TraceWorker, LeavesSoundItsCoreAndAlwaysTracesSome) {
-    EXPECT_EQ(tracingShare(0), .5);
-    EXPECT_EQ(tracingShare(.3), .5);
-    EXPECT_NEAR(tracingShare(.5), .3, 1e-12);
-    EXPECT_EQ(tracingShare(.65), .2);
-    EXPECT_EQ(tracingShare(3), .2);
+    EXPECT_EQ(tracingFraction(0), .5);
+    EXPECT_EQ(tracingFraction(.3), .5);
+    EXPECT_NEAR(tracingFraction(.5), .3, 1e-12);
+    EXPECT_EQ(tracingFraction(.65), .2);
+    EXPECT_EQ(tracingFraction(3), .2);
 }
 
 TEST(TraceWorker, RestsAsLongAsItsShareSaysButNotForLong) {

@@ -34,14 +34,14 @@ std::vector<Image> imagesInBox(const glm::dvec3& source, const glm::dvec3& liste
                 const glm::ivec3 n(x, y, z);
                 const int mirrored = std::abs(x) + std::abs(y) + std::abs(z);
                 if (mirrored > order) continue;
-                glm::dvec3 image(0), turn(1);
+                glm::dvec3 image(0), rotation(1);
                 for (int axis = 0; axis < 3; ++axis) {
                     const bool odd = n[axis] % 2 != 0;
-                    turn[axis] = odd ? -1 : 1;
+                    rotation[axis] = odd ? -1 : 1;
                     image[axis] = odd ? (n[axis] + 1) * size[axis] - source[axis] : n[axis] * size[axis] + source[axis];
                 }
-                const glm::dvec3 way = listener - image;
-                const double distance = glm::length(way), amplitude = gain(turn * way / distance);
+                const glm::dvec3 displacement = listener - image;
+                const double distance = glm::length(displacement), amplitude = gain(rotation * displacement / distance);
                 images.push_back({distance / 343, amplitude * amplitude * std::pow(1 - absorption, mirrored) /
                                                       (4 * M_PI * distance * distance)});
             }

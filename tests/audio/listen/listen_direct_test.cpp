@@ -233,14 +233,14 @@ TEST_F(Listen, ClipsKeepTheirChannels) {
     for (const bool spatialize : {true, false}) {
         const SoundBuffer both = hear("opposite.wav", spatialize, 0), mono = hear("one.wav", spatialize, 0),
                           pair = hear("same.wav", spatialize, 0);
-        double most = 0;
+        double maximum = 0;
         for (std::size_t i = 0; i < mono.frames(); ++i) {
             ASSERT_NEAR(both.samples[2 * i], -both.samples[2 * i + 1], 1e-6);
             ASSERT_NEAR(pair.samples[2 * i], mono.samples[2 * i], 1e-6);
             ASSERT_NEAR(both.samples[2 * i], mono.samples[2 * i], 1e-6);
-            most = std::max(most, std::abs(static_cast<double>(mono.samples[2 * i])));
+            maximum = std::max(maximum, std::abs(static_cast<double>(mono.samples[2 * i])));
         }
-        EXPECT_NEAR(most, .4, 2e-3);
+        EXPECT_NEAR(maximum, .4, 2e-3);
     }
     EXPECT_GT(hear("opposite.wav", true, 1).peak(), .05f);
     EXPECT_GT(hear("opposite.wav", false, 1).peak(), .3f);

@@ -98,15 +98,15 @@ TEST_F(ListenLeak, AForgottenTriangleIsToldWithItsPlaceAndItsLine) {
     ASSERT_TRUE(report);
     // Found by the sound and by the figures, but reported once.
     ASSERT_EQ(report->diagnostics.all().size(), 1u);
-    const Diagnostic& told = report->diagnostics.all()[0];
-    EXPECT_EQ(told.code.text(), "leak");
-    EXPECT_EQ(told.severity, Severity::warning);
-    EXPECT_EQ(told.where.line, 4u);
+    const Diagnostic& reported = report->diagnostics.all()[0];
+    EXPECT_EQ(reported.code.text(), "leak");
+    EXPECT_EQ(reported.severity, Severity::warning);
+    EXPECT_EQ(reported.where.line, 4u);
     EXPECT_TRUE(
-        told.text.starts_with("Hall (IndexedFaceSet, 6 x 5 x 3 m about 3 2.5 1.5, line 4) lacks a triangle at "
-                              "6 1.667 2, of 7.5 m2: some "))
-        << told.text;
-    EXPECT_TRUE(told.text.ends_with(" % of the sound of Voice is lost there")) << told.text;
+        reported.text.starts_with("Hall (IndexedFaceSet, 6 x 5 x 3 m about 3 2.5 1.5, line 4) lacks a triangle at "
+                                  "6 1.667 2, of 7.5 m2: some "))
+        << reported.text;
+    EXPECT_TRUE(reported.text.ends_with(" % of the sound of Voice is lost there")) << reported.text;
     ASSERT_EQ(report->sources.size(), 1u);
     const auto json = nlohmann::json::parse(report->toJson());
     const auto& losses = json["sources"][0]["losses"];
@@ -184,7 +184,7 @@ TEST_F(ListenLeak, ASourceThatCameAlongSaysNothingOfTheRoom) {
             name, enabled);
     };
     const std::string unnamed = std::regex_replace(slabs(.04), std::regex("DEF [A-Z][a-z]* "), "");
-    const auto told = heardWhile(
+    const auto reported = heardWhile(
         slabs(.04) + "Transform { translation 30 0 0 children [ " + unnamed + " ] }\n" + voice("First", "TRUE") +
             voice("Second", "TRUE") + "DEF ToEar Transform { children Viewpoint { position 4 3 1.5 } }\n",
         2, [](Scene& scene, double t) {
@@ -194,11 +194,11 @@ TEST_F(ListenLeak, ASourceThatCameAlongSaysNothingOfTheRoom) {
             static_cast<void>(
                 scene.set(scene.findName("ToSecond"), x3d::Transform::translation, Vec3f(30, t > 1.2 ? 0 : 500, 0)));
         });
-    ASSERT_EQ(told.size(), 2u) << testing::PrintToString(told);
-    EXPECT_TRUE(told[0].starts_with("there is a crack at 6.0") && told[0].find("First") != std::string::npos)
-        << told[0];
-    EXPECT_TRUE(told[1].starts_with("there is a crack at 36.0") && told[1].find("Second") != std::string::npos)
-        << told[1];
+    ASSERT_EQ(reported.size(), 2u) << testing::PrintToString(reported);
+    EXPECT_TRUE(reported[0].starts_with("there is a crack at 6.0") && reported[0].find("First") != std::string::npos)
+        << reported[0];
+    EXPECT_TRUE(reported[1].starts_with("there is a crack at 36.0") && reported[1].find("Second") != std::string::npos)
+        << reported[1];
 }
 
 /// A vent, for instance: the metadata of a shape beside say so, whoever finds it.
@@ -277,13 +277,13 @@ TEST_F(ListenLeak, ReportsOfAllFormsHaveATableOfThem) {
 
 /// 86 % of the sound leaves, and rays do not agree about the rest: a T20 of .7 +- 2.9 s is none.
 TEST_F(ListenLeak, AStreetCornerHasNoReverberationTime) {
-    const auto thing = [](const std::string& size, const std::string& at) {
+    const auto item = [](const std::string& size, const std::string& at) {
         return "Transform { translation " + at + " children Shape { geometry Box { size " + size +
                " } appearance Appearance { acousticProperties AcousticProperties { absorption .1 diffuse .1 specular "
                ".8 "
                "} } } }\n";
     };
-    const std::string walls = thing("80 1 80", "0 -.5 0") + thing("30 10 30", "20 5 20") + thing("70 10 30", "0 5 -20");
+    const std::string walls = item("80 1 80", "0 -.5 0") + item("30 10 30", "20 5 20") + item("70 10 30", "0 5 -20");
     Scene scene;
     load(scene, walls +
                     "Transform { translation 0 1.5 15 children DEF Voice SpatialSound { children OscillatorSource "

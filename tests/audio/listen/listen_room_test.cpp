@@ -313,10 +313,10 @@ TEST_F(Listen, AcousticPropertiesAreShares) {
                         " } } }");
         return acousticMaterial(scene, scene.node(scene.findName("A")), AcousticMaterial{});
     };
-    const AcousticMaterial shares = material("absorption .2 diffuse .2 specular .6");
-    EXPECT_NEAR(shares.absorption[0], .2, 1e-6);
-    EXPECT_NEAR(shares.scattering[0], .25, 1e-6);
-    EXPECT_EQ(shares.transmission[0], 0);
+    const AcousticMaterial fractions = material("absorption .2 diffuse .2 specular .6");
+    EXPECT_NEAR(fractions.absorption[0], .2, 1e-6);
+    EXPECT_NEAR(fractions.scattering[0], .25, 1e-6);
+    EXPECT_EQ(fractions.transmission[0], 0);
     EXPECT_EQ(material("absorption .1").scattering[3], 0);
     EXPECT_EQ(material("absorption .1 diffuse .9").scattering[3], 1);  // though .1 + .9 is not 1 in single precision
     EXPECT_NEAR(material("absorption .1 diffuse .45").scattering[3], .5, 1e-6);
@@ -369,7 +369,7 @@ TEST_F(Listen, BandsOfMetadataLieWhereTheirNumberSays) {
 
 /// Once each, with the line of the metadata and what counts instead.
 TEST_F(Listen, MetadataThatAreNoBandsAreTold) {
-    const auto told = [&](const std::string& name, const std::string& values) {
+    const auto reported = [&](const std::string& name, const std::string& values) {
         Scene scene;
         load(scene,
              room("absorption .5 metadata\nMetadataDouble { name \"" + name + "\" value [ " + values + " ] }", kPair));
@@ -380,14 +380,14 @@ TEST_F(Listen, MetadataThatAreNoBandsAreTold) {
         const std::size_t node = all.find("AcousticProperties"), text = all.find(": absorption");
         return text == all.npos ? all : all.substr(0, node) + all.substr(text + 2);
     };
-    EXPECT_EQ(told("absorption", ".1 .2 .3 .4 .5 .6"), "");
-    EXPECT_EQ(told("color", ".1 .2 .3"), "");
-    EXPECT_EQ(told("absorption", ".1 .2 .3"),
+    EXPECT_EQ(reported("absorption", ".1 .2 .3 .4 .5 .6"), "");
+    EXPECT_EQ(reported("color", ".1 .2 .3"), "");
+    EXPECT_EQ(reported("absorption", ".1 .2 .3"),
               "4: absorption of the metadata has 3 values, and octave bands are 10 or 9 (from 31.5 Hz on), 8 (from 63 "
               "Hz) or 7 or 6 (from 125 Hz): the field counts");
-    EXPECT_EQ(told("absorption", ".1 .2 -1 .4 .5 2"),
+    EXPECT_EQ(reported("absorption", ".1 .2 -1 .4 .5 2"),
               "4: absorption of the metadata has the value -1, outside 0 to 1: 0 counts");
-    EXPECT_EQ(told("absorption", ".1 .2 .3 .4 .5 2"),
+    EXPECT_EQ(reported("absorption", ".1 .2 .3 .4 .5 2"),
               "4: absorption of the metadata has the value 2, outside 0 to 1: 1 counts");
 }
 

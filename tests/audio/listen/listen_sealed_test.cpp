@@ -25,7 +25,7 @@ class ListenSealed : public Listen {
                " AcousticProperties { absorption .1 diffuse .45 specular .45 } } } }\n";
     }
     static std::string view(const std::string& at) { return "DEF Eye Viewpoint { position " + at + " }\n"; }
-    static std::vector<std::string> told(const ListenReport& report) {
+    static std::vector<std::string> messagesOf(const ListenReport& report) {
         std::vector<std::string> texts;
         for (const Diagnostic& d : report.diagnostics.all()) {
             EXPECT_EQ(d.code.text(), "sealed") << d.format();
@@ -49,7 +49,7 @@ class ListenSealed : public Listen {
         };
         const auto report = listen(scene, o);
         EXPECT_TRUE(report);
-        return report ? told(*report) : std::vector<std::string>{};
+        return report ? messagesOf(*report) : std::vector<std::string>{};
     }
     static void move(Scene& scene, const std::string& def, const Vec3f& to) {
         EXPECT_TRUE(scene.set(scene.findName(def), x3d::Transform::translation, to));
@@ -159,7 +159,7 @@ TEST_F(ListenSealed, WhatFollowsCloseBehindASourceDoesNotPassOverIt) {
     };
     const auto report = listen(scene, o);
     ASSERT_TRUE(report);
-    EXPECT_TRUE(told(*report).empty());
+    EXPECT_TRUE(messagesOf(*report).empty());
 }
 
 TEST_F(ListenSealed, WhatPlaysOnlyOnceItIsOutIsNotTold) {
@@ -187,7 +187,7 @@ TEST_F(ListenSealed, FiguresThatDoNotExistAreToldAndNothingLeaksIntoThem) {
     o.error = .5;
     const auto report = listen(scene, o);
     ASSERT_TRUE(report);
-    EXPECT_EQ(told(*report).size(), 1u);
+    EXPECT_EQ(messagesOf(*report).size(), 1u);
     ASSERT_EQ(report->sources.size(), 1u);
     EXPECT_TRUE(report->sources[0].trace.silent());
     EXPECT_TRUE(std::isnan(report->sources[0].metrics.value.g[kBand1k]));

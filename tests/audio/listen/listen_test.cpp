@@ -113,10 +113,10 @@ TEST_F(Listen, WhatIsEditedIsHeardFromThenOn) {
         const auto report = listen(scene, o);
         ASSERT_TRUE(report) << report.error().text;
         const auto loudest = [&](double from, double to) {
-            float most = 0;
+            float maximum = 0;
             for (auto i = std::lround(from * kRate); i < std::lround(to * kRate); ++i)
-                most = std::max(most, std::abs(report->sound.samples[2 * static_cast<std::size_t>(i)]));
-            return most / report->gain;
+                maximum = std::max(maximum, std::abs(report->sound.samples[2 * static_cast<std::size_t>(i)]));
+            return maximum / report->gain;
         };
         const double block = 256. / kRate;
         EXPECT_NEAR(loudest(.49, .5), 1, .01) << fps;
@@ -466,10 +466,10 @@ TEST_F(Listen, ProgressGrowsAndFalseEndsItWithAnError) {
     ListenOptions asked = options();
     double last = 0;
     int calls = 0;
-    asked.progress = [&](double share) {
-        EXPECT_GE(share, last);
-        EXPECT_LE(share, 1);
-        last = share;
+    asked.progress = [&](double fraction) {
+        EXPECT_GE(fraction, last);
+        EXPECT_LE(fraction, 1);
+        last = fraction;
         return ++calls < 1000;
     };
     ASSERT_TRUE(listen(scene, asked));
@@ -505,9 +505,9 @@ TEST_F(Listen, WhoFollowsTheProgressMayEndTracingAtAnyTime) {
 }
 
 TEST_F(Listen, AbsurdNumbersAreHarmless) {
-    for (const std::string place : {"1e30 0 0", "1e9 1e9 0", "0 0 0", "30000 0 0", "1e-30 0 0"}) {
+    for (const std::string position : {"1e30 0 0", "1e9 1e9 0", "0 0 0", "30000 0 0", "1e-30 0 0"}) {
         Scene scene;
-        load(scene, "DEF T Transform { translation " + place +
+        load(scene, "DEF T Transform { translation " + position +
                         " scale 1 1e-20 1 children [ DEF S Sound { minFront 0 minBack 1e30 maxFront 1e38 maxBack 1e38 "
                         "source DEF C "
                         "AudioClip { url \"tone.wav\" loop TRUE pitch 1e30 startTime -1e300 } } SpatialSound { "
@@ -528,7 +528,7 @@ TEST_F(Listen, AbsurdNumbersAreHarmless) {
         const auto after = listen(scene, o);
         ASSERT_TRUE(after) << after.error().text;
         for (const auto* report : {&*before, &*after})
-            for (const float sample : report->sound.samples) ASSERT_TRUE(std::isfinite(sample)) << place;
+            for (const float sample : report->sound.samples) ASSERT_TRUE(std::isfinite(sample)) << position;
     }
 }
 

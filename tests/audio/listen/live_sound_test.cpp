@@ -249,9 +249,9 @@ TEST(LiveSound, EachSourceIsTracedInItsTurn) {
     double reflected = 0;
     for (int block = 0, after = 0; after < 60 && std::chrono::steady_clock::now() - start < std::chrono::seconds(60);
          ++block) {
-        const double t = engine->liveEnd(), way = .15 * block;
+        const double t = engine->liveEnd(), distance = .15 * block;
         if (engine->heard().responses < 4) {
-            const auto x = static_cast<float>(1 + std::abs(way - 6 * std::floor(way / 6) - 3));
+            const auto x = static_cast<float>(1 + std::abs(distance - 6 * std::floor(distance / 6) - 3));
             ASSERT_TRUE(room.scene.set(room.scene.findName("Busy"), x3d::Transform::translation, Vec3f(x, 2, 1)));
             room.scene.newFrame(t);
         } else {

@@ -61,7 +61,7 @@ class ReadSofa {
     std::unique_ptr<MYSOFA_HRTF, decltype(&mysofa_free)> hrtf_;
 };
 
-void expectPlaces(const std::vector<float>& got, const std::vector<glm::dvec3>& expected) {
+void expectPositions(const std::vector<float>& got, const std::vector<glm::dvec3>& expected) {
     ASSERT_EQ(got.size(), 3 * expected.size());
     for (std::size_t i = 0; i < got.size(); ++i)
         EXPECT_NEAR(static_cast<double>(got[i]), expected[i / 3][static_cast<int>(i % 3)], 1e-6) << i;
@@ -112,23 +112,23 @@ TEST_F(SofaOfRoom, HoldsEveryPairWhereItIsAndAsItSounds) {
         EXPECT_FALSE(sofa.global.at(name).empty()) << name;
     // z is up: (x, -z, y). The listener at each place looks in the direction of the Viewpoint: along -z, and along -x.
     const glm::dvec3 voice(1, -1.5, 1), horn(5, -2, 4), seat(4, -1.5, 3), aisle(2, -1.2, 3);
-    expectPlaces(sofa.sourcePosition.values, {voice, voice, horn, horn});
-    expectPlaces(sofa.others.at("SourceView").values, {{1, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}});
-    expectPlaces(sofa.listenerPosition.values, {seat, aisle, seat, aisle});
-    expectPlaces(sofa.listenerView.values, {{0, 1, 0}, {-1, 0, 0}, {0, 1, 0}, {-1, 0, 0}});
-    expectPlaces(sofa.listenerUp.values, std::vector<glm::dvec3>(4, {0, 0, 1}));
-    expectPlaces(sofa.receiverPosition.values, {{0, 0, 0}});
-    expectPlaces(sofa.others.at("RoomCornerA").values, {{0, -3, 0}});
-    expectPlaces(sofa.others.at("RoomCornerB").values, {{6, 0, 5}});
+    expectPositions(sofa.sourcePosition.values, {voice, voice, horn, horn});
+    expectPositions(sofa.others.at("SourceView").values, {{1, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 1, 0}});
+    expectPositions(sofa.listenerPosition.values, {seat, aisle, seat, aisle});
+    expectPositions(sofa.listenerView.values, {{0, 1, 0}, {-1, 0, 0}, {0, 1, 0}, {-1, 0, 0}});
+    expectPositions(sofa.listenerUp.values, std::vector<glm::dvec3>(4, {0, 0, 1}));
+    expectPositions(sofa.receiverPosition.values, {{0, 0, 0}});
+    expectPositions(sofa.others.at("RoomCornerA").values, {{0, -3, 0}});
+    expectPositions(sofa.others.at("RoomCornerB").values, {{6, 0, 5}});
     EXPECT_NEAR(sofa.others.at("RoomVolume").values.at(0), 90, 1e-4);
     EXPECT_NEAR(sofa.others.at("RoomTemperature").values.at(0), 293.15, 1e-3);
     EXPECT_EQ(sofa.others.at("SourceNumber").values, (std::vector<float>{0, 0, 1, 1}));
     EXPECT_EQ(sofa.others.at("SourceNumber").attributes.at("Names"), "Voice\nHorn");
     EXPECT_EQ(sofa.others.at("ListenerNumber").values, (std::vector<float>{0, 1, 0, 1}));
     EXPECT_EQ(sofa.others.at("ListenerNumber").attributes.at("Names"), "Seat\nAisle");
-    for (const auto* place : {&sofa.sourcePosition, &sofa.listenerPosition, &sofa.receiverPosition}) {
-        EXPECT_EQ(place->attributes.at("Type"), "cartesian");
-        EXPECT_EQ(place->attributes.at("Units"), "metre");
+    for (const auto* position : {&sofa.sourcePosition, &sofa.listenerPosition, &sofa.receiverPosition}) {
+        EXPECT_EQ(position->attributes.at("Type"), "cartesian");
+        EXPECT_EQ(position->attributes.at("Units"), "metre");
     }
     EXPECT_EQ(sofa.rate.values, std::vector<float>{48000});
     EXPECT_EQ(sofa.rate.attributes.at("Units"), "hertz");
@@ -183,7 +183,8 @@ TEST_F(SofaOfRoom, IsTheWavOfTheSameResponsesInEachKindOfChannels) {
             EXPECT_EQ(sofa.receiverPosition.attributes.at("Type"), "spherical harmonics");
             EXPECT_NE(sofa.global.at("ReceiverDescription").find("SN3D"), std::string::npos);
         }
-        if (channels == Channels::binaural) expectPlaces(sofa.receiverPosition.values, {{0, .0875, 0}, {0, -.0875, 0}});
+        if (channels == Channels::binaural)
+            expectPositions(sofa.receiverPosition.values, {{0, .0875, 0}, {0, -.0875, 0}});
     }
 }
 
@@ -207,7 +208,7 @@ TEST_F(SofaOfRoom, SaysHowFarEarsAreApart) {
         ASSERT_TRUE(writeSofa(file, room));
         const ReadSofa sofa(file);
         if (alike)
-            expectPlaces(sofa.receiverPosition.values, {{0, .25, 0}, {0, -.25, 0}});
+            expectPositions(sofa.receiverPosition.values, {{0, .25, 0}, {0, -.25, 0}});
         else  // x, y and z of the left ear, then of the right, each of both measurements
             EXPECT_THAT(sofa.receiverPosition.values,
                         testing::ElementsAre(0, 0, .25f, .0875f, 0, 0, 0, 0, -.25f, -.0875f, 0, 0));

@@ -39,7 +39,7 @@ RoomMap small() {
             RoomReport::Pair& pair = map.report.pairs.emplace_back();
             pair.source = source == 0 ? "A" : "the \"second\"";
             pair.sourceAt = {1.5, 0, 2};
-            pair.listenerAt = map.grid.place(map.grid.inside[static_cast<std::size_t>(i)]);
+            pair.listenerAt = map.grid.position(map.grid.inside[static_cast<std::size_t>(i)]);
             pair.metrics.value.c80 = allBands(i + source);
             pair.speech.sti = .1 * i;
         }
@@ -54,7 +54,7 @@ TEST(RoomMap, IsTheMeanOverSources) {
     for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(values[i], static_cast<double>(i) + .5);
     EXPECT_EQ(values[4], 5);
     EXPECT_TRUE(std::isnan(values[5]));
-    EXPECT_EQ(map.grid.place(4), glm::dvec3(1.5, 1.2, 2.5));
+    EXPECT_EQ(map.grid.position(4), glm::dvec3(1.5, 1.2, 2.5));
 }
 
 TEST(RoomMap, IsATableWithALineForEachSourceAndPoint) {

@@ -168,9 +168,9 @@ TEST(RoomReport, ThePageColoursByNoticeableDifferences) {
 
     // With several places, the colour shows how far each is from the mean.
     report.pairs = {pair("A", 1, 3), pair("B", 1, 3), pair("C", 1, 0)};
-    const std::string places = report.toHtml();
-    EXPECT_EQ(count(places, "<td class=\"l2\">0.00</td>"), 3u) << "2 dB below the mean: C50, C80 and G";
-    EXPECT_EQ(count(places, "<td class=\"h2\">"), 0u);
+    const std::string positions = report.toHtml();
+    EXPECT_EQ(count(positions, "<td class=\"l2\">0.00</td>"), 3u) << "2 dB below the mean: C50, C80 and G";
+    EXPECT_EQ(count(positions, "<td class=\"h2\">"), 0u);
 }
 
 TEST(RoomReport, TellsTheRoomAndHowSpeechIsUnderstood) {

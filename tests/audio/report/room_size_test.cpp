@@ -104,9 +104,9 @@ TEST(RoomGrid, HasThePointsThatAreInTheRoom) {
     EXPECT_NEAR(static_cast<double>(grid->rows), 8, 1);
     EXPECT_EQ(grid->inside.size(), grid->columns * grid->rows);
     for (const std::size_t point : grid->inside) {
-        const glm::dvec3 place = grid->place(point);
-        EXPECT_EQ(place.y, 1.2);
-        EXPECT_TRUE(place.x > 0 && place.x < 8 && place.z > 0 && place.z < 4);
+        const glm::dvec3 position = grid->position(point);
+        EXPECT_EQ(position.y, 1.2);
+        EXPECT_TRUE(position.x > 0 && position.x < 8 && position.z > 0 && position.z < 4);
     }
     EXPECT_FALSE(gridIn(rooms, size, 5, .5));
     EXPECT_FALSE(gridIn(rooms, size, 1.2, .001));
@@ -115,8 +115,8 @@ TEST(RoomGrid, HasThePointsThatAreInTheRoom) {
     const auto less = gridIn(furnished, measureRoom(furnished, {.5, 1.5, .5}), 1.2, .5);
     ASSERT_TRUE(less);
     for (const std::size_t point : less->inside) {
-        const glm::dvec3 place = less->place(point);
-        EXPECT_FALSE(place.x > 1 && place.x < 3 && place.z > 1 && place.z < 3);
+        const glm::dvec3 position = less->position(point);
+        EXPECT_FALSE(position.x > 1 && position.x < 3 && position.z > 1 && position.z < 3);
     }
     EXPECT_LT(less->inside.size(), grid->inside.size() - 10);
 }

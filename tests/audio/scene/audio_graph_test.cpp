@@ -112,10 +112,10 @@ TEST(AudioGraph, AWaveThatIsNotEnabledLeavesASine) {
 
 TEST(AudioGraph, AWaveOfNoKnownTypeIsASquare) {
     const auto tone = [](const char* type) {
-        std::string told;
+        std::string reported;
         return hear(
             fmt::format("OscillatorSource {{ frequency 1000 periodicWave PeriodicWave {{ type \"{}\" }} }}", type), .1,
-            &told)[0];
+            &reported)[0];
     };
     EXPECT_EQ(tone("FOO"), tone("SQUARE"));
     EXPECT_NE(tone("SINE"), tone("SQUARE"));
@@ -125,11 +125,11 @@ TEST(AudioGraph, ABranchThatMakesNoNumbersIsSilentAloneAndNamed) {
     for (const std::string& bad :
          {"DEF BAD DynamicsCompressor { threshold -1e30 children " + kGraphTone + " }",
           "DEF BAD Convolver { normalize FALSE buffer [ 1e38 1e38 1e38 ] children " + kGraphTone + " }"}) {
-        std::string told;
-        const auto heard = hear(bad + " Gain { children " + kGraphTone + " }", .5, &told);
+        std::string reported;
+        const auto heard = hear(bad + " Gain { children " + kGraphTone + " }", .5, &reported);
         for (const double sample : heard[0]) ASSERT_TRUE(std::isfinite(sample)) << bad;
         EXPECT_NEAR(lineOf(heard[0], 1000), 1, 1e-5) << bad;
-        EXPECT_EQ(told, "BAD is silent where it makes values that are no numbers, or too large for a sound\n");
+        EXPECT_EQ(reported, "BAD is silent where it makes values that are no numbers, or too large for a sound\n");
     }
 }
 
@@ -140,11 +140,13 @@ TEST(AudioGraph, ASoundThatIsTooLoudIsSilentAloneAndNamed) {
           "DEF BAD AudioDestination { gain 1e30 children Gain { gain 1e38 children " + kGraphTone + " } }",
           std::string("DEF BAD Sound { location 0 0 -2 source BufferAudioSource { loop TRUE sampleRate 48000 gain 1e38 "
                       "buffer [ 1e38 ] } }")}) {
-        std::string told;
-        const auto heard = hear("Gain { children " + kGraphTone + " } ] } " + bad + " Group { children [", .5, &told);
+        std::string reported;
+        const auto heard =
+            hear("Gain { children " + kGraphTone + " } ] } " + bad + " Group { children [", .5, &reported);
         for (const double sample : heard[0]) ASSERT_TRUE(std::isfinite(sample)) << bad;
         EXPECT_NEAR(lineOf(heard[0], 1000), 1, 1e-5) << bad;
-        EXPECT_EQ(told, "BAD is silent where it makes values that are no numbers, or too large for a sound\n") << bad;
+        EXPECT_EQ(reported, "BAD is silent where it makes values that are no numbers, or too large for a sound\n")
+            << bad;
     }
 }
 
@@ -172,8 +174,8 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
 
 TEST(AudioGraph, ASplittersOutputsGetAChannelEach) {
     const std::string pair = "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .25 -.5 ] }";
-    const auto split = [&](const std::string& outputs, std::string* told = nullptr) {
-        const auto heard = hear("ChannelSplitter { outputs [ " + outputs + " ] children " + pair + " }", .1, told);
+    const auto split = [&](const std::string& outputs, std::string* reported = nullptr) {
+        const auto heard = hear("ChannelSplitter { outputs [ " + outputs + " ] children " + pair + " }", .1, reported);
         return std::pair(heard[0][2000], heard[1][2000]);
     };
     using Both = testing::Matcher<std::pair<double, double>>;
@@ -201,9 +203,9 @@ TEST(AudioGraph, ASplittersOutputsGetAChannelEach) {
     // Splitters and mergers as outputs.
     EXPECT_THAT(split("ChannelMerger { children Gain { } } ChannelSplitter { gain 4 outputs Gain { gain .5 } }"),
                 both(.125, -1));
-    std::string told;
-    EXPECT_THAT(split("Gain { } " + pair, &told), both(.25, .5 * (.25 - .5)));
-    EXPECT_THAT(told, testing::HasSubstr("is a source: as an output of a ChannelSplitter it hears nothing of it"));
+    std::string reported;
+    EXPECT_THAT(split("Gain { } " + pair, &reported), both(.25, .5 * (.25 - .5)));
+    EXPECT_THAT(reported, testing::HasSubstr("is a source: as an output of a ChannelSplitter it hears nothing of it"));
 }
 
 TEST(AudioGraph, FollowsASplittersOutputs) {
@@ -301,8 +303,8 @@ TEST(AudioGraph, SoundsOfManyChannelsAreMixedAsADestinationMixesThem) {
         for (const std::string& sound :
              {"Sound { spatialize FALSE minFront 10 minBack 10 maxFront 20 maxBack 20 source " + clip + " }",
               "SpatialSound { spatialize FALSE children " + clip + " }"}) {
-            std::string told;
-            const auto placed = hear("", .1, &told, "", sound + " Viewpoint { position 0 0 0 }");
+            std::string reported;
+            const auto placed = hear("", .1, &reported, "", sound + " Viewpoint { position 0 0 0 }");
             for (std::size_t ear = 0; ear < 2; ++ear) EXPECT_NEAR(placed[ear][4000], mixed[ear][4000], 1e-5) << sound;
         }
     }
@@ -396,10 +398,10 @@ TEST(AudioGraph, AClipWithoutAPitchIsSilentAndNotActive) {
         }
         EXPECT_EQ(scene.node(scene.findName("C")).get(x3d::AudioClip::isActive), pitch > 0);
         EXPECT_NEAR(loudest, pitch > 0 ? .25 : 0, 1e-6);
-        std::string told;
+        std::string reported;
         const ListenReport report = sound.finish();
-        for (const Diagnostic& d : report.diagnostics.all()) told += d.text + '\n';
-        EXPECT_EQ(told, pitch > 0 ? "" : std::string("C is silent: its pitch is not above 0\n"));
+        for (const Diagnostic& d : report.diagnostics.all()) reported += d.text + '\n';
+        EXPECT_EQ(reported, pitch > 0 ? "" : std::string("C is silent: its pitch is not above 0\n"));
     }
 }
 
@@ -449,10 +451,10 @@ TEST(AudioGraph, AFilmIsHeardAtItsSpeedAndNotBackwards) {
         EXPECT_NEAR(twice[0][i], static_cast<double>(2 * i % 19'200) / 32768, 1e-5) << i;
     }
     for (const char* silent : {"speed -1 }", "speed 0 }", "load FALSE }"}) {
-        std::string told;
-        const auto nothing = hear(film + silent, .1, &told);
+        std::string reported;
+        const auto nothing = hear(film + silent, .1, &reported);
         for (const double sample : nothing[0]) ASSERT_EQ(sample, 0) << silent;
-        EXPECT_THAT(told, testing::HasSubstr("nothing that sounds leads into it"));
+        EXPECT_THAT(reported, testing::HasSubstr("nothing that sounds leads into it"));
     }
 }
 
@@ -502,9 +504,9 @@ TEST(AudioGraph, FollowsEdits) {
         scene.newFrame(until);
         EXPECT_TRUE(sound.renderFrame());
         const std::vector<double> x(sound.block().begin(), sound.block().end());
-        double most = 0;
-        for (std::size_t i = x.size() / 2; i < x.size(); ++i) most = std::max(most, std::abs(x[i]));
-        return most;
+        double maximum = 0;
+        for (std::size_t i = x.size() / 2; i < x.size(); ++i) maximum = std::max(maximum, std::abs(x[i]));
+        return maximum;
     };
     EXPECT_NEAR(level(.2), 1, 1e-3);
     ASSERT_TRUE(scene.set(scene.findName("F"), x3d::BiquadFilter::frequency, 10.f));
@@ -612,9 +614,10 @@ TEST(AudioGraph, WhatACompressorTakesAwayComesAsEvents) {
         EXPECT_TRUE(sound.renderFrame());
         sound.sendEvents();
         scene.newFrame(t);
-        const auto told = static_cast<double>(scene.node(scene.findName("C")).get(x3d::DynamicsCompressor::reduction));
-        EXPECT_EQ(static_cast<double>(scene.node(scene.findName("T")).get(x3d::Gain::gain)), told);
-        return told;
+        const auto reported =
+            static_cast<double>(scene.node(scene.findName("C")).get(x3d::DynamicsCompressor::reduction));
+        EXPECT_EQ(static_cast<double>(scene.node(scene.findName("T")).get(x3d::Gain::gain)), reported);
+        return reported;
     };
     // Sound is made in blocks of 256 samples: what is found is that of up to one later.
     const double block = 10 * 256 / 4800.0;

@@ -99,9 +99,9 @@ TEST(AudioPanner, ASpatialSoundBetweenNodesIsHeardByAHeadIfItSaysSo) {
             for (std::size_t e = 0; e < 2; ++e) {
                 std::complex<double> sum = 0, other = 0;
                 for (std::size_t i = 4800; i < 9600; ++i) {
-                    const auto turn = std::polar(1.0, -2 * M_PI * kHertz * static_cast<double>(i) / kRate);
-                    sum += by[e][i] * turn;
-                    other += equal[e][i] * turn;
+                    const auto rotation = std::polar(1.0, -2 * M_PI * kHertz * static_cast<double>(i) / kRate);
+                    sum += by[e][i] * rotation;
+                    other += equal[e][i] * rotation;
                 }
                 const double r = ears > 0 ? ears / 2 : .0875;
                 const auto expected = earOnSphere(r, kHertz, azimuth, static_cast<int>(e));
@@ -155,7 +155,7 @@ TEST(AudioPanner, APannerIsWhereItsDestinationIsAndFollows) {
     for (int frame = 9; frame < 13; ++frame) heard(frame);
     EXPECT_NEAR(last[0], .125, 1e-6);
     EXPECT_NEAR(last[1], 0, 1e-6);
-    for (const double most : step) EXPECT_LT(most, .002);
+    for (const double maximum : step) EXPECT_LT(maximum, .002);
 }
 
 }  // namespace

@@ -248,10 +248,10 @@ double offCosines(const SoundVoice& voice, ClipLibrary& clips, const std::vector
         for (std::size_t c = 0; c < hertz.size(); ++c)
             for (std::size_t i = 0; i < 480; ++i) {
                 EXPECT_EQ(block[c][i], out[c][first + i]) << "live";
-                const double turn = hertz[c] * voice.pitch * static_cast<double>(first + i) / kFileRate;
+                const double angle = hertz[c] * voice.pitch * static_cast<double>(first + i) / kFileRate;
                 if (first + i >= 2000)
                     off = std::max(off, std::abs(static_cast<double>(block[c][i]) -
-                                                 std::cos(2 * std::numbers::pi * (turn - std::floor(turn)))));
+                                                 std::cos(2 * std::numbers::pi * (angle - std::floor(angle)))));
             }
     }
     return off;

@@ -16,7 +16,7 @@ namespace rtsg::test {
 /// Left and right of `seconds` of a graph. `told`: takes what is said of it, which is nothing otherwise. `fields`: of
 /// the destination. `listener`: of the scene.
 inline std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5,
-                                               std::string* told = nullptr, const std::string& fields = "",
+                                               std::string* reported = nullptr, const std::string& fields = "",
                                                const std::string& listener = "Viewpoint { position 0 0 0 }") {
     Scene scene;
     Diagnostics diagnostics;
@@ -25,7 +25,7 @@ inline std::array<std::vector<double>, 2> hear(const std::string& graph, double 
                              " ] }\n" + listener + "\n",
                          diagnostics));
     for (const Diagnostic& d : diagnostics.all())
-        if (!told) ADD_FAILURE() << d.format();
+        if (!reported) ADD_FAILURE() << d.format();
     ListenOptions options;
     options.metrics = false;
     SharedWorld world(scene);
@@ -39,8 +39,8 @@ inline std::array<std::vector<double>, 2> hear(const std::string& graph, double 
     }
     const ListenReport report = sound.finish();
     for (const Diagnostic& d : report.diagnostics.all())
-        if (told)
-            *told += d.text + '\n';
+        if (reported)
+            *reported += d.text + '\n';
         else if (d.text.find("made no sound in that time") == std::string::npos)  // some tests expect silence
             ADD_FAILURE() << d.format();
     return out;

@@ -249,8 +249,8 @@ TEST(SoundScene, AListenerKeepsTheLastPlaceThatIsOne) {
         const auto expect = [&](const glm::dvec3& position, const glm::dvec3& right, const std::string& what) {
             EXPECT_LT(glm::distance(sounds.listener().position, position), 1e-6) << type << what;
             EXPECT_LT(glm::distance(sounds.listener().right, right), 1e-6) << type << what;
-            ASSERT_EQ(sounds.places().size(), 1u);
-            EXPECT_LT(glm::distance(sounds.places()[0].position, position), 1e-6) << type << what;
+            ASSERT_EQ(sounds.positions().size(), 1u);
+            EXPECT_LT(glm::distance(sounds.positions()[0].position, position), 1e-6) << type << what;
         };
         send("T", "translation", Value(Vec3f(1, 0, 0)));
         expect({2, 2, 3}, {0, 0, -1}, " at first");

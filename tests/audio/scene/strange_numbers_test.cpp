@@ -182,9 +182,10 @@ TEST_F(StrangeNumbers, AreTold) {
     }
     const ListenReport report = sound_.finish();
     for (const auto& one : cases) {
-        const auto told = std::ranges::count(report.diagnostics.all(), one.text, &Diagnostic::text);
+        const auto reported = std::ranges::count(report.diagnostics.all(), one.text, &Diagnostic::text);
         // Buffers are read when they change.
-        EXPECT_TRUE(told == 1 || (told == 3 && std::string_view(one.field) == "B.buffer")) << one.text << ": " << told;
+        EXPECT_TRUE(reported == 1 || (reported == 3 && std::string_view(one.field) == "B.buffer"))
+            << one.text << ": " << reported;
     }
     for (const Diagnostic& d : report.diagnostics.all()) EXPECT_GT(d.where.line, 0) << d.text;
 }

@@ -152,11 +152,11 @@ TEST(WaveShaper, IsLinearBetweenThePointsOfItsCurve) {
 }
 
 /// Amplitude of one frequency (a share of the rate) in the last `length` samples, a whole number of its periods.
-double amplitudeAt(const std::vector<float>& samples, std::size_t length, double share) {
+double amplitudeAt(const std::vector<float>& samples, std::size_t length, double fraction) {
     std::complex<double> sum = 0;
     for (std::size_t i = 0; i < length; ++i)
         sum += static_cast<double>(samples[samples.size() - length + i]) *
-               std::polar(1.0, -2 * std::numbers::pi * share * static_cast<double>(i));
+               std::polar(1.0, -2 * std::numbers::pi * fraction * static_cast<double>(i));
     return 2 * std::abs(sum) / static_cast<double>(length);
 }
 
@@ -168,10 +168,10 @@ TEST(OversampledShaper, GivesTheHarmonicsThatFitAndNoOthers) {
         cube.push_back(static_cast<float>(x * x * x));
         fifth.push_back(static_cast<float>(x * x * x * x * x));
     }
-    const auto play = [](std::span<const float> curve, unsigned factor, double share) {
+    const auto play = [](std::span<const float> curve, unsigned factor, double fraction) {
         std::vector<float> samples(4000);
         for (std::size_t i = 0; i < samples.size(); ++i)
-            samples[i] = static_cast<float>(std::sin(2 * std::numbers::pi * share * static_cast<double>(i)));
+            samples[i] = static_cast<float>(std::sin(2 * std::numbers::pi * fraction * static_cast<double>(i)));
         OversampledShaper shaper;
         // In blocks of several lengths: what is between them does not matter.
         for (std::size_t at = 0, size = 1; at < samples.size(); at += size, size = size % 97 + 1)
@@ -230,10 +230,10 @@ TEST(PeriodicWave, IsItsSeries) {
     const std::vector<float> real{9, .2f, 0, .1f}, imag{9, .5f, -.3f};
     const PeriodicWave wave = PeriodicWave::custom(real, imag);
     ASSERT_EQ(wave.harmonics(), 3u);
-    const auto series = [](double t, int most) {
+    const auto series = [](double t, int maximum) {
         const double a[] = {0, .2, 0, .1}, b[] = {0, .5, -.3, 0};
         double sum = 0;
-        for (int k = 1; k <= most; ++k) sum += a[k] * std::cos(2 * M_PI * k * t) + b[k] * std::sin(2 * M_PI * k * t);
+        for (int k = 1; k <= maximum; ++k) sum += a[k] * std::cos(2 * M_PI * k * t) + b[k] * std::sin(2 * M_PI * k * t);
         return sum;
     };
     double peak = 0;

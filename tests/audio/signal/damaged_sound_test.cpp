@@ -87,13 +87,13 @@ TEST(DamagedSound, ThatWasCutSaysHowMuchOfItThereIs) {
     for (const Format& format : kFormats) {
         const std::string bytes = encoded(format);
         if (bytes.empty()) continue;
-        for (const double share : {.4, .8}) {
+        for (const double fraction : {.4, .8}) {
             std::string damage;
-            const auto cut = static_cast<std::size_t>(share * static_cast<double>(bytes.size()));
+            const auto cut = static_cast<std::size_t>(fraction * static_cast<double>(bytes.size()));
             const auto sound = readSoundBytes(std::string_view(bytes).substr(0, cut), 1 << 24, &damage);
             ASSERT_TRUE(sound) << format.name;
             // Packed seconds differ in size.
-            EXPECT_NEAR(sound->seconds(), 3 * share, .4) << format.name;
+            EXPECT_NEAR(sound->seconds(), 3 * fraction, .4) << format.name;
             const bool isOgg = (format.code & SF_FORMAT_TYPEMASK) == SF_FORMAT_OGG;
             const std::string is = fmt::format("{:.3g} s", sound->seconds());
             if (isOgg)

@@ -59,7 +59,7 @@ class Head : public testing::Test {
         const double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
         return {-std::cos(e) * std::sin(a), std::sin(e), -std::cos(e) * std::cos(a)};
     }
-    static constexpr double kPlaces[][2] = {{0, 0}, {30, 0}, {90, 0}, {-90, 0}, {140, 20}, {-45, -30}, {10, 70}};
+    static constexpr double kDirections[][2] = {{0, 0}, {30, 0}, {90, 0}, {-90, 0}, {140, 20}, {-45, -30}, {10, 70}};
 
     std::shared_ptr<const Hrtf> head;
     MYSOFA_EASY* easy = nullptr;
@@ -67,16 +67,16 @@ class Head : public testing::Test {
 };
 
 TEST_F(Head, EarsDifferInLevelAndTimeAsMeasured) {
-    for (const auto& place : kPlaces)
+    for (const auto& position : kDirections)
         for (const double hz : {300.0, 1000.0, 4000.0}) {
-            const auto expected = measured(place[0], place[1], hz);
-            const Hrtf::Ears ears = head->at(direction(place[0], place[1]));
+            const auto expected = measured(position[0], position[1], hz);
+            const Hrtf::Ears ears = head->at(direction(position[0], position[1]));
             const auto left = tone(ears[0], hz, 0), right = tone(ears[1], hz, 0);
             EXPECT_NEAR(20 * std::log10(std::abs(left / right)), 20 * std::log10(std::abs(expected[0] / expected[1])),
                         .05)
-                << place[0] << ' ' << hz;
-            EXPECT_NEAR(std::arg(left / right * expected[1] / expected[0]), 0, .01) << place[0] << ' ' << hz;
-            EXPECT_NEAR(20 * std::log10(std::abs(left / expected[0])), 0, .05) << place[0] << ' ' << hz;
+                << position[0] << ' ' << hz;
+            EXPECT_NEAR(std::arg(left / right * expected[1] / expected[0]), 0, .01) << position[0] << ' ' << hz;
+            EXPECT_NEAR(20 * std::log10(std::abs(left / expected[0])), 0, .05) << position[0] << ' ' << hz;
         }
 }
 
@@ -164,9 +164,9 @@ TEST(Hrtf, WhatIsNoSofaFileIsRefused) {
 
 /// A head of six directions, ahead, behind, left, right, above and below, by two ears of 64 samples each, and what they
 /// come later by, in samples.
-struct SixWays {
+struct SixDirections {
     std::vector<double> responses = std::vector<double>(6 * 2 * 64), delays = std::vector<double>(6 * 2);
-    SixWays() {
+    SixDirections() {
         for (std::size_t ear = 0; ear < 12; ++ear) responses[64 * ear + 20] = 1;
     }
     void write(const std::filesystem::path& file) const {
@@ -195,7 +195,7 @@ struct SixWays {
     }
 };
 
-class MadeHead : public testing::Test {
+class WrittenHead : public testing::Test {
   protected:
     void SetUp() override {
         if (const auto writer = netcdfWriter(); !writer) GTEST_SKIP() << writer.error().text;
@@ -205,8 +205,8 @@ class MadeHead : public testing::Test {
 };
 
 /// In samples of the file, whatever rate is asked for.
-TEST_F(MadeHead, EarsHearLaterByItsDelays) {
-    SixWays six;
+TEST_F(WrittenHead, EarsHearLaterByItsDelays) {
+    SixDirections six;
     six.delays[2 * 2 + 1] = 30;  // from the left, the right ear
     for (double& delay : six.delays) delay += 7;
     six.write(file_);
@@ -229,8 +229,8 @@ TEST_F(MadeHead, EarsHearLaterByItsDelays) {
 }
 
 /// A wave by an edge is heard as a pulse from there is, with its own spectrum.
-TEST_F(MadeHead, HearsWhatEdgesBend) {
-    SixWays six;
+TEST_F(WrittenHead, HearsWhatEdgesBend) {
+    SixDirections six;
     six.delays[2 * 2 + 1] = 30;  // from the left, the right ear
     six.write(file_);
     const auto head = Hrtf::load(file_, 48000);
@@ -265,20 +265,20 @@ TEST_F(MadeHead, HearsWhatEdgesBend) {
 }
 
 /// Wherever in a file they are.
-TEST_F(MadeHead, IsRefusedForWhatIsNoNumber) {
+TEST_F(WrittenHead, IsRefusedForWhatIsNoNumber) {
     const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-    const auto told = [&](double sample, double delay) {
-        SixWays six;
+    const auto reported = [&](double sample, double delay) {
+        SixDirections six;
         six.responses[64 * 2 + 30] = sample;
         six.delays[2] = delay;
         six.write(file_);
         const auto loaded = Hrtf::load(file_, 48000);
         return loaded ? "" : loaded.error().text.substr(file_.string().size());
     };
-    EXPECT_EQ(told(.5, 30), "");
-    for (const double sample : {nan, inf}) EXPECT_EQ(told(sample, 0), ": it has samples that are no numbers");
+    EXPECT_EQ(reported(.5, 30), "");
+    for (const double sample : {nan, inf}) EXPECT_EQ(reported(sample, 0), ": it has samples that are no numbers");
     for (const double delay : {nan, -inf, 1e30, -48001.0})
-        EXPECT_EQ(told(0, delay), ": it has delays that are not those of a head");
+        EXPECT_EQ(reported(0, delay), ": it has delays that are not those of a head");
 }
 
 }  // namespace

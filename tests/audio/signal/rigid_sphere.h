@@ -11,7 +11,7 @@ namespace rtsg::test {
 /// e^(i w t). `x`: the radius in wave lengths times 2 pi; `angle` between the way to the source and the place. Source:
 /// Duda and Martens, JASA 104, 3048 (1998), equation 2 for a source far away.
 inline std::complex<double> onRigidSphere(double x, double angle) {
-    std::complex<double> sum = 0, turn(0, -1);
+    std::complex<double> sum = 0, phase(0, -1);
     for (unsigned m = 0; m < 8 + 2 * x; ++m) {
         // h' = m / x h_m - h_(m + 1), of h = j - i y.
         const auto hankel = [&](unsigned n) {
@@ -19,8 +19,8 @@ inline std::complex<double> onRigidSphere(double x, double angle) {
         };
         const double order = m;
         const std::complex<double> slope = order / x * hankel(m) - hankel(m + 1);
-        sum += (2 * order + 1) * turn * std::legendre(m, std::cos(angle)) / slope;
-        turn *= std::complex<double>(0, 1);
+        sum += (2 * order + 1) * phase * std::legendre(m, std::cos(angle)) / slope;
+        phase *= std::complex<double>(0, 1);
     }
     return sum / (x * x);
 }

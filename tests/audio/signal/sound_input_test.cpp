@@ -221,9 +221,9 @@ TEST(SoundInput, ComesAtTheRateItIsHeardAt) {
     const std::vector<float> heard = heardOf(*input, first);
     // Zeros were left out: some of the tone's own too.
     EXPECT_NEAR(static_cast<double>(heard.size()), 24'000, 600);
-    int turns = 0;
-    for (std::size_t i = 1; i < heard.size(); ++i) turns += heard[i - 1] < 0 && heard[i] > 0;
-    EXPECT_NEAR(turns, 250, 2);
+    int rounds = 0;
+    for (std::size_t i = 1; i < heard.size(); ++i) rounds += heard[i - 1] < 0 && heard[i] > 0;
+    EXPECT_NEAR(rounds, 250, 2);
     EXPECT_NEAR(*std::max_element(heard.begin() + 1000, heard.end() - 1000), 1, .01);
     const auto never = inputOf(SoundInput::Waits::yes, 1, {1});
     EXPECT_EQ(never->block(0, 16, 0)[0], 0);

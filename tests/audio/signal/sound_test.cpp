@@ -63,18 +63,18 @@ TEST(Ambisonics, FollowTheAdditionTheorem) {
 
 TEST(Convolver, EqualsTheSumInTheTimeDomain) {
     // Around where long parts begin: after fifteen blocks, if there are more than sixteen.
-    for (const auto& [length, turn] : {std::pair{1ul, 0ul},
-                                       {64ul, 0ul},
-                                       {65ul, 3ul},
-                                       {1000ul, 0ul},
-                                       {1024ul, 1ul},
-                                       {1025ul, 0ul},
-                                       {1025ul, 15ul},
-                                       {1984ul, 5ul},
-                                       {1985ul, 16ul},
-                                       {5000ul, 7ul}}) {
+    for (const auto& [length, rotation] : {std::pair{1ul, 0ul},
+                                           {64ul, 0ul},
+                                           {65ul, 3ul},
+                                           {1000ul, 0ul},
+                                           {1024ul, 1ul},
+                                           {1025ul, 0ul},
+                                           {1025ul, 15ul},
+                                           {1984ul, 5ul},
+                                           {1985ul, 16ul},
+                                           {5000ul, 7ul}}) {
         const std::vector<float> response = noise(length, 3), input = noise(64 * 140, 4);
-        Convolver convolver(64, 256, turn);
+        Convolver convolver(64, 256, rotation);
         convolver.setResponse(response);
         std::vector<float> output(input.size());
         for (std::size_t i = 0; i < input.size(); i += 64)
@@ -82,7 +82,7 @@ TEST(Convolver, EqualsTheSumInTheTimeDomain) {
         for (std::size_t i = 0; i < input.size(); i += 17) {
             double sum = 0;
             for (std::size_t k = 0; k < length && k <= i; ++k) sum += static_cast<double>(response[k]) * input[i - k];
-            ASSERT_NEAR(output[i], sum, 2e-5) << length << " at " << i << ", turn " << turn;
+            ASSERT_NEAR(output[i], sum, 2e-5) << length << " at " << i << ", turn " << rotation;
         }
     }
 }
@@ -90,9 +90,9 @@ TEST(Convolver, EqualsTheSumInTheTimeDomain) {
 namespace {
 
 /// The output of a convolver of blocks of 64 for an input, whose response is replaced before some blocks.
-std::vector<float> changing(std::span<const float> input, std::size_t turn,
+std::vector<float> changing(std::span<const float> input, std::size_t round,
                             const std::vector<std::pair<std::size_t, std::vector<float>>>& responses) {
-    Convolver convolver(64, 64, turn);
+    Convolver convolver(64, 64, round);
     std::vector<float> output(input.size());
     for (std::size_t k = 0; k < input.size() / 64; ++k) {
         for (const auto& [block, response] : responses)
@@ -106,16 +106,16 @@ std::vector<float> changing(std::span<const float> input, std::size_t turn,
 
 TEST(Convolver, LongResponsesThatComeAtAnyBlockAreHeardWhole) {
     const std::vector<float> input = noise(64 * 90, 4), old = noise(3000, 5), fresh = noise(2500, 6);
-    for (std::size_t turn = 0; turn < 17; ++turn)
-        for (std::size_t at = 50; at < 67; at += turn % 2 ? 5 : 3) {
-            const std::vector<float> output = changing(input, turn, {{0, old}, {at, fresh}});
+    for (std::size_t round = 0; round < 17; ++round)
+        for (std::size_t at = 50; at < 67; at += round % 2 ? 5 : 3) {
+            const std::vector<float> output = changing(input, round, {{0, old}, {at, fresh}});
             for (std::size_t i = 64 * (at - 4); i < input.size(); i += 7) {
                 if (i / 64 == at) continue;  // fades
                 const std::vector<float>& response = i / 64 < at ? old : fresh;
                 double sum = 0;
                 for (std::size_t k = 0; k < response.size() && k <= i; ++k)
                     sum += static_cast<double>(response[k]) * input[i - k];
-                ASSERT_NEAR(output[i], sum, 3e-5) << "at " << at << ", turn " << turn << ", sample " << i;
+                ASSERT_NEAR(output[i], sum, 3e-5) << "at " << at << ", turn " << round << ", sample " << i;
             }
         }
 }
@@ -123,13 +123,13 @@ TEST(Convolver, LongResponsesThatComeAtAnyBlockAreHeardWhole) {
 TEST(Convolver, AFirstLongResponseHearsWhatAShortOneRemembered) {
     const std::vector<float> input = noise(64 * 60, 4), brief = noise(1024, 5), lengthy = noise(3000, 6);
     constexpr std::size_t kAt = 24, kRemembered = 16;  // blocks
-    for (const std::size_t turn : {0ul, 1ul, 8ul, 15ul}) {
-        const std::vector<float> output = changing(input, turn, {{0, brief}, {kAt, lengthy}});
+    for (const std::size_t round : {0ul, 1ul, 8ul, 15ul}) {
+        const std::vector<float> output = changing(input, round, {{0, brief}, {kAt, lengthy}});
         for (std::size_t i = 64 * (kAt + 1); i < input.size(); i += 7) {
             double sum = 0;
             for (std::size_t k = 0; k < lengthy.size() && i - k >= 64 * (kAt - kRemembered); ++k)
                 sum += static_cast<double>(lengthy[k]) * input[i - k];
-            ASSERT_NEAR(output[i], sum, 3e-5) << "turn " << turn << ", sample " << i;
+            ASSERT_NEAR(output[i], sum, 3e-5) << "turn " << round << ", sample " << i;
         }
     }
 }
@@ -137,14 +137,14 @@ TEST(Convolver, AFirstLongResponseHearsWhatAShortOneRemembered) {
 TEST(Convolver, WorkOfLongPartsIsInTurnWheneverResponsesCome) {
     const std::vector<float> response = noise(3000, 5), silence(64);
     std::vector<float> ignored(64);
-    for (std::size_t turn = 0; turn < 18; ++turn)
+    for (std::size_t round = 0; round < 18; ++round)
         for (const std::size_t at : {0ul, 1ul, 15ul, 16ul, 37ul}) {
-            Convolver convolver(64, 64, turn);
+            Convolver convolver(64, 64, round);
             EXPECT_EQ(convolver.blocksUntilLongWork(), 0);
             for (std::size_t k = 0; k < 50; ++k) {
                 if (k == at) convolver.setResponse(response);
                 if (k >= at) {
-                    EXPECT_EQ((turn + k + convolver.blocksUntilLongWork()) % 16, 0) << turn << ", block " << k;
+                    EXPECT_EQ((round + k + convolver.blocksUntilLongWork()) % 16, 0) << round << ", block " << k;
                 }
                 convolver.process(silence, ignored);
             }
@@ -155,8 +155,8 @@ TEST(Convolver, OneBesideAnotherHearsTheSameUntilTheyPart) {
     const std::vector<float> left = noise(64 * 80, 4), right = noise(64 * 80, 7), first = noise(2000, 5),
                              second = noise(3000, 6), third = noise(100, 8);
     constexpr std::size_t kPart = 50, kChange = 37;  // blocks
-    for (const std::size_t turn : {0ul, 9ul}) {
-        Convolver owner(64, 64, turn), other = owner.beside(), alone(64, 64, turn);
+    for (const std::size_t round : {0ul, 9ul}) {
+        Convolver owner(64, 64, round), other = owner.beside(), alone(64, 64, round);
         owner.setResponse(third);
         other.setResponse(first), alone.setResponse(first);
         std::vector<float> ignored(64), output(left.size()), expected(left.size());
@@ -170,7 +170,7 @@ TEST(Convolver, OneBesideAnotherHearsTheSameUntilTheyPart) {
             alone.process(input, ofBlock(expected));
         }
         for (std::size_t i = 0; i < output.size(); ++i)
-            ASSERT_NEAR(output[i], expected[i], 1e-6) << i << ", turn " << turn;
+            ASSERT_NEAR(output[i], expected[i], 1e-6) << i << ", turn " << round;
     }
 }
 
@@ -205,10 +205,11 @@ TEST(Convolver, ANewResponseFadesInWithoutAClick) {
 
 /// How far a tone is from what its last three samples lead to, at most; its amplitude is 1.
 double largestStep(std::span<const float> tone) {
-    double most = 0;
+    double maximum = 0;
     for (std::size_t i = 3; i < tone.size(); ++i)
-        most = std::max(most, std::abs(static_cast<double>(tone[i] - 3 * tone[i - 1] + 3 * tone[i - 2] - tone[i - 3])));
-    return most;
+        maximum =
+            std::max(maximum, std::abs(static_cast<double>(tone[i] - 3 * tone[i - 1] + 3 * tone[i - 2] - tone[i - 3])));
+    return maximum;
 }
 
 /// Nothing was kept for it: heard at once it would be heard of one block more with each block.

@@ -86,10 +86,10 @@ double behindScreen(const glm::dvec3& source, const glm::dvec3& listener, double
         path.opening = 2 * M_PI;
         double along[2], radius[2], angle[2];
         for (int i = 0; i < 2; ++i) {
-            const glm::dvec3 way = (i ? listener : source) - rim.from;
-            along[i] = glm::dot(way, axis);
-            radius[i] = std::hypot(glm::dot(way, rim.inward), glm::dot(way, normal));
-            angle[i] = std::atan2(glm::dot(way, normal), glm::dot(way, rim.inward));
+            const glm::dvec3 displacement = (i ? listener : source) - rim.from;
+            along[i] = glm::dot(displacement, axis);
+            radius[i] = std::hypot(glm::dot(displacement, rim.inward), glm::dot(displacement, normal));
+            angle[i] = std::atan2(glm::dot(displacement, normal), glm::dot(displacement, rim.inward));
             if (angle[i] < 0) angle[i] += 2 * M_PI;
         }
         path.sourceRadius = radius[0];
@@ -161,28 +161,29 @@ TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
     const unsigned seed = 1128;
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
-    const auto place = [&](double size) {
+    const auto position = [&](double size) {
         std::uniform_real_distribution<double> each(-size, size);
         return glm::dvec3(each(random), each(random), each(random));
     };
-    int past = 0, told = 0;
+    int past = 0, reported = 0;
     for (int i = 0; i < 20'000; ++i) {
         WallEdge edge;
-        edge.from = place(3);
-        edge.axis = glm::normalize(place(1));
-        edge.length = std::exp(place(3).x);
-        edge.faceA = glm::normalize(glm::cross(edge.axis, place(1)));
-        edge.faceB = i % 2 ? edge.faceA : glm::normalize(glm::cross(edge.axis, place(1)));
-        const glm::dvec3 source = place(5), listener = place(5);
+        edge.from = position(3);
+        edge.axis = glm::normalize(position(1));
+        edge.length = std::exp(position(3).x);
+        edge.faceA = glm::normalize(glm::cross(edge.axis, position(1)));
+        edge.faceB = i % 2 ? edge.faceA : glm::normalize(glm::cross(edge.axis, position(1)));
+        const glm::dvec3 source = position(5), listener = position(5);
         RoundEdge round;
         if (!pathRound(edge, source, listener, round) || !round.past()) continue;
-        const double most = bentPastAtMost(edge, BesideEdge(edge, source, listener), glm::distance(source, listener));
-        EXPECT_GE(most, bentPast(edge, round) * (1 - 1e-9)) << i;
+        const double maximum =
+            bentPastAtMost(edge, BesideEdge(edge, source, listener), glm::distance(source, listener));
+        EXPECT_GE(maximum, bentPast(edge, round) * (1 - 1e-9)) << i;
         ++past;
-        told += std::isfinite(most);
+        reported += std::isfinite(maximum);
     }
     EXPECT_GT(past, 1000);
-    EXPECT_GT(told, past * 9 / 10);
+    EXPECT_GT(reported, past * 9 / 10);
 }
 
 TEST(EdgePaths, AlongAFaceOneLooksAtAPlaceBesideTheEdge) {
@@ -194,16 +195,16 @@ TEST(EdgePaths, AlongAFaceOneLooksAtAPlaceBesideTheEdge) {
         const double angle = degrees * M_PI / 180;
         edge.faceA = {1, 0, 0};
         edge.faceB = {std::cos(angle), std::sin(angle), 0};
-        const glm::dvec3 place(0, 0, 1), away = -glm::normalize(edge.faceA + edge.faceB);
+        const glm::dvec3 position(0, 0, 1), away = -glm::normalize(edge.faceA + edge.faceB);
         const glm::dvec3 overA(0, -1, 0), overB(-std::sin(angle), std::cos(angle), 0);
         for (const auto& [face, over] : {std::pair(edge.faceA, overA), std::pair(edge.faceB, overB)}) {
-            const auto aim = [&](double above) { return aimAt(edge, place, place + 2.0 * face + above * over); };
-            EXPECT_GT(glm::dot(aim(1e-3) - place, away), 1e-5) << degrees << ": nearly along it";
-            EXPECT_LT(glm::distance(aim(1e-3), place + away * glm::dot(aim(1e-3) - place, away)), 1e-12);
-            EXPECT_EQ(aim(.1), place) << degrees << ": well above it";
-            EXPECT_EQ(aim(-.1), place) << degrees << ": behind it";
+            const auto aim = [&](double above) { return aimAt(edge, position, position + 2.0 * face + above * over); };
+            EXPECT_GT(glm::dot(aim(1e-3) - position, away), 1e-5) << degrees << ": nearly along it";
+            EXPECT_LT(glm::distance(aim(1e-3), position + away * glm::dot(aim(1e-3) - position, away)), 1e-12);
+            EXPECT_EQ(aim(.1), position) << degrees << ": well above it";
+            EXPECT_EQ(aim(-.1), position) << degrees << ": behind it";
         }
-        EXPECT_EQ(aimAt(edge, place, place + 2.0 * away), place);
+        EXPECT_EQ(aimAt(edge, position, position + 2.0 * away), position);
     }
 }
 

@@ -104,7 +104,7 @@ TEST(ImageBending, AnImageIsHiddenWithoutAStep) {
         const glm::dvec3 listener(.3, 2, .9 + .005 * i);
         const std::vector<Arrival> arrivals = walls.arrivals(source, listener);
         const bool seen = std::ranges::any_of(
-            arrivals, [](const Arrival& one) { return one.order == 1 && one.turn != glm::mat3(0.0f); });
+            arrivals, [](const Arrival& one) { return one.order == 1 && one.rotation != glm::mat3(0.0f); });
         image = image || seen;
         none = none || !seen;
         const Bands now = total(arrivals);
@@ -174,7 +174,7 @@ TEST(ImageBending, RoutesOfWavesAreAsLongAsTheyAre) {
         // By the floor: its first or its last place is where that is mirrored, below it.
         if (!(std::min(wave.route.first.z, wave.route.last.z) < -1e-6)) continue;
         ++through;
-        EXPECT_NEAR(edgeWay(wave.route, source, listener).length, wave.seconds * 343.2, .01) << through;
+        EXPECT_NEAR(edgePath(wave.route, source, listener).length, wave.seconds * 343.2, .01) << through;
     }
     EXPECT_GT(through, 10);
 }
@@ -217,9 +217,9 @@ TEST(MirrorWorld, HasAllOnceMoreBeyondTheMirror) {
     const MirrorWorld world(floor.walls.geometry, floor.plane, {0, 2, 1});
     AcousticHit hit;
     // From below through the floor to the box above it, and from the image of its top up to nothing.
-    const glm::dvec3 below(0, -2, -1), way = glm::normalize(glm::dvec3(0, 1.9, 1.5));
-    ASSERT_TRUE(world.closest(below, way, 100, kNoPlane, hit));
-    EXPECT_NEAR(hit.distance, 1.9 / way.y, 1e-6);
+    const glm::dvec3 below(0, -2, -1), displacement = glm::normalize(glm::dvec3(0, 1.9, 1.5));
+    ASSERT_TRUE(world.closest(below, displacement, 100, kNoPlane, hit));
+    EXPECT_NEAR(hit.distance, 1.9 / displacement.y, 1e-6);
     EXPECT_NEAR(std::abs(hit.normal.y), 1, 1e-6);
     ASSERT_TRUE(world.closest({.5, 0, -3}, {0, 0, 1}, 100, kNoPlane, hit));
     EXPECT_NEAR(hit.distance, 1.6, 1e-6);

@@ -305,8 +305,8 @@ TEST(EdgePairs, TwoScreensAndCornersCount) {
     for (const Arrival& arrival : round) metres.push_back(arrival.seconds * 343);
     ASSERT_GE(metres.size(), 3u);
     const auto side = [](double a, double b) { return std::hypot(2, 1 - a) + 2 + std::hypot(2, 1 - b); };
-    const auto has = [&](double way) {
-        return std::ranges::any_of(metres, [&](double m) { return std::abs(m - way) < 1e-6; });
+    const auto has = [&](double pathLength) {
+        return std::ranges::any_of(metres, [&](double m) { return std::abs(m - pathLength) < 1e-6; });
     };
     EXPECT_TRUE(has(side(.1, 0)));
     EXPECT_TRUE(has(side(-.1, 0)));

@@ -37,10 +37,10 @@ TraceResult tracedAt(const Walled& body, const BesideRound& at, double turned = 
 struct Compared {
     Errors dark, lit;
 
-    Compared(bool ball, std::uint64_t seed, int places, double near, double far) {
+    Compared(bool ball, std::uint64_t seed, int positions, double near, double far) {
         std::mt19937_64 random(seed);
         std::uniform_real_distribution<double> uniform(0, 1);
-        for (int i = 0; i < places; ++i) {
+        for (int i = 0; i < positions; ++i) {
             BesideRound at;
             at.radius = .1 * std::pow(20, uniform(random));
             at.source = at.radius + .3 * std::pow(16, uniform(random));
@@ -237,20 +237,20 @@ TEST(RoundBodies, WhatMovesBehindItIsFollowed) {
     addFollowedEdges(traced.echogram(), source, listener, options, 48000, 256, 16, followed);
     int sides = 0;
     for (const FollowedImage& one : followed) {
-        const double way = traced.edges.waves[one.arrival].seconds * 343;
-        if (way > 6) continue;  // by the far ends of the cylinder
+        const double pathLength = traced.edges.waves[one.arrival].seconds * 343;
+        if (pathLength > 6) continue;  // by the far ends of the cylinder
         ++sides;
         // The shortest way, of two centimetres on.
         const glm::dvec3 moved = source + glm::dvec3(-.01, .02, .01);
-        const auto shortest = [&](const glm::dvec3& place) {
-            const double radius = std::hypot(place.x, place.y), turn = std::atan2(place.y, place.x);
-            const double by = way < 3.6 ? 165 * M_PI / 180 - turn : 195 * M_PI / 180 + turn;
+        const auto shortest = [&](const glm::dvec3& position) {
+            const double radius = std::hypot(position.x, position.y), angle = std::atan2(position.y, position.x);
+            const double by = pathLength < 3.6 ? 165 * M_PI / 180 - angle : 195 * M_PI / 180 + angle;
             return std::hypot(std::sqrt(radius * radius - .25) + std::sqrt(1.5 * 1.5 - .25) +
                                   .5 * (by - std::acos(.5 / radius) - std::acos(.5 / 1.5)),
-                              at.along - place.z);
+                              at.along - position.z);
         };
-        EXPECT_NEAR(edgeWay(one.edge->route, source, listener).length, shortest(source), 1e-5);
-        EXPECT_NEAR(edgeWay(one.edge->route, moved, listener).length, shortest(moved), 2e-4);
+        EXPECT_NEAR(edgePath(one.edge->route, source, listener).length, shortest(source), 1e-5);
+        EXPECT_NEAR(edgePath(one.edge->route, moved, listener).length, shortest(moved), 2e-4);
     }
     EXPECT_EQ(sides, 2);
 }

@@ -49,11 +49,11 @@ TEST(SmallBodies, LevelsAreThoseOfTheIntegralOverTheSurface) {
         const double reach = glm::length(half);
         const Walled wall = boxesOf({{-half, half}});
         RigidBox box(-half, half, 5);
-        for (int place = 0; place < 8; ++place) {
+        for (int index = 0; index < 8; ++index) {
             const glm::dvec3 source = direction() * (reach + .5);
-            const glm::dvec3 listener = place < 3
-                                            ? source * (-(reach + .03 + .3 * place) / glm::length(source))  // behind
-                                            : direction() * (reach + .01 + (place < 5 ? 0 : .1 * place));
+            const glm::dvec3 listener = index < 3
+                                            ? source * (-(reach + .03 + .3 * index) / glm::length(source))  // behind
+                                            : direction() * (reach + .01 + (index < 5 ? 0 : .1 * index));
             const TraceResult traced = wall.traced(source, listener);
             for (const double hz : {125.0, 500.0, 1000.0}) {
                 box.light(source, 2 * M_PI * hz / 343);

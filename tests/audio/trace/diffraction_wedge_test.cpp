@@ -227,11 +227,11 @@ TEST(Edges, AirAndPatternWeakenTheirWaves) {
     options.air.speedOfSound = 343;
     options.pattern = [](const glm::dvec3&) { return .25; };
     const TraceResult weak = AcousticTracer(wall.geometry).trace(source, listener, options);
-    const double distance = glm::distance(source, listener), way = std::sqrt(26.0);
+    const double distance = glm::distance(source, listener), pathLength = std::sqrt(26.0);
     for (const double hz : {1000., 8000., 16000.}) {
         const auto band = static_cast<std::size_t>(std::lround(std::log2(hz / 1000))) + kBand1k;
         EXPECT_NEAR(heardAt(weak, hz, distance) - heardAt(wall.traced(source, listener), hz, distance),
-                    10 * std::log10(.25) - 10 * std::log10(M_E) * airAttenuation(options.air)[band] * way, .02)
+                    10 * std::log10(.25) - 10 * std::log10(M_E) * airAttenuation(options.air)[band] * pathLength, .02)
             << hz;
     }
 }

@@ -74,28 +74,28 @@ std::array<double, 4> offBehind(double degrees) {
     const Doorway doorway(degrees);
     const Walled walls = walled(doorway.outlines);
     std::mt19937 random(7);
-    std::vector<glm::dvec2> places(40);
-    for (glm::dvec2& one : places)
+    std::vector<glm::dvec2> positions(40);
+    for (glm::dvec2& one : positions)
         one = {std::uniform_real_distribution<double>(-2, 2)(random),
                std::uniform_real_distribution<double>(1.2, 3)(random)};
     const glm::dvec2 source(.1, -2);
     std::array<double, 4> off{};
     for (std::size_t i = 0; i < off.size(); ++i) {
         const std::size_t band = i + 1;
-        std::vector<double> exact(places.size());
+        std::vector<double> exact(positions.size());
         for (std::size_t tone = 5 * band; tone < 5 * band + 5; ++tone) {
             const double waveNumber = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / 343;
             const RigidOutline outline(doorway.outlines, doorway.inside, waveNumber,
                                        std::min(.12, 2 * M_PI / waveNumber / 7));
-            for (std::size_t p = 0; p < places.size(); ++p)
-                exact[p] += std::norm(outline.beside(source, places[p])) / 5;
+            for (std::size_t p = 0; p < positions.size(); ++p)
+                exact[p] += std::norm(outline.beside(source, positions[p])) / 5;
         }
-        for (std::size_t p = 0; p < places.size(); ++p) {
-            const double distance = glm::distance(source, places[p]);
-            const TraceResult traced = walls.traced({source.x, source.y, 0}, {places[p].x, places[p].y, 0});
+        for (std::size_t p = 0; p < positions.size(); ++p) {
+            const double distance = glm::distance(source, positions[p]);
+            const TraceResult traced = walls.traced({source.x, source.y, 0}, {positions[p].x, positions[p].y, 0});
             off[i] += std::pow(test::octaveOfLine(traced, distance, band) - 10 * std::log10(exact[p]), 2);
         }
-        off[i] = std::sqrt(off[i] / static_cast<double>(places.size()));
+        off[i] = std::sqrt(off[i] / static_cast<double>(positions.size()));
     }
     return off;
 }

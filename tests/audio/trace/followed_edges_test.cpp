@@ -25,13 +25,13 @@ EdgeWave bentWave(double opening, const glm::dvec3& source, const glm::dvec3& li
     wave.route.firstAxis = wave.route.lastAxis = {0, 0, 1};
     wave.bends = {{1, 0, 0}, {0, 1, 0}, opening, allBands(mirrors)};
     const WedgePath path = pathAbout(wave.route, wave.bends, source, listener);
-    const double way = std::hypot(path.sourceRadius + path.receiverRadius, path.along);
-    wave.seconds = way / 343;
+    const double pathLength = std::hypot(path.sourceRadius + path.receiverRadius, path.along);
+    wave.seconds = pathLength / 343;
     for (std::size_t tone = 0; tone < kEdgeTones; ++tone) {
         const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / 343;
         const WedgeField field = wedgeField(path, k);
-        wave.pressure[tone] =
-            std::complex<float>((field.besideDirect + mirrors * field.besideMirrored) * std::polar(1.0, k * way));
+        wave.pressure[tone] = std::complex<float>((field.besideDirect + mirrors * field.besideMirrored) *
+                                                  std::polar(1.0, k * pathLength));
     }
     return wave;
 }
@@ -68,14 +68,14 @@ TEST(FollowedEdges, HaveTheSpectrumOfTheClosedFormWhereverTheSourceIs) {
                         pathAbout(followed[0].edge->route, followed[0].edge->bends, source, listener);
                     PoleBank::Weights weights{};
                     ASSERT_TRUE(followed[0].edge->weightsAt(source, listener, degrees > 30, weights));
-                    const double way = edgeWay(followed[0].edge->route, source, listener).length;
-                    EXPECT_NEAR(way, std::hypot(radius + 2, 1.5), 1e-9);
+                    const double pathLength = edgePath(followed[0].edge->route, source, listener).length;
+                    EXPECT_NEAR(pathLength, std::hypot(radius + 2, 1.5), 1e-9);
                     for (const double hz : {31.5, 125., 1000., 4000., 8000., 16000.}) {
                         const double k = 2 * std::numbers::pi * hz / 343;
                         const WedgeField field = wedgeField(path, k);
-                        const auto exact =
-                            (field.besideDirect + mirrors * field.besideMirrored) * std::polar(way, k * way);
-                        const double off = std::abs(valueAt(weights, hz) * way - exact);
+                        const auto exact = (field.besideDirect + mirrors * field.besideMirrored) *
+                                           std::polar(pathLength, k * pathLength);
+                        const double off = std::abs(valueAt(weights, hz) * pathLength - exact);
                         worst = std::max(worst, off);
                         EXPECT_LE(off, hz < 5000 ? 2e-3 : 6e-3) << degrees << "° " << radius << " m " << hz << " Hz";
                     }
@@ -120,25 +120,26 @@ TEST(FollowedEdges, AnImageStandsInForWhatTheTraceDoesNotKnowYet) {
 TEST(EdgeRoute, IsTheShortestWayByBothEdgesAndGrowsAlongItsEnds) {
     EdgeRoute route{{0, 1, 0}, {1.5, 1.2, .1}, {0, 0, 1}, glm::normalize(glm::dvec3(.2, 0, 1))};
     const glm::dvec3 source(-2, .3, -1), listener(3, -.5, 2);
-    const EdgeWay way = edgeWay(route, source, listener);
-    double least = 1e9;
+    const EdgePath path = edgePath(route, source, listener);
+    double minimum = 1e9;
     const auto length = [&](double i, double j) {
         const glm::dvec3 p = route.first + route.firstAxis * i, q = route.last + route.lastAxis * j;
         return glm::distance(source, p) + glm::distance(p, q) + glm::distance(q, listener);
     };
     for (double i = -3; i < 3; i += .002)
-        for (double j = -3; j < 3; j += .01) least = std::min(least, length(i, j));
-    EXPECT_NEAR(way.length, least, 1e-4);
-    EXPECT_LE(way.length, least);
+        for (double j = -3; j < 3; j += .01) minimum = std::min(minimum, length(i, j));
+    EXPECT_NEAR(path.length, minimum, 1e-4);
+    EXPECT_LE(path.length, minimum);
     for (const EdgeRoute& one :
          {route, EdgeRoute{{0, 1, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 1}}, EdgeRoute{{0, 1, 0}, {0, 1, 0}, {}, {}},
           EdgeRoute{{0, 1, 0}, {2, 1, 0}, {}, {0, 0, 1}}})
         for (int axis = 0; axis < 3; ++axis) {
             glm::dvec3 step(0);
             step[axis] = 1e-5;
-            const EdgeWay here = edgeWay(one, source, listener);
-            EXPECT_NEAR((edgeWay(one, source + step, listener).length - here.length) / 1e-5, here.toSource[axis], 1e-4);
-            EXPECT_NEAR((edgeWay(one, source, listener + step).length - here.length) / 1e-5, here.toListener[axis],
+            const EdgePath here = edgePath(one, source, listener);
+            EXPECT_NEAR((edgePath(one, source + step, listener).length - here.length) / 1e-5, here.toSource[axis],
+                        1e-4);
+            EXPECT_NEAR((edgePath(one, source, listener + step).length - here.length) / 1e-5, here.toListener[axis],
                         1e-4);
         }
 }

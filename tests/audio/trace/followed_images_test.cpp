@@ -97,7 +97,7 @@ TEST(FollowedImages, AreTheLoudestAndLeaveTheRest) {
         EXPECT_NEAR(std::pow(image.pressure / distance, 2), 4 * std::numbers::pi * arrival.energy[kBand1k], 1e-9);
     }
     // Diffracted sound is no image.
-    for (Arrival& arrival : all.arrivals) arrival.turn = glm::mat3(0.0f);
+    for (Arrival& arrival : all.arrivals) arrival.rotation = glm::mat3(0.0f);
     EXPECT_TRUE(followedImages(all, source, listener, 343, 48000, 256, 5).empty());
 }
 

@@ -126,12 +126,12 @@ TEST(ImageSources, EveryImageOfAnUnevenBoxAgreesWithTheLattice) {
 }
 
 TEST(ImageSources, ATurnedBoxInSinglePrecisionHasTheSameImages) {
-    const auto turn = [](const glm::dvec3& p) {
+    const auto rotation = [](const glm::dvec3& p) {
         const double c = std::cos(0.4), s = std::sin(0.4);
         const glm::dvec3 q(c * p.x - s * p.y, s * p.x + c * p.y, p.z);
         return glm::dvec3(q.x + 20, c * q.y - s * q.z, s * q.y + c * q.z);
     };
-    const auto rounded = [&](const glm::dvec3& p) { return glm::dvec3(glm::vec3(turn(p))); };
+    const auto rounded = [&](const glm::dvec3& p) { return glm::dvec3(glm::vec3(rotation(p))); };
     TriangleGeometry box;
     const std::uint32_t m = box.addMaterial(0.1, 0);
     const auto quad = [&](glm::dvec3 a, glm::dvec3 b, glm::dvec3 c, glm::dvec3 d) {
@@ -144,7 +144,7 @@ TEST(ImageSources, ATurnedBoxInSinglePrecisionHasTheSameImages) {
     quad({0, 0, 0}, {0, 5, 0}, {0, 5, 3}, {0, 0, 3});
     quad({6, 0, 0}, {6, 5, 0}, {6, 5, 3}, {6, 0, 3});
     box.finish();
-    const ImageSources turned = images(box, 6, turn(kSource), turn(kListener));
+    const ImageSources turned = images(box, 6, rotation(kSource), rotation(kListener));
     const ImageSources straight = images(Shoebox::uniform({6, 5, 3}, 0.1).geometry(), 6);
     ASSERT_EQ(turned.arrivals.size(), 377u);
     // Rounding may swap arrivals that come together: compare what has come up to each gap.
@@ -264,8 +264,8 @@ TEST(ImageSources, AtWallsEdgesAndCornersTheSetIsThatOfTheLattice) {
 
 TEST(ImageSources, CoincidentPlacesAtAWall) {
     const Shoebox box = Shoebox::uniform({6, 5, 3}, .1);
-    for (const glm::dvec3& place : {kSource, glm::dvec3(1e-4, 1, 1.5), glm::dvec3(0, 1, 1.5)})
-        expectLattice(images(box.geometry(), 4, place, place), box, place, place, 4, 1e-4);
+    for (const glm::dvec3& position : {kSource, glm::dvec3(1e-4, 1, 1.5), glm::dvec3(0, 1, 1.5)})
+        expectLattice(images(box.geometry(), 4, position, position), box, position, position, 4, 1e-4);
 }
 
 /// Every word of walls tried one by one, checked by reflecting the points of its path.
@@ -372,7 +372,7 @@ test::TriangleGeometry mirrorOnAFloor(double width) {
 }
 
 /// The share of a ball from which the source's image in the floor and the mirror is seen in the latter.
-double shareOfBall(double width, const glm::dvec3& source, const glm::dvec3& listener, double radius) {
+double fractionOfBall(double width, const glm::dvec3& source, const glm::dvec3& listener, double radius) {
     constexpr int kSteps = 60;
     const glm::dvec3 image(source.x, -source.y, 1 - source.z);
     int inside = 0, seen = 0;
@@ -410,7 +410,7 @@ TEST(ImageSources, WhatIsMirroredTwiceIsTheMeanOverTheBall) {
             }
             // If all of 8 places see it, or none does, this is taken for the whole ball.
             if (z % 10 == 0) {
-                EXPECT_NEAR(twice, shareOfBall(width, source, listener, .5), .15) << width << " " << listener.z;
+                EXPECT_NEAR(twice, fractionOfBall(width, source, listener, .5), .15) << width << " " << listener.z;
             }
             if (before >= 0) {
                 EXPECT_NEAR(twice, before, .3) << width << " " << listener.z;

@@ -30,9 +30,9 @@ double correlationOf(const Hrtf& head, std::span<const std::pair<glm::dvec3, dou
             const double weight = bandWeight(band, hz);
             if (weight == 0) continue;
             std::complex<double> l = 0, r = 0;
-            const std::complex<double> turn = std::polar(1.0, -2 * std::numbers::pi * hz / kEarRate);
+            const std::complex<double> angle = std::polar(1.0, -2 * std::numbers::pi * hz / kEarRate);
             std::complex<double> phase = 1;
-            for (std::size_t i = 0; i < ears[0].size(); ++i, phase *= turn)
+            for (std::size_t i = 0; i < ears[0].size(); ++i, phase *= angle)
                 l += phase * static_cast<double>(ears[0][i]), r += phase * static_cast<double>(ears[1][i]);
             const double power = energy * weight * weight;
             left += power * std::norm(l), right += power * std::norm(r);
@@ -44,9 +44,9 @@ double correlationOf(const Hrtf& head, std::span<const std::pair<glm::dvec3, dou
             }
         }
     }
-    double most = 0;
-    for (const double value : cross) most = std::max(most, std::abs(value));
-    return most / std::sqrt(left * right);
+    double maximum = 0;
+    for (const double value : cross) maximum = std::max(maximum, std::abs(value));
+    return maximum / std::sqrt(left * right);
 }
 
 glm::dvec3 fromSide(double degrees) {
@@ -97,8 +97,8 @@ TEST(Interaural, OfRandomEnergyByItsLateralShare) {
     std::vector<std::pair<glm::dvec3, double>> everywhere;
     constexpr int kDirections = 400;
     for (int i = 0; i < kDirections; ++i) {
-        const double z = 1 - (2.0 * i + 1) / kDirections, r = std::sqrt(1 - z * z), turn = 2.39996322972865332 * i;
-        everywhere.push_back({glm::dvec3(z, r * std::cos(turn), r * std::sin(turn)), 1.0 / kDirections});
+        const double z = 1 - (2.0 * i + 1) / kDirections, r = std::sqrt(1 - z * z), angle = 2.39996322972865332 * i;
+        everywhere.push_back({glm::dvec3(z, r * std::cos(angle), r * std::sin(angle)), 1.0 / kDirections});
     }
     const auto found = [&](double lateral) {
         std::vector<EnergyHistogram> batches(4);

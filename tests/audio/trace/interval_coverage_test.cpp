@@ -100,20 +100,20 @@ TEST(IntervalCoverage, BehindAScreenIntervalsAreAsWideWhateverTheSeedAndHoldTheT
     const std::vector<TraceResult> results = traced(room, {1, 1, 1.5}, {3, 2, 1}, 9600, kRuns, .6, 2);
     const RoomMetrics truth = truthOf(results);
     for (std::size_t f = 3; f < 7; ++f) {  // C50 to Ts
-        double least = 1e9, most = 0, covered = 0, mean = 0, squares = 0, widths = 0;
+        double minimum = 1e9, maximum = 0, covered = 0, mean = 0, squares = 0, widths = 0;
         for (const TraceResult& result : results) {
             const MetricsEstimate m = result.metrics();
             const double value = (m.value.*kAll[f])[0], width = (m.ci95.*kAll[f])[0];
-            least = std::min(least, width), most = std::max(most, width), widths += width / kRuns;
+            minimum = std::min(minimum, width), maximum = std::max(maximum, width), widths += width / kRuns;
             mean += value / kRuns, squares += value * value / kRuns;
             covered += std::abs(value - (truth.*kAll[f])[0]) <= width ? 1 : 0;
         }
-        EXPECT_LT(most, 3 * least) << kNames[f];
+        EXPECT_LT(maximum, 3 * minimum) << kNames[f];
         // Binomial with p = .95: one standard deviation is 1.7 of 60.
         EXPECT_GE(covered, 52) << kNames[f];
         // Nor are they wider than values scatter: t with 15 degrees of freedom, and some of what stands out.
         EXPECT_LT(widths, 1.4 * 2.13 * std::sqrt(squares - mean * mean)) << kNames[f];
-        RecordProperty(std::string(kNames[f]) + "_widths", std::to_string(most / least));
+        RecordProperty(std::string(kNames[f]) + "_widths", std::to_string(maximum / minimum));
         RecordProperty(std::string(kNames[f]) + "_covered", std::to_string(covered / kRuns));
     }
 }

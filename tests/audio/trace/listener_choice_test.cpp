@@ -16,26 +16,26 @@ constexpr std::size_t kOnPlane = 3, kOnNone = 1000;
 
 struct Field {
     ListenerChoice choice{4};
-    std::vector<glm::dvec3> places;
-    std::vector<double> shares;
+    std::vector<glm::dvec3> positions;
+    std::vector<double> fractions;
 
     explicit Field(std::size_t count) {
         Random random(count);
         for (std::uint32_t i = 0; i < count; ++i) {
             const double x = 8 * random.uniform() - 4, y = 8 * random.uniform() - 4, z = 8 * random.uniform() - 4;
-            places.push_back(i == 0 ? glm::dvec3(0, 0, 3) : glm::dvec3(x, y, z));  // one before all of the places
-            shares.push_back(random.uniform());
-            choice.add({places.back(), 0, i}, shares.back());
+            positions.push_back(i == 0 ? glm::dvec3(0, 0, 3) : glm::dvec3(x, y, z));  // one before all of the places
+            fractions.push_back(random.uniform());
+            choice.add({positions.back(), 0, i}, fractions.back());
         }
     }
     /// By Lambert's law, in double precision.
     std::vector<double> expected(const glm::dvec3& point, const glm::dvec3& normal) const {
         std::vector<double> worth;
         double all = 0;
-        for (std::size_t i = 0; i < places.size(); ++i) {
-            const glm::dvec3 way = places[i] - point;
-            const double distance = glm::length(way);
-            worth.push_back(shares[i] * std::max(0.0, glm::dot(way, normal)) / std::pow(distance, 3));
+        for (std::size_t i = 0; i < positions.size(); ++i) {
+            const glm::dvec3 displacement = positions[i] - point;
+            const double distance = glm::length(displacement);
+            worth.push_back(fractions[i] * std::max(0.0, glm::dot(displacement, normal)) / std::pow(distance, 3));
             all += worth.back();
         }
         for (double& w : worth) w /= all;
@@ -46,19 +46,19 @@ struct Field {
 void expectChances(Field& field, std::size_t side, const glm::dvec3& point, const glm::dvec3& normal) {
     constexpr int kTries = 100'000;
     const std::vector<double> expected = field.expected(point, normal);
-    std::vector<double> counts(expected.size()), told(expected.size());
+    std::vector<double> counts(expected.size()), reported(expected.size());
     for (int i = 0; i < kTries; ++i) {
         std::size_t which = 0;
         const double chance = field.choice.choose(side, point, normal, (i + 0.5) / kTries, which);
         ASSERT_LT(which, expected.size());
         counts[which] += 1.0 / kTries;
-        told[which] = chance;
+        reported[which] = chance;
     }
     for (std::size_t i = 0; i < expected.size(); ++i) {
         EXPECT_NEAR(counts[i], expected[i], 0.01 * expected[i] + 2.0 / kTries) << i;
         // The energy is divided by it.
         if (counts[i] == 0) continue;
-        EXPECT_NEAR(told[i], counts[i], 1e-5 * counts[i] + 2.0 / kTries) << i;
+        EXPECT_NEAR(reported[i], counts[i], 1e-5 * counts[i] + 2.0 / kTries) << i;
     }
 }
 

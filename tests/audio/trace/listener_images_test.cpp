@@ -40,7 +40,7 @@ TEST(ListenerImages, OfABoxAreThoseOfTheLattice) {
             }
             EXPECT_GE(mirrors, 1);
             EXPECT_LE(mirrors, order);
-            EXPECT_NEAR(image.share, std::pow(.45, mirrors), 1e-12);
+            EXPECT_NEAR(image.fraction, std::pow(.45, mirrors), 1e-12);
         }
     }
 }
@@ -52,10 +52,10 @@ TEST(ListenerImages, AreKnownByTheirPlanesInTheOrderOfSound) {
     int known = 0;
     for (std::uint32_t a = 0; a < planes.size(); ++a)
         for (std::uint32_t b = 0; b < planes.size(); ++b) {
-            MirrorSequence way;
-            way.append(a);
-            way.append(b);
-            const std::uint32_t image = images.of(way);
+            MirrorSequence sequence;
+            sequence.append(a);
+            sequence.append(b);
+            const std::uint32_t image = images.of(sequence);
             if (image == ListenerImages::kNone) continue;
             ++known;
             // Sound meets `a` first, so of the listener `b` is the first mirror.
@@ -93,8 +93,8 @@ double besideAMirror(double absorption, double mirrored, const glm::dvec3& sourc
             const double u = (i + .5) / kSteps * M_PI / 2, v = ((k + .5) / kSteps - .5) * M_PI;
             const double x = std::tan(u), y = std::tan(v);
             const double area = (1 + x * x) * (M_PI / 2 / kSteps) * (1 + y * y) * (M_PI / kSteps);
-            const auto view = [&](const glm::dvec3& place, double side) {
-                const glm::dvec3 to = glm::dvec3(side * place.x, place.y, place.z) - glm::dvec3(x, y, 0);
+            const auto view = [&](const glm::dvec3& position, double side) {
+                const glm::dvec3 to = glm::dvec3(side * position.x, position.y, position.z) - glm::dvec3(x, y, 0);
                 const double d = glm::length(to);
                 return to.z / (d * d * d);
             };

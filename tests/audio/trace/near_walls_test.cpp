@@ -79,9 +79,9 @@ TEST(NearWalls, OfAWallThatIsTouchedHalfOfAllDirectionsCount) {
         const trace::BandClasses classes = trace::bandClasses(plane.materials());
         for (const double distance : {2.0, .11}) {
             const trace::NearWalls near(plane, classes, normal * distance, away);
-            double share = 0;
-            near.echo(normal, [&](double, const Bands& shares) { share += shares[0]; });
-            EXPECT_NEAR(share, 2 * .8, 1e-9) << i << ' ' << distance;
+            double fraction = 0;
+            near.echo(normal, [&](double, const Bands& fractions) { fraction += fractions[0]; });
+            EXPECT_NEAR(fraction, 2 * .8, 1e-9) << i << ' ' << distance;
         }
     }
 }
@@ -90,9 +90,9 @@ TEST(NearWalls, OfAWallThatIsTouchedHalfOfAllDirectionsCount) {
 /// counts ends at the reach. See TheirEchoComesAsMuchLaterAsItsWayIsLonger.
 TEST(NearWalls, AFlatRayToAWallThatIsTouchedIsNoLongerThanTheSpot) {
     constexpr double kOff = 4e-6, kReach = .1;
-    const glm::dmat3 turn({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
+    const glm::dmat3 rotation({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
     for (const int ray : {0, 100, 1000, 2000}) {
-        const glm::dvec3 flat = turn * evenDirection(ray, 4096);
+        const glm::dvec3 flat = rotation * evenDirection(ray, 4096);
         const glm::dvec3 normal =
             glm::normalize(glm::normalize(glm::cross(flat, glm::dvec3(.3, .9, .1))) - kOff / 50 * flat);
         const glm::dvec3 one = glm::normalize(glm::cross(normal, glm::dvec3(.3, .9, .1))) * 300.0,
@@ -133,10 +133,10 @@ TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
                 for (int axis = 0; axis < 3; ++axis)
                     if (listener[axis] < .1 && from[axis] < 0) left *= 1 - scattering;
                 heard += left / kDirections;
-                near.echo(from, [&](double later, const Bands& shares) {
+                near.echo(from, [&](double later, const Bands& fractions) {
                     EXPECT_GE(later, 0);
                     EXPECT_LT(later, .2);
-                    heard += left * shares[0] / kDirections;
+                    heard += left * fractions[0] / kDirections;
                 });
             }
             EXPECT_NEAR(heard, 1, .01) << scattering << ", " << glm::length(listener);
@@ -151,10 +151,10 @@ TEST(NearWalls, TheirEchoComesAsMuchLaterAsItsWayIsLonger) {
     for (const double height : {.02, .05}) {
         const trace::NearWalls near(plane, classes, {0, 0, 2}, {0, 0, height});
         int walls = 0;
-        near.echo({0, 0, 1}, [&](double later, const Bands& shares) {
+        near.echo({0, 0, 1}, [&](double later, const Bands& fractions) {
             ++walls;
             EXPECT_NEAR(later, height * std::log(.1 / height) / (1 - height / .1) + height, 5e-4) << height;
-            EXPECT_NEAR(shares[0], 2 * .8 * (1 - height / .1), .004) << height;
+            EXPECT_NEAR(fractions[0], 2 * .8 * (1 - height / .1), .004) << height;
         });
         EXPECT_EQ(walls, 1);
         near.echo({0, 0, -1}, [](double, const Bands&) { ADD_FAILURE() << "from behind the wall"; });
@@ -177,14 +177,14 @@ TEST(NearWalls, WhatIsFarMirrorsOrIsNextToTheSourceIsLeftToRays) {
 /// Paths are the same the other way round, and a source on a wall has nothing to do with any of this.
 TEST(NearWalls, AtWallsEdgesAndCornersItIsHeardAsTheOtherWayRound) {
     const TriangleGeometry room = Shoebox::uniform({6, 5, 3}, .1, .5).geometry();
-    const glm::dvec3 places[] = {{6, 3, 1.5}, {5.99, 3, 1.5}, {6, 3, 0}, {6, 5, 3}, {5.99, 4.99, 2.99}};
+    const glm::dvec3 positions[] = {{6, 3, 1.5}, {5.99, 3, 1.5}, {6, 3, 0}, {6, 5, 3}, {5.99, 4.99, 2.99}};
     TraceOptions options;
     options.rays = 8000;
     options.air.absorbs = false;
-    const auto together = AcousticTracer(room).trace(test::kSource, places, options);
-    for (std::size_t i = 0; i < std::size(places); ++i) {
-        const MetricsEstimate alone = AcousticTracer(room).trace(test::kSource, places[i], options).metrics(),
-                              back = AcousticTracer(room).trace(places[i], test::kSource, options).metrics(),
+    const auto together = AcousticTracer(room).trace(test::kSource, positions, options);
+    for (std::size_t i = 0; i < std::size(positions); ++i) {
+        const MetricsEstimate alone = AcousticTracer(room).trace(test::kSource, positions[i], options).metrics(),
+                              back = AcousticTracer(room).trace(positions[i], test::kSource, options).metrics(),
                               shared = together[i].metrics();
         for (const MetricsEstimate* there : {&alone, &shared}) {
             const double error = std::hypot(there->ci95.g[kBand1k], back.ci95.g[kBand1k]) / 2;

@@ -17,7 +17,7 @@ constexpr double kSumSpeed = 343;
 const double kHalf = std::sinh(.1 * std::log(2.0));
 
 struct Came {
-    double way;
+    double pathLength;
     std::vector<Turned> pressure;  // by tone, re the phase of the way
 };
 
@@ -33,13 +33,13 @@ TEST(PressureSum, IsThatOverAllPairs) {
     for (const double spread : {0.0, .01, .3, 10.0, 300.0}) {
         std::vector<Came> all(40);
         for (Came& one : all) {
-            one.way = 7 + spread * std::uniform_real_distribution<double>()(random);
+            one.pathLength = 7 + spread * std::uniform_real_distribution<double>()(random);
             for (std::size_t t = 0; t < kEdgeTones; ++t) one.pressure.emplace_back(normal(random), normal(random));
         }
         PressureSum sum(kSumSpeed);
         std::vector<Arrival> arrivals(all.size());
         for (std::size_t i = 0; i < all.size(); ++i)
-            sum.add(i, all[i].way, [&](std::size_t t) { return all[i].pressure[t]; });
+            sum.add(i, all[i].pathLength, [&](std::size_t t) { return all[i].pressure[t]; });
         sum.addEnergies(arrivals);
         for (std::size_t i = 0; i < all.size(); ++i)
             for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -47,7 +47,7 @@ TEST(PressureSum, IsThatOverAllPairs) {
                 for (std::size_t t = 5 * b; t < 5 * b + 5; ++t) {
                     const double k = 2 * M_PI * edgeToneHz(double(t)) / kSumSpeed;
                     for (const Came& other : all) {
-                        const double apart = all[i].way - other.way;
+                        const double apart = all[i].pathLength - other.pathLength;
                         energy +=
                             left(kHalf * k * std::abs(apart)) *
                             (all[i].pressure[t] * std::polar(1.0, -k * apart) * std::conj(other.pressure[t])).real();

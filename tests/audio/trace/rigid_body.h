@@ -28,18 +28,18 @@ class RigidBody {
         if (isNew) tone->second.eliminate(equations());
         std::vector<Complex> sent;
         for (const Element& one : elements_) sent.push_back(open(one.middle));
-        for (const glm::dvec3& place : within_) sent.push_back(open(place));
+        for (const glm::dvec3& position : within_) sent.push_back(open(position));
         pressure_ = tone->second.solved(std::move(sent));
     }
     /// Re the source in the open at 1 m.
-    Complex pressure(const glm::dvec3& place) const {
-        Complex sum = open(place);
-        for (std::size_t j = 0; j < elements_.size(); ++j) sum += pressure_[j] * integral(place, elements_[j], 0);
+    Complex pressure(const glm::dvec3& position) const {
+        Complex sum = open(position);
+        for (std::size_t j = 0; j < elements_.size(); ++j) sum += pressure_[j] * integral(position, elements_[j], 0);
         return sum;
     }
     /// Re that of the source in the open, dB.
-    double level(const glm::dvec3& place) const {
-        return 20 * std::log10(std::abs(pressure(place)) * glm::distance(place, source_));
+    double level(const glm::dvec3& position) const {
+        return 20 * std::log10(std::abs(pressure(position)) * glm::distance(position, source_));
     }
     /// Another body, elsewhere.
     void add(const RigidBody& other) {
@@ -100,37 +100,38 @@ class RigidBody {
         const std::size_t n = elements_.size(), all = n + within_.size();
         Rows rows(all, std::vector<Complex>(all));
         for (std::size_t i = 0; i < all; ++i) {
-            const glm::dvec3& place = i < n ? elements_[i].middle : within_[i - n];
-            for (std::size_t j = 0; j < n; ++j) rows[i][j] = i == j ? 0.5 : -integral(place, elements_[j], 0);
+            const glm::dvec3& position = i < n ? elements_[i].middle : within_[i - n];
+            for (std::size_t j = 0; j < n; ++j) rows[i][j] = i == j ? 0.5 : -integral(position, elements_[j], 0);
         }
         // Least errors on the surface, none within.
         for (std::size_t i = 0; i < n; ++i)
             for (std::size_t q = n; q < all; ++q) rows[i][q] = std::conj(rows[q][i]);
         return rows;
     }
-    Complex open(const glm::dvec3& place) const {
-        const double way = glm::distance(place, source_);
-        return std::polar(1 / way, -k_ * way);
+    Complex open(const glm::dvec3& position) const {
+        const double distance = glm::distance(position, source_);
+        return std::polar(1 / distance, -k_ * distance);
     }
     /// Integral of the slope of exp(-i k r) / (4 pi r) along the normal, by Gauss's rule, in four parts if the point is
     /// near.
-    Complex integral(const glm::dvec3& place, const Element& e, int depth) const {
-        const glm::dvec3 normal = glm::cross(e.u, e.v), off = e.middle - place;
+    Complex integral(const glm::dvec3& position, const Element& e, int depth) const {
+        const glm::dvec3 normal = glm::cross(e.u, e.v), off = e.middle - position;
         const double size = std::max(glm::length(e.u), glm::length(e.v));
         if (std::abs(glm::dot(off, normal)) < 1e-12 * glm::length(normal)) return 0;
         Complex sum;
         if (glm::length(off) < 1.5 * size && depth < 6) {
             for (const double a : {-.25, .25})
                 for (const double b : {-.25, .25})
-                    sum += integral(place, {e.middle + a * e.u + b * e.v, .5 * e.u, .5 * e.v}, depth + 1);
+                    sum += integral(position, {e.middle + a * e.u + b * e.v, .5 * e.u, .5 * e.v}, depth + 1);
             return sum;
         }
         const double gauss = .5 / std::sqrt(3.0);
         for (const double a : {-gauss, gauss})
             for (const double b : {-gauss, gauss}) {
-                const glm::dvec3 way = off + a * e.u + b * e.v;
-                const double r = glm::length(way);
-                sum += std::polar(.25 / (4 * M_PI * r), -k_ * r) * Complex(-1 / r, -k_) * (glm::dot(way, normal) / r);
+                const glm::dvec3 displacement = off + a * e.u + b * e.v;
+                const double r = glm::length(displacement);
+                sum += std::polar(.25 / (4 * M_PI * r), -k_ * r) * Complex(-1 / r, -k_) *
+                       (glm::dot(displacement, normal) / r);
             }
         return sum;
     }

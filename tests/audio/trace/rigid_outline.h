@@ -24,22 +24,23 @@ class RigidOutline {
         : k_(waveNumber) {
         for (const Closed& one : outlines)
             for (std::size_t i = 0; i < one.size(); ++i) {
-                const glm::dvec2 from = one[i], way = one[(i + 1) % one.size()] - from;
-                const int parts = static_cast<int>(std::ceil(glm::length(way) / longest));
-                const glm::dvec2 normal = glm::dvec2(way.y, -way.x) / glm::length(way);
+                const glm::dvec2 from = one[i], displacement = one[(i + 1) % one.size()] - from;
+                const int parts = static_cast<int>(std::ceil(glm::length(displacement) / longest));
+                const glm::dvec2 normal = glm::dvec2(displacement.y, -displacement.x) / glm::length(displacement);
                 for (int p = 0; p < parts; ++p)
-                    panels_.push_back({from + way * (double(p) / parts), way / double(parts), normal});
+                    panels_.push_back(
+                        {from + displacement * (double(p) / parts), displacement / double(parts), normal});
             }
         const std::size_t n = panels_.size();
         std::vector<std::vector<Value>> rows;
         for (const Panel& panel : panels_) {
-            places_.push_back(panel.from + 0.5 * panel.way);
-            rows.push_back(rowOf(places_.back(), &panel));
-            rows.back()[places_.size() - 1] += 0.5;
+            positions_.push_back(panel.from + 0.5 * panel.displacement);
+            rows.push_back(rowOf(positions_.back(), &panel));
+            rows.back()[positions_.size() - 1] += 0.5;
         }
-        for (const glm::dvec2& place : inside) {
-            places_.push_back(place);
-            rows.push_back(rowOf(place, nullptr));
+        for (const glm::dvec2& point : inside) {
+            positions_.push_back(point);
+            rows.push_back(rowOf(point, nullptr));
         }
         // Least squares, by Cholesky.
         rows_ = rows;
@@ -62,8 +63,8 @@ class RigidOutline {
     Value beside(const glm::dvec2& source, const glm::dvec2& listener) const {
         const std::size_t n = panels_.size();
         std::vector<Value> p(n);
-        for (std::size_t r = 0; r < places_.size(); ++r) {
-            const Value sent = straight(glm::distance(places_[r], source));
+        for (std::size_t r = 0; r < positions_.size(); ++r) {
+            const Value sent = straight(glm::distance(positions_[r], source));
             for (std::size_t i = 0; i < n; ++i) p[i] += std::conj(rows_[r][i]) * sent;
         }
         for (std::size_t i = 0; i < n; ++i) {
@@ -83,30 +84,30 @@ class RigidOutline {
 
   private:
     struct Panel {
-        glm::dvec2 from, way, normal;
+        glm::dvec2 from, displacement, normal;
     };
     Value straight(double distance) const {
         return Value(0, -0.25) * Value(std::cyl_bessel_j(0, k_ * distance), -std::cyl_neumann(0, k_ * distance));
     }
     /// Less the integral of what each panel sends to a place; of its own panel nothing.
-    std::vector<Value> rowOf(const glm::dvec2& place, const Panel* own) const {
-        static constexpr double kPlaces[] = {-.8611363115940526, -.3399810435848563, .3399810435848563,
-                                             .8611363115940526};
+    std::vector<Value> rowOf(const glm::dvec2& point, const Panel* own) const {
+        static constexpr double kPositions[] = {-.8611363115940526, -.3399810435848563, .3399810435848563,
+                                                .8611363115940526};
         static constexpr double kWeights[] = {.3478548451374538, .6521451548625461, .6521451548625461,
                                               .3478548451374538};
         std::vector<Value> row;
         for (const Panel& panel : panels_) {
             Value sum = 0;
-            const double size = glm::length(panel.way);
-            const bool far = glm::distance(place, panel.from + 0.5 * panel.way) > 3 * size;
+            const double size = glm::length(panel.displacement);
+            const bool far = glm::distance(point, panel.from + 0.5 * panel.displacement) > 3 * size;
             if (&panel != own)
                 for (std::size_t g = 0; g < (far ? 1u : 4u); ++g) {
-                    const glm::dvec2 to = panel.from + panel.way * (far ? .5 : .5 * (1 + kPlaces[g]));
-                    const glm::dvec2 way = to - place;
-                    const double r = glm::length(way);
+                    const glm::dvec2 to = panel.from + panel.displacement * (far ? .5 : .5 * (1 + kPositions[g]));
+                    const glm::dvec2 displacement = to - point;
+                    const double r = glm::length(displacement);
                     const Value h(std::cyl_bessel_j(1, k_ * r), -std::cyl_neumann(1, k_ * r));
-                    sum +=
-                        (far ? 1 : .5 * kWeights[g]) * size * Value(0, .25) * k_ * h * glm::dot(way, panel.normal) / r;
+                    sum += (far ? 1 : .5 * kWeights[g]) * size * Value(0, .25) * k_ * h *
+                           glm::dot(displacement, panel.normal) / r;
                 }
             row.push_back(-sum);
         }
@@ -115,7 +116,7 @@ class RigidOutline {
 
     double k_;
     std::vector<Panel> panels_;
-    std::vector<glm::dvec2> places_;
+    std::vector<glm::dvec2> positions_;
     std::vector<std::vector<Value>> rows_;
     std::vector<Value> factor_;
 };

@@ -25,8 +25,8 @@ struct CylinderFunctions {
             if (std::abs(all[n - 1]) > 1e200)
                 for (std::size_t k = n - 1; k < all.size(); ++k) all[k] *= 1e-200;
         }
-        RoundValue sum = all[0], turn = 1;
-        for (std::size_t n = 1; n < all.size(); ++n) sum += 2.0 * (turn *= i) * all[n];
+        RoundValue sum = all[0], phase = 1;
+        for (std::size_t n = 1; n < all.size(); ++n) sum += 2.0 * (phase *= i) * all[n];
         const RoundValue scale = std::exp(i * z) / sum;
         for (RoundValue& value : all) value *= scale;
         std::copy_n(all.begin(), j.size(), j.begin());
@@ -88,10 +88,10 @@ inline RoundValue besideRigidCylinder(const BesideRound& at, double k) {
     const RoundValue i(0, 1);
     const double d = at.distance(), a = at.radius, r = at.source, q = at.listener, z = std::abs(at.along);
     // Over all wave numbers along the axis, a little off the real ones so that no branch is met.
-    const double most = std::sqrt(k * k + std::pow(34 / (r + q - 2 * a), 2));
+    const double maximum = std::sqrt(k * k + std::pow(34 / (r + q - 2 * a), 2));
     const double off = std::min(.3 * k, 2 / std::max(z, .2 * d));
-    const int steps = static_cast<int>(std::ceil(most / std::min(.25 / std::hypot(r + q, z), off / 6)));
-    const double step = most / steps;
+    const int steps = static_cast<int>(std::ceil(maximum / std::min(.25 / std::hypot(r + q, z), off / 6)));
+    const double step = maximum / steps;
     RoundValue sum = 0;
     for (int n = z == 0 ? 0 : -steps; n <= steps; ++n) {
         const double bend = std::tanh(n * step / off);
@@ -141,29 +141,29 @@ inline RoundValue besideRigidSphere(const BesideRound& at, double k) {
 
 /// Two rigid cylinders along z, and a source and a listener at one height.
 struct BesideTwo {
-    struct Place {
+    struct SurfacePoint {
         double x = 0, y = 0;
-        double to(const Place& other) const { return std::hypot(other.x - x, other.y - y); }
-        double angle(const Place& other) const { return std::atan2(other.y - y, other.x - x); }
+        double to(const SurfacePoint& other) const { return std::hypot(other.x - x, other.y - y); }
+        double angle(const SurfacePoint& other) const { return std::atan2(other.y - y, other.x - x); }
     };
-    Place centers[2];
+    SurfacePoint centers[2];
     double radii[2]{};
-    Place source, listener;
+    SurfacePoint source, listener;
 };
 
 /// Re the source in the open at 1 m: what each throws back from the other one, again and again, by Graf's theorem.
 inline RoundValue besideTwoCylinders(const BesideTwo& at, double k) {
     const RoundValue i(0, 1);
     const double d = at.source.to(at.listener), apart = at.centers[0].to(at.centers[1]);
-    double least = 1e9, longest = d;
+    double minimum = 1e9, longest = d;
     for (const int c : {0, 1}) {
         const double r = at.source.to(at.centers[c]), q = at.listener.to(at.centers[c]);
-        least = std::min(least, r + q - 2 * at.radii[c]);
+        minimum = std::min(minimum, r + q - 2 * at.radii[c]);
         longest = std::max(longest, r + q + 2 * apart);
     }
-    const double most = std::sqrt(k * k + std::pow(30 / least, 2)), off = .3 * k;
-    const int steps = static_cast<int>(std::ceil(most / std::min(.4 / longest, off / 6)));
-    const double step = most / steps;
+    const double maximum = std::sqrt(k * k + std::pow(30 / minimum, 2)), off = .3 * k;
+    const int steps = static_cast<int>(std::ceil(maximum / std::min(.4 / longest, off / 6)));
+    const double step = maximum / steps;
     RoundValue sum = 0;
     for (int n = 0; n <= steps; ++n) {
         const double bend = std::tanh(n * step / off);
@@ -198,7 +198,7 @@ inline RoundValue besideTwoCylinders(const BesideTwo& at, double k) {
             std::vector<RoundValue> next[2];
             RoundValue more = 0;
             for (const int c : {0, 1}) {
-                const double turn = at.centers[c].angle(at.centers[1 - c]);
+                const double phase = at.centers[c].angle(at.centers[1 - c]);
                 for (int m = -last; m <= last; ++m) {
                     now[c][order(m)] *= reflects[c][order(m)];
                     more += now[c][order(m)] * heard[c][order(m)];
@@ -208,7 +208,7 @@ inline RoundValue besideTwoCylinders(const BesideTwo& at, double k) {
                 for (int m = -last; m <= last; ++m)
                     for (int o = -last; o <= last; ++o)
                         other[order(o)] +=
-                            now[c][order(m)] * hankel(between.h, m - o) * std::polar(1.0, (m - o) * turn);
+                            now[c][order(m)] * hankel(between.h, m - o) * std::polar(1.0, (m - o) * phase);
             }
             all += more;
             for (const int c : {0, 1}) now[c] = next[c];

@@ -125,11 +125,11 @@ TEST(RoomMetrics, DoubleSlopeFollowsTheEarlyThenTheLateDecay) {
 }
 
 TEST(RoomMetrics, BothTimesOfADoubleSlopeAreFound) {
-    for (const auto& [early, late, share] :
+    for (const auto& [early, late, fraction] :
          {std::tuple{.5, 3., .003}, {1.448, 5.597, .05}, {.3, .9, .02}, {1., 2.5, .1}}) {
         Echogram echogram;
         echogram.late = exponential(early, 20);
-        echogram.late.accumulate(exponential(late, 20), share);
+        echogram.late.accumulate(exponential(late, 20), fraction);
         const DecaySlopes slopes = fitSlopes(decayCurveDb(echogram, 0, .001), .001);
         EXPECT_NEAR(slopes.early, early, .01 * early);
         EXPECT_NEAR(slopes.late, late, .01 * late);

@@ -14,7 +14,7 @@ namespace rtsg::test {
 /// The level at a tone re the source in the open, with the phases of all that comes, dB. `line`: as of a source that is
 /// a line along z, as long as all comes square to that; without what comes by far ends.
 inline double decibelsOf(const TraceResult& traced, std::size_t tone, double distance, bool line = false) {
-    const double turns = 2 * M_PI * edgeToneHz(static_cast<double>(tone));
+    const double rotations = 2 * M_PI * edgeToneHz(static_cast<double>(tone));
     std::complex<double> sum;
     const auto wide = [&](double seconds) {
         return !line ? 1.0 : seconds * 343 < 6 * distance ? std::sqrt(seconds * 343 / distance) : 0.0;
@@ -22,9 +22,9 @@ inline double decibelsOf(const TraceResult& traced, std::size_t tone, double dis
     const Echogram echogram = traced.echogram();
     for (const Arrival& arrival : echogram.arrivals)
         sum += std::polar(wide(arrival.seconds) * std::sqrt(4 * M_PI * echogram.straightEnergy(arrival)[tone / 5]),
-                          -turns * arrival.seconds);
+                          -rotations * arrival.seconds);
     for (const EdgeWave& wave : echogram.edges.waves)
-        sum += std::complex<double>(wave.pressure[tone]) * std::polar(wide(wave.seconds), -turns * wave.seconds);
+        sum += std::complex<double>(wave.pressure[tone]) * std::polar(wide(wave.seconds), -rotations * wave.seconds);
     return 20 * std::log10(std::abs(sum) * distance);
 }
 inline double decibelsOf(RoundValue pressure, double distance) {
@@ -35,8 +35,8 @@ inline double decibelsOf(RoundValue pressure, double distance) {
 inline double octaveOfLine(const TraceResult& traced, double distance, std::size_t band) {
     double energy = 0;
     for (const Arrival& arrival : traced.arrivals)
-        if (const double way = arrival.seconds * 343; way < 6 * distance)
-            energy += arrival.energy[band] * way / distance;
+        if (const double pathLength = arrival.seconds * 343; pathLength < 6 * distance)
+            energy += arrival.energy[band] * pathLength / distance;
     return 10 * std::log10(energy * 4 * M_PI * distance * distance);
 }
 

@@ -40,12 +40,12 @@ Walled standing(const std::vector<Drawn>& outlines, double half = 60) {
     return all.walled();
 }
 
-glm::dvec2 placeOf(const BesideTwo::Place& place) {
-    return {place.x, place.y};
+glm::dvec2 positionOf(const BesideTwo::SurfacePoint& position) {
+    return {position.x, position.y};
 }
 Walled columns(const BesideTwo& at, int sides) {
     return standing(
-        {circle(placeOf(at.centers[0]), at.radii[0], sides), circle(placeOf(at.centers[1]), at.radii[1], sides)});
+        {circle(positionOf(at.centers[0]), at.radii[0], sides), circle(positionOf(at.centers[1]), at.radii[1], sides)});
 }
 TraceResult tracedBehind(const Walled& walls, const glm::dvec2& source, const glm::dvec2& listener) {
     return walls.traced({source, 0}, {listener, 0});
@@ -60,7 +60,7 @@ TEST(RoundRows, TonesBehindTwoColumnsAreThoseOfTheSeries) {
         at.centers[1].x = at.radii[0] + at.radii[1] + .3 * std::pow(5, uniform(random));
         at.source = {-at.radii[0] - .5 * std::pow(5, uniform(random)), 1.4 * uniform(random) - .7};
         at.listener = {at.centers[1].x + at.radii[1] + .5 * std::pow(5, uniform(random)), 1.4 * uniform(random) - .7};
-        const TraceResult traced = tracedBehind(columns(at, 48), placeOf(at.source), placeOf(at.listener));
+        const TraceResult traced = tracedBehind(columns(at, 48), positionOf(at.source), positionOf(at.listener));
         const double distance = at.source.to(at.listener);
         for (const std::size_t tone : {9u, 14u, 19u, 24u}) {
             const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / 343;
@@ -81,14 +81,14 @@ Errors errorsBehind(const std::vector<Drawn>& outlines, const std::vector<glm::d
     for (const std::size_t tone : tones) {
         const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / 343;
         const RigidOutline exact(outlines, inside, k, std::min(.15, .8 / k));
-        constexpr int kPlaces = 9;
+        constexpr int kPositions = 9;
         std::vector<glm::dvec2> listeners;
         std::vector<double> energies;
         double mean = 0;
-        for (int i = 0; i < kPlaces; ++i) {
-            listeners.push_back(from + (to - from) * (i / (kPlaces - 1.0)));
+        for (int i = 0; i < kPositions; ++i) {
+            listeners.push_back(from + (to - from) * (i / (kPositions - 1.0)));
             energies.push_back(std::norm(exact.beside(source, listeners.back())));
-            mean += energies.back() / kPlaces;
+            mean += energies.back() / kPositions;
         }
         for (std::size_t i = 0; i < listeners.size(); ++i) {
             const double level = 10 * std::log10(energies[i]), distance = glm::distance(source, listeners[i]);
@@ -117,7 +117,7 @@ TEST(RoundRows, RoundBothCornersOfAWallSoundComesAsThere) {
 
 /// Levels of tones and of octaves on a way, each beside the one before.
 void expectSmooth(const Walled& walls, const glm::dvec2& source, const glm::dvec2& from, const glm::dvec2& to,
-                  double most) {
+                  double maximum) {
     const int steps = static_cast<int>(std::ceil(glm::distance(from, to) / .02));
     std::vector<double> before;
     for (int i = 0; i <= steps; ++i) {
@@ -130,7 +130,7 @@ void expectSmooth(const Walled& walls, const glm::dvec2& source, const glm::dvec
             levels.push_back(10 * std::log10(octaves[band]));
         }
         for (std::size_t k = 0; k < before.size(); ++k)
-            EXPECT_NEAR(levels[k], before[k], most) << source.y << " at " << listener.y << ", " << k;
+            EXPECT_NEAR(levels[k], before[k], maximum) << source.y << " at " << listener.y << ", " << k;
         before = levels;
     }
 }

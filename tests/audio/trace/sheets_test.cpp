@@ -36,19 +36,19 @@ double heardBeside(const Walled& walls, const glm::dvec3& source, const glm::dve
 struct OffBody {
     double square = 0, worst = 0;
 };
-template <class Place>
-OffBody offBody(const Walled& sheet, RigidBody& body, const Place& places) {
+template <class Position>
+OffBody offBody(const Walled& sheet, RigidBody& body, const Position& positions) {
     OffBody off;
-    constexpr int kSources = 3, kPlaces = 12;
+    constexpr int kSources = 3, kPositions = 12;
     for (int i = 0; i < kSources; ++i) {
-        const glm::dvec3 source = places(true);
+        const glm::dvec3 source = positions(true);
         std::vector<glm::dvec3> listeners;
-        for (int k = 0; k < kPlaces; ++k) listeners.push_back(places(false));
+        for (int k = 0; k < kPositions; ++k) listeners.push_back(positions(false));
         for (const double hz : kTones) {
             body.light(source, 2 * M_PI * hz / 343);
             for (const glm::dvec3& listener : listeners) {
                 const double one = heardBeside(sheet, source, listener, hz) - body.level(listener);
-                off.square += one * one / (kSources * kPlaces * std::size(kTones));
+                off.square += one * one / (kSources * kPositions * std::size(kTones));
                 off.worst = std::max(off.worst, std::abs(one));
             }
         }
@@ -61,17 +61,17 @@ TEST(Sheets, EdgeOnLevelsAreThoseOfTheIntegralOverThem) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     const auto between = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
-    const auto places = [&](bool source) {
+    const auto positions = [&](bool source) {
         return source ? glm::dvec3(-between(1.5, 3), between(-1, 1), between(-.5, .5))
                       : glm::dvec3(between(1.3, 3), between(-1, 1), between(-.8, .8));
     };
     // Without what goes along them from rim to rim it was 6 and 7 dB, 21 dB at most.
     RigidBox box({-1, -1, -.03}, {1, 1, .03}, 10);
-    const OffBody square = offBody(squareSheet(), box, places);
+    const OffBody square = offBody(squareSheet(), box, positions);
     EXPECT_LT(std::sqrt(square.square), .8);
     EXPECT_LT(square.worst, 2.8);
     RigidPrism prism(24, .06, 1, 6, 1);
-    const OffBody round = offBody(roundSheet(), prism, places);
+    const OffBody round = offBody(roundSheet(), prism, positions);
     EXPECT_LT(std::sqrt(round.square), .85);
     EXPECT_LT(round.worst, 2.2);
 }

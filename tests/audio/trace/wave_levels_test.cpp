@@ -19,16 +19,16 @@ double waveNumberAt(double hz) {
     return 2 * M_PI * hz / kWaveSpeed;
 }
 
-EdgeWave waveOf(double way, std::complex<float> pressure) {
+EdgeWave waveOf(double pathLength, std::complex<float> pressure) {
     EdgeWave wave;
-    wave.seconds = way / kWaveSpeed;
+    wave.seconds = pathLength / kWaveSpeed;
     wave.direction = {-1, 0, 0};
     wave.pressure.fill(pressure);
     return wave;
 }
-Arrival straight(double way, std::uint32_t order, double pressure) {
+Arrival straight(double pathLength, std::uint32_t order, double pressure) {
     Arrival arrival;
-    arrival.seconds = way / kWaveSpeed;
+    arrival.seconds = pathLength / kWaveSpeed;
     arrival.order = order;
     arrival.direction = {-1, 0, 0};
     arrival.energy = allBands(pressure * pressure / (4 * M_PI));
@@ -119,13 +119,13 @@ TEST(WaveLevels, WithoutWavesNothingChanges) {
 }
 
 /// Direct sound of .1 and a mirror image of .08, of which an edge leaves a share behind: less, if it is heard.
-Bands besideImage(bool heard, bool lit, double share, double detour, float wave = 0) {
-    const double way = 12;
-    const float left = static_cast<float>(.08 * (heard ? share - 1 : share));
+Bands besideImage(bool heard, bool lit, double fraction, double detour, float wave = 0) {
+    const double pathLength = 12;
+    const float left = static_cast<float>(.08 * (heard ? fraction - 1 : fraction));
     EdgeField field;
-    field.waves = {waveOf(way + detour, wave + left)};
+    field.waves = {waveOf(pathLength + detour, wave + left)};
     ImagePart part;
-    part.image = kTo - glm::dvec3(way, 0, 0);
+    part.image = kTo - glm::dvec3(pathLength, 0, 0);
     part.whole = allBands(.08);
     part.wave = 0;
     part.seconds = field.waves[0].seconds;
@@ -135,7 +135,7 @@ Bands besideImage(bool heard, bool lit, double share, double detour, float wave 
     parts.images = {part};
     std::vector<Arrival> arrivals;
     if (lit) arrivals.push_back(straight(10, 0, .1));
-    if (heard) arrivals.push_back(straight(way, 1, .08));
+    if (heard) arrivals.push_back(straight(pathLength, 1, .08));
     setLevels(kFrom, kTo, kWaveSpeed, parts, arrivals, field);
     return test::total(arrivals);
 }

@@ -31,13 +31,13 @@ struct FewRoom {
     std::uint32_t next = 0;
 
     std::size_t mesh(const std::vector<Vec3f>& points, const std::vector<int>& triangles) {
-        auto made = std::make_shared<Mesh>();
-        for (const Vec3f& p : points) made->positions.push_back(p);
-        for (const int corner : triangles) made->triangles.push_back(corner);
-        made->triangleCount = static_cast<std::uint32_t>(triangles.size() / 3);
-        for (const Vec3f& p : points) made->bounds.extend(p);
-        meshes.push_back(made);
-        delta.geometries.push_back({NodeId{static_cast<std::uint32_t>(meshes.size())}, made});
+        auto created = std::make_shared<Mesh>();
+        for (const Vec3f& p : points) created->positions.push_back(p);
+        for (const int corner : triangles) created->triangles.push_back(corner);
+        created->triangleCount = static_cast<std::uint32_t>(triangles.size() / 3);
+        for (const Vec3f& p : points) created->bounds.extend(p);
+        meshes.push_back(created);
+        delta.geometries.push_back({NodeId{static_cast<std::uint32_t>(meshes.size())}, created});
         return meshes.size() - 1;
     }
     std::size_t box() {
@@ -200,7 +200,7 @@ TEST(FewWalls, NothingSlipsThroughWhereWallsMeet) {
             const glm::dvec3 inside(.01 + .98 * uniform(random), .01 + .98 * uniform(random),
                                     n % 5 == 0 ? 1e-9 : .01 + .98 * uniform(random));
             rays.add(at(inside), glm::dvec3(0), glm::normalize(at(target) - at(inside)), 1e6, kNoPlane);
-            if (rays.count < AcousticRays::kMost) continue;
+            if (rays.count < AcousticRays::kMax) continue;
             ASSERT_EQ(room.geometry.closestOf(rays, hits), 0xFFFFu) << n;
             rays = {};
         }
@@ -225,7 +225,7 @@ TEST(FewWalls, WhatIsSeenButNoWallIsPassed) {
 
 /// From few to many and back, of whatever came in between.
 TEST(FewWalls, MayComeAndGo) {
-    static_assert(FewWalls::kMostTriangles < 60);
+    static_assert(FewWalls::kMaxTriangles < 60);
     std::mt19937_64 random(9);
     FewRoom room;
     const std::size_t box = room.box();
@@ -255,7 +255,7 @@ TEST(FewWalls, MayComeAndGo) {
 /// Whether the triangles of a room are few in number and kind, from change to change.
 class FewOf {
   public:
-    explicit FewOf(FewRoom& room, std::size_t mostPlanes = 20'000) : room_(room), planes_(mostPlanes) {}
+    explicit FewOf(FewRoom& room, std::size_t maxPlanes = 20'000) : room_(room), planes_(maxPlanes) {}
     bool usable() {
         room_.commit();
         const WallsVersion now = room_.walls.freeze();

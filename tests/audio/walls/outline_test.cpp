@@ -50,7 +50,7 @@ TEST(Outline, WhatIsLongAndNarrowIsAsWideAsItsAreaSays) {
 
 /// The axes of a square's moments are any: its sides are not its diagonal.
 TEST(Outline, ASquareHasItsSidesHoweverItLies) {
-    const auto turned = [](double length, double width, double turn, int corners) {
+    const auto turned = [](double length, double width, double angle, int corners) {
         std::vector<glm::dvec3> points;
         for (int i = 0; i < corners; ++i) {
             // Along its sides, as a rim is felt.
@@ -58,17 +58,17 @@ TEST(Outline, ASquareHasItsSidesHoweverItLies) {
             const double t = 8.0 * i / corners - 2 * side - 1;
             const glm::dvec2 flat[] = {{t, -1}, {1, t}, {-t, 1}, {-1, -t}};
             const glm::dvec2 p = flat[side] * glm::dvec2(length / 2, width / 2);
-            points.emplace_back(std::cos(turn) * p.x - std::sin(turn) * p.y,
-                                std::sin(turn) * p.x + std::cos(turn) * p.y, 1);
+            points.emplace_back(std::cos(angle) * p.x - std::sin(angle) * p.y,
+                                std::sin(angle) * p.x + std::cos(angle) * p.y, 1);
         }
         return outlineOf(points, {0, 0, 1});
     };
-    for (const double turn : {0., .3, .785, 1.2, 1.5, 2.5}) {
-        const Outline square = turned(.2, .2, turn, 128), nearly = turned(.2, .17, turn, 4);
-        EXPECT_NEAR(square.length(), .2, .001) << turn;
-        EXPECT_NEAR(square.width(), .2, .001) << turn;
-        EXPECT_NEAR(nearly.length(), .2, .001) << turn;
-        EXPECT_NEAR(nearly.width(), .17, .001) << turn;
+    for (const double angle : {0., .3, .785, 1.2, 1.5, 2.5}) {
+        const Outline square = turned(.2, .2, angle, 128), nearly = turned(.2, .17, angle, 4);
+        EXPECT_NEAR(square.length(), .2, .001) << angle;
+        EXPECT_NEAR(square.width(), .2, .001) << angle;
+        EXPECT_NEAR(nearly.length(), .2, .001) << angle;
+        EXPECT_NEAR(nearly.width(), .17, .001) << angle;
     }
     EXPECT_NEAR(turned(3, 1, .4, 64).length(), 3, 1e-9);
     EXPECT_NEAR(turned(1, 3, .4, 64).length(), 3, 1e-9);

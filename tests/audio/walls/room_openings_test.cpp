@@ -119,9 +119,9 @@ TEST(RoomOpenings, AHoleInOneMeshHasItsShareItsPlaceAndItsOutline) {
         EXPECT_NEAR(hole.width, side, 1e-6);
         const double expected = area / (area + .1 * (126 - area));
         // The room is diffuse but for some percent: not all of it sees all of it alike.
-        EXPECT_NEAR(hole.meanShare() / expected, 1, .08 + 1.5 * hole.shareCi95 / expected) << side;
-        EXPECT_LT(hole.shareCi95, .6 * hole.meanShare());
-        EXPECT_NEAR(found.escaped, hole.meanShare() + found.elsewhere, 1e-12);
+        EXPECT_NEAR(hole.meanFraction() / expected, 1, .08 + 1.5 * hole.fractionCi95 / expected) << side;
+        EXPECT_LT(hole.fractionCi95, .6 * hole.meanFraction());
+        EXPECT_NEAR(found.escaped, hole.meanFraction() + found.elsewhere, 1e-12);
         EXPECT_LT(found.elsewhere, .01 * found.escaped);
         ASSERT_EQ(hole.beside.size(), 1u);
         EXPECT_EQ(hole.beside[0].shape, NodeId{101});
@@ -142,7 +142,7 @@ TEST(RoomOpenings, AForgottenTriangleIsALeakWhateverItsSize) {
     EXPECT_NEAR(hole.area, 7.5, 1e-5);
     const glm::dvec3 middle = (glm::dvec3(cut[0]) + glm::dvec3(cut[2]) + glm::dvec3(cut[3])) / 3.0;
     EXPECT_LT(glm::distance(hole.center, middle), 1e-5);
-    EXPECT_NEAR(hole.meanShare() / (7.5 / (7.5 + .1 * 118.5)), 1, .15);  // all of it is at one end
+    EXPECT_NEAR(hole.meanFraction() / (7.5 / (7.5 + .1 * 118.5)), 1, .15);  // all of it is at one end
 }
 
 /// Six slabs of 20 cm, one of which is 1, 3 or 30 mm short: what is beside is these two, and it is a crack all the way.
@@ -239,14 +239,14 @@ TEST(RoomOpenings, SeveralAreToldApartAndADoorIsNoLeak) {
     EXPECT_FALSE(door.leak);
     EXPECT_NEAR(door.area, 2, .02);
     EXPECT_LT(glm::distance(door.center, glm::dvec3(0, 3.5, 1)), .02);
-    EXPECT_NEAR(door.meanShare() / (2 / all), 1, .15);
+    EXPECT_NEAR(door.meanFraction() / (2 / all), 1, .15);
     for (const RoomOpening* leak : {&one, &other}) {
         const bool east = leak->center.x > 3;
         EXPECT_TRUE(leak->leak);
         EXPECT_LT(glm::distance(leak->center, east ? glm::dvec3(6, 3.15, 1.15) : glm::dvec3(0, .7, 2.1)), .01);
         const double area = east ? .09 : .08;
         EXPECT_NEAR(leak->area, area, .002);
-        EXPECT_NEAR(leak->meanShare() / (area / all), 1, .1 + leak->shareCi95 / leak->meanShare());
+        EXPECT_NEAR(leak->meanFraction() / (area / all), 1, .1 + leak->fractionCi95 / leak->meanFraction());
     }
     EXPECT_GT(std::abs(one.center.x - other.center.x), 3);
 }
@@ -265,7 +265,7 @@ TEST(RoomOpenings, TheShareIsWithinItsIntervalThoughFewRaysTell) {
         if (openings.openings.empty()) continue;
         const RoomOpening& hole = openings.openings[0];
         ++found;
-        within += std::abs(hole.meanShare() - expected) <= hole.shareCi95;
+        within += std::abs(hole.meanFraction() - expected) <= hole.fractionCi95;
         byFew += hole.rays <= 3;
     }
     RecordProperty("found", found), RecordProperty("within", within), RecordProperty("few", byFew);
@@ -279,8 +279,8 @@ TEST(RoomOpenings, AHoleInACurvedWall) {
     std::vector<Quad> quads;
     constexpr int kRings = 60, kSteps = 120, kOpen = 3;
     const auto at = [](int ring, int step) {
-        const double polar = M_PI * ring / kRings, turn = 2 * M_PI * (step % kSteps) / kSteps;
-        return Vec3f(glm::dvec3(std::sin(polar) * std::cos(turn), std::sin(polar) * std::sin(turn), std::cos(polar)) *
+        const double polar = M_PI * ring / kRings, angle = 2 * M_PI * (step % kSteps) / kSteps;
+        return Vec3f(glm::dvec3(std::sin(polar) * std::cos(angle), std::sin(polar) * std::sin(angle), std::cos(polar)) *
                      4.0);
     };
     for (int ring = kOpen; ring < kRings; ++ring)
@@ -297,7 +297,7 @@ TEST(RoomOpenings, AHoleInACurvedWall) {
     EXPECT_LT(glm::distance(hole.center, glm::dvec3(0, 0, 4 * std::cos(polar))), .01);
     // Cosine by square of the distance is the same everywhere in a sphere: exact.
     const double cap = 2 * M_PI * 16 * (1 - std::cos(polar)), rest = 4 * M_PI * 16 - cap;
-    EXPECT_NEAR(hole.meanShare(), cap / (cap + .1 * rest), hole.shareCi95 * 2 + .005);
+    EXPECT_NEAR(hole.meanFraction(), cap / (cap + .1 * rest), hole.fractionCi95 * 2 + .005);
 }
 
 /// The ground goes on outside, and another house is near: straight ahead, or on one side of the way out.
@@ -382,7 +382,7 @@ TEST(RoomOpenings, WhatIsOpenOnPurposeIsNoLeak) {
     ASSERT_EQ(open.openings.size(), 1u);
     EXPECT_FALSE(open.openings[0].leak);
     EXPECT_NEAR(open.openings[0].area, 15, 1e-4);
-    EXPECT_NEAR(open.openings[0].meanShare(), 15 / (15 + .1 * 111), .08);
+    EXPECT_NEAR(open.openings[0].meanFraction(), 15 / (15 + .1 * 111), .08);
 }
 
 /// Exits are a sample that knows nothing of what is heard, and energies are those of the batches.

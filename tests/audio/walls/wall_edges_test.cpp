@@ -44,8 +44,8 @@ bool sameEnds(const Ends& x, const Vec3f& from, const Vec3f& to) {
 double angleAt(const Vec3f& from, const Vec3f& to, const Vec3f& besideA, const Vec3f& besideB) {
     const glm::dvec3 axis = glm::normalize(glm::dvec3(to - from));
     const auto across = [&](const Vec3f& p) {
-        const glm::dvec3 way(p - from);
-        return glm::normalize(way - axis * glm::dot(way, axis));
+        const glm::dvec3 displacement(p - from);
+        return glm::normalize(displacement - axis * glm::dot(displacement, axis));
     };
     return std::acos(std::clamp(glm::dot(across(besideA), across(besideB)), -1.0, 1.0));
 }
@@ -274,8 +274,8 @@ std::vector<MeshEdge> straightEdgesOf(const std::vector<Triangle>& triangles) {
 void addSquare(std::vector<Triangle>& triangles, int pieces, const glm::dvec3& corner, const glm::dvec3& right,
                const glm::dvec3& up) {
     const auto at = [&](int i, int j) {
-        const auto share = [&](int k) { return static_cast<double>(k) / pieces; };
-        return Vec3f(corner + right * share(i) + up * share(j));
+        const auto fraction = [&](int k) { return static_cast<double>(k) / pieces; };
+        return Vec3f(corner + right * fraction(i) + up * fraction(j));
     };
     for (int i = 0; i < pieces; ++i)
         for (int j = 0; j < pieces; ++j) {
@@ -312,8 +312,8 @@ TEST(WallEdges, WhatBendsHoweverLittleIsNotOne) {
     constexpr int kPieces = 4000;
     std::vector<Triangle> triangles;
     const auto at = [](double radius, int i) {
-        const double turn = 2 * M_PI * (i % kPieces) / kPieces;
-        return Vec3f(glm::dvec3(3 + radius * std::cos(turn), radius * std::sin(turn), 1));
+        const double angle = 2 * M_PI * (i % kPieces) / kPieces;
+        return Vec3f(glm::dvec3(3 + radius * std::cos(angle), radius * std::sin(angle), 1));
     };
     for (int i = 0; i < kPieces; ++i) {
         triangles.push_back({at(2, i), at(2, i + 1), at(1, i)});

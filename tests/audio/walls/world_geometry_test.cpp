@@ -531,25 +531,25 @@ TEST_P(AskedTogether, MeetsWhatEachMeetsAlone) {
     std::mt19937 random(7);
     std::normal_distribution<double> normal;
     const auto direction = [&] { return glm::normalize(glm::dvec3(normal(random), normal(random), normal(random))); };
-    const glm::dvec3 place(.3, -1.2, 3.1);
+    const glm::dvec3 position(.3, -1.2, 3.1);
     // Without planes a hit is where single precision has it: the reference starts as far before it as that may be off.
     const double off = planes ? 1e-7 : 2e-5, same = planes ? 0 : 1e-4;
     int met = 0, hidden = 0, asked = 0;
     for (int round = 0; round < 300; ++round) {
         // From the air to a wall, from there on, and back to the place.
         AcousticRays out, on, back;
-        const int count = 1 + round % AcousticRays::kMost;
-        for (int i = 0; i < count; ++i) out.add(place, glm::dvec3(0), direction(), 1e6, kNoPlane);
+        const int count = 1 + round % AcousticRays::kMax;
+        for (int i = 0; i < count; ++i) out.add(position, glm::dvec3(0), direction(), 1e6, kNoPlane);
         AcousticHits first, second;
         ASSERT_EQ(room.geometry.closestOf(out, first), (1u << count) - 1);
         for (int i = 0; i < count; ++i) {
             const AcousticHit& hit = first[static_cast<std::size_t>(i)];
-            const glm::dvec3 point = place + out.direction[i] * hit.distance;
+            const glm::dvec3 point = position + out.direction[i] * hit.distance;
             const glm::dvec3 side = glm::dot(hit.normal, out.direction[i]) < 0 ? hit.normal : -hit.normal;
             glm::dvec3 leaving = direction();
             if (glm::dot(leaving, side) < 0) leaving = -leaving;
-            const double most = i % 3 ? 1e6 : 1;
-            on.add(point, side, leaving, most, hit.plane);
+            const double maximum = i % 3 ? 1e6 : 1;
+            on.add(point, side, leaving, maximum, hit.plane);
             const glm::dvec3 to = glm::dvec3(-.5, 1.9, 3.5) - point;
             EXPECT_EQ(hit.clear > 0, !planes);
             EXPECT_LT(hit.clear, 1e-4);
@@ -698,9 +698,9 @@ TEST(WorldGeometry, TrianglesNearAPlaceAreAllOfThemOrNotKnown) {
     room.mesh(NodeId{1}, unitBox());
     room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}));
     room.commit();
-    const auto near = [&](const glm::dvec3& place, double radius) {
+    const auto near = [&](const glm::dvec3& position, double radius) {
         std::vector<WallTriangle> found;
-        return room.geometry.trianglesNear(place, radius, found) ? static_cast<int>(found.size()) : -1;
+        return room.geometry.trianglesNear(position, radius, found) ? static_cast<int>(found.size()) : -1;
     };
     EXPECT_EQ(near({3, 2.5, 1.5}, .2), 0);
     EXPECT_EQ(near({.1, 2.5, 1.5}, .2), 2) << "both halves of a wall meet along its diagonal";

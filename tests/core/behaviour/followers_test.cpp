@@ -143,7 +143,7 @@ TEST(Followers, OrientationsAboutOneAxisGoAsNumbersDoTheShorterWay) {
     damper.scene.newFrame(0);
     chaser.scene.newFrame(0);
     // Five sixths of a turn: the shorter way is a third back.
-    const double angle = 10 * std::numbers::pi / 6, way = angle - 2 * std::numbers::pi;
+    const double angle = 10 * std::numbers::pi / 6, distance = angle - 2 * std::numbers::pi;
     const Rotation goal{0, 0, 1, static_cast<float>(angle)};
     damper.send(D::set_destination.index, goal);
     chaser.send(C::set_destination.index, goal);
@@ -151,9 +151,9 @@ TEST(Followers, OrientationsAboutOneAxisGoAsNumbersDoTheShorterWay) {
     for (double t = 0; t < 1.9; t += .1) {
         damper.scene.newFrame(t);
         chaser.scene.newFrame(t);
-        EXPECT_NEAR(signedAngle(damper.node().get(D::value_changed)), way * damped(3, t / .5), 1e-6) << t;
+        EXPECT_NEAR(signedAngle(damper.node().get(D::value_changed)), distance * damped(3, t / .5), 1e-6) << t;
         EXPECT_NEAR(signedAngle(chaser.node().get(C::value_changed)),
-                    way * (.5 - .5 * std::cos(std::numbers::pi * t / 2)), 1e-6)
+                    distance * (.5 - .5 * std::cos(std::numbers::pi * t / 2)), 1e-6)
             << t;
     }
     chaser.scene.newFrame(2);

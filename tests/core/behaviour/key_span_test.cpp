@@ -38,10 +38,10 @@ TEST(KeySpan, IsWhereUpperBoundFindsIt) {
 }
 
 TEST(KeySpan, IsANumberWhereverKeysAre) {
-    constexpr float kMost = std::numeric_limits<float>::max(), kInfinity = std::numeric_limits<float>::infinity();
-    EXPECT_EQ(locate({-kMost, kMost}, 2, kMost / 2).weight, .75f);
-    EXPECT_EQ(locate({-kMost, kMost}, 2, -kMost).weight, 0);
-    EXPECT_EQ(locate({0, kMost}, 2, kMost / 4).weight, .25f);
+    constexpr float kMax = std::numeric_limits<float>::max(), kInfinity = std::numeric_limits<float>::infinity();
+    EXPECT_EQ(locate({-kMax, kMax}, 2, kMax / 2).weight, .75f);
+    EXPECT_EQ(locate({-kMax, kMax}, 2, -kMax).weight, 0);
+    EXPECT_EQ(locate({0, kMax}, 2, kMax / 4).weight, .25f);
     EXPECT_EQ(locate({0, kInfinity}, 2, 1).weight, 0);
     EXPECT_EQ(locate({-kInfinity, 0}, 2, -1).weight, 0);
     EXPECT_EQ(locate({-kInfinity, kInfinity}, 2, 0).weight, 0);

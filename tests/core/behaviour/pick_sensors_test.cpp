@@ -85,10 +85,10 @@ TEST(PickSensors, PointsAreInsideOfAScaledBoxWhereTheClosedFormSays) {
         for (int k = 0; k < 50; ++k) {
             const Vec3f point(float(any(random)), float(any(random)), float(any(random)));
             const Vec3d local = glm::inverse(world) * glm::dvec4(Vec3d(point), 1);
-            const double most = std::max({std::abs(local.x), std::abs(local.y), std::abs(local.z)});
-            if (std::abs(most - 1) < 1e-4) continue;  // on the surface
+            const double maximum = std::max({std::abs(local.x), std::abs(local.y), std::abs(local.z)});
+            if (std::abs(maximum - 1) < 1e-4) continue;  // on the surface
             points += textOf(point) + ", ";
-            if (most < 1) inside.push_back(point);
+            if (maximum < 1) inside.push_back(point);
         }
         PickScene s("DEF T Transform { rotation " + textOf(axis) + " " + std::to_string(angle) + " scale " +
                     textOf(scale) + " children Shape { geometry Box { } } } DEF P PointPickSensor { intersectionType " +
@@ -211,11 +211,11 @@ TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
     SCOPED_TRACE(kSeed);
     std::mt19937 random(kSeed);
     std::uniform_real_distribution<double> any(-2, 2), positive(.4, 2);
-    const auto place = [&] { return Vec3d(Vec3f(Vec3d(any(random), any(random), any(random)))); };
+    const auto position = [&] { return Vec3d(Vec3f(Vec3d(any(random), any(random), any(random)))); };
     const auto length = [&] { return double(float(positive(random))); };
     std::size_t met = 0, missed = 0;
     for (int i = 0; i < 100; ++i) {
-        const Vec3d scale(length(), length(), length()), axis = glm::normalize(place()), move = place();
+        const Vec3d scale(length(), length(), length()), axis = glm::normalize(position()), move = position();
         const double angle = any(random), a = length(), b = length(), c = length();
         const glm::dmat4 world = glm::translate(glm::dmat4(1), move) * glm::rotate(glm::dmat4(1), angle, axis) *
                                  glm::scale(glm::dmat4(1), scale);
@@ -225,7 +225,7 @@ TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
         Vec3d from(0);
         std::vector<Vec3d> hull;
         std::string hullText;
-        for (int k = 0; k < 7; ++k) hull.push_back(place()), hullText += textOf(hull.back()) + ", ";
+        for (int k = 0; k < 7; ++k) hull.push_back(position()), hullText += textOf(hull.back()) + ", ";
         if (i % 5 == 0)
             geometry = "Box { size " + textOf({a, b, c}) + " }", gauge = test::boxGauge(Vec3d(a, b, c) * .5);
         if (i % 5 == 1) geometry = "Sphere { radius " + std::to_string(a) + " }", gauge = test::sphereGauge(a);
@@ -241,10 +241,10 @@ TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
         std::string shapes;
         std::vector<std::pair<double, std::string>> expected;
         for (int k = 0; k < 12; ++k) {
-            const std::array<Vec3d, 3> t{place() * 2.0, place() * 2.0, place() * 2.0};
+            const std::array<Vec3d, 3> t{position() * 2.0, position() * 2.0, position() * 2.0};
             std::array<Vec3d, 3> inBody;
             for (std::size_t v = 0; v < 3; ++v) inBody[v] = local * glm::dvec4(t[v], 1);
-            const double depth = test::leastOnTriangle(gauge, inBody);
+            const double depth = test::minOnTriangle(gauge, inBody);
             if (std::abs(depth) < 1e-4) continue;  // texts have six digits
             (depth < 0 ? met : missed) += 1;
             const std::string name = "S" + std::to_string(k);
@@ -252,9 +252,9 @@ TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
                       ", " + textOf(t[1]) + ", " + textOf(t[2]) + " ] } } } ";
             if (depth > 0) continue;
             const Vec3d low = glm::min(glm::min(t[0], t[1]), t[2]), high = glm::max(glm::max(t[0], t[1]), t[2]);
-            Vec3d least(INFINITY), most(-INFINITY);
-            for (const Vec3d& p : hull) least = glm::min(least, p), most = glm::max(most, p);
-            const Vec3d origin = world * glm::dvec4(i % 5 == 4 ? (least + most) * .5 : from, 1);
+            Vec3d minimum(INFINITY), maximum(-INFINITY);
+            for (const Vec3d& p : hull) minimum = glm::min(minimum, p), maximum = glm::max(maximum, p);
+            const Vec3d origin = world * glm::dvec4(i % 5 == 4 ? (minimum + maximum) * .5 : from, 1);
             const double distance =
                 i % 5 == 4 ? glm::distance(origin, (low + high) * .5) : test::SimpleSpace::distanceTo(t, origin);
             expected.emplace_back(distance, name);
@@ -268,12 +268,12 @@ TEST(PickSensors, BodiesMeetTrianglesWhereANestedSearchSays) {
                     " { intersectionType \"GEOMETRY\" sortOrder \"ALL_SORTED\" pickTarget USE G pickingGeometry " +
                     geometry + " } }");
         s.scene.newFrame(0);
-        std::string told, wanted;
+        std::string reported, wanted;
         for (const NodeId id : i % 5 == 4 ? s.node("P").get(x3d::VolumePickSensor::pickedGeometry)
                                           : s.node("P").get(x3d::PrimitivePickSensor::pickedGeometry))
-            told += std::string(s.scene.name(id)) + " ";
+            reported += std::string(s.scene.name(id)) + " ";
         for (const auto& [distance, name] : expected) wanted += name + " ";
-        EXPECT_EQ(told, wanted) << i << ' ' << geometry;
+        EXPECT_EQ(reported, wanted) << i << ' ' << geometry;
     }
     EXPECT_GT(met, 200u);
     EXPECT_GT(missed, 200u);

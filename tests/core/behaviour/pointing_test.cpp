@@ -57,10 +57,10 @@ struct PointerScene {
 // ---- closed forms --------------------------------------------------------------------------------------------------
 
 /// A transform and rays in its coordinates, for drags that are the same wherever they happen.
-struct Placed {
+struct RandomPose {
     glm::dmat4 world{1};
     std::string text;
-    explicit Placed(std::mt19937& random) {
+    explicit RandomPose(std::mt19937& random) {
         std::uniform_real_distribution<double> any(-3, 3), positive(.3, 3);
         const glm::vec3 axis = glm::normalize(glm::vec3(any(random), any(random), any(random))),
                         move(any(random), any(random), any(random));
@@ -82,28 +82,29 @@ struct Placed {
 TEST(Drags, ACylinderTurnsByTheArcSineOfTheWayBeside) {
     std::mt19937 random(3);
     for (int run = 0; run < 40; ++run) {
-        const Placed place(random);
-        PointerScene s(place.text + "DEF S CylinderSensor { } Shape { geometry Sphere { radius 2 } } ] }");
+        const RandomPose pose(random);
+        PointerScene s(pose.text + "DEF S CylinderSensor { } Shape { geometry Sphere { radius 2 } } ] }");
         // Parallel rays along -Z from x, at a height of h: on a sphere of radius 2 the cylinder's radius is that of the
         // circle at h; x / radius is the sine, and beyond the edge each radius more is one radian more.
-        std::uniform_real_distribution<double> heights(-1.5, 1.5), ways(-.95, .95), far(-4, 4);
-        const double h = heights(random), radius = std::sqrt(4 - h * h), from = ways(random);
-        const auto angle = [](double way) {
-            return std::abs(way) <= 1 ? std::asin(way) : std::copysign(M_PI / 2 + std::abs(way) - 1, way);
+        std::uniform_real_distribution<double> heights(-1.5, 1.5), paths(-.95, .95), far(-4, 4);
+        const double h = heights(random), radius = std::sqrt(4 - h * h), from = paths(random);
+        const auto angle = [](double distance) {
+            return std::abs(distance) <= 1 ? std::asin(distance)
+                                           : std::copysign(M_PI / 2 + std::abs(distance) - 1, distance);
         };
-        const auto send = [&](std::uint32_t buttons, double way, double y) {
-            s.send(buttons, place.point({way * radius, y, 10}), place.direction({0, 0, -1}));
+        const auto send = [&](std::uint32_t buttons, double distance, double y) {
+            s.send(buttons, pose.point({distance * radius, y, 10}), pose.direction({0, 0, -1}));
             s.frame();
         };
         send(0, from, h);
         send(1, from, h);
         ASSERT_TRUE(s.node().get(x3d::CylinderSensor::isActive)) << run;
         for (int i = 0; i < 10; ++i) {
-            const double way = far(random);
-            send(1, way, heights(random));
+            const double distance = far(random);
+            send(1, distance, heights(random));
             const Rotation r = s.node().get(x3d::CylinderSensor::rotation_changed);
             EXPECT_NEAR(r.y, 1, 1e-6);
-            EXPECT_NEAR(r.angle, angle(way) - angle(from), 2e-5) << run << ' ' << way;
+            EXPECT_NEAR(r.angle, angle(distance) - angle(from), 2e-5) << run << ' ' << distance;
             const Vec3f p = s.node().get(x3d::CylinderSensor::trackPoint_changed);
             EXPECT_NEAR(std::hypot(p.x, p.z), radius, 1e-4);
         }
@@ -113,15 +114,15 @@ TEST(Drags, ACylinderTurnsByTheArcSineOfTheWayBeside) {
 TEST(Drags, ASphereTurnsThePointThatWasHitToWhereTheRayMeetsIt) {
     std::mt19937 random(5);
     for (int run = 0; run < 40; ++run) {
-        const Placed place(random);
-        PointerScene s(place.text +
+        const RandomPose pose(random);
+        PointerScene s(pose.text +
                        "DEF S SphereSensor { autoOffset FALSE offset 1 0 0 .5 } Shape { geometry Sphere { } } ] }");
-        std::uniform_real_distribution<double> way(-.7, .7), angles(-M_PI, M_PI), more(0, 1.5);
+        std::uniform_real_distribution<double> distance(-.7, .7), angles(-M_PI, M_PI), more(0, 1.5);
         const auto send = [&](std::uint32_t buttons, double x, double y) {
-            s.send(buttons, place.point({x, y, 10}), place.direction({0, 0, -1}));
+            s.send(buttons, pose.point({x, y, 10}), pose.direction({0, 0, -1}));
             s.frame();
         };
-        const double x = way(random), y = way(random);
+        const double x = distance(random), y = distance(random);
         send(1, x, y);
         const glm::dvec3 start(x, y, std::sqrt(1 - x * x - y * y));
         for (int i = 0; i < 10; ++i) {
@@ -132,7 +133,7 @@ TEST(Drags, ASphereTurnsThePointThatWasHitToWhereTheRayMeetsIt) {
                 send(1, (1 + beyond) * std::cos(a), (1 + beyond) * std::sin(a));
                 expected = {std::cos(a) * std::cos(beyond), std::sin(a) * std::cos(beyond), -std::sin(beyond)};
             } else {
-                const double u = way(random), v = way(random);
+                const double u = distance(random), v = distance(random);
                 send(1, u, v);
                 expected = {u, v, std::sqrt(1 - u * u - v * v)};
             }
@@ -140,11 +141,11 @@ TEST(Drags, ASphereTurnsThePointThatWasHitToWhereTheRayMeetsIt) {
             EXPECT_LT(glm::distance(glm::dvec3(p), expected), 2e-5);
             // The point before the offset and the point now are the same point, rotated about the axis of both.
             const Rotation r = s.node().get(x3d::SphereSensor::rotation_changed);
-            const glm::dmat3 turn(glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z)));
+            const glm::dmat3 rotation(glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z)));
             const glm::dmat3 offset(glm::rotate(glm::dmat4(1), double(.5f), glm::dvec3(1, 0, 0)));
-            EXPECT_LT(glm::distance(turn * glm::transpose(offset) * start, expected), 2e-5);
+            EXPECT_LT(glm::distance(rotation * glm::transpose(offset) * start, expected), 2e-5);
             const glm::dvec3 still = glm::normalize(glm::cross(start, expected));
-            EXPECT_LT(glm::distance(turn * glm::transpose(offset) * still, still), 1e-3) << run << ' ' << i;
+            EXPECT_LT(glm::distance(rotation * glm::transpose(offset) * still, still), 1e-3) << run << ' ' << i;
         }
     }
 }
@@ -152,16 +153,16 @@ TEST(Drags, ASphereTurnsThePointThatWasHitToWhereTheRayMeetsIt) {
 TEST(Drags, APlaneIsThroughThePointThatWasHitWhateverTheRays) {
     std::mt19937 random(9);
     for (int run = 0; run < 40; ++run) {
-        const Placed place(random);
-        PointerScene s(place.text + "DEF S PlaneSensor { autoOffset FALSE } Shape { geometry Box { } } ] }");
+        const RandomPose pose(random);
+        PointerScene s(pose.text + "DEF S PlaneSensor { autoOffset FALSE } Shape { geometry Box { } } ] }");
         std::uniform_real_distribution<double> at(-.8, .8), beyond(-5, 5), slant(-.5, .5);
         const auto send = [&](const Vec3d& through) {
             const Vec3d d(slant(random), slant(random), -1);
-            s.send(1, place.point(through - 7.0 * d), place.direction(d));
+            s.send(1, pose.point(through - 7.0 * d), pose.direction(d));
             s.frame();
         };
         const double x = at(random), y = at(random);
-        s.send(1, place.point({x, y, 8}), place.direction({0, 0, -1}));
+        s.send(1, pose.point({x, y, 8}), pose.direction({0, 0, -1}));
         s.frame();
         for (int i = 0; i < 10; ++i) {
             const double u = beyond(random), v = beyond(random);

@@ -17,8 +17,8 @@ TEST(Trigonometry, SinesAndCosinesAreThoseOfTheLibrary) {
         worst = std::max({worst, static_cast<double>(std::abs(found.sine - std::sin(static_cast<long double>(angle)))),
                           static_cast<double>(std::abs(found.cosine - std::cos(static_cast<long double>(angle))))});
     };
-    for (const double most : {1e-9, .5, 3.2, 7., 100., 1e5})
-        for (int i = 0; i < 20'000; ++i) look(std::uniform_real_distribution(-most, most)(random));
+    for (const double maximum : {1e-9, .5, 3.2, 7., 100., 1e5})
+        for (int i = 0; i < 20'000; ++i) look(std::uniform_real_distribution(-maximum, maximum)(random));
     for (int i = -64; i <= 64; ++i) {
         const double at = i * (std::numbers::pi / 8);
         for (const double angle : {at, std::nextafter(at, 1e9), std::nextafter(at, -1e9)}) look(angle);

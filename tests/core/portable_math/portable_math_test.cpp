@@ -23,7 +23,7 @@ namespace {
 
 namespace p = portable;
 constexpr double kInf = std::numeric_limits<double>::infinity(), kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kLeast = std::numeric_limits<double>::denorm_min(), kMost = std::numeric_limits<double>::max();
+constexpr double kMin = std::numeric_limits<double>::denorm_min(), kMax = std::numeric_limits<double>::max();
 
 using One = double (*)(double);
 using Two = double (*)(double, double);
@@ -127,9 +127,9 @@ TEST(PortableMath, BitsAreTheSameInEveryBuild) {
 
 TEST(PortableMath, SinesTogetherAreThoseAlone) {
     std::mt19937_64 random(3);
-    for (const double most : {1e-9, .5, 3.2, 100., 1e5, 1e7, 1e300})
+    for (const double maximum : {1e-9, .5, 3.2, 100., 1e5, 1e7, 1e300})
         for (int i = 0; i < 2'000; ++i) {
-            const double angle = std::uniform_real_distribution(-most, most)(random);
+            const double angle = std::uniform_real_distribution(-maximum, maximum)(random);
             const p::SineCosine both = p::sineCosine(angle);
             ASSERT_EQ(both.sine, p::sin(angle)) << angle;
             ASSERT_EQ(both.cosine, p::cos(angle)) << angle;
@@ -149,21 +149,21 @@ TEST(PortableMath, SpecialArgumentsAreAsInTheLibrary) {
         {"log2", std::log2},   {"log10", std::log10}, {"sinh", std::sinh},   {"cosh", std::cosh}, {"tanh", std::tanh},
         {"asinh", std::asinh}, {"acosh", std::acosh}, {"atanh", std::atanh}, {"cbrt", std::cbrt}};
     for (const NamedOne& one : kOnes) {
-        for (const double x : {0., -0., kInf, -kInf, kNan, kLeast, -kLeast, 1., -1., 1.5, -1.5}) {
+        for (const double x : {0., -0., kInf, -kInf, kNan, kMin, -kMin, 1., -1., 1.5, -1.5}) {
             const double ours = one.function(x), theirs = library.at(one.name)(x);
             const bool isSpecial = !std::isfinite(theirs) || std::abs(theirs) < 1e-300;
             EXPECT_TRUE(!isSpecial || agree(ours, theirs))
                 << one.name << " of " << x << ": " << ours << ", not " << theirs;
         }
     }
-    for (const double big : {kMost, -kMost, 710.5, -745.2, 1e4, -1e4}) {
+    for (const double big : {kMax, -kMax, 710.5, -745.2, 1e4, -1e4}) {
         EXPECT_TRUE(agree(p::exp(big), std::exp(big))) << big;
         EXPECT_TRUE(agree(p::expm1(-std::abs(big)), -1)) << big;
         EXPECT_TRUE(agree(p::sinh(big), std::sinh(big)) || std::abs(big) < 800) << big;
         EXPECT_TRUE(agree(p::tanh(big), std::copysign(1, big))) << big;
     }
-    const std::array values{0.,  -0., kInf, -kInf, kNan, kLeast, -kLeast, kMost, -kMost, .5,
-                            -.5, 1.,  -1.,  2.,    -2.,  3.,     -3.,     1e300, 0x1p53, 0x1p53 - 1};
+    const std::array values{0.,  -0., kInf, -kInf, kNan, kMin, -kMin, kMax,  -kMax,  .5,
+                            -.5, 1.,  -1.,  2.,    -2.,  3.,   -3.,   1e300, 0x1p53, 0x1p53 - 1};
     for (const double a : values)
         for (const double b : values) {
             const double power = std::pow(a, b);
@@ -180,7 +180,7 @@ TEST(PortableMath, SpecialArgumentsAreAsInTheLibrary) {
 TEST(PortableMath, LengthsOfManyComponents) {
     EXPECT_EQ(p::hypot(2, 3, 6), 7);
     EXPECT_EQ(p::hypot(2e300, 3e300, 6e300), 7e300);
-    EXPECT_EQ(p::hypot(kLeast * 2, kLeast * 3, kLeast * 6), kLeast * 7);
+    EXPECT_EQ(p::hypot(kMin * 2, kMin * 3, kMin * 6), kMin * 7);
     EXPECT_EQ(p::hypot(std::span<const double>()), 0);
     EXPECT_EQ(p::hypot(kNan, 1, -kInf), kInf);
     EXPECT_TRUE(std::isnan(p::hypot(kNan, 1, 2)));

@@ -73,7 +73,7 @@ TEST_F(RunsOfValues, GiveTheirValuesAndTheHashOfThese) {
                 })->value = change.value;
         }
         ASSERT_TRUE(scene.apply(setAfter(scene, changes)));
-        for (const auto& [place, value] : last) EXPECT_EQ(scene.node(place.first).value(place.second), value);
+        for (const auto& [field, value] : last) EXPECT_EQ(scene.node(field.first).value(field.second), value);
         EXPECT_EQ(scene.hash(), hashAnew(scene)) << round;
     }
 }
@@ -150,10 +150,10 @@ TEST_F(RunsOfValues, WakeThoseWhomTheyConcern) {
 /// them that are almost the same, or the same up to the middle.
 struct RunsThatComeAgain : testing::Test {
     static constexpr std::size_t kNodes = 800;  // two fields each: more than a chunk of what is noted
-    using Place = std::pair<NodeId, FieldIndex>;
+    using NodeField = std::pair<NodeId, FieldIndex>;
     Scene scene;
     std::vector<NodeId> nodes;
-    std::map<Place, Value> values;
+    std::map<NodeField, Value> values;
     std::mt19937 random{11};
     RunsThatComeAgain() {
         for (std::size_t i = 0; i < kNodes; ++i)
@@ -161,22 +161,22 @@ struct RunsThatComeAgain : testing::Test {
         scene.newFrame(0);
     }
     NodeId any() { return nodes[random() % nodes.size()]; }
-    Change valueOf(Place place) {
+    Change valueOf(NodeField field) {
         const auto number = static_cast<float>(random() % 4);
-        switch (scene.node(place.first).type().fields[place.second].type) {
+        switch (scene.node(field.first).type().fields[field.second].type) {
             case FieldType::SFVec3f:
-                return changeTo(place.first, place.second, Vec3f(number, 1, 0));
+                return changeTo(field.first, field.second, Vec3f(number, 1, 0));
             case FieldType::SFRotation:
-                return changeTo(place.first, place.second, Rotation{0, 0, 1, number});
+                return changeTo(field.first, field.second, Rotation{0, 0, 1, number});
             case FieldType::SFTime:
-                return changeTo(place.first, place.second, Time{number});
+                return changeTo(field.first, field.second, Time{number});
             default:
-                return changeTo(place.first, place.second, number > 1);
+                return changeTo(field.first, field.second, number > 1);
         }
     }
     /// A column of a field of some of the nodes, then one of another field.
-    std::vector<Place> someOrder() {
-        std::vector<Place> order;
+    std::vector<NodeField> someOrder() {
+        std::vector<NodeField> order;
         const std::size_t keep = 2 + random() % 9;
         for (const bool first : {true, false})
             for (const NodeId node : nodes)
@@ -222,14 +222,14 @@ struct RunsThatComeAgain : testing::Test {
 
 TEST_F(RunsThatComeAgain, GiveTheirValuesAndTheHashOfThese) {
     for (int round = 0; round < 30; ++round) {
-        const std::vector<Place> order = someOrder();
+        const std::vector<NodeField> order = someOrder();
         for (int again = 0; again < 5; ++again) {
             std::vector<Change> changes;
-            for (const Place& place : order) changes.push_back(valueOf(place));
+            for (const NodeField& field : order) changes.push_back(valueOf(field));
             if (again > 1 && random() % 2) disturb(changes);
             ASSERT_NO_FATAL_FAILURE(apply(std::move(changes)));
         }
-        for (const auto& [place, value] : values) ASSERT_EQ(scene.node(place.first).value(place.second), value);
+        for (const auto& [field, value] : values) ASSERT_EQ(scene.node(field.first).value(field.second), value);
         // Edits of a scene's own, and the cascade's, come in between.
         if (round % 3 == 0) {
             const NodeId node = nodes[10 * (random() % 80)];
@@ -288,9 +288,9 @@ TEST(RunsThatMovePlaces, AreHeardOfWhenTheyComeAgain) {
     ASSERT_TRUE(
         scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>(std::span<const NodeId>(moving))));
     scene.newFrame(0);
-    const auto allTo = [&](Vec3f place) {
+    const auto allTo = [&](Vec3f position) {
         std::vector<Change> changes;
-        for (const NodeId node : moving) changes.push_back(changeTo(node, x3d::Transform::translation.index, place));
+        for (const NodeId node : moving) changes.push_back(changeTo(node, x3d::Transform::translation.index, position));
         ASSERT_TRUE(scene.apply(setAfter(scene, std::move(changes))));
     };
     allTo({0, 0, 700});

@@ -251,8 +251,8 @@ TEST_F(InsideAFrame, ABehaviourEdits) {
     scene = &scene_;
     target = box_;
     const Behaviour meddles{.onEvent = [](Cascade&, const Node&, FieldIndex, EventValue) {
-        const NodeId made = scene->createNode(x3d::Group::type);
-        EXPECT_TRUE(scene->insertChild(target, x3d::Transform::children, made));
+        const NodeId created = scene->createNode(x3d::Group::type);
+        EXPECT_TRUE(scene->insertChild(target, x3d::Transform::children, created));
         EXPECT_FALSE(scene->seal());
     }};
     scene_.registerBehaviour(x3d::Switch::type, meddles);

@@ -154,12 +154,12 @@ class Meddled : public testing::Test {
                                      if (onArrival) onArrival(cascade, node.id());
                                  }});
         for (NodeId& one : node_) one = scene_.createNode(x3d::Transform::type);
-        for (int i = 1; i < kCount; ++i) EXPECT_TRUE(scene_.addRoute(node_[0], kPlace, node_[i], kPlace));
+        for (int i = 1; i < kCount; ++i) EXPECT_TRUE(scene_.addRoute(node_[0], kTranslation, node_[i], kTranslation));
         scene_.newFrame(0);
     }
     /// The values of the nodes after an event of the first one; -1 for one that is gone.
     std::vector<float> run() {
-        EXPECT_TRUE(scene_.sendEvent(node_[0], kPlace, Vec3f(1)));
+        EXPECT_TRUE(scene_.sendEvent(node_[0], kTranslation, Vec3f(1)));
         scene_.newFrame(1);
         std::vector<float> all;
         for (const NodeId id : node_)
@@ -167,8 +167,8 @@ class Meddled : public testing::Test {
         return all;
     }
 
-    static constexpr FieldIndex kPlace = x3d::Transform::translation.index, kCenter = x3d::Transform::center.index,
-                                kScale = x3d::Transform::scale.index;
+    static constexpr FieldIndex kTranslation = x3d::Transform::translation.index,
+                                kCenter = x3d::Transform::center.index, kScale = x3d::Transform::scale.index;
     static inline std::function<void(Cascade&, NodeId)> onArrival;
     Scene scene_;
     NodeId node_[kCount];
@@ -185,13 +185,13 @@ TEST_F(Meddled, ASenderThatGoesTellsNobodyFurther) {
 TEST_F(Meddled, ARouteThatEndsCarriesNothingTheOthersDo) {
     onArrival = [this](Cascade&, NodeId at) {
         if (at != node_[2]) return;
-        EXPECT_TRUE(scene_.removeRoute(node_[0], kPlace, node_[3], kPlace));
+        EXPECT_TRUE(scene_.removeRoute(node_[0], kTranslation, node_[3], kTranslation));
     };
     EXPECT_THAT(run(), testing::ElementsAre(1, 1, 1, 0, 1));
 }
 
 TEST_F(Meddled, ANodeThatGoesBeforeItsTurnTellsNothing) {
-    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    ASSERT_TRUE(scene_.addRoute(node_[1], kTranslation, node_[2], kCenter));
     onArrival = [this](Cascade&, NodeId at) {
         if (at != node_[3]) return;
         EXPECT_TRUE(scene_.destroyNode(node_[1]));
@@ -206,7 +206,7 @@ TEST_F(Meddled, RoutesThatComeMeanwhileDisturbNone) {
         if (at != node_[2]) return;
         for (const FieldIndex field : {kCenter, kScale}) EXPECT_TRUE(scene_.addRoute(node_[0], field, node_[1], field));
         for (int i = 0; i < 100; ++i)
-            EXPECT_TRUE(scene_.addRoute(node_[0], kPlace, scene_.createNode(x3d::Transform::type), kPlace));
+            EXPECT_TRUE(scene_.addRoute(node_[0], kTranslation, scene_.createNode(x3d::Transform::type), kTranslation));
     };
     EXPECT_THAT(run(), testing::Each(1));
     EXPECT_EQ(scene_.routesFrom(node_[0]).size(), 106);
@@ -217,10 +217,10 @@ TEST_F(Meddled, RoutesThatComeMeanwhileDisturbNone) {
 }
 
 TEST_F(Meddled, AnEventWhoseRoutesEndBeforeItsTurnGoesNowhere) {
-    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    ASSERT_TRUE(scene_.addRoute(node_[1], kTranslation, node_[2], kCenter));
     onArrival = [this](Cascade&, NodeId at) {
         if (at != node_[3]) return;
-        EXPECT_TRUE(scene_.removeRoute(node_[1], kPlace, node_[2], kCenter));
+        EXPECT_TRUE(scene_.removeRoute(node_[1], kTranslation, node_[2], kCenter));
     };
     EXPECT_THAT(run(), testing::Each(1));
     EXPECT_EQ(scene_.node(node_[2]).get(x3d::Transform::center), Vec3f(0));
@@ -232,7 +232,7 @@ TEST_F(Meddled, NobodyHearsOfANodeWithoutRoutesThatIsGone) {
     scene_.setEventListener([&](double, const Node& node, FieldIndex, const Value&) { heard.push_back(node.id()); });
     onArrival = [&](Cascade& cascade, NodeId at) {
         if (at == node_[1]) {
-            EXPECT_TRUE(cascade.deliver(alone, kPlace, Vec3f(7)));
+            EXPECT_TRUE(cascade.deliver(alone, kTranslation, Vec3f(7)));
         } else if (at == node_[2]) {
             EXPECT_TRUE(scene_.destroyNode(alone));
         }
@@ -243,11 +243,11 @@ TEST_F(Meddled, NobodyHearsOfANodeWithoutRoutesThatIsGone) {
 
 /// The routes of a field whose event waits for its turn: all of them gone, and another one there.
 TEST_F(Meddled, AnEventGoesAlongTheRoutesThatAreThereAtItsTurn) {
-    ASSERT_TRUE(scene_.addRoute(node_[1], kPlace, node_[2], kCenter));
+    ASSERT_TRUE(scene_.addRoute(node_[1], kTranslation, node_[2], kCenter));
     onArrival = [this](Cascade&, NodeId at) {
         if (at != node_[4]) return;
-        EXPECT_TRUE(scene_.removeRoute(node_[1], kPlace, node_[2], kCenter));
-        EXPECT_TRUE(scene_.addRoute(node_[1], kPlace, node_[3], kCenter));
+        EXPECT_TRUE(scene_.removeRoute(node_[1], kTranslation, node_[2], kCenter));
+        EXPECT_TRUE(scene_.addRoute(node_[1], kTranslation, node_[3], kCenter));
     };
     EXPECT_THAT(run(), testing::Each(1));
     EXPECT_EQ(scene_.node(node_[2]).get(x3d::Transform::center), Vec3f(0));

@@ -22,7 +22,7 @@ struct Chunk {
 };
 
 /// Its first and last byte, which no other chunk has written.
-bool isWhole(const Chunk& chunk) {
+bool isComplete(const Chunk& chunk) {
     return std::to_integer<unsigned char>(chunk.at[0]) == chunk.mark &&
            std::to_integer<unsigned char>(chunk.at[chunk.bytes - 1]) == chunk.mark;
 }
@@ -40,7 +40,7 @@ TEST(ChunkPool, ChunksOfAllSizesLieApart) {
     for (int i = 0; i < 3000; ++i) {
         if (chunks.size() > 60 || (!chunks.empty() && random() % 3 == 0)) {
             const std::size_t which = random() % chunks.size();
-            ASSERT_TRUE(isWhole(chunks[which])) << "step " << i;
+            ASSERT_TRUE(isComplete(chunks[which])) << "step " << i;
             pool.giveBack(chunks[which].at, chunks[which].bytes);
             chunks.erase(chunks.begin() + static_cast<std::ptrdiff_t>(which));
             continue;
@@ -50,7 +50,7 @@ TEST(ChunkPool, ChunksOfAllSizesLieApart) {
         ASSERT_EQ(reinterpret_cast<std::uintptr_t>(chunks.back().at) % 64, 0U);
     }
     for (const Chunk& chunk : chunks) {
-        EXPECT_TRUE(isWhole(chunk));
+        EXPECT_TRUE(isComplete(chunk));
         pool.giveBack(chunk.at, chunk.bytes);
     }
     EXPECT_EQ(pool.pages(), 1U);

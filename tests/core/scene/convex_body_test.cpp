@@ -79,11 +79,11 @@ TEST(ConvexBody, MeetsWhatIsWhollyInsideAndWhatItIsWhollyInsideOf) {
 struct RandomTriangles {
     std::mt19937 engine;
     double operator()(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine); }
-    Vec3d place(double size) { return {(*this)(-size, size), (*this)(-size, size), (*this)(-size, size)}; }
+    Vec3d position(double size) { return {(*this)(-size, size), (*this)(-size, size), (*this)(-size, size)}; }
     /// Large, small, thin, or without area.
     Triangle triangle() {
         const double size = std::pow(10, (*this)(-2, 2));
-        Triangle t{place(size), place(size), place(size)};
+        Triangle t{position(size), position(size), position(size)};
         switch (engine() % 8) {
             case 0:
                 t[2] = t[1];
@@ -95,7 +95,7 @@ struct RandomTriangles {
                 t[2] = t[0] + (t[1] - t[0]) * (*this)(-1, 2);
                 break;
             case 3:
-                t[2] = t[0] + (t[1] - t[0]) * (*this)(-1, 2) + place(1e-5);
+                t[2] = t[0] + (t[1] - t[0]) * (*this)(-1, 2) + position(1e-5);
                 break;
             default:
                 break;
@@ -110,7 +110,7 @@ void expectTouchWhereSearchSays(const ConvexBody& body, const test::Gauge& gauge
         const Triangle t = random.triangle();
         const double u = random(0, 1), v = random(0, 1 - u);
         const Vec3d inner = t[0] + u * (t[1] - t[0]) + v * (t[2] - t[0]);
-        const Vec3d away = glm::normalize(random.place(1)) * 1000.0;
+        const Vec3d away = glm::normalize(random.position(1)) * 1000.0;
         const auto moved = [&](double far) {
             const Vec3d by = far * away - inner;
             return Triangle{t[0] + by, t[1] + by, t[2] + by};
@@ -122,7 +122,7 @@ void expectTouchWhereSearchSays(const ConvexBody& body, const test::Gauge& gauge
             const double middle = (in + out) / 2;
             (body.meets(moved(middle)) ? in : out) = middle;
         }
-        EXPECT_NEAR(test::leastOnTriangle(gauge, moved(in)), 0, 1e-7) << "triangle " << i << " at " << in;
+        EXPECT_NEAR(test::minOnTriangle(gauge, moved(in)), 0, 1e-7) << "triangle " << i << " at " << in;
     }
 }
 
@@ -137,7 +137,7 @@ TEST(ConvexBody, IsFirstTouchedWhereANestedSearchSays) {
         expectTouchWhereSearchSays(ConvexBody::cylinder(a, b), test::cylinderGauge(a, b), random, 12);
         expectTouchWhereSearchSays(ConvexBody::cone(a, b), test::coneGauge(a, b), random, 12);
         std::vector<Vec3d> points;
-        for (int k = 0; k < 4 + i / 2; ++k) points.push_back(random.place(1));
+        for (int k = 0; k < 4 + i / 2; ++k) points.push_back(random.position(1));
         Vec3d middle(0);
         for (const Vec3d& p : points) middle += p / double(points.size());
         for (Vec3d& p : points) p -= middle;
@@ -157,18 +157,18 @@ TEST(ConvexBody, HullsOfBoxesAreBoxes) {
         for (int x = -2; x <= 2; ++x)
             for (int y = -2; y <= 2; ++y)
                 for (int z = -2; z <= 2; ++z) points.push_back(half * Vec3d(x, y, z) * .5);
-        const glm::dmat3 turn(glm::rotate(glm::dmat4(1), random(-3, 3), glm::normalize(random.place(1))));
-        const Vec3d shift = random.place(5);
-        for (Vec3d& p : points) p = turn * p + shift;
+        const glm::dmat3 rotation(glm::rotate(glm::dmat4(1), random(-3, 3), glm::normalize(random.position(1))));
+        const Vec3d shift = random.position(5);
+        for (Vec3d& p : points) p = rotation * p + shift;
         const ConvexBody hull = ConvexBody::hull(points), box = ConvexBody::box(half);
         for (int k = 0; k < 100; ++k) {
             Triangle local = random.triangle(), world;
-            const Vec3d by = random.place(2);
+            const Vec3d by = random.position(2);
             if (k % 5 == 0)
                 for (Vec3d& p : local) p.y = 0;  // in the plane of a flat one
             for (std::size_t c = 0; c < 3; ++c) local[c] += k % 5 == 0 ? Vec3d(by.x, 0, by.z) : by;
-            for (std::size_t c = 0; c < 3; ++c) world[c] = turn * local[c] + shift;
-            const double depth = test::leastOnTriangle(test::boxGauge(half), local);
+            for (std::size_t c = 0; c < 3; ++c) world[c] = rotation * local[c] + shift;
+            const double depth = test::minOnTriangle(test::boxGauge(half), local);
             if (std::abs(depth) < 1e-7 && half.y > 0 && half.z > 0) continue;
             if (depth > 0 && depth < 1e-7) continue;
             EXPECT_EQ(hull.meets(world), box.meets(local)) << i << ' ' << k << ": " << depth;

@@ -21,8 +21,8 @@ struct GeoScene {
         scene.newFrame(0);
     }
     NodeId id(const char* name) { return scene.findName(name); }
-    glm::dmat4 place(const char* name) {
-        const auto found = geoPlace(scene, scene.node(id(name)));
+    glm::dmat4 worldFromNode(const char* name) {
+        const auto found = geoTransform(scene, scene.node(id(name)));
         EXPECT_TRUE(found) << (found ? "" : found.error().text);
         return found.value_or(glm::dmat4(0));
     }
@@ -55,7 +55,7 @@ void expectClose(const Vec3d& a, const Vec3d& b, double tolerance) {
 
 TEST(Geospatial, ALocationStandsUprightOnTheEllipsoid) {
     GeoScene s("DEF L GeoLocation { geoCoords 46.5 -122.25 300 } DEF M GeoLocation { geoCoords 46.5 -122.25 300.001 }");
-    const glm::dmat4 l = s.place("L"), m = s.place("M");
+    const glm::dmat4 l = s.worldFromNode("L"), m = s.worldFromNode("M");
     expectClose(Vec3d(l[3]), pointOf(46.5, -122.25, 300), 2e-9);
     expectClose(Vec3d(l[1]), upAt(46.5, -122.25), 1e-14);
     expectClose(-Vec3d(l[2]), northAt(46.5, -122.25), 1e-14);
@@ -72,9 +72,9 @@ TEST(Geospatial, AnOriginIsTakenOffAndTurnedUpright) {
     };
     GeoScene flat(with("FALSE")), turned(with("TRUE"));
     const Vec3d by = pointOf(10.001, 20, 50) - pointOf(10, 20, 40);
-    expectClose(Vec3d(flat.place("L")[3]), by, 2e-9);
-    expectClose(Vec3d(flat.place("H")[1]), upAt(10, 20), 1e-14);
-    const glm::dmat4 home = turned.place("H"), there = turned.place("L");
+    expectClose(Vec3d(flat.worldFromNode("L")[3]), by, 2e-9);
+    expectClose(Vec3d(flat.worldFromNode("H")[1]), upAt(10, 20), 1e-14);
+    const glm::dmat4 home = turned.worldFromNode("H"), there = turned.worldFromNode("L");
     for (int i = 0; i < 4; ++i) expectClose(Vec3d(home[i]), Vec3d(i == 0, i == 1, i == 2), 1e-14);
     EXPECT_NEAR(there[3].y, glm::dot(by, upAt(10, 20)), 2e-9);
     EXPECT_NEAR(there[3].z, -glm::dot(by, northAt(10, 20)), 2e-9);
@@ -85,8 +85,8 @@ TEST(Geospatial, ATransformTurnsAboutTheGroundAtItsCenter) {
     GeoScene s(
         "DEF N GeoTransform { geoCenter 30 40 0 }"
         "DEF T GeoTransform { geoCenter 30 40 0 rotation 0 1 0 1.57079632679 translation 0 5 0 }");
-    EXPECT_EQ(s.place("N"), glm::dmat4(1));
-    const glm::dmat4 t = s.place("T");
+    EXPECT_EQ(s.worldFromNode("N"), glm::dmat4(1));
+    const glm::dmat4 t = s.worldFromNode("T");
     const Vec3d center = pointOf(30, 40, 0), up = upAt(30, 40), north = northAt(30, 40), east = glm::cross(north, up);
     expectClose(Vec3d(t * glm::dvec4(center, 1)), center + up * 5.0, 4e-9);
     // A quarter turn about up takes the east to the north; float angles are good to 5e-8.
@@ -143,7 +143,7 @@ TEST(Geospatial, WhoeverStandsByAnOriginHearsThatItMoves) {
 
 TEST(Geospatial, WhatIsNoSystemIsAnError) {
     GeoScene s("DEF L GeoLocation { geoSystem [ \"UTM\" ] } DEF C GeoCoordinate { geoSystem \"XY\" point 1 2 3 }");
-    EXPECT_FALSE(geoPlace(s.scene, s.scene.node(s.id("L"))));
+    EXPECT_FALSE(geoTransform(s.scene, s.scene.node(s.id("L"))));
     const auto points = geoPoints(s.scene, s.scene.node(s.id("C")));
     ASSERT_FALSE(points);
     EXPECT_NE(points.error().text.find("'XY'"), std::string::npos);

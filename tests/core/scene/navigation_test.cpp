@@ -107,22 +107,22 @@ TEST(Navigation, IsOffUntilItIsSwitchedOn) {
 
 /// Two numbers more in an event of the wheel.
 TEST(Navigation, SticksTurnTheViewerOrLeadHimRound) {
-    const auto turn = [](NavigatedScene& s, double right, double up) {
+    const auto rotation = [](NavigatedScene& s, double right, double up) {
         const auto wheel = x3d::RtsgScene::wheel.index;
         ASSERT_TRUE(s.scene.sendEvent(s.scene.root(), wheel, Array<double>{0, 0, right, up}));
         s.scene.newFrame(s.scene.now() + 1);
     };
     NavigatedScene flies("NavigationInfo { type \"FLY\" } Viewpoint { }");
     flies.scene.newFrame(1);
-    turn(flies, .5, 0);
+    rotation(flies, .5, 0);
     flies.expect({0, 0, 10}, {std::sin(.5), 0, -std::cos(.5)});
-    turn(flies, 0, .25);
+    rotation(flies, 0, .25);
     flies.expect({0, 0, 10}, {std::sin(.5) * std::cos(.25), std::sin(.25), -std::cos(.5) * std::cos(.25)});
-    turn(flies, NAN, 0);
+    rotation(flies, NAN, 0);
     flies.expect({0, 0, 10}, {std::sin(.5) * std::cos(.25), std::sin(.25), -std::cos(.5) * std::cos(.25)});
     NavigatedScene goesRound("NavigationInfo { type \"EXAMINE\" } Viewpoint { }");
     goesRound.scene.newFrame(1);
-    turn(goesRound, .5, 0);
+    rotation(goesRound, .5, 0);
     goesRound.expect({-10 * std::sin(.5), 0, 10 * std::cos(.5)}, {std::sin(.5), 0, -std::cos(.5)});  // as by RIGHT
 }
 
@@ -215,7 +215,7 @@ TEST(Navigation, MovesThatAreNoneAreRefused) {
         s.expect({0, 0, 10}, {0, 0, -1});
     };
     ViewerMove move;
-    move.kind = ViewerMove::Kind::place;
+    move.kind = ViewerMove::Kind::jump;
     move.viewpoint = s.scene.findName("V");
     move.offset.position = {1, 0, 0};
     const Array<double> good = move.toValue();

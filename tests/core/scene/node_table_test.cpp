@@ -40,11 +40,11 @@ TEST(NodeTable, NodesFarApartCostNoMoreThanNodes) {
     ASSERT_TRUE(scene.apply(set));
     // A node is some hundred bytes; a page of its own for each would make 800 MB. ThreadSanitizer keeps as much again.
 #ifdef __SANITIZE_THREAD__
-    constexpr std::size_t kMost = 2000;
+    constexpr std::size_t kMax = 2000;
 #else
-    constexpr std::size_t kMost = 1000;
+    constexpr std::size_t kMax = 1000;
 #endif
-    EXPECT_LT(residentBytes(), before + kNodes * kMost);
+    EXPECT_LT(residentBytes(), before + kNodes * kMax);
     EXPECT_EQ(scene.nodeCount(), kNodes + 2u);
     for (std::uint32_t i = 1; i <= kNodes; ++i) {
         ASSERT_NE(scene.find(NodeId{i * 1024 + 7}), nullptr) << i;

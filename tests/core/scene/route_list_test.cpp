@@ -13,7 +13,7 @@ TEST(FewRoutes, HoldWhatAListHolds) {
     constexpr unsigned kSeed = 5;
     SCOPED_TRACE(kSeed);
     std::mt19937 random(kSeed);
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (int round = 0; round < 200; ++round) {
         FewRoutes<OutgoingRoute> routes;
         std::vector<OutgoingRoute> expected;
@@ -35,10 +35,10 @@ TEST(FewRoutes, HoldWhatAListHolds) {
             for (const OutgoingRoute& r : routes.items())
                 if (r.to.node) held.push_back(r);
             ASSERT_EQ(held, expected) << round << ' ' << step;
-            most = std::max(most, expected.size());
+            maximum = std::max(maximum, expected.size());
         }
     }
-    EXPECT_GT(most, 32u) << "beyond a few, places are hashed";
+    EXPECT_GT(maximum, 32u) << "beyond a few, places are hashed";
 }
 
 TEST(RouteGroups, StayInTheOrderInWhichTheyCame) {

@@ -21,7 +21,7 @@ namespace {
 
 using test::RandomEdits;
 
-constexpr FieldIndex kPlace = x3d::Transform::translation.index;
+constexpr FieldIndex kTranslation = x3d::Transform::translation.index;
 
 // ---- edits ---------------------------------------------------------------------------------------------------------
 
@@ -32,8 +32,8 @@ TEST(SceneEdits, WhatIsDestroyedLeavesNoReferenceAndItsChildrenStay) {
     ASSERT_TRUE(scene.insertChild(above, x3d::Group::children, gone));
     ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, gone));
     ASSERT_TRUE(scene.insertChild(gone, x3d::Transform::children, child));
-    ASSERT_TRUE(scene.addRoute(child, kPlace, gone, kPlace));
-    ASSERT_TRUE(scene.addRoute(gone, kPlace, child, kPlace));
+    ASSERT_TRUE(scene.addRoute(child, kTranslation, gone, kTranslation));
+    ASSERT_TRUE(scene.addRoute(gone, kTranslation, child, kTranslation));
     ASSERT_TRUE(scene.setName(gone, "GONE"));
     ASSERT_TRUE(scene.destroyNode(gone));
     EXPECT_FALSE(scene.find(gone));
@@ -58,7 +58,7 @@ TEST(SceneEdits, WhatRootNamesAndRoutesLeadToIsReachable) {
     ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, root));
     ASSERT_TRUE(scene.setName(named, "N"));
     ASSERT_TRUE(scene.insertChild(named, x3d::Transform::children, below));
-    ASSERT_TRUE(scene.addRoute(from, kPlace, to, kPlace));
+    ASSERT_TRUE(scene.addRoute(from, kTranslation, to, kTranslation));
     ASSERT_TRUE(scene.insertChild(alone, x3d::Transform::children, belowAlone));
     EXPECT_EQ(scene.destroyUnreachable(), 2U);
     for (const NodeId kept : {root, named, below, from, to}) EXPECT_TRUE(scene.find(kept)) << kept.value;
@@ -69,16 +69,18 @@ TEST(SceneEdits, WhatRootNamesAndRoutesLeadToIsReachable) {
 TEST(SceneEdits, RoutesAreBetweenEqualTypesOnceAndFoundFromBothEnds) {
     Scene scene;
     const NodeId a = scene.createNode(x3d::Transform::type), b = scene.createNode(x3d::Transform::type);
-    ASSERT_TRUE(scene.addRoute(a, kPlace, b, kPlace));
-    ASSERT_TRUE(scene.addRoute(a, kPlace, b, kPlace)) << "a second one is ignored";
-    const std::vector<Route> only{{a, kPlace, b, kPlace}};
+    ASSERT_TRUE(scene.addRoute(a, kTranslation, b, kTranslation));
+    ASSERT_TRUE(scene.addRoute(a, kTranslation, b, kTranslation)) << "a second one is ignored";
+    const std::vector<Route> only{{a, kTranslation, b, kTranslation}};
     EXPECT_EQ(scene.routesFrom(a), only);
     EXPECT_EQ(scene.routesTo(b), only);
     EXPECT_EQ(scene.routeCount(), 1U);
-    EXPECT_EQ(scene.addRoute(a, kPlace, b, x3d::Transform::rotation.index).error().code, DiagnosticCode("wrong-type"));
-    EXPECT_EQ(scene.addRoute(a, x3d::Transform::bboxSize.index, b, kPlace).error().code, DiagnosticCode("access"));
-    ASSERT_TRUE(scene.removeRoute(a, kPlace, b, kPlace));
-    EXPECT_FALSE(scene.removeRoute(a, kPlace, b, kPlace));
+    EXPECT_EQ(scene.addRoute(a, kTranslation, b, x3d::Transform::rotation.index).error().code,
+              DiagnosticCode("wrong-type"));
+    EXPECT_EQ(scene.addRoute(a, x3d::Transform::bboxSize.index, b, kTranslation).error().code,
+              DiagnosticCode("access"));
+    ASSERT_TRUE(scene.removeRoute(a, kTranslation, b, kTranslation));
+    EXPECT_FALSE(scene.removeRoute(a, kTranslation, b, kTranslation));
     EXPECT_TRUE(scene.routesTo(b).empty());
 }
 
@@ -101,7 +103,7 @@ TEST(SceneEdits, TakeOnlyNodesOfTypesThatTheFieldHolds) {
 TEST(SceneEdits, TakeEffectAtOnceAndSendNoEvents) {
     Scene scene;
     const NodeId a = scene.createNode(x3d::Transform::type), b = scene.createNode(x3d::Transform::type);
-    ASSERT_TRUE(scene.addRoute(a, kPlace, b, kPlace));
+    ASSERT_TRUE(scene.addRoute(a, kTranslation, b, kTranslation));
     ASSERT_TRUE(scene.set(a, x3d::Transform::translation, Vec3f(1)));
     EXPECT_EQ(scene.node(a).get(x3d::Transform::translation), Vec3f(1));
     scene.newFrame(0);
@@ -218,9 +220,9 @@ TEST(SceneFrames, WithoutBehavioursEventsStillTravelAlongRoutes) {
     const NodeId a = scene.createNode(x3d::Transform::type), b = scene.createNode(x3d::Transform::type),
                  clock = scene.createNode(x3d::TimeSensor::type);
     ASSERT_TRUE(scene.set(clock, x3d::TimeSensor::loop, true));
-    ASSERT_TRUE(scene.addRoute(a, kPlace, b, kPlace));
+    ASSERT_TRUE(scene.addRoute(a, kTranslation, b, kTranslation));
     scene.setBehavioursEnabled(false);
-    ASSERT_TRUE(scene.sendEvent(a, kPlace, Vec3f(3)));
+    ASSERT_TRUE(scene.sendEvent(a, kTranslation, Vec3f(3)));
     scene.newFrame(1);
     EXPECT_EQ(scene.node(b).get(x3d::Transform::translation), Vec3f(3));
     EXPECT_FALSE(scene.node(clock).get(x3d::TimeSensor::isActive));
@@ -310,12 +312,12 @@ TEST(SceneFrames, WhoComesLastSeesWhatRoutesHaveLeft) {
     const NodeId start = from;
     for (int i = 0; i < 5; ++i) {
         const NodeId next = i == 4 ? end : scene.createNode(x3d::Transform::type);
-        ASSERT_TRUE(scene.addRoute(from, kPlace, next, kPlace));
+        ASSERT_TRUE(scene.addRoute(from, kTranslation, next, kTranslation));
         from = next;
     }
     ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, asker));
     for (int i = 1; i <= 3; ++i) {
-        ASSERT_TRUE(scene.sendEvent(start, kPlace, Vec3f(static_cast<float>(i))));
+        ASSERT_TRUE(scene.sendEvent(start, kTranslation, Vec3f(static_cast<float>(i))));
         scene.newFrame(i);
     }
     EXPECT_EQ(eventCalls.last, (std::vector<Vec3f>{Vec3f(1), Vec3f(2), Vec3f(3)}));

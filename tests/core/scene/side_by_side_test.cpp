@@ -101,8 +101,8 @@ class RandomCascade {
 };
 
 /// A scene that is run, and all that can be told of it.
-struct Told {
-    Told(const std::string& text, unsigned threads) {
+struct Reported {
+    Reported(const std::string& text, unsigned threads) {
         runScripts(scene);
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene, text, diagnostics));
@@ -127,7 +127,7 @@ struct Told {
     Scene scene;
 };
 
-void expectSameFrame(Told& one, Told& several, double time) {
+void expectSameFrame(Reported& one, Reported& several, double time) {
     const auto a = one.scene.newFrame(time), b = several.scene.newFrame(time);
     ASSERT_EQ(a->changes.size(), b->changes.size());
     for (std::size_t i = 0; i < a->changes.size(); ++i) ASSERT_EQ(a->changes[i], b->changes[i]) << "change " << i;
@@ -147,13 +147,13 @@ void expectSameFrame(Told& one, Told& several, double time) {
 void expectSameThroughout(std::uint32_t seed, bool small, unsigned threads) {
     SCOPED_TRACE(fmt::format("seed {}, {}, {} threads", seed, small ? "small" : "large", threads));
     const RandomCascade random(seed, small);
-    Told one(random.text(), 1), several(random.text(), threads);
+    Reported one(random.text(), 1), several(random.text(), threads);
     std::mt19937 draw(seed);
     for (int frame = 0; frame < 16; ++frame) {
         // Now and then the application interferes: a field, a new node, a route less.
         const unsigned what = draw() % 8, which = draw();
-        for (Told* told : {&one, &several}) {
-            Scene& scene = told->scene;
+        for (Reported* reported : {&one, &several}) {
+            Scene& scene = reported->scene;
             const NodeId target = scene.findName(fmt::format("T{}", which % 10));
             Result<> done;
             if (what == 0) done = scene.set(target, x3d::Transform::center, Vec3f(static_cast<float>(frame)));
@@ -197,7 +197,7 @@ TEST(SideBySide, FramesThatSendTheSameAndOthersGiveTheSameOnSeveralThreads) {
             "0 ] }} DEF T{0} Transform {{ }} ROUTE C{0}.fraction_changed TO P{0}.set_fraction ROUTE P{0}.value_changed "
             "TO T{0}.translation\n",
             i);
-    Told one(text, 1), several(text, 2);
+    Reported one(text, 1), several(text, 2);
     std::mt19937 draw(5);
     for (int frame = 0; frame < 24; ++frame) {
         constexpr unsigned kThreads[] = {2, 4, 2, 3};
@@ -205,10 +205,10 @@ TEST(SideBySide, FramesThatSendTheSameAndOthersGiveTheSameOnSeveralThreads) {
         if (frame % 4 == 3)
             for (int i = 0; i < 1 + static_cast<int>(draw() % 500); ++i) {
                 const std::string clock = fmt::format("C{}", draw() % kPlenty);
-                for (Told* told : {&one, &several}) {
-                    const NodeId id = told->scene.findName(clock);
-                    const bool enabled = told->scene.node(id).get(x3d::TimeSensor::enabled);
-                    EXPECT_TRUE(told->scene.set(id, x3d::TimeSensor::enabled, !enabled));
+                for (Reported* reported : {&one, &several}) {
+                    const NodeId id = reported->scene.findName(clock);
+                    const bool enabled = reported->scene.node(id).get(x3d::TimeSensor::enabled);
+                    EXPECT_TRUE(reported->scene.set(id, x3d::TimeSensor::enabled, !enabled));
                 }
             }
         ASSERT_NO_FATAL_FAILURE(expectSameFrame(one, several, .03 * frame)) << "frame " << frame;
@@ -222,14 +222,14 @@ std::atomic<int> elsewhere{0};
 std::thread::id sceneThread;
 
 /// Now and then, for the other threads to get to their part.
-void giveWay() {
+void yieldToOthers() {
     static thread_local unsigned calls = 0;
     if (++calls % 64 == 0) std::this_thread::yield();
 }
 
 void noteWhere(Cascade& cascade, const Node& node, FieldIndex, EventValue) {
     if (std::this_thread::get_id() != sceneThread) ++elsewhere;
-    giveWay();
+    yieldToOthers();
     cascade.emit(node, x3d::PositionInterpolator::value_changed, Vec3f(1));
 }
 
@@ -282,10 +282,10 @@ TEST(SideBySide, WhatPromisesNothingIsCalledOnTheScenesThreadAlone) {
 }
 double noteTime(Cascade& cascade, const Node&) {
     if (std::this_thread::get_id() != sceneThread) ++elsewhere;
-    giveWay();
+    yieldToOthers();
     return cascade.now();
 }
-int timesToldElsewhere(const Behaviour& behaviour, int frames) {
+int timesReportedElsewhere(const Behaviour& behaviour, int frames) {
     Scene scene;
     for (int i = 0; i < kPlenty; ++i) scene.createNode(x3d::TimeSensor::type);
     scene.registerBehaviour(x3d::TimeSensor::type, behaviour);
@@ -293,10 +293,10 @@ int timesToldElsewhere(const Behaviour& behaviour, int frames) {
     return runUntilElsewhere(scene, frames);
 }
 TEST(SideBySide, TimeIsToldOnOtherThreadsToWhatPromisesToBeLocal) {
-    EXPECT_GT(timesToldElsewhere({.onTime = noteTime, .deterministic = true, .local = true}, 1000), 0);
-    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .deterministic = true}, 12), 0);
-    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .local = true}, 12), 0);
-    EXPECT_EQ(timesToldElsewhere({.onTime = noteTime, .deterministic = true, .local = true, .beyond = 0}, 12), 0);
+    EXPECT_GT(timesReportedElsewhere({.onTime = noteTime, .deterministic = true, .local = true}, 1000), 0);
+    EXPECT_EQ(timesReportedElsewhere({.onTime = noteTime, .deterministic = true}, 12), 0);
+    EXPECT_EQ(timesReportedElsewhere({.onTime = noteTime, .local = true}, 12), 0);
+    EXPECT_EQ(timesReportedElsewhere({.onTime = noteTime, .deterministic = true, .local = true, .beyond = 0}, 12), 0);
 }
 TEST(SideBySide, OneThreadIsOne) {
     const Behaviour local{.onEvent = noteWhere, .deterministic = true, .local = true};
@@ -326,7 +326,7 @@ TEST(SideBySide, WhatNewRoutesJoinIsTogetherFromThenOn) {
 
 void throwsElsewhere(Cascade&, const Node&, FieldIndex, EventValue) {
     if (std::this_thread::get_id() != sceneThread) throw std::runtime_error("thrown");
-    giveWay();
+    yieldToOthers();
 }
 TEST(SideBySide, WhatIsThrownElsewhereComesOutOfTheFrame) {
     const Behaviour throwing{.onEvent = throwsElsewhere, .deterministic = true, .local = true};

@@ -21,11 +21,11 @@ Hash128 minus(Hash128 a, Hash128 b) {
 TEST(StateHash, TheExampleOfTheProtocolHasItsHash) {
     Scene scene;
     EXPECT_EQ(scene.hash().hex(), "00000000000000000000000000000000");
-    const NodeId thing = scene.createNode(x3d::Transform::type);
-    ASSERT_EQ(thing.value, 2u);
-    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, thing));
-    ASSERT_TRUE(scene.set(thing, x3d::Transform::translation, Vec3f(1, 2, 3)));
-    ASSERT_TRUE(scene.setName(thing, "A"));
+    const NodeId node = scene.createNode(x3d::Transform::type);
+    ASSERT_EQ(node.value, 2u);
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
+    ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(1, 2, 3)));
+    ASSERT_TRUE(scene.setName(node, "A"));
     scene.seal();
     EXPECT_EQ(scene.hash().hex(), "f725bafa49fad5584f08f409851e47e5");
 }

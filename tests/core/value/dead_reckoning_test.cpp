@@ -27,17 +27,17 @@ LongVector longOf(const glm::dvec3& v) {
 
 /// The body's axes in the world and where it is.
 struct Motion {
-    LongVector axes[3], place;
+    LongVector axes[3], position;
 };
 
 /// By Runge and Kutta's method of the fourth order: axes turn with the rate, which is given in them; the velocity is in
 /// the body or in the world, and changes at a steady rate there.
-Motion integrate(const EntityState& s, bool isBody, bool turns, bool accelerates, double seconds) {
+Motion integrate(const EntityState& s, bool isBody, bool rotates, bool accelerates, double seconds) {
     const auto derivative = [&](const Motion& m, long double t) {
         Motion d;
         const LongVector v = longOf(s.velocity) + longOf(s.acceleration) * (accelerates ? t : 0.L);
-        d.place = isBody ? m.axes[0] * v.x + m.axes[1] * v.y + m.axes[2] * v.z : v;
-        const LongVector w = turns ? longOf(s.angularVelocity) : LongVector{};
+        d.position = isBody ? m.axes[0] * v.x + m.axes[1] * v.y + m.axes[2] * v.z : v;
+        const LongVector w = rotates ? longOf(s.angularVelocity) : LongVector{};
         const LongVector rate = m.axes[0] * w.x + m.axes[1] * w.y + m.axes[2] * w.z;
         for (int i = 0; i < 3; ++i) d.axes[i] = crossOf(rate, m.axes[i]);
         return d;
@@ -45,7 +45,7 @@ Motion integrate(const EntityState& s, bool isBody, bool turns, bool accelerates
     const auto moved = [](const Motion& m, const Motion& d, long double h) {
         Motion r;
         for (int i = 0; i < 3; ++i) r.axes[i] = m.axes[i] + d.axes[i] * h;
-        r.place = m.place + d.place * h;
+        r.position = m.position + d.position * h;
         return r;
     };
     Motion m;
@@ -56,7 +56,7 @@ Motion integrate(const EntityState& s, bool isBody, bool turns, bool accelerates
     m.axes[0] = {ca * cb, sa * cb, -sb};
     m.axes[1] = {ca * sb * sc - sa * cc, sa * sb * sc + ca * cc, cb * sc};
     m.axes[2] = {ca * sb * cc + sa * sc, sa * sb * cc - ca * sc, cb * cc};
-    m.place = longOf(s.location);
+    m.position = longOf(s.location);
     const int steps = 500 + static_cast<int>(800 * glm::length(glm::dvec3(s.angularVelocity)) * seconds);
     const long double h = static_cast<long double>(seconds) / steps;
     for (int k = 0; k < steps; ++k) {
@@ -88,7 +88,7 @@ double distance(const LongVector& a, const glm::dvec3& b) {
 TEST(DeadReckoning, EveryModelFollowsItsEquations) {
     struct Model {
         std::uint8_t number;
-        bool isBody, turns, accelerates;
+        bool isBody, rotates, accelerates;
     };
     for (const Model& m : {Model{2, false, false, false},
                            {3, false, true, false},
@@ -101,10 +101,10 @@ TEST(DeadReckoning, EveryModelFollowsItsEquations) {
         for (const float rate : {1e-6f, .01f, .3f, 1.f, 4.f})
             for (const double seconds : {.02, 1., 9.}) {
                 const EntityState state = flight(m.number, rate);
-                const Motion expected = integrate(state, m.isBody, m.turns, m.accelerates, seconds);
+                const Motion expected = integrate(state, m.isBody, m.rotates, m.accelerates, seconds);
                 const EntityPose pose = deadReckon(state, seconds);
                 SCOPED_TRACE(::testing::Message() << int(m.number) << " at " << rate << " after " << seconds);
-                EXPECT_LT(distance(expected.place, pose.location), 2e-9);
+                EXPECT_LT(distance(expected.position, pose.location), 2e-9);
                 const glm::dmat3 axes = glm::mat3_cast(pose.worldFromBody);
                 for (int i = 0; i < 3; ++i) EXPECT_LT(distance(expected.axes[i], axes[i]), 1e-9);
                 EXPECT_TRUE(isMoving(state));
@@ -177,8 +177,8 @@ TEST(ExerciseFrame, APlaceHasEastUpAndSouth) {
     Array<String> gd;
     gd.push_back(String("GD"));
     gd.push_back(String("WE"));
-    const Vec3d place(48, 11, 500);
-    const auto frame = ExerciseFrame::of(gd, place);
+    const Vec3d position(48, 11, 500);
+    const auto frame = ExerciseFrame::of(gd, position);
     ASSERT_TRUE(frame);
     const GeoSystem system = GeoSystem::read(gd).value();
     const auto at = [&](double latitude, double longitude, double height) {
@@ -189,15 +189,15 @@ TEST(ExerciseFrame, APlaceHasEastUpAndSouth) {
     EXPECT_GT(at(48, 11.001, 500).x, 70);    // to the east
     EXPECT_LT(at(48.001, 11, 500).z, -100);  // to the north
     // A body whose nose points north and whose belly points down: its model looks along -z.
-    const glm::dmat3 eus = system.frameAt(system.toGeocentric(place));
+    const glm::dmat3 eus = system.frameAt(system.toGeocentric(position));
     const glm::dmat3 body(-eus[2], eus[0], -eus[1]);  // forward, right, down
-    const glm::dquat turn = frame->toScene(glm::quat_cast(body));
-    EXPECT_NEAR(glm::length(turn * glm::dvec3(1, 0, 0) - glm::dvec3(0, 0, -1)), 0, 1e-12);
-    EXPECT_NEAR(glm::length(turn * glm::dvec3(0, 1, 0) - glm::dvec3(0, 1, 0)), 0, 1e-12);
-    EXPECT_NEAR(std::abs(glm::dot(frame->toWorld(turn), glm::quat_cast(body))), 1, 1e-12);
+    const glm::dquat rotation = frame->toScene(glm::quat_cast(body));
+    EXPECT_NEAR(glm::length(rotation * glm::dvec3(1, 0, 0) - glm::dvec3(0, 0, -1)), 0, 1e-12);
+    EXPECT_NEAR(glm::length(rotation * glm::dvec3(0, 1, 0) - glm::dvec3(0, 1, 0)), 0, 1e-12);
+    EXPECT_NEAR(std::abs(glm::dot(frame->toWorld(rotation), glm::quat_cast(body))), 1, 1e-12);
     Array<String> wrong;
     wrong.push_back(String("XX"));
-    EXPECT_FALSE(ExerciseFrame::of(wrong, place));
+    EXPECT_FALSE(ExerciseFrame::of(wrong, position));
     EXPECT_FALSE(ExerciseFrame::of(gd, Vec3d(NAN, 0, 0)));
 }
 

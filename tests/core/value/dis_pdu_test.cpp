@@ -67,7 +67,7 @@ const std::string kEntityState =
     "00000005"                                            // capabilities
     "00 09 0007 00001005 3FC00000 00000000";              // an articulated part: 1.5
 
-EntityState handMadeState() {
+EntityState writtenState() {
     EntityState state;
     state.id = {1, 2, 3};
     state.force = 2;
@@ -89,7 +89,7 @@ EntityState handMadeState() {
 }  // namespace
 
 TEST(DisPdu, EntityState) {
-    expectBytes(kEntityState, kHalfHour, handMadeState());
+    expectBytes(kEntityState, kHalfHour, writtenState());
 }
 
 TEST(DisPdu, Fire) {

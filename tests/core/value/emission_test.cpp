@@ -61,11 +61,11 @@ TEST(Emission, GrowOldAndMakePlace) {
     for (double since = 0; since < 20; since += .01) {
         for (const LivingParticle& p : livingParticles(std::span(&span, 1), 7, span.start + since)) {
             const double born = since - p.age;
-            const auto [one, isNew] = seen.try_emplace({p.place, p.turn}, std::pair(born, p.life));
+            const auto [one, isNew] = seen.try_emplace({p.slot, p.cycle}, std::pair(born, p.life));
             ASSERT_NEAR(one->second.first, born, 1e-6);
             ASSERT_EQ(one->second.second, p.life);
             ASSERT_LT(p.age, p.life);
-            if (const auto before = seen.find({p.place, p.turn - 1}); isNew && p.turn > 0 && before != seen.end()) {
+            if (const auto before = seen.find({p.slot, p.cycle - 1}); isNew && p.cycle > 0 && before != seen.end()) {
                 ASSERT_NEAR(before->second.first + before->second.second, born, 1e-6);
             }
         }
@@ -79,10 +79,10 @@ TEST(Emission, AClosedSpanDiesOut) {
     EmissionSpan closed = open;
     closed.end = open.start + 10.25;
     EXPECT_EQ(livingAt(closed, 10.25), 100u);
-    const auto agesAt = [&](const EmissionSpan& span, double since, double least) {
+    const auto agesAt = [&](const EmissionSpan& span, double since, double minimum) {
         std::vector<double> ages;
         for (const LivingParticle& p : livingParticles(std::span(&span, 1), 7, span.start + since))
-            if (p.age > least) ages.push_back(p.age);
+            if (p.age > minimum) ages.push_back(p.age);
         std::ranges::sort(ages);
         return ages;
     };

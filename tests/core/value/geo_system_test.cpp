@@ -133,9 +133,10 @@ TEST(GeoSystem, UtmRoundTripsOverTheGlobe) {
             for (double by = -30; by <= 30; by += 7.5) {
                 const double longitude = std::remainder(6 * zone - 183 + by, 360);
                 const GeoSystem& utm = latitude < 0 ? south : north;
-                const Vec3d place = utm.fromGeocentric(gd.toGeocentric({latitude, longitude, 77}));
-                const Vec3d back = gd.fromGeocentric(utm.toGeocentric(place));
-                const double error = glm::length(utm.toGeocentric(place) - gd.toGeocentric({latitude, longitude, 77}));
+                const Vec3d position = utm.fromGeocentric(gd.toGeocentric({latitude, longitude, 77}));
+                const Vec3d back = gd.fromGeocentric(utm.toGeocentric(position));
+                const double error =
+                    glm::length(utm.toGeocentric(position) - gd.toGeocentric({latitude, longitude, 77}));
                 EXPECT_LT(error, std::abs(by) <= 3.75 ? 1e-8 : 1e-6) << latitude << ' ' << longitude;
                 EXPECT_NEAR(back.x, latitude, std::abs(by) <= 3.75 ? 1e-12 : 1e-9);
                 EXPECT_NEAR(std::remainder(back.y - longitude, 360), 0, 1e-9);

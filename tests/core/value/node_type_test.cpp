@@ -112,7 +112,7 @@ TEST(NodeType, RefusesMoreFieldsThanAnIndexCounts) {
 
 /// Such as come over the wire from a program whose tables this one does not have.
 TEST(NodeType, ATypeThatNoTableDescribesIsWhatItsAbstractTypesAre) {
-    const auto made = [](std::vector<std::string> implements, NodeType& type) {
+    const auto created = [](std::vector<std::string> implements, NodeType& type) {
         fill(type);
         type.kind = NodeType::Kind::user;
         type.implements = std::move(implements);
@@ -120,20 +120,20 @@ TEST(NodeType, ATypeThatNoTableDescribesIsWhatItsAbstractTypesAre) {
         EXPECT_TRUE(type.finish());
     };
     NodeType plain, interpolator, view, group, bounded;
-    made({"X3DChildNode", "X3DNode"}, plain);
+    created({"X3DChildNode", "X3DNode"}, plain);
     EXPECT_EQ(plain.acts, Acts::always);  // it has an output
     EXPECT_TRUE(plain.writesInputs);
     EXPECT_EQ(plain.role, "");
-    made({"Own", "X3DInterpolatorNode", "X3DChildNode", "X3DNode"}, interpolator);
+    created({"Own", "X3DInterpolatorNode", "X3DChildNode", "X3DNode"}, interpolator);
     EXPECT_EQ(interpolator.acts, Acts::onInput);
     EXPECT_TRUE(interpolator.writesInputs);
-    made({"X3DViewpointNode", "X3DBindableNode", "X3DChildNode", "X3DNode"}, view);
+    created({"X3DViewpointNode", "X3DBindableNode", "X3DChildNode", "X3DNode"}, view);
     EXPECT_EQ(view.role, "view");
     EXPECT_TRUE(view.below.empty());
-    made({"X3DGroupingNode", "X3DChildNode", "X3DNode", "X3DBoundedObject"}, group);
+    created({"X3DGroupingNode", "X3DChildNode", "X3DNode", "X3DBoundedObject"}, group);
     EXPECT_EQ(group.role, "group");
     EXPECT_EQ(group.below, std::vector{group.findExact("children")});
-    made({"X3DChildNode", "X3DNode", "X3DBoundedObject"}, bounded);
+    created({"X3DChildNode", "X3DNode", "X3DBoundedObject"}, bounded);
     EXPECT_EQ(bounded.role, "group");
     EXPECT_EQ(bounded.below.size(), 1U);
 }

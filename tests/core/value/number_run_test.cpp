@@ -29,9 +29,10 @@ class Words {
   public:
     explicit Words(unsigned seed) : random_(seed) {}
     std::size_t below(std::size_t count) { return random_() % count; }
-    std::string digits(std::size_t least, std::size_t most) {
+    std::string digits(std::size_t minimum, std::size_t maximum) {
         std::string text;
-        for (std::size_t n = least + below(most - least + 1); n > 0; --n) text += static_cast<char>('0' + below(10));
+        for (std::size_t n = minimum + below(maximum - minimum + 1); n > 0; --n)
+            text += static_cast<char>('0' + below(10));
         return text;
     }
     std::string sign() { return below(3) == 0 ? "-" : below(12) == 0 ? "+" : ""; }
@@ -85,7 +86,7 @@ void expectTheNumbersOf(unsigned seed) {
         text += expected.back() + words.space();
     }
     const char *p = text.data(), *const end = p + text.size();
-    std::vector<S> numbers(expected.size() + kRunMost);
+    std::vector<S> numbers(expected.size() + kRunMax);
     const std::size_t count = scanRun(p, end, numbers.data(), numbers.size());
     ASSERT_LE(count, expected.size());
     for (std::size_t i = 0; i < count; ++i)
@@ -163,11 +164,11 @@ TEST(NumberRun, EndsBeforeWhatIsNotPlain) {
 TEST(NumberRun, KeepsToTheRoomAndToTheText) {
     std::string text;
     for (int i = 0; i < 400; ++i) text += "7 ";
-    for (std::size_t most = 0; most < 200; ++most) {
-        std::vector<std::int32_t> numbers(most + 1, -1);
+    for (std::size_t maximum = 0; maximum < 200; ++maximum) {
+        std::vector<std::int32_t> numbers(maximum + 1, -1);
         const char* p = text.data();
-        const std::size_t count = scanRun(p, text.data() + text.size(), numbers.data(), most);
-        EXPECT_LE(count, most);
+        const std::size_t count = scanRun(p, text.data() + text.size(), numbers.data(), maximum);
+        EXPECT_LE(count, maximum);
         EXPECT_EQ(numbers.back(), -1);
         EXPECT_EQ(p, text.data() + 2 * count);
     }

@@ -12,7 +12,7 @@ namespace {
 TEST(NurbsBasis, AddsUpToOneAndItsSlopesToNone) {
     std::mt19937 random(4);
     std::uniform_real_distribution<double> any(0, 1);
-    for (int order = 2; order <= NurbsBasis::kMostOrder; ++order) {
+    for (int order = 2; order <= NurbsBasis::kMaxOrder; ++order) {
         const std::size_t count = static_cast<std::size_t>(order) + 5;
         std::vector<double> knots;
         double at = -3;
@@ -88,7 +88,7 @@ TEST(NurbsBasis, KnotsThatDoNotFitAreReplaced) {
     }
     EXPECT_FALSE(NurbsBasis::fits(1, 5));
     EXPECT_FALSE(NurbsBasis::fits(3, 2));
-    EXPECT_FALSE(NurbsBasis::fits(NurbsBasis::kMostOrder + 1, 100));
+    EXPECT_FALSE(NurbsBasis::fits(NurbsBasis::kMaxOrder + 1, 100));
 }
 
 TEST(NurbsSurface, NormalsOfAPlaneWithAPole) {

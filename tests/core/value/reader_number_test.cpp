@@ -100,8 +100,8 @@ TEST(ReaderNumber, RandomDecimals) {
     std::mt19937_64 random(seed);
     for (int i = 0; i < 20000; ++i) {
         std::string text = random() % 2 ? "-" : "";
-        const auto digits = [&](std::uint64_t most) {
-            for (std::uint64_t n = random() % most; n > 0; --n) text += static_cast<char>('0' + random() % 10);
+        const auto digits = [&](std::uint64_t maximum) {
+            for (std::uint64_t n = random() % maximum; n > 0; --n) text += static_cast<char>('0' + random() % 10);
         };
         text += static_cast<char>('0' + random() % 10);
         digits(12);

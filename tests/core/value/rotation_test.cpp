@@ -16,17 +16,17 @@ double apartBy(const glm::dquat& a, const glm::dquat& b) {
 
 TEST(CoreRotation, TurnsAreThoseOfGlm) {
     std::mt19937 random(5);
-    const auto number = [&](double most) { return std::uniform_real_distribution(-most, most)(random); };
+    const auto number = [&](double maximum) { return std::uniform_real_distribution(-maximum, maximum)(random); };
     for (int i = 0; i < 1000; ++i) {
         const glm::dvec3 axis = glm::normalize(glm::dvec3(number(1), number(1), number(1)));
         const double angle = number(7);
-        EXPECT_LT(apartBy(turnAbout(axis, angle), glm::angleAxis(angle, axis)), 1e-15);
-        const glm::dmat3 matrix = turnMatrix(axis * 3.0, angle), theirs(glm::rotate(glm::dmat4(1), angle, axis));
+        EXPECT_LT(apartBy(rotationAround(axis, angle), glm::angleAxis(angle, axis)), 1e-15);
+        const glm::dmat3 matrix = rotationMatrixOf(axis * 3.0, angle), theirs(glm::rotate(glm::dmat4(1), angle, axis));
         for (int column = 0; column < 3; ++column) EXPECT_LT(glm::length(matrix[column] - theirs[column]), 3e-15);
-        const glm::dquat from = turnAbout(axis, angle),
+        const glm::dquat from = rotationAround(axis, angle),
                          to = glm::normalize(glm::dquat(number(1), number(1), number(1), number(1)));
-        const double share = (number(1) + 1) / 2;
-        EXPECT_LT(apartBy(alongShorterArc(from, to, share), glm::slerp(from, to, share)), 1e-12);
+        const double fraction = (number(1) + 1) / 2;
+        EXPECT_LT(apartBy(alongShorterArc(from, to, fraction), glm::slerp(from, to, fraction)), 1e-12);
     }
 }
 
@@ -42,9 +42,10 @@ TEST(CoreRotation, FieldsComeBackWithAnglesOfAtMostHalfATurn) {
 }
 
 TEST(CoreRotation, NeighboursAndEndsOfArcs) {
-    const glm::dquat a = turnAbout({0, 1, 0}, .3), b = turnAbout({0, 1, 0}, .3 + 1e-9), far = -turnAbout({0, 1, 0}, .4);
-    EXPECT_LT(apartBy(alongShorterArc(a, b, .5), turnAbout({0, 1, 0}, .3 + .5e-9)), 1e-15);
-    EXPECT_LT(apartBy(alongShorterArc(a, far, .5), turnAbout({0, 1, 0}, .35)), 1e-15);  // not the long way round
+    const glm::dquat a = rotationAround({0, 1, 0}, .3), b = rotationAround({0, 1, 0}, .3 + 1e-9),
+                     far = -rotationAround({0, 1, 0}, .4);
+    EXPECT_LT(apartBy(alongShorterArc(a, b, .5), rotationAround({0, 1, 0}, .3 + .5e-9)), 1e-15);
+    EXPECT_LT(apartBy(alongShorterArc(a, far, .5), rotationAround({0, 1, 0}, .35)), 1e-15);  // not the long way round
     EXPECT_LT(apartBy(alongShorterArc(a, far, 0), a), 1e-15);
     EXPECT_LT(apartBy(alongShorterArc(a, far, 1), -far), 1e-15);
 }

@@ -16,8 +16,8 @@ using detail::TextPiece;
 
 constexpr Splitting kSmallPieces{.threads = 3, .from = 1000, .piece = 50};
 
-const char* anywhere(const char*, const char* most) {
-    return most;
+const char* anywhere(const char*, const char* maximum) {
+    return maximum;
 }
 
 /// Where a walk over the text stops that looks for `wanted`.

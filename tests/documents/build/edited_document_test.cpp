@@ -218,9 +218,9 @@ TEST(EditedDocument, PrototypesFollow) {
     EXPECT_THAT(savedText(followed.scene), testing::Not(HasSubstr("Switch"))) << "taken back";
     // Instances that scripts make are of the prototype as it is now.
     followed.followWhole(text("LOD { }", "DEF A P { at 1 2 4 } Q { }"));
-    const auto made = followed.scene.createNode("Q");
-    ASSERT_TRUE(made) << made.error().text;
-    EXPECT_EQ(followed.scene.effectiveNode(*made)->type().name, "Transform");
+    const auto created = followed.scene.createNode("Q");
+    ASSERT_TRUE(created) << created.error().text;
+    EXPECT_EQ(followed.scene.effectiveNode(*created)->type().name, "Transform");
     EXPECT_EQ(followed.scene.nodeCount(), [&] {
         Scene anew;
         Followed::read(anew, text("LOD { }", "DEF A P { at 1 2 4 } Q { } Q { }"));
@@ -501,7 +501,7 @@ class AnyEdit : public testing::TestWithParam<int> {};
 /// the scene itself; for many edits of the same nameless nodes a few more.
 TEST_P(AnyEdit, LeadsToTheEditedFileByNoMoreThanTheEdit) {
     const int edits = GetParam();
-    std::size_t followed = 0, made = 0;
+    std::size_t followed = 0, created = 0;
     for (std::uint32_t seed = 1; seed <= 150; ++seed) {
         SCOPED_TRACE(testing::Message() << "seed " << seed << ", edits " << edits);
         Author author(seed);
@@ -512,13 +512,13 @@ TEST_P(AnyEdit, LeadsToTheEditedFileByNoMoreThanTheEdit) {
         Editor editor(direct, author);
         for (int i = 0; i < edits; ++i) editor.edit();
         const auto set = direct.seal();
-        const std::size_t most = set ? set->changes.size() : 0;
+        const std::size_t maximum = set ? set->changes.size() : 0;
         const std::string after = savedText(direct);
         Followed scene(before);
         const std::size_t count = scene.followWhole(after);
         followed += count;
-        made += most;
-        EXPECT_LE(count, edits == 1 ? most : SIZE_MAX) << before << "\n---\n" << after;
+        created += maximum;
+        EXPECT_LE(count, edits == 1 ? maximum : SIZE_MAX) << before << "\n---\n" << after;
         if (const auto all = scene.follow(before)) {
             for (const Change& one : all->changes) EXPECT_NE(one.kind, ChangeKind::defineType);
         }
@@ -527,9 +527,9 @@ TEST_P(AnyEdit, LeadsToTheEditedFileByNoMoreThanTheEdit) {
         EXPECT_EQ(test::canonicalText(scene.scene), test::canonicalText(again)) << "taken back";
         if (testing::Test::HasFailure()) return;
     }
-    EXPECT_LE(static_cast<double>(followed), 1.1 * static_cast<double>(made));
+    EXPECT_LE(static_cast<double>(followed), 1.1 * static_cast<double>(created));
     EXPECT_GT(followed, 100U);
-    RecordProperty("changes", std::to_string(followed) + " of " + std::to_string(made));
+    RecordProperty("changes", std::to_string(followed) + " of " + std::to_string(created));
 }
 INSTANTIATE_TEST_SUITE_P(Counts, AnyEdit, testing::Values(1, 2, 5, 20));
 

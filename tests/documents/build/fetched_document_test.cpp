@@ -23,7 +23,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 /// Has what a test says, once it says so.
-class MadeUpFetcher final : public UrlFetcher {
+class FakeFetcher final : public UrlFetcher {
   public:
     Result<FetchedContent> fetch(const std::string& address, std::uint64_t) override {
         asked.push_back(address);
@@ -67,7 +67,7 @@ class FetchedDocuments : public testing::Test {
         return id;
     }
 
-    std::shared_ptr<MadeUpFetcher> fetcher = std::make_shared<MadeUpFetcher>();
+    std::shared_ptr<FakeFetcher> fetcher = std::make_shared<FakeFetcher>();
     ResourcePolicy policy;
     Scene scene;
     Diagnostics diagnostics;

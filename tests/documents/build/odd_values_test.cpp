@@ -54,9 +54,9 @@ TEST(OddValues, AreNamedWithWhatIsDoneInstead) {
     for (const auto& [body, text] : cases) {
         EXPECT_THAT(saidOf(body), HasSubstr(text));
         const std::string_view whole = text;
-        const std::size_t place = whole.find("warning: ");
+        const std::size_t offset = whole.find("warning: ");
         EXPECT_THAT(saidOf("PROTO P [ ] { Group { children [ " + body + " ] } } P { }"),
-                    HasSubstr(std::string(place == whole.npos ? whole : whole.substr(place))));
+                    HasSubstr(std::string(offset == whole.npos ? whole : whole.substr(offset))));
     }
     // A body's is told once, however often it is used.
     const std::string often = saidOf("PROTO P [ ] { SpotLight { direction 0 0 0 } } P { } P { } P { }");

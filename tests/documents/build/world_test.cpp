@@ -35,9 +35,9 @@ class WorldTest : public testing::Test {
         diagnostics_ = Diagnostics();
     }
     Fragment piece(const std::string& text) {
-        auto made = createX3DFromString(scene_, text, diagnostics_);
-        EXPECT_TRUE(made);
-        return made.value_or(Fragment{});
+        auto created = createX3DFromString(scene_, text, diagnostics_);
+        EXPECT_TRUE(created);
+        return created.value_or(Fragment{});
     }
 
     std::filesystem::path folder_;
@@ -48,17 +48,17 @@ class WorldTest : public testing::Test {
 TEST_F(WorldTest, APieceHangsNowhereAndLeavesNamesWhereTheyAre) {
     load("DEF A Transform { translation 1 0 0 }");
     const NodeId before = scene_.findName("A");
-    const Fragment made = piece(R"(DEF A Transform { children DEF B PointLight { } } DEF C Group { children USE B }
+    const Fragment created = piece(R"(DEF A Transform { children DEF B PointLight { } } DEF C Group { children USE B }
                                    DEF T TimeSensor { } ROUTE T.isActive TO B.on)");
     expectQuiet();
-    ASSERT_EQ(made.roots.size(), 3U);
+    ASSERT_EQ(created.roots.size(), 3U);
     EXPECT_EQ(scene_.findName("A"), before);
-    EXPECT_NE(made.find("A"), before);
-    EXPECT_EQ(made.find("A"), made.roots[0]);
-    EXPECT_EQ(scene_.findName("B"), made.find("B"));
-    EXPECT_FALSE(made.find("Z"));
-    EXPECT_EQ(scene_.routesTo(made.find("B")).size(), 1U);
-    EXPECT_EQ(scene_.parents(made.roots[0]).size(), 0U);
+    EXPECT_NE(created.find("A"), before);
+    EXPECT_EQ(created.find("A"), created.roots[0]);
+    EXPECT_EQ(scene_.findName("B"), created.find("B"));
+    EXPECT_FALSE(created.find("Z"));
+    EXPECT_EQ(scene_.routesTo(created.find("B")).size(), 1U);
+    EXPECT_EQ(scene_.parents(created.roots[0]).size(), 0U);
     EXPECT_EQ(scene_.node(scene_.root()).get(x3d::RtsgScene::children).size(), 1U);
     // A name of the piece that is given twice is the later one's, as in any document.
     const Fragment twice = piece("DEF N PointLight { } DEF N SpotLight { }");
@@ -73,9 +73,9 @@ TEST_F(WorldTest, APieceOfABadTextSaysWhereAndTheRestIsThere) {
     EXPECT_FALSE(createX3DFromString(scene_, "", diagnostics_));
     EXPECT_EQ(scene_.nodeCount(), nodes);
     diagnostics_ = Diagnostics();
-    const auto made = createX3DFromString(scene_, "Group { }\nTransform { translation 1 two 3 }", diagnostics_);
-    ASSERT_TRUE(made);
-    EXPECT_EQ(made->roots.size(), 2U);
+    const auto created = createX3DFromString(scene_, "Group { }\nTransform { translation 1 two 3 }", diagnostics_);
+    ASSERT_TRUE(created);
+    EXPECT_EQ(created->roots.size(), 2U);
     ASSERT_GE(diagnostics_.errors(), 1U);
     EXPECT_EQ(diagnostics_.all()[0].where.line, 2U);
     diagnostics_ = Diagnostics();
@@ -153,19 +153,19 @@ TEST_F(WorldTest, APieceAsTheWorldKeepsWhatIsHeldAndItsOwnNames) {
     load("DEF A Transform { } DEF K Group { } DEF X Group { }");
     const NodeId kept = scene_.findName("K");
     scene_.hold(kept);
-    const Fragment made = piece("DEF A PointLight { } Group { children DEF B Group { } }");
-    ASSERT_TRUE(replaceWorld(scene_, made));
+    const Fragment created = piece("DEF A PointLight { } Group { children DEF B Group { } }");
+    ASSERT_TRUE(replaceWorld(scene_, created));
     scene_.newFrame(1);
-    EXPECT_EQ(scene_.findName("A"), made.roots[0]);
+    EXPECT_EQ(scene_.findName("A"), created.roots[0]);
     EXPECT_TRUE(scene_.find(kept));
     EXPECT_FALSE(scene_.findName("X"));
     const auto& roots = scene_.node(scene_.root()).get(x3d::RtsgScene::children);
     ASSERT_EQ(roots.size(), 2U);
-    EXPECT_EQ(roots[0], made.roots[0]);
+    EXPECT_EQ(roots[0], created.roots[0]);
     EXPECT_EQ(documentInfo(scene_).profile, "");
     // Nodes of a piece that has gone since.
-    ASSERT_TRUE(scene_.destroyNode(made.roots[0]));
-    EXPECT_EQ(replaceWorld(scene_, made).error().code.text(), "no-such-node");
+    ASSERT_TRUE(scene_.destroyNode(created.roots[0]));
+    EXPECT_EQ(replaceWorld(scene_, created).error().code.text(), "no-such-node");
     EXPECT_EQ(scene_.node(scene_.root()).get(x3d::RtsgScene::children).size(), 1U);
 }
 

@@ -15,17 +15,17 @@ namespace {
 using testing::HasSubstr;
 
 /// With positions, where a list of them was kept.
-std::string missingFiles(const std::string& text, bool withPlaces) {
+std::string missingFiles(const std::string& text, bool withPositions) {
     const test::TempFolder folder;
     Scene scene;
     Diagnostics problems("test"), missing("test");
     BuildOptions options;
     options.resources = Resources(folder.path());
     SceneBuilder builder(scene, problems, options);
-    UrlPlaces places(builder);
-    readDocument(text, places, problems);
+    UrlLocations locations(builder);
+    readDocument(text, locations, problems);
     builder.finish();
-    checkResources(scene, *options.resources, missing, withPlaces ? &places : nullptr);
+    checkResources(scene, *options.resources, missing, withPositions ? &locations : nullptr);
     return test::allText(missing);
 }
 

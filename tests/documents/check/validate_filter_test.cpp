@@ -62,7 +62,7 @@ TEST(ValidateFilter, AMissingProfileIsToldWithItsPlace) {
 }
 
 TEST(ValidateFilter, ProfilesAndComponentsHaveTheirPlaces) {
-    const auto places = [](const std::string& text) {
+    const auto positions = [](const std::string& text) {
         test::RecordingHandler handler;
         Diagnostics diagnostics("test");
         const auto filter = makeFilter("validate", handler, {diagnostics});
@@ -71,16 +71,16 @@ TEST(ValidateFilter, ProfilesAndComponentsHaveTheirPlaces) {
         for (const Diagnostic& d : diagnostics.all()) all.push_back(d.format());
         return all;
     };
-    EXPECT_THAT(places("#X3D V4.0 utf8\n# before\nPROFILE  Interchang\nCOMPONENT Txt:1\n"),
+    EXPECT_THAT(positions("#X3D V4.0 utf8\n# before\nPROFILE  Interchang\nCOMPONENT Txt:1\n"),
                 ElementsAre(HasSubstr("test:3:10: warning: there is no profile"),
                             HasSubstr("test:4:11: warning: there is no component")));
-    EXPECT_THAT(places("<X3D profile='Full'>\n<head>\n<component name='Txt' level='1'/></head><Scene/></X3D>"),
+    EXPECT_THAT(positions("<X3D profile='Full'>\n<head>\n<component name='Txt' level='1'/></head><Scene/></X3D>"),
                 ElementsAre(HasSubstr("test:3:1: warning: there is no component")));
-    EXPECT_THAT(places("<!-- -->\n <X3D profile='Interchang'><Scene/></X3D>"),
+    EXPECT_THAT(positions("<!-- -->\n <X3D profile='Interchang'><Scene/></X3D>"),
                 ElementsAre(HasSubstr("test:2:2: warning: there is no profile")));
     EXPECT_THAT(
-        places("{\"X3D\":{\"@profile\":\"Interchang\",\"head\":{\n\"component\":[{\"@name\":\"Txt\",\"@level\":1}]},"
-               "\"Scene\":{}}}"),
+        positions("{\"X3D\":{\"@profile\":\"Interchang\",\"head\":{\n\"component\":[{\"@name\":\"Txt\",\"@level\":1}]},"
+                  "\"Scene\":{}}}"),
         ElementsAre(HasSubstr("test:1:8: warning: there is no profile"),
                     HasSubstr("test:2:14: warning: there is no component")));
 }

@@ -82,13 +82,13 @@ TEST(Teaching, NamesOtherFormsOfAWordAndOtherWordsForAThing) {
     EXPECT_EQ(detail::nearest("start", clock), "startTime");
     EXPECT_EQ(detail::nearest("duration", clock), "cycleInterval");
     EXPECT_EQ(detail::nearest("end", clock), "");
-    const std::vector<std::string_view> place = {"center", "children",     "rotation",
-                                                 "scale",  "set_fraction", "translation"};
-    EXPECT_EQ(detail::nearest("position", place), "translation");
-    EXPECT_EQ(detail::nearest("set_position", place), "translation");
-    EXPECT_EQ(detail::nearest("orientation_changed", place), "rotation");
-    EXPECT_EQ(detail::nearest("child", place), "children");
-    EXPECT_EQ(detail::nearest("fraction", place), "set_fraction");
+    const std::vector<std::string_view> fields = {"center", "children",     "rotation",
+                                                  "scale",  "set_fraction", "translation"};
+    EXPECT_EQ(detail::nearest("position", fields), "translation");
+    EXPECT_EQ(detail::nearest("set_position", fields), "translation");
+    EXPECT_EQ(detail::nearest("orientation_changed", fields), "rotation");
+    EXPECT_EQ(detail::nearest("child", fields), "children");
+    EXPECT_EQ(detail::nearest("fraction", fields), "set_fraction");
     const std::string routes = problemsOf(
         "#X3D V4.0 utf8\nDEF X Transform { }\nDEF T TimeSensor { }\nDEF P PositionInterpolator { }\n"
         "ROUTE T.fraction TO P.set_fraction\nROUTE P.value TO X.position\n");

@@ -36,13 +36,13 @@ class Client {
         Json capabilities = Json::object();
         if (utf8) capabilities = {{"general", {{"positionEncodings", {"utf-8", "utf-16"}}}}};
         initialized = ask("initialize", {{"capabilities", capabilities}}).at("result");
-        tell("initialized", Json::object());
+        report("initialized", Json::object());
     }
     void say(Json message) {
         message["jsonrpc"] = "2.0";
         server.receive(message.dump());
     }
-    void tell(const char* method, Json params) { say({{"method", method}, {"params", std::move(params)}}); }
+    void report(const char* method, Json params) { say({{"method", method}, {"params", std::move(params)}}); }
     /// The response.
     Json ask(const char* method, Json params) {
         say({{"id", ++number_}, {"method", method}, {"params", std::move(params)}});
@@ -55,11 +55,11 @@ class Client {
     Json write(const std::string& text, const std::string& name = "file:///nowhere/a.x3dv") {
         uri = name;
         if (opened_.insert(name).second)
-            tell("textDocument/didOpen",
-                 {{"textDocument", {{"uri", uri}, {"languageId", "x3d"}, {"version", 1}, {"text", text}}}});
+            report("textDocument/didOpen",
+                   {{"textDocument", {{"uri", uri}, {"languageId", "x3d"}, {"version", 1}, {"text", text}}}});
         else
-            tell("textDocument/didChange",
-                 {{"textDocument", {{"uri", uri}, {"version", 2}}}, {"contentChanges", {{{"text", text}}}}});
+            report("textDocument/didChange",
+                   {{"textDocument", {{"uri", uri}, {"version", 2}}}, {"contentChanges", {{{"text", text}}}}});
         text_ = text;
         return faults();
     }
@@ -75,9 +75,9 @@ class Client {
         const std::size_t mark = marked.find('|');
         marked.erase(mark, 1);
         write(marked, name);
-        const auto place = editor::TextLines(marked, false).placeOf(mark);
+        const auto position = editor::TextLines(marked, false).positionOf(mark);
         return ask(method, {{"textDocument", {{"uri", uri}}},
-                            {"position", {{"line", place.line}, {"character", place.character}}}})
+                            {"position", {{"line", position.line}, {"character", position.character}}}})
             .at("result");
     }
     std::vector<std::string> proposals(const std::string& marked, const std::string& name = "file:///nowhere/a.x3dv") {
@@ -102,8 +102,9 @@ class Client {
         const std::size_t begin = offset(range.at("start"));
         return text_.substr(begin, offset(range.at("end")) - begin);
     }
-    std::size_t offset(const Json& place) const {
-        return editor::TextLines(text_, false).offsetOf(editor::TextPlace{place.at("line"), place.at("character")});
+    std::size_t offset(const Json& position) const {
+        return editor::TextLines(text_, false)
+            .offsetOf(editor::TextPosition{position.at("line"), position.at("character")});
     }
 
     LanguageServer server;
@@ -136,7 +137,7 @@ TEST(LanguageServer, FaultsAreReportedWhileSomebodyTypes) {
     EXPECT_EQ(faults[0].at("code"), "parse");
     EXPECT_EQ(client.mended(faults[0]), classic("Group { }\nTransform { translation 1 2 3 }\n"));
     EXPECT_TRUE(client.write(classic("Transform { translation 1 2 3 }\n")).empty()) << "mended";
-    client.tell("textDocument/didClose", {{"textDocument", {{"uri", client.uri}}}});
+    client.report("textDocument/didClose", {{"textDocument", {{"uri", client.uri}}}});
     EXPECT_TRUE(client.faults().empty());
 }
 
@@ -172,11 +173,11 @@ TEST(LanguageServer, PlacesCountUnitsOfUtf16OrBytes) {
     EXPECT_EQ(same[1].at("range").at("start").at("character"), 11);
     // Beyond the end of a line is its end.
     const editor::TextLines lines("ab\r\nc\rd\n", false);
-    EXPECT_EQ(lines.offsetOf(editor::TextPlace{0, 99}), 2U);
-    EXPECT_EQ(lines.offsetOf(editor::TextPlace{1, 0}), 4U);
-    EXPECT_EQ(lines.offsetOf(editor::TextPlace{2, 1}), 7U);
-    EXPECT_EQ(lines.offsetOf(editor::TextPlace{77, 1}), 8U);
-    EXPECT_EQ(lines.placeOf(7).line, 2U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPosition{0, 99}), 2U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPosition{1, 0}), 4U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPosition{2, 1}), 7U);
+    EXPECT_EQ(lines.offsetOf(editor::TextPosition{77, 1}), 8U);
+    EXPECT_EQ(lines.positionOf(7).line, 2U);
 }
 
 TEST(LanguageServer, NodesFieldsAndNamesAreCompleted) {
@@ -332,12 +333,12 @@ TEST(LanguageServer, MessagesThatMakeNoSenseAreAnswered) {
     EXPECT_EQ(code(R"({"method":"textDocument/didChange","params":{"contentChanges":[]}})"), 1);
     server.receive(
         R"({"method":"textDocument/didOpen","params":{"textDocument":{"uri":"x","text":"#X3D V4.0 utf8\n"}}})");
-    for (const char* place :
+    for (const char* position :
          {"{}", "7", "{\"line\":1e300,\"character\":-3}", "{\"line\":99999999999999,\"character\":9}"})
         EXPECT_EQ(
             code(fmt::format(
                 R"({{"id":4,"method":"textDocument/completion","params":{{"textDocument":{{"uri":"x"}},"position":{}}}}})",
-                place)),
+                position)),
             1);
     EXPECT_EQ(code(R"x({"id":5,"method":"textDocument/codeAction","params":{"textDocument":{"uri":"x"},"context":)x"
                    R"x({"diagnostics":[7,{},{"message":"(did you mean ?)"},{"message":"' (did you mean a?)"}]}}})x"),

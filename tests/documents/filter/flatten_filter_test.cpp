@@ -20,7 +20,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 std::string flattened(const std::string& name, const std::string& text, const std::filesystem::path& file = {},
-                      const std::string& told = "") {
+                      const std::string& reported = "") {
     std::string out;
     Diagnostics diagnostics("test");
     const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view piece) { out += piece; }, diagnostics);
@@ -30,8 +30,8 @@ std::string flattened(const std::string& name, const std::string& text, const st
     const auto filter = makeFilter(name, *writer, context);
     readDocument("#X3D V3.3 utf8\nPROFILE Immersive\n" + text, **filter, diagnostics);
     EXPECT_THAT(test::allText(diagnostics),
-                told.empty() ? testing::Eq("") : testing::Matcher<std::string>(HasSubstr(told)));
-    EXPECT_EQ(diagnostics.all().size(), told.empty() ? 0u : 1u) << test::allText(diagnostics);
+                reported.empty() ? testing::Eq("") : testing::Matcher<std::string>(HasSubstr(reported)));
+    EXPECT_EQ(diagnostics.all().size(), reported.empty() ? 0u : 1u) << test::allText(diagnostics);
     return out;
 }
 
@@ -91,11 +91,11 @@ TEST(FlattenProtos, EventsComeOutTheSame) {
     for (const double t : {0.0, .25, .5, 1.75, 2.5}) {
         with.scene.newFrame(t);
         without.scene.newFrame(t);
-        const auto place = [](test::Loaded& l) {
+        const auto location = [](test::Loaded& l) {
             const Node& node = l.scene.node(l.named("T"));
             return *static_cast<const Vec3f*>(node.storage(node.type().findExact("translation")));
         };
-        EXPECT_EQ(place(with), place(without)) << t;
+        EXPECT_EQ(location(with), location(without)) << t;
     }
 }
 
@@ -123,9 +123,9 @@ TEST(FlattenInlines, TheirContentComesInWithNamesOfItsOwn) {
 /// A folder with documents, for each `text` that stands alone.
 class InlinedLights : public testing::Test {
   protected:
-    std::string flat(const std::string& part, const std::string& text, const std::string& told = "") const {
+    std::string flat(const std::string& part, const std::string& text, const std::string& reported = "") const {
         write("part.x3dv", part);
-        return flattened("flatten-inlines", text, folder_.path() / "main.x3dv", told);
+        return flattened("flatten-inlines", text, folder_.path() / "main.x3dv", reported);
     }
     void write(const char* name, const std::string& text) const {
         std::ofstream(folder_.path() / name) << "#X3D V4.0 utf8\nPROFILE Immersive\n" << text;
@@ -165,33 +165,33 @@ TEST_F(InlinedLights, BecomeLocalWhereThatIsEqual) {
 
 TEST_F(InlinedLights, AreToldOnceWithTheLineWhereThereIsNoWay) {
     const char* beside = "Shape { }\nDEF I Inline { url \"part.x3dv\" }";
-    const std::string told = "test:4:1: warning: PointLight L of the Inline I shines beyond it now";
-    EXPECT_THAT(flat("Transform { children [ DEF L PointLight { } PointLight { } ] } Shape { }", beside, told),
+    const std::string reported = "test:4:1: warning: PointLight L of the Inline I shines beyond it now";
+    EXPECT_THAT(flat("Transform { children [ DEF L PointLight { } PointLight { } ] } Shape { }", beside, reported),
                 Not(HasSubstr("global")));
     // Its `global` is set by events; it is used twice; it is a prototype's.
-    flat("DEF L PointLight { } Shape { } DEF B BooleanFilter { } ROUTE B.inputTrue TO L.global", beside, told);
-    flat("Transform { children DEF L PointLight { } } Transform { children [ USE L Shape { } ] }", beside, told);
+    flat("DEF L PointLight { } Shape { } DEF B BooleanFilter { } ROUTE B.inputTrue TO L.global", beside, reported);
+    flat("Transform { children DEF L PointLight { } } Transform { children [ USE L Shape { } ] }", beside, reported);
     write("lamp.x3dv", "Transform { children DEF L PointLight { } } Shape { }");
     flat("Shape { } Inline { url \"lamp.x3dv\" }", beside, "test:4:1: warning: PointLight L of the Inline I");
 }
 
 // 7.2.2: nothing in an Inline is bound by itself; in a Group the first one is.
 TEST_F(InlinedLights, WhatIsBoundByItselfNowIsTold) {
-    const auto told = [](const char* place, const char* type) {
-        return std::string("test:") + place + ": warning: the " + type + " of the Inline is bound by itself now";
+    const auto reported = [](const char* location, const char* type) {
+        return std::string("test:") + location + ": warning: the " + type + " of the Inline is bound by itself now";
     };
     const std::string own = "TextureBackground { } NavigationInfo { } OrthoViewpoint { } Fog { }\n",
                       inlined = "Inline { url \"part.x3dv\" }";
     for (const char* type : {"Background", "NavigationInfo", "Viewpoint", "Fog"}) {
         const std::string part = std::string(type) + " { } " + type + " { }";
-        flat(part, "Shape { }\n" + inlined, told("4:1", type));
+        flat(part, "Shape { }\n" + inlined, reported("4:1", type));
         write("outer.x3dv", "Group { children Inline { url \"part.x3dv\" } }");
-        flat(part, "Shape { }\nInline { url \"outer.x3dv\" }", told("4:1", type));
+        flat(part, "Shape { }\nInline { url \"outer.x3dv\" }", reported("4:1", type));
         // Where one of the document's own comes first, that one is bound as before.
         flat(part, own + inlined);
         flat(part, "PROTO Q [ ] { " + part + " } Q { }\n" + inlined);
-        flat(part, "PROTO Q [ ] { " + part + " }\n" + inlined + "\nQ { }", told("4:1", type));
-        flat(part, inlined + "\n" + own, told("3:1", type));
+        flat(part, "PROTO Q [ ] { " + part + " }\n" + inlined + "\nQ { }", reported("4:1", type));
+        flat(part, inlined + "\n" + own, reported("3:1", type));
     }
 }
 

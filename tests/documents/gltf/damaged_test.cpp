@@ -172,8 +172,8 @@ TEST(DamagedGltf, EachFaultIsAnErrorWithItsPlace) {
     for (const char* at : {"/accessors/0/count", "/bufferViews/0/buffer", "/animations/0/samplers/0/output",
                            "/meshes/0/primitives", "/skins/0/joints", "/cameras/0/perspective/yfov"}) {
         json file = whole();
-        const json::json_pointer place(at);
-        file[place.parent_pointer()].erase(place.back());
+        const json::json_pointer pointer(at);
+        file[pointer.parent_pointer()].erase(pointer.back());
         EXPECT_THAT(Imported(file.dump()).problems,
                     HasSubstr(std::string("error: the glTF file's ") + at + ": it is missing"));
     }
@@ -295,7 +295,7 @@ struct Bounded {
 
 // Whatever a file uses again and again is counted each time.
 TEST(DamagedGltf, WhatAFileRepeatsIsBounded) {
-    constexpr std::uint64_t most = 1 << 20;
+    constexpr std::uint64_t maximum = 1 << 20;
     const char* said =
         "what the glTF file describes takes more than 1048576 bytes, as it uses its data again and again";
     GltfParts parts;
@@ -305,7 +305,7 @@ TEST(DamagedGltf, WhatAFileRepeatsIsBounded) {
     const int times = parts.floats("SCALAR", 1, seconds);
     const int picture =
         parts.view(std::string(20000, 'x'), "", R"("componentType":5121,"count":1,"type":"SCALAR","bufferView":2)");
-    const auto read = [&](const std::string& rest) { return Bounded(parts.text(rest), most); };
+    const auto read = [&](const std::string& rest) { return Bounded(parts.text(rest), maximum); };
     const auto many = [](int count, const auto& one) {
         std::string all;
         for (int i = 0; i < count; ++i) all += (i ? "," : "") + one(i);

@@ -276,7 +276,7 @@ TEST(ImportGltf, AnimatedTargetsMayBeSparseAndMayBeMissing) {
 TEST(ImportGltf, InstancesStandWhereTheirAttributesSay) {
     GltfParts parts;
     const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
-    const int places = parts.floats("VEC3", 3, {1, 2, 3, 4, 5, 6});
+    const int positions = parts.floats("VEC3", 3, {1, 2, 3, 4, 5, 6});
     const int scales = parts.floats("VEC3", 3, {1, 1, 1, 2, 2, 2});
     const auto file = [&](const std::string& attributes) {
         return Imported(parts.text(fmt::format(
@@ -285,11 +285,11 @@ TEST(ImportGltf, InstancesStandWhereTheirAttributesSay) {
             "\"attributes\":{{{}}}}}}}}}]",
             points, attributes)));
     };
-    const Imported two = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", places, scales));
+    const Imported two = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", positions, scales));
     EXPECT_EQ(two.problems, "");
     EXPECT_THAT(two.commands, HasSubstr("begin Transform in children\nset scale SFVec3f 2 2 2\n"
                                         "set translation SFVec3f 4 5 6\nuse mesh0 in children\nend"));
-    const Imported odd = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", places, points));
+    const Imported odd = file(fmt::format("\"TRANSLATION\":{},\"SCALE\":{}", positions, points));
     EXPECT_THAT(odd.problems,
                 HasSubstr("error: instances at node 0 of the glTF file have places of different numbers"));
     EXPECT_THAT(odd.commands, HasSubstr("begin Group DEF mesh0"));
@@ -339,19 +339,20 @@ Vec2d lookedUp(const Node& node, Vec2d tc) {
 // KHR_texture_transform, with v downwards: u' = offset + scale, then a turn from v to u. Two textures with ways of
 // their own, and one that takes the coordinates as they are.
 TEST(ImportGltf, TexturesAreLookedUpInTheirSetsAndMovedAsTheFileSays) {
-    struct Way {
+    struct Variant {
         double rotation, x, y, scaleX, scaleY;
     };
-    const Way ways[] = {{0, .25, -.5, 2, 3}, {.7, .1, .2, 1, 1},   {-2, .5, .25, -1.5, -1.5}, {1.2, .3, .4, 2, .5},
-                        {.5, 1, 0, 0, 2},    {0, .125, .25, 1, 1}, {3, 0, 0, 1, 1},           {0, 0, 0, 1, -1}};
-    for (const Way& a : ways)
-        for (const Way& b : {ways[3], ways[1]}) {
-            if (&a == &ways[3] || &a == &ways[1]) continue;
+    const Variant variants[] = {{0, .25, -.5, 2, 3},  {.7, .1, .2, 1, 1}, {-2, .5, .25, -1.5, -1.5},
+                                {1.2, .3, .4, 2, .5}, {.5, 1, 0, 0, 2},   {0, .125, .25, 1, 1},
+                                {3, 0, 0, 1, 1},      {0, 0, 0, 1, -1}};
+    for (const Variant& a : variants)
+        for (const Variant& b : {variants[3], variants[1]}) {
+            if (&a == &variants[3] || &a == &variants[1]) continue;
             GltfParts parts;
             const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
             const int first = parts.floats("VEC2", 2, {.1f, .2f, .3f, .4f, .5f, .6f});
             const int second = parts.floats("VEC2", 2, {.7f, .8f, .9f, .15f, .25f, .35f});
-            const auto moved = [](const Way& w, const char* set) {
+            const auto moved = [](const Variant& w, const char* set) {
                 return fmt::format(
                     "\"extensions\":{{\"KHR_texture_transform\":{{\"rotation\":{},\"offset\":[{},{}],\"scale\":[{},{}]"
                     "{}}}}}",
@@ -384,7 +385,7 @@ TEST(ImportGltf, TexturesAreLookedUpInTheirSetsAndMovedAsTheFileSays) {
             ASSERT_TRUE(material);
             EXPECT_EQ(coordinates.size(), 4u);
             using P = x3d::PhysicalMaterial;
-            const auto expectLookup = [&](const String& mapping, Vec2d uv, const Way& w) {
+            const auto expectLookup = [&](const String& mapping, Vec2d uv, const Variant& w) {
                 const Node* const coordinate = coordinates[mapping.str()];
                 const Node* const transform = transforms[mapping.str()];
                 ASSERT_TRUE(coordinate && transform) << mapping.str();
@@ -393,7 +394,7 @@ TEST(ImportGltf, TexturesAreLookedUpInTheirSetsAndMovedAsTheFileSays) {
                 EXPECT_NEAR(found.x, w.x + c * w.scaleX * uv.x + n * w.scaleY * uv.y, 2e-6) << w.rotation;
                 EXPECT_NEAR(1 - found.y, w.y - n * w.scaleX * uv.x + c * w.scaleY * uv.y, 2e-6) << w.rotation;
             };
-            const Way still{0, 0, 0, 1, 1};
+            const Variant still{0, 0, 0, 1, 1};
             expectLookup(material->get(P::baseTextureMapping), {.9, .15}, a);
             expectLookup(material->get(P::emissiveTextureMapping), {.3, .4}, b);
             expectLookup(material->get(P::metallicRoughnessTextureMapping), {.3, .4}, still);
@@ -556,10 +557,10 @@ TEST(ImportGltf, SplinesAreHermiteSplines) {
     for (std::size_t i = 0; i < many.size(); i += 7) many[i] = static_cast<float>(i % 11);
     GltfParts parts;
     const int times = parts.floats("SCALAR", 1, {0, 1}), weights = parts.floats("SCALAR", 1, many);
-    Diagnostics told("test");
+    Diagnostics reported("test");
     const std::string bytes = parts.text("\"nodes\":[]");
     const detail::ImportInput input{bytes, {}};
-    detail::GltfFile file(input, told);
+    detail::GltfFile file(input, reported);
     ASSERT_TRUE(file.open());
     const auto sampler = nlohmann::json{{"input", times}, {"output", weights}, {"interpolation", "CUBICSPLINE"}};
     const auto curve = detail::readCurve(file, sampler, {0, 1}, 0, 1e-3);
@@ -568,13 +569,13 @@ TEST(ImportGltf, SplinesAreHermiteSplines) {
     EXPECT_LE(curve->numbers.size(), std::size_t{1} << 23);
     // For rotations the quaternions are splines, whose values are then normalised.
     const float half = std::sqrt(.5f);
-    Played turn(Animated(clip("Turn", "rotation", "CUBICSPLINE"), {0, 1},
-                         {0, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 0, 0, 0, half, 0, 0, half, 0, 0, 0, 0}, "VEC4", 4)
-                    .text);
-    EXPECT_EQ(turn.problems(), "");
+    Played rotation(Animated(clip("Turn", "rotation", "CUBICSPLINE"), {0, 1},
+                             {0, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 0, 0, 0, half, 0, 0, half, 0, 0, 0, 0}, "VEC4", 4)
+                        .text);
+    EXPECT_EQ(rotation.problems(), "");
     for (const double t : {.2, .5, .85}) {
-        (void)turn.doorAt(t);
-        const Rotation r = turn.scene.node(turn.scene.findName("Door")).get(x3d::Transform::rotation);
+        (void)rotation.doorAt(t);
+        const Rotation r = rotation.scene.node(rotation.scene.findName("Door")).get(x3d::Transform::rotation);
         const double x = hermite(t, 1, 0, 2, 0, std::sqrt(.5)), w = hermite(t, 1, 1, 0, 0, std::sqrt(.5));
         EXPECT_NEAR(double{r.angle} * r.x, 2 * std::atan2(x, w), 1e-3) << t;
     }
@@ -681,25 +682,26 @@ glm::dmat4 matrixOf(const Node& node) {
     const auto get = [&]<class T>(const char* field, T) {
         return *static_cast<const T*>(node.storage(node.type().findExact(field)));
     };
-    const auto turn = [](const Rotation& r) {
+    const auto rotation = [](const Rotation& r) {
         return glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z));
     };
     const glm::dvec3 center(get("center", Vec3f()));
-    const glm::dmat4 oriented = turn(get("scaleOrientation", Rotation{}));
+    const glm::dmat4 oriented = rotation(get("scaleOrientation", Rotation{}));
     return glm::translate(glm::dmat4(1), glm::dvec3(get("translation", Vec3f())) + center) *
-           turn(get("rotation", Rotation{})) * oriented * glm::scale(glm::dmat4(1), glm::dvec3(get("scale", Vec3f()))) *
-           glm::inverse(oriented) * glm::translate(glm::dmat4(1), -center);
+           rotation(get("rotation", Rotation{})) * oriented *
+           glm::scale(glm::dmat4(1), glm::dvec3(get("scale", Vec3f()))) * glm::inverse(oriented) *
+           glm::translate(glm::dmat4(1), -center);
 }
 
 TEST(ImportGltf, SkinsMoveAsTheirJointsDo) {
     // Two joints below a node that is none, bound in another pose than the one the file has them in.
-    const auto place = [](double angle, const glm::dvec3& t, double scale) {
+    const auto transform = [](double angle, const glm::dvec3& t, double scale) {
         return glm::translate(glm::dmat4(1), t) *
                glm::rotate(glm::dmat4(1), angle, glm::normalize(glm::dvec3(1, 2, 3))) *
                glm::scale(glm::dmat4(1), glm::dvec3(scale));
     };
-    const std::vector<glm::dmat4> inverse{glm::inverse(place(.3, {1, 0, 0}, 1)),
-                                          glm::inverse(place(-.7, {1, 2, 0}, 2))};
+    const std::vector<glm::dmat4> inverse{glm::inverse(transform(.3, {1, 0, 0}, 1)),
+                                          glm::inverse(transform(-.7, {1, 2, 0}, 2))};
     std::vector<float> matrices;
     for (const glm::dmat4& m : inverse)
         for (int c = 0; c < 4; ++c)
@@ -712,7 +714,7 @@ TEST(ImportGltf, SkinsMoveAsTheirJointsDo) {
     const int bind = parts.floats("MAT4", 16, matrices);
     const int times = parts.floats("SCALAR", 1, {0, 2});
     const double half = std::sqrt(.5);
-    const int turns = parts.floats("VEC4", 4, {0, 0, 0, 1, 0, 0, float(half), float(half)});
+    const int rounds = parts.floats("VEC4", 4, {0, 0, 0, 1, 0, 0, float(half), float(half)});
     const int moves = parts.floats("VEC3", 3, {0, 1, 0, 3, 1, 2});
     const std::string text = parts.text(fmt::format(
         "\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":{},\"JOINTS_0\":{},\"WEIGHTS_0\":{}}}}}]}}],"
@@ -725,7 +727,7 @@ TEST(ImportGltf, SkinsMoveAsTheirJointsDo) {
         "\"rotation\"}}}},{{\"sampler\":1,\"target\":{{\"node\":3,\"path\":\"translation\"}}}}],\"samplers\":[{{"
         "\"input\":{},"
         "\"output\":{}}},{{\"input\":{},\"output\":{}}}]}}]",
-        points, joints, weights, bind, times, turns, times, moves));
+        points, joints, weights, bind, times, rounds, times, moves));
     Scene scene;
     Diagnostics problems("test");
     ASSERT_TRUE(loadText(scene, text, problems));

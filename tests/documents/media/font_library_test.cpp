@@ -8,8 +8,8 @@
 
 #include "core/scene_check.h"
 #include "media/font_file.h"
-#include "support/made_font.h"
 #include "support/temp_folder.h"
+#include "support/written_font.h"
 
 namespace rtsg {
 namespace {
@@ -37,7 +37,7 @@ class FontLibraries : public testing::Test {
 
     const test::TempFolder own;
     const std::filesystem::path folder = own.path();
-    const std::string font = test::MadeFont().bytes();
+    const std::string font = test::WrittenFont().bytes();
     Scene scene;
     Diagnostics diagnostics;
 };
@@ -110,7 +110,7 @@ TEST_F(FontLibraries, TellOnceWhatIsNotThere) {
 
 TEST_F(FontLibraries, FollowARun) {
     write("box.ttf", font);
-    test::MadeFont wider;
+    test::WrittenFont wider;
     wider.right = 650;
     write("wide.ttf", wider.bytes());
     load(R"(DEF LIB FontLibrary { family "Boxes" url "box.ttf" load FALSE }
@@ -155,7 +155,7 @@ TEST_F(FontLibraries, FollowARun) {
 
 // Directories of tables that lie: none is taken for a font, and nothing is read beyond the end.
 TEST(FontFile, DamageIsSeen) {
-    const std::string whole = test::MadeFont().bytes();
+    const std::string whole = test::WrittenFont().bytes();
     std::string why;
     EXPECT_TRUE(detail::isFontFile(whole, why)) << why;
     for (std::size_t size = 0; size + 4 < whole.size(); ++size)

@@ -120,10 +120,11 @@ DEF D AudioClip { }
     scene.newFrame(100);
     loader.update();
     ASSERT_EQ(diagnostics.all().size(), 1u);
-    const Diagnostic& told = diagnostics.all()[0];
-    EXPECT_EQ(told.severity, Severity::warning);
-    EXPECT_TRUE(told.text.starts_with("AudioClip A never plays: 'none.wav' ")) << told.text;
-    EXPECT_TRUE(told.text.ends_with("'data:audio/ogg,OggS' is no sound or film whose length can be told")) << told.text;
+    const Diagnostic& reported = diagnostics.all()[0];
+    EXPECT_EQ(reported.severity, Severity::warning);
+    EXPECT_TRUE(reported.text.starts_with("AudioClip A never plays: 'none.wav' ")) << reported.text;
+    EXPECT_TRUE(reported.text.ends_with("'data:audio/ogg,OggS' is no sound or film whose length can be told"))
+        << reported.text;
     ASSERT_TRUE(scene.set(scene.findName("B"), x3d::AudioClip::load, true));
     scene.newFrame(101);
     loader.update();

@@ -52,9 +52,9 @@ Frame turned(const std::array<double, 3>& axis, double angle) {
              {z * x * (1 - c) - y * s, z * y * (1 - c) + x * s, c + z * z * (1 - c), 0}}};
 }
 
-Frame moved(const std::array<double, 3>& way) {
+Frame moved(const std::array<double, 3>& distance) {
     Frame f;
-    for (int i = 0; i < 3; ++i) f.m[i][3] = way[static_cast<std::size_t>(i)];
+    for (int i = 0; i < 3; ++i) f.m[i][3] = distance[static_cast<std::size_t>(i)];
     return f;
 }
 
@@ -145,8 +145,8 @@ struct RandomRobot {
 };
 
 /// Where each node with a DEF is in the world.
-std::map<std::string, glm::dmat4> placesOf(const Scene& scene) {
-    std::map<std::string, glm::dmat4> places;
+std::map<std::string, glm::dmat4> transformsOf(const Scene& scene) {
+    std::map<std::string, glm::dmat4> positions;
     struct Open {
         NodeId node;
         glm::dmat4 world;
@@ -157,9 +157,9 @@ std::map<std::string, glm::dmat4> placesOf(const Scene& scene) {
         open.pop_back();
         const Node& node = scene.node(id);
         const glm::dmat4 inside = world * parentFromLocal(scene, node);
-        if (!scene.name(id).empty()) places[std::string(scene.name(id))] = inside;
+        if (!scene.name(id).empty()) positions[std::string(scene.name(id))] = inside;
         for (const FieldIndex field : node.type().nodeFields()) {
-            if (!isPlace(node.type(), field) || !node.type().fields[field].readable()) continue;
+            if (!isTransform(node.type(), field) || !node.type().fields[field].readable()) continue;
             if (node.type().fields[field].type == FieldType::SFNode) {
                 if (const NodeId child = node.get(Field<NodeId>{field})) open.push_back({child, inside});
                 continue;
@@ -167,14 +167,14 @@ std::map<std::string, glm::dmat4> placesOf(const Scene& scene) {
             for (const NodeId child : node.get(Field<Array<NodeId>>{field})) open.push_back({child, inside});
         }
     }
-    return places;
+    return positions;
 }
 
 double distance(const Frame& wanted, const glm::dmat4& found) {
-    double most = 0;
+    double maximum = 0;
     for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 4; ++j) most = std::max(most, std::abs(wanted.m[i][j] - found[j][i]));
-    return most;
+        for (int j = 0; j < 4; ++j) maximum = std::max(maximum, std::abs(wanted.m[i][j] - found[j][i]));
+    return maximum;
 }
 
 void send(Scene& scene, const std::string& field, float value) {
@@ -201,9 +201,9 @@ TEST(Urdf, LinksStandWhereKinematicsInDoubleHasThem) {
                 send(scene, fmt::format("j{}.{}", i + 1, field), static_cast<float>(joint.value));
             }
             scene.newFrame(pose);
-            const auto places = placesOf(scene);
+            const auto positions = transformsOf(scene);
             for (int link = 0; link <= static_cast<int>(robot.joints.size()); ++link)
-                largest = std::max(largest, distance(robot.link(link), places.at(fmt::format("l{}", link))));
+                largest = std::max(largest, distance(robot.link(link), positions.at(fmt::format("l{}", link))));
         }
         // A float has 24 bits; joints that mimic others that turn far double what is lost, and arms are metres long.
         EXPECT_LT(largest, 5e-4) << "seed " << seed << "\n" << robot.text();
@@ -225,7 +225,7 @@ TEST(Urdf, AJointTurnsToAFewMillionthsAndStopsAtItsLimits) {
         send(scene, "elbow.angle", static_cast<float>(angle));
         scene.newFrame(++time);
         const Frame wanted = turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, std::min(std::max(angle, -1.0), 2.0));
-        EXPECT_LT(distance(wanted, placesOf(scene).at("b")), 1e-6) << angle;
+        EXPECT_LT(distance(wanted, transformsOf(scene).at("b")), 1e-6) << angle;
     }
 }
 
@@ -242,7 +242,7 @@ TEST(Urdf, AContinuousJointTurnsThousandsOfTimesAsExactlyAsAFloatTellsItsAngle) 
         scene.newFrame(++time);
         const Frame wanted = turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, angle);
         const double step = std::abs(double(std::nextafter(angle, 1e9f)) - angle);
-        EXPECT_LT(distance(wanted, placesOf(scene).at("b")), 1e-6 + 2 * step) << angle;
+        EXPECT_LT(distance(wanted, transformsOf(scene).at("b")), 1e-6 + 2 * step) << angle;
     }
 }
 
@@ -265,13 +265,13 @@ TEST(Urdf, WhereZeroIsBeyondTheLimitsTheNearestIsTheStartAndSoItIsForWhoMimics) 
     EXPECT_EQ(value("j.angle"), .5f);
     EXPECT_EQ(value("m.position"), 2.f);
     const Frame b = turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, .5);
-    EXPECT_LT(distance(b, placesOf(scene).at("b")), 1e-6);
-    EXPECT_LT(distance(b * moved({2, 0, 0}), placesOf(scene).at("c")), 1e-6);
+    EXPECT_LT(distance(b, transformsOf(scene).at("b")), 1e-6);
+    EXPECT_LT(distance(b * moved({2, 0, 0}), transformsOf(scene).at("c")), 1e-6);
     send(scene, "j.angle", 7);  // stops at 2
     scene.newFrame(1);
-    EXPECT_LT(
-        distance(turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, 2) * moved({5, 0, 0}), placesOf(scene).at("c")),
-        1e-6);
+    EXPECT_LT(distance(turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, 2) * moved({5, 0, 0}),
+                       transformsOf(scene).at("c")),
+              1e-6);
 }
 
 TEST(Urdf, TheViewpointHasAllOfARobotInView) {
@@ -295,8 +295,8 @@ TEST(Urdf, TheViewpointHasAllOfARobotInView) {
     const double half = std::sqrt(5.5 * 5.5 + 1 + 1) / 2, distance = glm::length(eye - middle);
     EXPECT_NEAR(distance, 1.15 * half / std::sin(.785398 / 2), 1e-4);
     // It looks at the middle.
-    const Rotation turn = view->get(x3d::Viewpoint::orientation);
-    const Frame looks = turned({turn.x, turn.y, turn.z}, turn.angle);
+    const Rotation rotation = view->get(x3d::Viewpoint::orientation);
+    const Frame looks = turned({rotation.x, rotation.y, rotation.z}, rotation.angle);
     for (int i = 0; i < 3; ++i) EXPECT_NEAR(eye[i] - distance * looks.m[i][2], middle[i], 1e-4) << i;
 }
 
@@ -363,7 +363,7 @@ TEST(Urdf, TheAxesOfAColladaFileStayAsTheyAre) {
         ASSERT_TRUE(loadFile(scene, folder / "r.urdf", problems));
         EXPECT_EQ(test::allText(problems), "") << up;
         // In the robot's frame it is at .1 .2 .6, in the scene's, where y points up, at .1 .6 -.2.
-        const glm::dmat4 lid = placesOf(scene).at("lid");
+        const glm::dmat4 lid = transformsOf(scene).at("lid");
         EXPECT_NEAR(lid[3][0], .1, 1e-6) << up;
         EXPECT_NEAR(lid[3][1], .6, 1e-6) << up;
         EXPECT_NEAR(lid[3][2], -.2, 1e-6) << up;
@@ -586,7 +586,7 @@ TEST(Urdf, AChainOfAThousandLinksIsNoDeeperThanTheStack) {
     ASSERT_TRUE(loadText(scene, text + "</robot>", problems));
     EXPECT_EQ(test::allText(problems), "");
     scene.newFrame(0);
-    EXPECT_NEAR(placesOf(scene).at("l1000")[3][1], 10, 1e-4);
+    EXPECT_NEAR(transformsOf(scene).at("l1000")[3][1], 10, 1e-4);
 }
 
 TEST(Urdf, AScenesRoutesReachTheJointsOfARobotThatItInlines) {
@@ -604,7 +604,7 @@ TEST(Urdf, AScenesRoutesReachTheJointsOfARobotThatItInlines) {
     send(scene, "S.set_fraction", 0);
     scene.newFrame(1);
     const Frame wanted = turned({1, 0, 0}, -std::acos(0)) * turned({0, 0, 1}, .5);
-    EXPECT_LT(distance(wanted, placesOf(scene).at("b")), 1e-6);
+    EXPECT_LT(distance(wanted, transformsOf(scene).at("b")), 1e-6);
 }
 
 TEST(Urdf, WhatIsWrittenAsX3dIsTheSameRobot) {
@@ -624,7 +624,7 @@ TEST(Urdf, WhatIsWrittenAsX3dIsTheSameRobot) {
             send(*scene, "elbow.angle", 1.25f);
             scene->newFrame(1);
         }
-        EXPECT_EQ(placesOf(direct).at("b"), placesOf(again).at("b"));
+        EXPECT_EQ(transformsOf(direct).at("b"), transformsOf(again).at("b"));
     }
 }
 

@@ -35,7 +35,7 @@ struct WithComments final : Filter {
 
 /// All that reading tells, as text.
 template <class Read>
-std::string told(Read read) {
+std::string messagesOf(Read read) {
     test::RecordingHandler handler;
     WithComments filter(handler);
     Diagnostics problems("test");
@@ -47,13 +47,13 @@ std::string told(Read read) {
 }
 
 std::string threadsFromMemory(const std::string& text, const ReaderOptions& options) {
-    return told([&](DocumentHandler& handler, Diagnostics& problems) {
+    return messagesOf([&](DocumentHandler& handler, Diagnostics& problems) {
         return detail::readText(text, {}, handler, problems, options);
     });
 }
 
 std::string threadsInBlocks(const std::string& path, std::size_t block, const ReaderOptions& options) {
-    return told([&](DocumentHandler& handler, Diagnostics& problems) {
+    return messagesOf([&](DocumentHandler& handler, Diagnostics& problems) {
         const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
         const bool complete = detail::readDescriptorInBlocks(descriptor, block, {}, handler, problems, options);
         ::close(descriptor);
@@ -226,9 +226,9 @@ std::string numbers(std::size_t bytes) {
 struct CountThreads final : detail::FieldTextReport {
     explicit CountThreads(Splitting splitting) : how(splitting) {}
     Splitting how;
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     void report(Severity, const char*, std::string text) override { ADD_FAILURE() << text; }
-    void progress(const char*) override { most = std::max(most, threads()); }
+    void progress(const char*) override { maximum = std::max(maximum, threads()); }
     Splitting splitting() const override { return how; }
     static std::size_t threads() {
         const std::filesystem::directory_iterator tasks("/proc/self/task");
@@ -244,7 +244,7 @@ TEST(ReaderThreads, AreThereForLongListsAlone) {
         detail::FieldTextParser parser(text.data(), text.data() + text.size(), syntax, report);
         Value value;
         EXPECT_TRUE(parser.parse(FieldType::MFFloat, value));
-        return report.most;
+        return report.maximum;
     };
     // Threads that have ended may be counted for a moment: the short lists come first.
     const std::size_t xml = threadsFor(19'000, TextSyntax::xml), classic = threadsFor(19'000, TextSyntax::classicVrml);

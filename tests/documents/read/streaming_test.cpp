@@ -46,14 +46,14 @@ class TemporaryFile {
 
 struct Outcome {
     std::string commands, problems;
-    std::vector<std::string> places;
+    std::vector<std::string> locations;
     bool complete = false;
 };
 
 Outcome outcome(const RecordingHandler& handler, const Diagnostics& problems, bool complete) {
     Outcome result{handler.text(), test::allText(problems), {}, complete};
     for (const SourceLocation& where : handler.positions)
-        result.places.push_back(std::to_string(where.line) + ":" + std::to_string(where.column));
+        result.locations.push_back(std::to_string(where.line) + ":" + std::to_string(where.column));
     return result;
 }
 
@@ -81,7 +81,7 @@ void expectSame(std::string_view text) {
         const Outcome parts = inBlocks(file.path, block);
         EXPECT_EQ(parts.commands, whole.commands) << "blocks of " << block;
         EXPECT_EQ(parts.problems, whole.problems) << "blocks of " << block;
-        EXPECT_EQ(parts.places, whole.places) << "blocks of " << block;
+        EXPECT_EQ(parts.locations, whole.locations) << "blocks of " << block;
         EXPECT_EQ(parts.complete, whole.complete) << "blocks of " << block;
     }
 }
@@ -369,7 +369,7 @@ TEST(Streaming, AMalformedEndOfALongListEndsTheReading) {
 }
 
 /// The most memory that this process has had, in bytes.
-std::size_t mostMemory() {
+std::size_t maxMemory() {
     rusage usage{};
     ::getrusage(RUSAGE_SELF, &usage);
     return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
@@ -381,11 +381,11 @@ std::size_t memoryOf(const std::string& in, const std::string& out) {
     if (::pipe(ends) != 0) return SIZE_MAX;
     const pid_t child = ::fork();
     if (child == 0) {
-        const std::size_t before = mostMemory();
+        const std::size_t before = maxMemory();
         Diagnostics problems(in);
         auto writer = DocumentFileWriter::create(out, problems, Existing::replace);
         const bool good = writer && readDocumentFile(in, (*writer)->handler(), problems) && (*writer)->close();
-        const std::size_t used = good ? mostMemory() - before : SIZE_MAX;
+        const std::size_t used = good ? maxMemory() - before : SIZE_MAX;
         [[maybe_unused]] const ssize_t written = ::write(ends[1], &used, sizeof(used));
         ::_exit(0);
     }

@@ -165,9 +165,9 @@ TEST(RoundTrip, ValuesThatAreNotFiniteAreLeftOutAndNamed) {
         const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, writing);
         SceneExporter(scene, writing).write(*writer, encoding);
         EXPECT_EQ(writing.errors(), 5u) << test::allText(writing);
-        for (const char* told : {"T.translation holds nan", "C.point holds -inf", "CLOCK.stopTime holds inf",
-                                 "S.own holds nan", "S.pair holds inf"})
-            EXPECT_THAT(test::allText(writing), testing::HasSubstr(told));
+        for (const char* reported : {"T.translation holds nan", "C.point holds -inf", "CLOCK.stopTime holds inf",
+                                     "S.own holds nan", "S.pair holds inf"})
+            EXPECT_THAT(test::allText(writing), testing::HasSubstr(reported));
         EXPECT_THAT(test::allText(writing), testing::HasSubstr("[write]"));
         Scene again;
         EXPECT_TRUE(loadText(again, text, reading)) << text;

@@ -15,7 +15,7 @@
 #include <rtsg/feeds/feed.h>
 #include <rtsg/feeds/publisher.h>
 
-#include "sockets/place.h"
+#include "sockets/endpoint.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {
@@ -27,12 +27,12 @@ constexpr auto kPatience = std::chrono::seconds(60);
 /// A connection of this process to a place that listens there.
 class Visitor {
   public:
-    explicit Visitor(const std::string& place) {
-        const auto where = feeds::Place::parse(place);
+    explicit Visitor(const std::string& endpoint) {
+        const auto where = feeds::Endpoint::parse(endpoint);
         const auto address = feeds::findAddress(*where);
-        const bool datagrams = where->kind == feeds::Place::Kind::udp;
+        const bool datagrams = where->kind == feeds::Endpoint::Kind::udp;
         socket_ = feeds::Descriptor(::socket(AF_INET, datagrams ? SOCK_DGRAM : SOCK_STREAM, 0));
-        EXPECT_EQ(::connect(socket_.get(), address->get(), address->length), 0) << place;
+        EXPECT_EQ(::connect(socket_.get(), address->get(), address->length), 0) << endpoint;
         const timeval patience = {60, 0};
         (void)::setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     }
@@ -75,9 +75,9 @@ ROUTE GATE.inputTrue TO FLAG.toggle
                              diagnostics));
     }
     void start(FeedOptions options) {
-        auto made = Feed::start(scene, std::move(options));
-        ASSERT_TRUE(made) << made.error().text;
-        feed = std::move(*made);
+        auto created = Feed::start(scene, std::move(options));
+        ASSERT_TRUE(created) << created.error().text;
+        feed = std::move(*created);
     }
     void start(const std::string& source) {
         FeedOptions options;
@@ -103,7 +103,7 @@ ROUTE GATE.inputTrue TO FLAG.toggle
         frame();
         EXPECT_EQ(feed->counts().lines, lines);
     }
-    Vec3f place(const char* node) const { return scene.node(scene.findName(node)).get(x3d::Transform::translation); }
+    Vec3f position(const char* node) const { return scene.node(scene.findName(node)).get(x3d::Transform::translation); }
     std::vector<std::string> news() {
         std::vector<std::string> all;
         for (const Diagnostic& d : feed->takeDiagnostics()) all.push_back(d.format());
@@ -133,7 +133,7 @@ TEST_F(FedScene, DatagramsTakeEffectInTheNextFrame) {
     } subscriber(author);
     const Attachment attachment = scene.bus().attach(subscriber);
     framesUntil(1);
-    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(position("A"), Vec3f(1, 2, 3));
     EXPECT_EQ(author, "Ann");
 }
 
@@ -147,8 +147,8 @@ TEST_F(FedScene, ConnectionsSendLinesInPieces) {
         one.say("1 2 3\n");
     }
     framesUntil(4);
-    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
-    EXPECT_EQ(place("B"), Vec3f(4, 5, 6));
+    EXPECT_EQ(position("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(position("B"), Vec3f(4, 5, 6));
     EXPECT_EQ(feed->counts().faulty, 1u);
     EXPECT_EQ(feed->counts().events, 2u);
     const auto said = news();
@@ -177,7 +177,7 @@ TEST_F(FedScene, RequestsOfHttpAreNoLines) {
     }
     ASSERT_EQ(said.size(), 2u);
     for (const std::string& one : said) EXPECT_NE(one.find("request of HTTP"), std::string::npos) << one;
-    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(position("A"), Vec3f(1, 2, 3));
     EXPECT_EQ(feed->counts().events, 2u);
     EXPECT_EQ(feed->counts().faulty, 0u);
 }
@@ -192,11 +192,11 @@ TEST_F(FedScene, SilenceKeepsNobodyOut) {
     const Visitor last(feed->source());
     last.say("B,translation,4 5 6\n");
     framesUntil(2);
-    EXPECT_EQ(place("B"), Vec3f(4, 5, 6));
+    EXPECT_EQ(position("B"), Vec3f(4, 5, 6));
     // The one that has sent a line stays.
     first.say("A,translation,7 8 9\n");
     framesUntil(3);
-    EXPECT_EQ(place("A"), Vec3f(7, 8, 9));
+    EXPECT_EQ(position("A"), Vec3f(7, 8, 9));
     const auto said = news();
     ASSERT_FALSE(said.empty());
     EXPECT_NE(said[0].find("closed a connection that was silent"), std::string::npos) << said[0];
@@ -214,7 +214,7 @@ TEST_F(FedScene, FaultsAreNamedByLineAndCounted) {
     start(folder / "feed");
     framesUntil(7);
     EXPECT_EQ(feed->counts().faulty, 6u);
-    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(position("A"), Vec3f(1, 2, 3));
     const std::string name = folder / "feed";
     std::vector<std::string> said = news();
     std::ranges::sort(said);
@@ -237,7 +237,7 @@ TEST_F(FedScene, AFieldWithAValueTakesTheNewestAndEventsComeOneAFrame) {
     });
     start(folder / "feed");
     frame();
-    EXPECT_EQ(place("A"), Vec3f(5, 0, 0));
+    EXPECT_EQ(position("A"), Vec3f(5, 0, 0));
     EXPECT_EQ(feed->counts().merged, 4u);
     for (int i = 0; i < 6; ++i) frame();
     EXPECT_EQ(feed->counts().events, 6u);
@@ -251,9 +251,9 @@ TEST_F(FedScene, LinesOfAFileWaitForTheirTimes) {
     start(folder / "feed");
     frame();  // 0
     frame();  // 1
-    EXPECT_EQ(place("A"), Vec3f(0, 0, 0));
+    EXPECT_EQ(position("A"), Vec3f(0, 0, 0));
     frame();  // 2: a line without a time is at the time of the line before
-    EXPECT_EQ(place("A"), Vec3f(2, 0, 0));
+    EXPECT_EQ(position("A"), Vec3f(2, 0, 0));
     EXPECT_EQ(scene.node(scene.findName("A")).get(x3d::Transform::scale), Vec3f(2, 2, 2));
     EXPECT_EQ(feed->nextAt(), 9);
     EXPECT_TRUE(feed->hasLeft());
@@ -279,7 +279,7 @@ TEST_F(FedScene, AFloodIsBoundedAndNothingElseSuffers) {
     start("udp://127.0.0.1:0");
     const Visitor visitor(feed->source());
     // Nobody runs frames meanwhile: the most that waits is kept.
-    for (std::size_t i = 0; i < 2 * Feed::kMostWaiting; ++i) {
+    for (std::size_t i = 0; i < 2 * Feed::kMaxWaiting; ++i) {
         visitor.say("NOBODY" + std::to_string(i) + ",x,1");
         if (i % 64 == 0) std::this_thread::sleep_for(std::chrono::microseconds(200));
     }
@@ -287,20 +287,20 @@ TEST_F(FedScene, AFloodIsBoundedAndNothingElseSuffers) {
     while (feed->counts().flooded < 1000 && std::chrono::steady_clock::now() < end)
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     EXPECT_GE(feed->counts().flooded, 1000u);
-    while (place("A").x == 0 && std::chrono::steady_clock::now() < end) {
+    while (position("A").x == 0 && std::chrono::steady_clock::now() < end) {
         visitor.say("A,translation,1 2 3");
         frame();
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    EXPECT_EQ(place("A"), Vec3f(1, 2, 3));
+    EXPECT_EQ(position("A"), Vec3f(1, 2, 3));
     while (feed->nextAt() < 0) frame();
-    EXPECT_GT(feed->counts().faulty, Feed::kMostWaiting / 2);
+    EXPECT_GT(feed->counts().faulty, Feed::kMaxWaiting / 2);
     EXPECT_LT(news().size(), 40u);
 }
 
 TEST_F(FedScene, AConnectionWaitsInPlaceOfLosing) {
     start("tcp://127.0.0.1:0");
-    constexpr std::size_t kLines = 3 * Feed::kMostWaiting;
+    constexpr std::size_t kLines = 3 * Feed::kMaxWaiting;
     std::jthread sender([source = feed->source()] {
         const Visitor visitor(source);
         std::string all;
@@ -310,12 +310,12 @@ TEST_F(FedScene, AConnectionWaitsInPlaceOfLosing) {
     framesUntil(kLines);
     EXPECT_EQ(feed->counts().flooded, 0u);
     EXPECT_EQ(feed->counts().events + feed->counts().merged, kLines);
-    EXPECT_EQ(place("A"), Vec3f(kLines, 0, 0));
+    EXPECT_EQ(position("A"), Vec3f(kLines, 0, 0));
 }
 
 TEST_F(FedScene, ManyEventsOfOneFieldAreLeftOutBeyondABound) {
     start("tcp://127.0.0.1:0");
-    const std::size_t lines = Feed::kMostPutOff + 500;
+    const std::size_t lines = Feed::kMaxPutOff + 500;
     std::string all;
     for (std::size_t i = 0; i < lines; ++i) all += "GATE,set_boolean,TRUE\n";
     Visitor(feed->source()).say(all);
@@ -351,12 +351,12 @@ TEST_F(FedScene, AccountsAreRefusedAndNotRepeated) {
 }
 
 TEST_F(FedScene, DatagramsThatTheSystemLeavesOutAreTold) {
-    auto place = feeds::Place::parse("udp://127.0.0.1:0");
-    auto socket = feeds::listenAt(*place, false);
+    auto position = feeds::Endpoint::parse("udp://127.0.0.1:0");
+    auto socket = feeds::listenAt(*position, false);
     ASSERT_TRUE(socket);
     int small = 4096;
     ASSERT_EQ(::setsockopt(socket->get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof small), 0);
-    const Visitor visitor(place->text);
+    const Visitor visitor(position->text);
     for (int i = 0; i < 200; ++i) visitor.say(std::string(500, 'x'));
     char bytes[1000], control[100] = {};
     std::uint32_t leftOut = 0, came = 0;
@@ -394,11 +394,11 @@ TEST_F(FedScene, PlacesThatMakeNoSenseAreErrors) {
 TEST_F(FedScene, AFeedEndsWhileItsSenderWaits) {
     start("tcp://127.0.0.1:0");
     std::string all;
-    for (std::size_t i = 0; i < 2 * Feed::kMostWaiting; ++i) all += "A,translation,1 0 0\n";
+    for (std::size_t i = 0; i < 2 * Feed::kMaxWaiting; ++i) all += "A,translation,1 0 0\n";
     std::jthread sender([source = feed->source(), all] { (void)Visitor(source); });
     const Visitor visitor(feed->source());
     std::jthread other([&] { visitor.say(all); });
-    while (feed->counts().lines <= Feed::kMostWaiting) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    while (feed->counts().lines <= Feed::kMaxWaiting) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     feed.reset();  // must not wait for frames
 }
 
@@ -480,8 +480,8 @@ TEST_F(FedScene, WhatCannotBePublishedIsAnError) {
         PublishOptions options;
         options.target = folder / "out";
         options.fields = std::move(fields);
-        const auto made = Publisher::start(scene, options);
-        return made ? std::string() : made.error().text;
+        const auto created = Publisher::start(scene, options);
+        return created ? std::string() : created.error().text;
     };
     EXPECT_EQ(why({"A.translation"}), "");
     EXPECT_NE(why({}), "");

@@ -71,7 +71,7 @@ TEST_F(FoxgloveServing, AViewerIsToldTopicsAndGetsWhatItSubscribesTo) {
     EXPECT_FALSE(server->owesWhole());
     server->send(state, 2, "3", Reach::wholeForNew);
     server->send(state, 2.5, "4", Reach::change);
-    server->tellTime(2.5);
+    server->sendTime(2.5);
     expect(viewer, [&] { return viewer.time != 0; });
     ASSERT_EQ(viewer.messages.size(), 2u);
     EXPECT_EQ(viewer.messages[0].json, "2");

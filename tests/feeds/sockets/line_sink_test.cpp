@@ -20,9 +20,9 @@ namespace rtsg::feeds {
 namespace {
 
 std::unique_ptr<LineSink> sinkAt(const std::filesystem::path& name, bool waits = false) {
-    auto place = Place::parse(name.string());
-    EXPECT_TRUE(place);
-    auto sink = LineSink::open(*place, false, waits);
+    auto endpoint = Endpoint::parse(name.string());
+    EXPECT_TRUE(endpoint);
+    auto sink = LineSink::open(*endpoint, false, waits);
     EXPECT_TRUE(sink);
     return std::move(*sink);
 }
@@ -110,14 +110,14 @@ struct Deaf {
     std::optional<Descriptor> socket;
 
     Deaf() {
-        auto place = Place::parse("tcp://127.0.0.1:0");
-        auto opened = LineSink::open(*place, false);
+        auto endpoint = Endpoint::parse("tcp://127.0.0.1:0");
+        auto opened = LineSink::open(*endpoint, false);
         EXPECT_TRUE(opened);
         sink = std::move(*opened);
         socket.emplace(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
         const int small = 4096;
         EXPECT_EQ(::setsockopt(socket->get(), SOL_SOCKET, SO_RCVBUF, &small, sizeof(small)), 0);
-        const auto at = findAddress(*place);
+        const auto at = findAddress(*endpoint);
         EXPECT_EQ(::connect(socket->get(), at->get(), at->length), 0);
         EXPECT_TRUE(until([&] { return sink->counts().subscribers == 1; }));
         for (std::uint64_t i = 0; i < kManyLines; ++i) sink->write(std::string(1000, 'x'));

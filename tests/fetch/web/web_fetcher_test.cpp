@@ -29,7 +29,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using Asked = LyingServer::Asked;
 
-constexpr std::uint64_t kMost = 1'000'000;
+constexpr std::uint64_t kMax = 1'000'000;
 
 class WebFetcherTest : public testing::Test {
   protected:
@@ -41,8 +41,8 @@ class WebFetcherTest : public testing::Test {
         return result;
     }
     /// The text at an address, or why there is none.
-    static std::string read(WebFetcher& fetcher, const std::string& address, std::uint64_t most = kMost) {
-        auto content = fetcher.fetch(address, most);
+    static std::string read(WebFetcher& fetcher, const std::string& address, std::uint64_t maximum = kMax) {
+        auto content = fetcher.fetch(address, maximum);
         if (!content) return "refused: " + content.error().text;
         std::string text;
         char block[4096];
@@ -51,9 +51,9 @@ class WebFetcherTest : public testing::Test {
         ::close(content->descriptor);
         return text;
     }
-    std::string read(const std::string& path, std::uint64_t most = kMost) const {
+    std::string read(const std::string& path, std::uint64_t maximum = kMax) const {
         WebFetcher fetcher(settings());
-        return read(fetcher, server.address(path), most);
+        return read(fetcher, server.address(path), maximum);
     }
 
     LyingServer server;
@@ -78,7 +78,7 @@ TEST_F(WebFetcherTest, WhatIsAllowedComesOnceAndStays) {
     server.file("/open/a.x3d", "<X3D/>", "Content-Type: model/x3d+xml; charset=utf-8\r\n");
     WebFetcher fetcher(settings());
     const std::string address = server.address("/open/a.x3d");
-    const auto content = fetcher.fetch(address, kMost);
+    const auto content = fetcher.fetch(address, kMax);
     ASSERT_TRUE(content) << content.error().text;
     EXPECT_EQ(content->address, address);
     EXPECT_EQ(content->mediaType, "model/x3d+xml");
@@ -127,7 +127,7 @@ TEST_F(WebFetcherTest, RedirectsAreCheckedLikeAddresses) {
     server.redirect("/open/user", "http://a:b@127.0.0.1/");
     server.at("/open/nowhere", [](const Asked& asked) { asked.send(LyingServer::whole("301 Moved", "")); });
     WebFetcher fetcher(settings());
-    auto content = fetcher.fetch(server.address("/open/near"), kMost);
+    auto content = fetcher.fetch(server.address("/open/near"), kMax);
     ASSERT_TRUE(content) << content.error().text;
     EXPECT_EQ(content->address, server.address("/open/b/c.x3d")) << "its own urls start there";
     ::close(content->descriptor);
@@ -377,7 +377,7 @@ TEST_F(WebFetcherTest, WhatALogHasNeedsNoNetworkAndNoPermission) {
     WebFetcher fetcher(FetchSettings{});
     const std::string address = "http://example.org/a.x3d";
     ASSERT_TRUE(fetcher.keep({address, "http://example.org/real/a.x3d", "model/x3d+xml", "hash", "<X3D/>", true}));
-    const auto content = fetcher.fetch(address, kMost);
+    const auto content = fetcher.fetch(address, kMax);
     ASSERT_TRUE(content) << content.error().text;
     EXPECT_EQ(content->address, "http://example.org/real/a.x3d");
     ::close(content->descriptor);
@@ -440,17 +440,17 @@ TEST_F(WebFetcherTest, NobodyNeedWait) {
     background.stallSeconds = 20;
     WebFetcher fetcher(background);
     const std::string address = server.address("/open/a");
-    for (int i = 0; i < 5; ++i) EXPECT_TRUE(fetcher.awaits(address, kMost));
-    EXPECT_TRUE(fetcher.awaits(server.address("/open/none"), kMost));
+    for (int i = 0; i < 5; ++i) EXPECT_TRUE(fetcher.awaits(address, kMax));
+    EXPECT_TRUE(fetcher.awaits(server.address("/open/none"), kMax));
     go = true;
-    for (int i = 0; i < 2000 && fetcher.awaits(address, kMost); ++i)
+    for (int i = 0; i < 2000 && fetcher.awaits(address, kMax); ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_FALSE(fetcher.awaits(address, kMost));
+    EXPECT_FALSE(fetcher.awaits(address, kMax));
     EXPECT_EQ(read(fetcher, address), "a scene");
     EXPECT_THAT(read(fetcher, server.address("/open/none")), HasSubstr("404"));
     EXPECT_EQ(server.asked(), 2);
     WebFetcher waiting(settings());
-    EXPECT_FALSE(waiting.awaits(address, kMost)) << "it fetches while one waits";
+    EXPECT_FALSE(waiting.awaits(address, kMax)) << "it fetches while one waits";
 }
 
 TEST_F(WebFetcherTest, ManyThreadsFetchOnce) {
@@ -476,7 +476,7 @@ TEST_F(WebFetcherTest, ItEndsWhileATransferStalls) {
     const auto begin = std::chrono::steady_clock::now();
     {
         WebFetcher fetcher(background);
-        EXPECT_TRUE(fetcher.awaits(server.address("/open/silent"), kMost));
+        EXPECT_TRUE(fetcher.awaits(server.address("/open/silent"), kMax));
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
     EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(15));

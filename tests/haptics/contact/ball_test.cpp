@@ -22,8 +22,8 @@ void addQuad(std::vector<NearTriangle>& triangles, const Vec3d& at, const Vec3d&
     other.corners[0] = at, other.corners[1] = at + u + v, other.corners[2] = at + v;
 }
 
-void expectNear(const Vec3d& got, const Vec3d& wanted, double most = kExact) {
-    EXPECT_LT(glm::length(got - wanted), most)
+void expectNear(const Vec3d& got, const Vec3d& wanted, double maximum = kExact) {
+    EXPECT_LT(glm::length(got - wanted), maximum)
         << got.x << ' ' << got.y << ' ' << got.z << " for " << wanted.x << ' ' << wanted.y << ' ' << wanted.z;
 }
 
@@ -70,8 +70,8 @@ TEST(BallAmongTriangles, RollsOverAnEdgeAsACylinderRoundIt) {
 TEST(BallAmongTriangles, FollowsASphereToThePointNextToTheHand) {
     constexpr int kRings = 60;
     std::vector<NearTriangle> sphere;
-    const auto at = [](int ring, int place) {
-        const double a = std::numbers::pi * ring / kRings, b = 2 * std::numbers::pi * place / kRings;
+    const auto at = [](int ring, int index) {
+        const double a = std::numbers::pi * ring / kRings, b = 2 * std::numbers::pi * index / kRings;
         return Vec3d(std::sin(a) * std::cos(b), std::sin(a) * std::sin(b), std::cos(a));
     };
     for (int i = 0; i < kRings; ++i)
@@ -104,10 +104,10 @@ TEST(BallAmongTriangles, NeverPassesThroughASheetHoweverItIsDrawn) {
             sheet.push_back({{at(i, j), at(i + 1, j + 1), at(i, j + 1)}, {}, 0, 0, false});
         }
     std::mt19937 random(2);
-    std::uniform_real_distribution<double> place(1, 7), height(-2, 2);
+    std::uniform_real_distribution<double> coordinate(1, 7), height(-2, 2);
     Vec3d ball(4, 4, 2);
     for (int i = 0; i < 3000; ++i) {
-        const Vec3d before = ball, goal(place(random), place(random), height(random));
+        const Vec3d before = ball, goal(coordinate(random), coordinate(random), height(random));
         ball = slide(ball, goal, kRadius, sheet);
         double nearest = 1e9;
         for (const NearTriangle& t : sheet)

@@ -22,11 +22,11 @@ namespace {
 
 TEST(SimulatedHand, IsOnItsPath) {
     const auto device = simulatedDevice({{{0, {0, 0, 0}}, {1, {2, 0, 0}}, {3, {2, 4, 0}}}, 0, 0, 0});
-    EXPECT_EQ(*device->place(-1), Vec3d(0));
-    EXPECT_EQ(*device->place(.5), Vec3d(1, 0, 0));
-    EXPECT_EQ(*device->place(2), Vec3d(2, 2, 0));
+    EXPECT_EQ(*device->position(-1), Vec3d(0));
+    EXPECT_EQ(*device->position(.5), Vec3d(1, 0, 0));
+    EXPECT_EQ(*device->position(2), Vec3d(2, 2, 0));
     EXPECT_FALSE(device->hasEnded());
-    EXPECT_EQ(*device->place(9), Vec3d(2, 4, 0));
+    EXPECT_EQ(*device->position(9), Vec3d(2, 4, 0));
     EXPECT_TRUE(device->hasEnded());
 }
 
@@ -34,17 +34,17 @@ TEST(SimulatedHand, SwingsAsAMassOnASpring) {
     // x = 1 - e^(-c t / 2m) (cos w t + c / (2 m w) sin w t) for a step of the path to 1.
     const double m = .1, k = 40, c = .8;
     const auto device = simulatedDevice({{{0, {0, 0, 0}}, {1e-9, {1, 0, 0}}, {2, {1, 0, 0}}}, m, k, c});
-    (void)device->place(0);
+    (void)device->position(0);
     const double decay = c / (2 * m), w = std::sqrt(k / m - decay * decay);
     for (int i = 1; i <= 500; ++i) {
         const double t = 1e-3 * i;
         const double x = 1 - std::exp(-decay * t) * (std::cos(w * t) + decay / w * std::sin(w * t));
-        EXPECT_NEAR(device->place(t)->x, x, 3e-3) << t;
+        EXPECT_NEAR(device->position(t)->x, x, 3e-3) << t;
     }
     // A force moves its rest by force / stiffness.
     device->push({4, 0, 0});
-    for (int i = 501; i <= 6000; ++i) (void)device->place(1e-3 * i);
-    EXPECT_NEAR(device->place(6.001)->x, 1 + 4 / k, 1e-4);
+    for (int i = 501; i <= 6000; ++i) (void)device->position(1e-3 * i);
+    EXPECT_NEAR(device->position(6.001)->x, 1 + 4 / k, 1e-4);
 }
 
 class HandPath : public testing::Test {
@@ -62,7 +62,7 @@ TEST_F(HandPath, IsReadWithCommentsAndAHeading) {
     ASSERT_TRUE(path) << path.error().format();
     ASSERT_EQ(path->size(), 3u);
     EXPECT_EQ((*path)[1].seconds, .5);
-    EXPECT_EQ((*path)[1].place, Vec3d(0, -.01, 0));
+    EXPECT_EQ((*path)[1].position, Vec3d(0, -.01, 0));
 }
 
 TEST_F(HandPath, FaultsHaveALine) {
@@ -109,19 +109,19 @@ TEST(UdpDevice, BelongsToItsFirstSenderUntilThatIsSilent) {
     auto device = udpDevice(0, 0.5, &port);
     ASSERT_TRUE(device) << device.error().format();
     Driver first(port), second(port);
-    const double places[2][3] = {{1, 2, 3}, {4, 5, 6}};
-    first.send(places[0], 24);
-    EXPECT_EQ(*(*device)->place(0), Vec3d(1, 2, 3));
+    const double positions[2][3] = {{1, 2, 3}, {4, 5, 6}};
+    first.send(positions[0], 24);
+    EXPECT_EQ(*(*device)->position(0), Vec3d(1, 2, 3));
     EXPECT_EQ((*device)->warning(), "");
-    second.send(places[1], 24);
-    EXPECT_EQ(*(*device)->place(0), Vec3d(1, 2, 3));
+    second.send(positions[1], 24);
+    EXPECT_EQ(*(*device)->position(0), Vec3d(1, 2, 3));
     (*device)->push({7, 8, 9});
     EXPECT_EQ(first.heard(), Vec3d(7, 8, 9));
     EXPECT_TRUE((*device)->warning().starts_with("1 datagrams were ignored")) << (*device)->warning();
     std::this_thread::sleep_for(std::chrono::milliseconds(700));
-    EXPECT_FALSE((*device)->place(0));
-    second.send(places[1], 24);
-    EXPECT_EQ(*(*device)->place(0), Vec3d(4, 5, 6));
+    EXPECT_FALSE((*device)->position(0));
+    second.send(positions[1], 24);
+    EXPECT_EQ(*(*device)->position(0), Vec3d(4, 5, 6));
     (*device)->push({7, 8, 9});
     EXPECT_EQ(second.heard(), Vec3d(7, 8, 9));
 }
@@ -131,21 +131,21 @@ TEST(UdpDevice, TakesPlacesAndGivesForces) {
     auto device = udpDevice(0, 0.1, &port);
     ASSERT_TRUE(device) << device.error().format();
     ASSERT_NE(port, 0);
-    EXPECT_FALSE((*device)->place(0)) << "nobody has said anything";
+    EXPECT_FALSE((*device)->position(0)) << "nobody has said anything";
     (*device)->push({1, 2, 3});  // to nobody
     Driver driver(port);
     driver.send("short", 5);
-    EXPECT_FALSE((*device)->place(0));
-    const double places[2][3] = {{1, 2, 3}, {4, 5, 6}};
-    driver.send(places[0], 24);
-    driver.send(places[1], 24);
-    EXPECT_EQ(*(*device)->place(0), Vec3d(4, 5, 6)) << "the last one";
+    EXPECT_FALSE((*device)->position(0));
+    const double positions[2][3] = {{1, 2, 3}, {4, 5, 6}};
+    driver.send(positions[0], 24);
+    driver.send(positions[1], 24);
+    EXPECT_EQ(*(*device)->position(0), Vec3d(4, 5, 6)) << "the last one";
     (*device)->push({.5, 0, -1});
     EXPECT_EQ(driver.heard(), Vec3d(.5, 0, -1));
     std::this_thread::sleep_for(std::chrono::milliseconds(120));
-    EXPECT_FALSE((*device)->place(0)) << "it stalls";
-    driver.send(places[0], 24);
-    EXPECT_TRUE((*device)->place(0)) << "and goes on";
+    EXPECT_FALSE((*device)->position(0)) << "it stalls";
+    driver.send(positions[0], 24);
+    EXPECT_TRUE((*device)->position(0)) << "and goes on";
     EXPECT_FALSE(udpDevice(port)) << "the port is taken";
 }
 
@@ -161,19 +161,21 @@ TEST(SpaceMouse, MovesTheHandAsLongAsItIsPushed) {
     auto mouse = spaceMouse(name, .5);
     ASSERT_TRUE(mouse) << mouse.error().format();
     const int peer = ::accept(daemon, nullptr, nullptr);
-    EXPECT_EQ(*(*mouse)->place(0), Vec3d(0));
+    EXPECT_EQ(*(*mouse)->position(0), Vec3d(0));
     const std::int32_t pushed[8] = {0, 350, 0, -175, 0, 0, 0, 16}, button[8] = {1, 0, 1}, rest[8] = {0};
     ASSERT_EQ(::send(peer, pushed, 20, 0), 20);  // a packet in two pieces
-    EXPECT_EQ(*(*mouse)->place(.01), Vec3d(0));
+    EXPECT_EQ(*(*mouse)->position(.01), Vec3d(0));
     ASSERT_EQ(::send(peer, reinterpret_cast<const char*>(pushed) + 20, 12, 0), 12);
     ASSERT_EQ(::send(peer, button, 32, 0), 32);
-    EXPECT_LT(glm::length(*(*mouse)->place(.05) - Vec3d(.02, 0, .01)), 1e-12) << "half a metre a second to the right";
-    EXPECT_LT(glm::length(*(*mouse)->place(9) - Vec3d(.07, 0, .035)), 1e-12) << "at most a tenth of a second at once";
+    EXPECT_LT(glm::length(*(*mouse)->position(.05) - Vec3d(.02, 0, .01)), 1e-12)
+        << "half a metre a second to the right";
+    EXPECT_LT(glm::length(*(*mouse)->position(9) - Vec3d(.07, 0, .035)), 1e-12)
+        << "at most a tenth of a second at once";
     ASSERT_EQ(::send(peer, rest, 32, 0), 32);
-    const Vec3d stood = *(*mouse)->place(9.01);
-    EXPECT_EQ(*(*mouse)->place(9.02), stood);
+    const Vec3d stood = *(*mouse)->position(9.01);
+    EXPECT_EQ(*(*mouse)->position(9.02), stood);
     ::close(peer);
-    EXPECT_FALSE((*mouse)->place(9.03)) << "the daemon has gone";
+    EXPECT_FALSE((*mouse)->position(9.03)) << "the daemon has gone";
     ::close(daemon);
     std::filesystem::remove(name);
 }

@@ -74,8 +74,8 @@ class Touched {
     int ticks = 0;
 };
 
-void expectWithin(const Vec3d& got, const Vec3d& wanted, double most) {
-    EXPECT_LT(glm::length(got - wanted), most)
+void expectWithin(const Vec3d& got, const Vec3d& wanted, double maximum) {
+    EXPECT_LT(glm::length(got - wanted), maximum)
         << got.x << ' ' << got.y << ' ' << got.z << " for " << wanted.x << ' ' << wanted.y << ' ' << wanted.z;
 }
 
@@ -282,7 +282,7 @@ TEST(HapticRenderer, ForcesAreNumbersWhateverTheHandIs) {
 }
 
 /// A mass on a spring-less wall, thrown at it: what it has afterwards beside what it had.
-double reboundShare(double stiffness, double speed, double mass) {
+double reboundFraction(double stiffness, double speed, double mass) {
     HapticOptions options;
     options.surface.stiffness = stiffness;
     options.maxForce = 1e4;
@@ -298,9 +298,9 @@ double reboundShare(double stiffness, double speed, double mass) {
 TEST(HapticRenderer, AStillSceneGivesNoEnergy) {
     for (const double stiffness : {100., 500., 2000., 8000.})
         for (const double speed : {.02, .1, .4}) {
-            const double share = reboundShare(stiffness, speed, .1);
-            EXPECT_LT(share, 1.001) << stiffness << " N/m, " << speed << " m/s";
-            EXPECT_GT(share, .5) << stiffness << " N/m, " << speed << " m/s: and takes not much";
+            const double fraction = reboundFraction(stiffness, speed, .1);
+            EXPECT_LT(fraction, 1.001) << stiffness << " N/m, " << speed << " m/s";
+            EXPECT_GT(fraction, .5) << stiffness << " N/m, " << speed << " m/s: and takes not much";
         }
 }
 

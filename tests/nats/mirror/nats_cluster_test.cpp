@@ -63,19 +63,19 @@ TEST_F(NatsCluster, MirrorsAndStoreOutliveEachServerInTurn) {
     {
         const Attachment attachment = from.scene.bus().attach(*writer);
         for (const auto& server : servers) {
-            for (int i = 0; i < 20; ++i) from.turn();
+            for (int i = 0; i < 20; ++i) from.poll();
             server->stop(SIGKILL);
-            for (int i = 0; i < 20; ++i) from.turn();
+            for (int i = 0; i < 20; ++i) from.poll();
             const std::uint64_t stored = (*log)->storedMessages();
             for (const auto& follower : followers) {
                 ASSERT_TRUE(test::pollUntil(*follower->client, [&] {
-                    from.turn();
+                    from.poll();
                     return follower->client->statistics().sequence + 20 > from.scene.sequence();
                 }));
             }
             // Two of three go on storing.
             EXPECT_TRUE(test::eventually([&] {
-                from.turn();
+                from.poll();
                 return (*log)->storedMessages() > stored;
             })) << (*log)->failure();
             server->start();
@@ -193,7 +193,7 @@ TEST_F(NatsCrowd, EachOfManyGetsEachRecordOnceAndWhole) {
     ASSERT_TRUE(follower.settle(from));
     for (int i = 0; i < 40; ++i) {
         from.fill(1000);
-        from.turn();
+        from.poll();
         ASSERT_TRUE(readUntil([&](const BareSubscriber& one) { return one.state() == from.scene.sequence(); }));
     }
     ASSERT_TRUE(follower.settle(from));

@@ -22,17 +22,17 @@ TEST_F(NatsFaults, ANatsServerThatIsKilledAndComesBackCostsFramesThatAreSentAgai
     ASSERT_TRUE(follower.settle(from));
     for (int kill = 0; kill < 2; ++kill) {
         for (int i = 0; i < 30; ++i) {
-            from.turn();
+            from.poll();
             (void)follower.client->poll(1ms);
         }
         nats.stop(SIGKILL);
         for (int i = 0; i < 30; ++i) {
-            from.turn();
+            from.poll();
             (void)follower.client->poll(1ms);
         }
         nats.start();
         ASSERT_TRUE(test::pollUntil(*follower.client, [&] {
-            from.turn();
+            from.poll();
             return follower.client->statistics().sequence + 5 > from.scene.sequence();
         }));
         ASSERT_TRUE(follower.settle(from));
@@ -56,7 +56,7 @@ TEST_F(NatsFaults, WhoReadsTooSlowlyGetsWhatIsMissingLater) {
     // 48 MB: more than its window of 8 MiB, and less than what is kept.
     for (int i = 0; i < 80; ++i) {
         from.fill(50'000);
-        from.turn();
+        from.poll();
         ASSERT_TRUE(quick.settle(from));
     }
     ASSERT_TRUE(slow.settle(from));
@@ -64,7 +64,7 @@ TEST_F(NatsFaults, WhoReadsTooSlowlyGetsWhatIsMissingLater) {
     // 96 MB: more than what is kept, so the slow one gets a keyframe.
     for (int i = 0; i < 160; ++i) {
         from.fill(50'000);
-        from.turn();
+        from.poll();
         ASSERT_TRUE(quick.settle(from));
     }
     ASSERT_TRUE(slow.settle(from));
@@ -76,11 +76,11 @@ TEST_F(NatsFaults, AnotherRunOfTheSceneIsFollowedFromItsState) {
     auto from = std::make_unique<PublishedScene>(nats.address());
     NatsFollower follower(nats.address());
     ASSERT_TRUE(follower.settle(*from));
-    for (int i = 0; i < 20; ++i) from->turn();
+    for (int i = 0; i < 20; ++i) from->poll();
     ASSERT_TRUE(follower.settle(*from));
     from.reset();
     PublishedScene again(nats.address(), MirrorUpstream::none, 100);
-    for (int i = 0; i < 3; ++i) again.turn();
+    for (int i = 0; i < 3; ++i) again.poll();
     ASSERT_TRUE(follower.settle(again));
     EXPECT_EQ(follower.scene.dump(), again.scene.dump());
     EXPECT_EQ(follower.client->statistics().restarts, 1u);
@@ -128,13 +128,13 @@ TEST_F(NatsFaults, RubbishOnEverySubjectIsIgnoredAndCounted) {
             (*link)->publish(subjects.ask, "somebody", bytes);
         }
         for (int i = 0; i < 20; ++i) {
-            from.turn();
+            from.poll();
             (void)follower.client->poll(1ms);
         }
     }
     EXPECT_EQ((*link)->flush(5s), "");
     ASSERT_TRUE(test::pollUntil(*follower.client, [&] {
-        from.turn();
+        from.poll();
         return follower.client->inStep() && follower.client->statistics().equal;
     }));
     ASSERT_TRUE(follower.settle(from));

@@ -31,7 +31,7 @@ TEST_F(NatsMirror, BringsTheBytesThatZeroMqBrings) {
     ASSERT_TRUE(test::pollUntilAt(**direct, from.scene));
     for (int i = 0; i < 60; ++i) {
         for (int k = 0; k < 5; ++k) edits.step();
-        from.turn();
+        from.poll();
         ASSERT_TRUE(follower.settle(from));
         ASSERT_TRUE(test::pollUntilAt(**direct, from.scene));
     }
@@ -49,12 +49,12 @@ TEST_F(NatsMirror, WhatTheServerSaysLastIsPublished) {
         PublishedScene from(nats.address());
         NatsFollower follower(nats.address());
         ASSERT_TRUE(follower.settle(from));
-        for (int i = 0; i < 20; ++i) from.turn();
+        for (int i = 0; i < 20; ++i) from.poll();
         const std::uint64_t last = from.scene.sequence();
         // The publisher is busy with much when it is to end.
         EXPECT_TRUE(from.server->drain(10s));
         from.fill(100'000);
-        from.turn();
+        from.poll();
         from.server.reset();
         from.publisher.reset();
         EXPECT_TRUE(test::pollUntil(*follower.client, [&] { return follower.client->serverLeft(); }))
@@ -70,7 +70,7 @@ TEST_F(NatsMirror, RecordsLongerThanAMessageComeInPieces) {
     ASSERT_TRUE(early.settle(from));
     for (int i = 0; i < 3; ++i) {
         from.fill(50'000);
-        from.turn();
+        from.poll();
     }
     ASSERT_TRUE(early.settle(from));
     NatsFollower late(nats.address());
@@ -89,12 +89,12 @@ TEST_F(NatsMirror, WhoeverJoinsWithinAMomentCostsOnePublication) {
     for (int i = 0; i < 16; ++i) crowd.push_back(std::make_unique<NatsFollower>(nats.address()));
     for (const auto& follower : crowd) (void)follower->client->poll(0ms);
     for (int i = 0; i < 20; ++i) {
-        from.turn();
+        from.poll();
         for (const auto& follower : crowd) (void)follower->client->poll(1ms);
     }
     for (const auto& follower : crowd) ASSERT_TRUE(follower->settle(from));
     EXPECT_LT(from.publisher->statistics().states - before, 16u);
-    EXPECT_EQ(from.server->statistics().mostPeers, 1u) << "a keyframe of the server's own was near enough";
+    EXPECT_EQ(from.server->statistics().maxPeers, 1u) << "a keyframe of the server's own was near enough";
 }
 
 TEST_F(NatsMirror, WhatDiffersIsFoundAndRepaired) {
@@ -113,7 +113,7 @@ TEST_F(NatsMirror, WhatDiffersIsFoundAndRepaired) {
     const Vec3f moved(8, 0, 0);
     std::memcpy(const_cast<void*>(follower.scene.node(from.box).storage(x3d::Transform::translation.index)), &moved,
                 sizeof(moved));
-    from.turn();
+    from.poll();
     ASSERT_TRUE(follower.settle(from));
     ASSERT_TRUE(other.settle(from));
     EXPECT_EQ(follower.client->statistics().divergences, 1u);
@@ -123,7 +123,7 @@ TEST_F(NatsMirror, WhatDiffersIsFoundAndRepaired) {
     EXPECT_EQ(other.client->statistics().repairs, 0u);
     ASSERT_FALSE(found.empty());
     EXPECT_EQ(found[0].node, "BOX");
-    from.turn();
+    from.poll();
     EXPECT_TRUE(follower.settle(from)) << "it goes on with the next frame";
 }
 
@@ -137,7 +137,7 @@ std::pair<std::string, std::string> verdictsWith(MirrorUpstream upstream) {
     const auto edit = follower.client->submitEdit(from.box, x3d::Transform::scale.index, Vec3f(1, 2, 3));
     const auto sent = follower.client->submitEvent(from.box, x3d::Transform::rotation.index, Rotation(0, 1, 0, 1));
     EXPECT_TRUE(test::pollUntil(*follower.client, [&] {
-        from.turn();
+        from.poll();
         for (MirrorVerdict& v : follower.client->takeVerdicts()) {
             EXPECT_TRUE(!v.refusal.empty() || follower.client->statistics().sequence >= v.state)
                 << "the effect is there when the verdict is";
@@ -171,14 +171,14 @@ TEST_F(NatsMirror, ALongRequestGoesThroughAndNodesGetNumbers) {
     change.node = from.cloud;
     change.field = x3d::Coordinate::point.index;
     change.value = Array<Vec3f>(std::vector<Vec3f>(60'000, Vec3f(1, 2, 3)));  // 720 kB, in parts of 8 KiB
-    Change made;
-    made.kind = ChangeKind::createNode;
-    made.node = follower.client->newNode();
-    made.index = x3d::Group::type.value;
-    ASSERT_TRUE(follower.client->submit({made, change}));
+    Change created;
+    created.kind = ChangeKind::createNode;
+    created.node = follower.client->newNode();
+    created.index = x3d::Group::type.value;
+    ASSERT_TRUE(follower.client->submit({created, change}));
     std::vector<MirrorVerdict> verdicts;
     ASSERT_TRUE(test::pollUntil(*follower.client, [&] {
-        from.turn();
+        from.poll();
         verdicts = follower.client->takeVerdicts();
         return !verdicts.empty();
     }));
@@ -194,7 +194,7 @@ TEST_F(NatsMirror, WhatIsNotPublishedIsRefused) {
     MirrorClientOptions part, rate, inputs, blocking;
     blocking.whenSlow = MirrorWhenSlow::block;
     part.parts = {"BOX"};
-    rate.mostBytesPerSecond = 1000;
+    rate.maxBytesPerSecond = 1000;
     inputs.inputs = true;
     for (const MirrorClientOptions& options : {part, rate, inputs, blocking}) {
         NatsFollower follower(nats.address(), options);
@@ -247,7 +247,7 @@ TEST_F(NatsMirror, AnAskerCannotMakeItSendWithoutEnd) {
         (void)follower.client->poll(20ms);
     }
     EXPECT_LT(from.publisher->statistics().bytes - before, 400'000'000u);
-    from.turn();
+    from.poll();
     EXPECT_TRUE(follower.settle(from));
 }
 
@@ -256,7 +256,7 @@ TEST_F(NatsMirror, TheServersGoodbyeArrives) {
     PublishedScene from(nats.address());
     NatsFollower follower(nats.address());
     ASSERT_TRUE(follower.settle(from));
-    from.turn();
+    from.poll();
     from.server.reset();
     EXPECT_TRUE(test::pollUntil(*follower.client, [&] { return follower.client->serverLeft(); }));
     EXPECT_EQ(follower.client->statistics().sequence, from.scene.sequence());

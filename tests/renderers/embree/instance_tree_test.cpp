@@ -88,8 +88,8 @@ void expectComplete(const InstanceTree& tree, const std::map<std::uint32_t, Box>
 }
 
 TEST(InstanceTree, FindsEveryBoxThroughRandomChanges) {
-    for (const std::size_t most : {3u, 9u, 60u, 700u}) {
-        SCOPED_TRACE(testing::Message() << "seed " << kTreeSeed << ", up to " << most);
+    for (const std::size_t maximum : {3u, 9u, 60u, 700u}) {
+        SCOPED_TRACE(testing::Message() << "seed " << kTreeSeed << ", up to " << maximum);
         std::mt19937 random(kTreeSeed);
         std::uniform_real_distribution<float> unit(-1, 1);
         const auto randomBox = [&] {
@@ -101,9 +101,9 @@ TEST(InstanceTree, FindsEveryBoxThroughRandomChanges) {
         std::map<std::uint32_t, Box> truth;
         for (int step = 0; step < 60; ++step) {
             SCOPED_TRACE(step);
-            const std::size_t edits = step == 0 || step % 20 == 19 ? most : 1 + random() % (1 + most / 10);
+            const std::size_t edits = step == 0 || step % 20 == 19 ? maximum : 1 + random() % (1 + maximum / 10);
             for (std::size_t n = 0; n < edits; ++n) {
-                const auto object = static_cast<std::uint32_t>(random() % most);
+                const auto object = static_cast<std::uint32_t>(random() % maximum);
                 if (random() % 3 == 0) {
                     if (truth.erase(object)) tree.remove(object);
                 } else {

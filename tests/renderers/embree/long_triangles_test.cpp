@@ -15,7 +15,7 @@ namespace {
 constexpr std::uint32_t kLongSeed = 20261122;
 using Edge = std::pair<std::tuple<float, float, float>, std::tuple<float, float, float>>;
 
-std::tuple<float, float, float> placeOf(const Vec3f& p) {
+std::tuple<float, float, float> keyOf(const Vec3f& p) {
     return {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f};
 }
 
@@ -26,7 +26,7 @@ std::map<Edge, int> pieceEdgesOf(const bvh::LongTriangles& cut) {
         if (cut.corners[i] < 0) continue;
         for (std::size_t k = 0; k < 3; ++k) {
             const auto at = [&](std::size_t c) {
-                return placeOf(cut.positions[static_cast<std::size_t>(cut.corners[i + c % 3])]);
+                return keyOf(cut.positions[static_cast<std::size_t>(cut.corners[i + c % 3])]);
             };
             ++edges[{at(k), at(k + 1)}];
         }
@@ -142,7 +142,7 @@ TEST(LongTriangles, OuterEdgesStayWhole) {
     for (std::size_t i = 0; i < open.size(); i += 3)
         for (std::size_t k = 0; k < 3; ++k) {
             const auto at = [&](std::size_t c) {
-                return placeOf(mesh->positions[static_cast<std::size_t>(open[i + c % 3])]);
+                return keyOf(mesh->positions[static_cast<std::size_t>(open[i + c % 3])]);
             };
             ++before[{at(k), at(k + 1)}];
         }
@@ -182,17 +182,17 @@ TEST(LongTriangles, HitsAreOnWholeTriangles) {
             if (slot == 0) m = identityTransform();
             delta.added.push_back(test::makeInstance(slot, NodeId{1}, m));
             delta.added.back().motion = slot == 2 ? Motion::moving : Motion::fixed;
-            truth.things[slot] = {delta.added.back(), beams};
+            truth.items[slot] = {delta.added.back(), beams};
         }
         world.apply(delta);
         test::expectSameHits(world, truth, random, 60, 6, 1e-4);
         // Queries of what is near see them, too.
-        std::uint32_t most = 0;
+        std::uint32_t maximum = 0;
         world.visitNear(Vec3f(0), 100, [&](std::uint32_t, std::uint32_t triangle) {
-            most = std::max(most, triangle);
+            maximum = std::max(maximum, triangle);
             return 100.0f;
         });
-        EXPECT_EQ(most, beams->triangleCount - 1);
+        EXPECT_EQ(maximum, beams->triangleCount - 1);
     }
 }
 

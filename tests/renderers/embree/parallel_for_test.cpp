@@ -19,13 +19,13 @@ namespace {
 
 // Plain memory on both sides: ThreadSanitizer tells if the start or the end of a loop is not a meeting of threads.
 TEST(ParallelFor, EveryCallComesOnceAndTheirResultsAreSeen) {
-    std::vector<int> given(10'000), made(given.size());
+    std::vector<int> given(10'000), created(given.size());
     for (int round = 1; round <= 20; ++round) {
         std::iota(given.begin(), given.end(), round);
-        parallelFor(given.size(), [&](std::size_t i) { made[i] += given[i]; });
-        for (std::size_t i = 0; i < made.size(); ++i) {
-            ASSERT_EQ(made[i], static_cast<int>(i) + round);
-            made[i] = 0;
+        parallelFor(given.size(), [&](std::size_t i) { created[i] += given[i]; });
+        for (std::size_t i = 0; i < created.size(); ++i) {
+            ASSERT_EQ(created[i], static_cast<int>(i) + round);
+            created[i] = 0;
         }
     }
 }
@@ -70,24 +70,24 @@ TEST(Apart, LoopsWithinEndAndExceptionsComeOut) {
 TEST(WithThreads, OneMeansOneThread) {
     std::mutex mutex;
     std::set<std::thread::id> threads;
-    unsigned told = 0;
+    unsigned reported = 0;
     withThreads(1, [&] {
-        told = availableThreads();
+        reported = availableThreads();
         parallelFor(1000, [&](std::size_t) {
             const std::lock_guard lock(mutex);
             threads.insert(std::this_thread::get_id());
         });
     });
-    EXPECT_EQ(told, 1u);
+    EXPECT_EQ(reported, 1u);
     EXPECT_EQ(threads.size(), 1u);
 }
 
 TEST(WithThreads, NoneNamedAndTooManyNamedMeanAllThereAre) {
     const unsigned all = availableThreads();
     for (const unsigned named : {0u, all, all + 1, 4'000'000'000u}) {
-        unsigned told = 0;
-        withThreads(named, [&] { told = availableThreads(); });
-        EXPECT_EQ(told, all) << named;
+        unsigned reported = 0;
+        withThreads(named, [&] { reported = availableThreads(); });
+        EXPECT_EQ(reported, all) << named;
     }
 }
 

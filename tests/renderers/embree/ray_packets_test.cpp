@@ -162,7 +162,7 @@ void expectPartsRight() {
 void countHits(const RTCFilterFunctionNArguments* asked) {
     for (unsigned i = 0; i < asked->N; ++i) {
         if (asked->valid[i] == 0) continue;
-        ++static_cast<int*>(RayCast::told(*asked))[RTCRayN_id(asked->ray, asked->N, i)];
+        ++static_cast<int*>(RayCast::contextOf(*asked))[RTCRayN_id(asked->ray, asked->N, i)];
         asked->valid[i] = 0;
     }
 }

@@ -46,9 +46,9 @@ TEST(Versions, OneThatStallsPinsNothingThatCameAfterIt) {
     versions.hold();  // stalls for good
     const std::uint64_t stamp = versions.serial();
     const std::size_t next = versions.hold();
-    auto thing = std::make_shared<int>(7);
-    const std::weak_ptr<int> watch = thing;
-    versions.retire(stamp, versions.serial(), std::move(thing));
+    auto object = std::make_shared<int>(7);
+    const std::weak_ptr<int> watch = object;
+    versions.retire(stamp, versions.serial(), std::move(object));
     EXPECT_FALSE(watch.expired()) << "the second one sees it";
     versions.release(next);
     EXPECT_TRUE(versions.refresh());
@@ -61,7 +61,7 @@ TEST(Versions, OneThatStallsPinsNothingThatCameAfterIt) {
 TEST(Versions, ThereIsAlwaysAnEpochThatNobodyHolds) {
     Versions versions;
     std::vector<unsigned> shifts;
-    for (std::size_t i = 0; i < Versions::kMost; ++i) {
+    for (std::size_t i = 0; i < Versions::kMax; ++i) {
         shifts.push_back(versions.maskShift());
         EXPECT_EQ(versions.hold(), i);
         versions.leaveHeldEpoch();
@@ -69,7 +69,7 @@ TEST(Versions, ThereIsAlwaysAnEpochThatNobodyHolds) {
     }
     std::sort(shifts.begin(), shifts.end());
     EXPECT_EQ(std::unique(shifts.begin(), shifts.end()), shifts.end()) << "each has bits of its own";
-    EXPECT_EQ(versions.hold(), Versions::kMost) << "no more than that";
+    EXPECT_EQ(versions.hold(), Versions::kMax) << "no more than that";
     EXPECT_EQ(versions.heldBits() | 15u << versions.maskShift(), Versions::inAllEpochs(15));
     versions.release(4);
     EXPECT_TRUE(versions.refresh());

@@ -48,7 +48,7 @@ struct ShownBoxes {
     }
 };
 
-void expectPlace(const WorldFromLocal& m, const Vec3d& center, const Vec3d& size, double tolerance = 1e-7) {
+void expectPosition(const WorldFromLocal& m, const Vec3d& center, const Vec3d& size, double tolerance = 1e-7) {
     for (int k = 0; k < 3; ++k) {
         EXPECT_NEAR(m[3][k], center[k], tolerance) << k;
         EXPECT_NEAR(m[k][k], size[k], tolerance) << k;
@@ -60,7 +60,7 @@ TEST(BoundingBoxes, LieAlongTheWorldsAxesHoweverTheContentIsTurned) {
         "Transform { rotation 0 0 1 .6 translation 5 0 0 bboxDisplay TRUE children Shape { geometry Box { } } }");
     ASSERT_EQ(s.boxes().size(), 1u);
     const double side = 2 * (std::cos(.6) + std::sin(.6));
-    expectPlace(s.boxes()[0], {5, 0, 0}, {side, side, 2});
+    expectPosition(s.boxes()[0], {5, 0, 0}, {side, side, 2});
 }
 
 // A ball is as wide however it is turned; a box around its turned box would be 2 (cos + sin) = 2.7 wide.
@@ -79,7 +79,7 @@ TEST(BoundingBoxes, AnAuthorsBoxIsTurnedWithTheContent) {
         "Transform { rotation 0 1 0 .5 translation 0 7 0 bboxSize 4 1 2 bboxCenter 1 0 0 bboxDisplay TRUE children "
         "Shape { geometry Box { } } }");
     const double c = std::cos(.5), n = std::sin(.5);
-    expectPlace(s.boxes().at(0), {c, 7, -n}, {4 * c + 2 * n, 1, 4 * n + 2 * c});
+    expectPosition(s.boxes().at(0), {c, 7, -n}, {4 * c + 2 * n, 1, 4 * n + 2 * c});
 }
 
 TEST(BoundingBoxes, ShowWhatIsHiddenAndNothingWhereNothingIs) {
@@ -89,8 +89,8 @@ TEST(BoundingBoxes, ShowWhatIsHiddenAndNothingWhereNothingIs) {
         "Shape { visible FALSE geometry Box { size 8 1 1 } } ] } }"
         "Group { bboxDisplay TRUE } Switch { bboxDisplay TRUE children Shape { geometry Box { } } }");
     ASSERT_EQ(s.boxes().size(), 2u);
-    expectPlace(s.boxes()[0], {}, {1, 2, 3});
-    expectPlace(s.boxes()[1], {9, 0, 0}, {8, 2, 2});
+    expectPosition(s.boxes()[0], {}, {1, 2, 3});
+    expectPosition(s.boxes()[1], {9, 0, 0}, {8, 2, 2});
 }
 
 TEST(BoundingBoxes, HaveOneMeshForAllPlacesOfAllNodes) {
@@ -98,8 +98,8 @@ TEST(BoundingBoxes, HaveOneMeshForAllPlacesOfAllNodes) {
         "DEF G Group { bboxDisplay TRUE children DEF S Shape { bboxDisplay TRUE geometry Box { } } }"
         "Transform { translation 20 0 0 scale 2 1 1 children USE G }");
     ASSERT_EQ(s.boxes().size(), 4u);
-    for (int k : {0, 1}) expectPlace(s.boxes()[static_cast<std::size_t>(k)], {}, {2, 2, 2});
-    for (int k : {2, 3}) expectPlace(s.boxes()[static_cast<std::size_t>(k)], {20, 0, 0}, {4, 2, 2});
+    for (int k : {0, 1}) expectPosition(s.boxes()[static_cast<std::size_t>(k)], {}, {2, 2, 2});
+    for (int k : {2, 3}) expectPosition(s.boxes()[static_cast<std::size_t>(k)], {20, 0, 0}, {4, 2, 2});
     EXPECT_EQ(s.watcher.follower.meshes.size(), 2u);
 }
 
@@ -108,12 +108,12 @@ TEST(BoundingBoxes, AreAsExactFarOut) {
         "Transform { translation 100000000 0 0 rotation 0 0 1 .6 bboxDisplay TRUE children Shape { geometry Box { } } "
         "}");
     const double side = 2 * (std::cos(.6) + std::sin(.6));
-    expectPlace(s.boxes().at(0), {1e8, 0, 0}, {side, side, 2}, 1e-7);
+    expectPosition(s.boxes().at(0), {1e8, 0, 0}, {side, side, 2}, 1e-7);
 }
 
 TEST(BoundingBoxes, FlatOnesAreAMillionthThick) {
     ShownBoxes s("Shape { bboxDisplay TRUE geometry Rectangle2D { size 4 2 } }");
-    expectPlace(s.boxes().at(0), {}, {4, 2, 0x1p-18}, 1e-12);
+    expectPosition(s.boxes().at(0), {}, {4, 2, 0x1p-18}, 1e-12);
     ShownBoxes point("Shape { bboxDisplay TRUE geometry PointSet { coord Coordinate { point 1 2 3 } } }");
     EXPECT_TRUE(point.boxes().empty());
 }
@@ -138,12 +138,12 @@ TEST(BoundingBoxes, ThatAppearAsTheirContentGoesTakeItFromTheOneAround) {
     ShownBoxes s(
         "Transform { bboxDisplay TRUE children [ DEF A Shape { geometry DEF S Sphere { radius 3 } } "
         "Shape { geometry Box { } } ] }");
-    expectPlace(s.boxes().at(0), {0, 0, 0}, {6, 6, 6}, .05);
+    expectPosition(s.boxes().at(0), {0, 0, 0}, {6, 6, 6}, .05);
     ASSERT_TRUE(s.scene.set(s.node("A"), x3d::Shape::bboxDisplay, true));
     ASSERT_TRUE(s.scene.destroyNode(s.node("S")));
     s.seal();
     ASSERT_EQ(s.boxes().size(), 1u);
-    expectPlace(s.boxes()[0], {0, 0, 0}, {2, 2, 2});
+    expectPosition(s.boxes()[0], {0, 0, 0}, {2, 2, 2});
 }
 
 TEST(BoundingBoxes, FollowContentThatMovesChangesComesAndGoes) {
@@ -151,13 +151,13 @@ TEST(BoundingBoxes, FollowContentThatMovesChangesComesAndGoes) {
         "DEF G Group { bboxDisplay TRUE children [ Shape { geometry DEF B Box { size 2 2 2 } } DEF T Transform { "
         "translation 4 0 0 children Shape { geometry Box { } } } ] } DEF O Transform { children Shape { geometry Box { "
         "} } }");
-    expectPlace(s.boxes().at(0), {2, 0, 0}, {6, 2, 2});
+    expectPosition(s.boxes().at(0), {2, 0, 0}, {6, 2, 2});
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(9, 0, 0)));
     s.seal();
-    expectPlace(s.boxes().at(0), {4.5, 0, 0}, {11, 2, 2});
+    expectPosition(s.boxes().at(0), {4.5, 0, 0}, {11, 2, 2});
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(0, -3, 0)));
     s.seal();
-    expectPlace(s.boxes().at(0), {0, -1.5, 0}, {2, 5, 2});
+    expectPosition(s.boxes().at(0), {0, -1.5, 0}, {2, 5, 2});
     EXPECT_EQ(s.movedBoxes(), 1u);
     ASSERT_TRUE(s.scene.set(s.node("O"), x3d::Transform::translation, Vec3f(1, 0, 0)));
     s.seal();
@@ -165,16 +165,16 @@ TEST(BoundingBoxes, FollowContentThatMovesChangesComesAndGoes) {
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::scale, Vec3f(.25f)));
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(0)));
     s.seal();
-    expectPlace(s.boxes().at(0), {}, {2, 2, 2});
+    expectPosition(s.boxes().at(0), {}, {2, 2, 2});
     ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(.25f, 0, 0)));
     s.seal();
     EXPECT_EQ(s.movedBoxes(), 0u) << "it moves inside";
     ASSERT_TRUE(s.scene.setField(s.node("B"), x3d::Box::size.index, Vec3f(3, 1, 1)));
     s.seal();
-    expectPlace(s.boxes().at(0), {}, {3, 1, 1});
+    expectPosition(s.boxes().at(0), {}, {3, 1, 1});
     ASSERT_TRUE(s.scene.set(s.node("G"), x3d::Group::children, Array<NodeId>{s.node("T")}));
     s.seal();
-    expectPlace(s.boxes().at(0), {.25, 0, 0}, {.5, .5, .5});
+    expectPosition(s.boxes().at(0), {.25, 0, 0}, {.5, .5, .5});
     ASSERT_TRUE(s.scene.set(s.node("G"), x3d::Group::children, Array<NodeId>{}));
     EXPECT_EQ(s.seal().removed.size(), 2u);
     EXPECT_TRUE(s.boxes().empty());
@@ -185,15 +185,15 @@ TEST(BoundingBoxes, GoAroundTheLevelThatIsSeen) {
     ShownBoxes s(
         "LOD { range 10 bboxDisplay TRUE children [ Shape { geometry Box { size 4 4 4 } } Shape { geometry Box { } } ] "
         "}");
-    expectPlace(s.boxes().at(0), {}, {4, 4, 4});
+    expectPosition(s.boxes().at(0), {}, {4, 4, 4});
     const auto seen = [&](double z) {
         ASSERT_TRUE(s.world->setViewer(Vec3d(0, 0, z)));
         expectSame(s.scene, s.world->flattener(), s.watcher.follower, Vec3d(0, 0, z));
     };
     seen(30);
-    expectPlace(s.boxes().at(0), {}, {2, 2, 2});
+    expectPosition(s.boxes().at(0), {}, {2, 2, 2});
     seen(3);
-    expectPlace(s.boxes().at(0), {}, {4, 4, 4});
+    expectPosition(s.boxes().at(0), {}, {4, 4, 4});
 }
 
 // Volumes and particles are their own geometry, and have a box like any shape.
@@ -208,7 +208,7 @@ TEST(BoundingBoxes, OfAVolume) {
     ASSERT_EQ(follower.instances.size(), 2u);
     for (const auto& [slot, instance] : follower.instances) {
         EXPECT_TRUE(instance.boundingBox || instance.volume);
-        if (instance.boundingBox) expectPlace(instance.worldFromLocal, {}, {1, 2, 3});
+        if (instance.boundingBox) expectPosition(instance.worldFromLocal, {}, {1, 2, 3});
     }
 }
 

@@ -62,14 +62,14 @@ struct Cut {
 };
 
 /// The nearest that a triangle's plane comes to the origin: those of a sphere sag by its radius less this.
-double leastRadius(const Mesh& mesh) {
-    double least = kUnlimited;
+double minRadius(const Mesh& mesh) {
+    double minimum = kUnlimited;
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         const auto corner = [&](std::uint32_t c) { return Vec3d(mesh.positions[mesh.vertexIndex(t, c)]); };
         const Vec3d n = glm::cross(corner(1) - corner(0), corner(2) - corner(0));
-        if (glm::length(n) > 1e-12) least = std::min(least, std::abs(glm::dot(corner(0), glm::normalize(n))));
+        if (glm::length(n) > 1e-12) minimum = std::min(minimum, std::abs(glm::dot(corner(0), glm::normalize(n))));
     }
-    return least;
+    return minimum;
 }
 
 TEST(TessellationByPixels, ASphereIsWithinItsErrorAndNotMuchFiner) {
@@ -77,7 +77,7 @@ TEST(TessellationByPixels, ASphereIsWithinItsErrorAndNotMuchFiner) {
     for (const double z : {1.2, 2.0, 5.0, 20.0, 100.0, 1000.0, 20000.0}) {
         cut.lookFrom(z);
         // The nearest point is z - 1 away, where a pixel in the middle covers (z - 1) / 1000 of the tangent .5 twice.
-        const double pixel = (z - 1) / 1000, sag = 1 - leastRadius(cut.mesh("S"));
+        const double pixel = (z - 1) / 1000, sag = 1 - minRadius(cut.mesh("S"));
         EXPECT_LE(sag, 0.5 * pixel) << z;
         // Levels differ by 4; corners of the picture take 1.5, the diagonal 2, whole steps of eight segments 1.4.
         if (z < 100) {
@@ -99,13 +99,13 @@ TEST(TessellationByPixels, ALargePlaceOfSeveralDecides) {
     cut.edit();
     const double distance = std::hypot(30, 100) - 20;
     EXPECT_GT(cut.triangles("S"), before);
-    EXPECT_LE(20 * (1 - leastRadius(cut.mesh("S"))), 0.5 * distance / 1000);
+    EXPECT_LE(20 * (1 - minRadius(cut.mesh("S"))), 0.5 * distance / 1000);
 }
 
 TEST(TessellationByPixels, WhatTheEyeIsWithinIsCutForItsWallAndNotForItsBox) {
     Cut cut("Shape { geometry DEF S Sphere { radius 100 solid FALSE } }", {.pixels = 0.5f});
     cut.lookFrom(0);
-    EXPECT_LE(100 - leastRadius(cut.mesh("S")), 0.5 * 100 / 1000);
+    EXPECT_LE(100 - minRadius(cut.mesh("S")), 0.5 * 100 / 1000);
     EXPECT_EQ(cut.flattener.cuts().tooCoarse, 0u);
     EXPECT_LT(cut.triangles("S"), 100'000u);
     cut.lookFrom(99.999);
@@ -117,12 +117,12 @@ TEST(TessellationByPixels, AnEyeThatSwaysMakesNothingAnew) {
     Cut cut("Shape { geometry Sphere { } } Shape { geometry Cylinder { } } Shape { geometry Box { } }",
             {.pixels = 0.5f});
     cut.lookFrom(10);
-    const std::uint64_t made = cut.flattener.cuts().made;
+    const std::uint64_t created = cut.flattener.cuts().created;
     for (int i = 0; i < 50; ++i) {
         cut.lookFrom(10 + (i % 2) * 0.9 * 10);  // less than twice as far
         EXPECT_EQ(cut.sent, 0u) << i;
     }
-    EXPECT_EQ(cut.flattener.cuts().made, made);
+    EXPECT_EQ(cut.flattener.cuts().created, created);
     cut.lookFrom(10);
     EXPECT_EQ(cut.sent, 0u) << "the same eye";
     cut.lookFrom(100);
@@ -141,7 +141,7 @@ TEST(TessellationByPixels, WhatComesOrChangesIsCutAtItsLevelAtOnce) {
     ASSERT_TRUE(cut.scene.insertChild(cut.scene.findName("G"), x3d::Group::children.index, shape));
     cut.edit();
     ASSERT_EQ(cut.sent, 1u);
-    EXPECT_LE(1 - leastRadius(*cut.meshes.at(sphere.value)), 0.5 * 2 / 1000);
+    EXPECT_LE(1 - minRadius(*cut.meshes.at(sphere.value)), 0.5 * 2 / 1000);
     const std::size_t before = cut.flattener.cuts().triangles;
     ASSERT_TRUE(cut.scene.set(sphere, x3d::Sphere::radius, 0.01f));
     cut.edit();
@@ -156,12 +156,12 @@ TEST(TessellationByPixels, ParallelViewsAndPanoramasHaveTheirOwnPixels) {
     LayerSight s = Cut::sight({0, 0, 50}, 2);  // 4 metres are 1,000 pixels, however far
     s.kind = LayerSight::Kind::parallel;
     cut.look(s);
-    EXPECT_LE(1 - leastRadius(cut.mesh("S")), 0.004);
-    EXPECT_GE(1 - leastRadius(cut.mesh("S")), 0.004 / 20);
+    EXPECT_LE(1 - minRadius(cut.mesh("S")), 0.004);
+    EXPECT_GE(1 - minRadius(cut.mesh("S")), 0.004 / 20);
     s.kind = LayerSight::Kind::around;  // 4 radians are
     cut.look(s);
-    EXPECT_LE(1 - leastRadius(cut.mesh("S")), 0.004 * 49);
-    EXPECT_GE(1 - leastRadius(cut.mesh("S")), 0.004 * 49 / 20);
+    EXPECT_LE(1 - minRadius(cut.mesh("S")), 0.004 * 49);
+    EXPECT_GE(1 - minRadius(cut.mesh("S")), 0.004 * 49 / 20);
 }
 
 TEST(TessellationByPixels, WithoutAnEyeEverythingIsAsUsual) {
@@ -181,8 +181,8 @@ TEST(TessellationByMetres, HoldsInTheWorldWhateverTheScaleAndTheEye) {
         "Transform { scale 7 7 7 children Shape { geometry DEF S Sphere { radius 3 } } } "
         "Transform { scale 1 50 1 children Shape { geometry DEF C Cylinder { } } }",
         {.metres = 0.01f});
-    EXPECT_LE(7 * (3 - leastRadius(cut.mesh("S"))), 0.01);
-    EXPECT_GE(7 * (3 - leastRadius(cut.mesh("S"))), 0.01 / 20);
+    EXPECT_LE(7 * (3 - minRadius(cut.mesh("S"))), 0.01);
+    EXPECT_GE(7 * (3 - minRadius(cut.mesh("S"))), 0.01 / 20);
     EXPECT_FALSE(cut.flattener.usesPixels());
     cut.lookFrom(1000);
     EXPECT_EQ(cut.sent, 0u);

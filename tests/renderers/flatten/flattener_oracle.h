@@ -412,10 +412,10 @@ inline void expectSame(const Scene& scene, const Flattener& flattener, const Fol
 
 /// Says which geometry it was made of, and counts.
 struct Meshes {
-    int made = 0;
+    int created = 0;
     MeshSource source() {
         return [this](const Scene&, NodeId) {
-            ++made;
+            ++created;
             return std::make_shared<const Mesh>();
         };
     }
@@ -423,7 +423,7 @@ struct Meshes {
     MeshSource triangles() {
         return [this](const Scene&, NodeId geometry) {
             const auto mesh = std::make_shared<Mesh>();
-            const auto size = 1 + .25f * static_cast<float>((geometry.value + static_cast<unsigned>(++made)) % 16);
+            const auto size = 1 + .25f * static_cast<float>((geometry.value + static_cast<unsigned>(++created)) % 16);
             mesh->positions = {Vec3f(0, 0, -size), Vec3f(size, 0, 0), Vec3f(.5f, -size, 1)};
             mesh->triangles = {0, 1, 2};
             mesh->triangleCount = 1;

@@ -46,7 +46,7 @@ TEST_F(FlattenerCase, AMoveTouchesNothingElse) {
     ASSERT_EQ(delta.moved.size(), 1u);
     EXPECT_EQ(delta.moved[0].worldFromLocal[3], Vec3d(1, 2, 4));
     EXPECT_TRUE(delta.added.empty() && delta.removed.empty() && delta.rebound.empty() && delta.geometries.empty());
-    EXPECT_EQ(meshes.made, 101);
+    EXPECT_EQ(meshes.created, 101);
 }
 
 // Found by a follower under load: one set in which a light comes into a group, and then what is above the group goes.
@@ -145,7 +145,7 @@ TEST_F(FlattenerCase, SharedNodeHasOneInstanceAPathAndOneMesh) {
     const InstanceDelta& delta = seal();
     EXPECT_EQ(delta.added.size(), 10u);
     EXPECT_EQ(delta.geometries.size(), 1u);
-    EXPECT_EQ(meshes.made, 1);
+    EXPECT_EQ(meshes.created, 1);
 }
 
 TEST_F(FlattenerCase, ContentChangesNameTheNodesThatShapesReferTo) {
@@ -158,14 +158,14 @@ TEST_F(FlattenerCase, ContentChangesNameTheNodesThatShapesReferTo) {
     EXPECT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coord, coord));
     EXPECT_TRUE(scene.set(look, x3d::Appearance::material, material));
     seal();
-    const int before = meshes.made;
+    const int before = meshes.created;
     EXPECT_TRUE(scene.set(coord, x3d::Coordinate::point, Array<Vec3f>{{1, 2, 3}}));
     {
         const InstanceDelta& delta = seal();
         ASSERT_EQ(delta.geometries.size(), 1u);
         EXPECT_EQ(delta.geometries[0].node, faces);
         EXPECT_TRUE(delta.appearanceChanged.empty());
-        EXPECT_EQ(meshes.made, before + 1);
+        EXPECT_EQ(meshes.created, before + 1);
     }
     EXPECT_TRUE(scene.set(material, x3d::Material::transparency, .5f));
     EXPECT_EQ(seal().appearanceChanged, std::vector<NodeId>{look});
@@ -290,9 +290,9 @@ TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
 
 // The z axis of what hangs below points to the eye, as far as the axis lets it.
 TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
-    const NodeId place = add(x3d::Transform::type, scene.root()), board = add(x3d::Billboard::type, place);
+    const NodeId transform = add(x3d::Transform::type, scene.root()), board = add(x3d::Billboard::type, transform);
     addShape(board);
-    EXPECT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(3, 0, 0)));
+    EXPECT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(3, 0, 0)));
     seal();
     const auto placed = [&] { return watcher.follower.instances.begin()->second.worldFromLocal; };
     EXPECT_EQ(placed()[2], Vec3d(0, 0, 1)) << "nobody looks";
@@ -302,8 +302,8 @@ TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
     EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 1, 0)), 0, 1e-12);
     EXPECT_EQ(placed()[3], Vec3d(3, 0, 0));
     // The place moves instead of the viewer; it leans, and the axis leans with it.
-    EXPECT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(8, 0, -4)));
-    EXPECT_TRUE(scene.set(place, x3d::Transform::rotation, Rotation{1, 0, 0, 1.5707964f}));
+    EXPECT_TRUE(scene.set(transform, x3d::Transform::translation, Vec3f(8, 0, -4)));
+    EXPECT_TRUE(scene.set(transform, x3d::Transform::rotation, Rotation{1, 0, 0, 1.5707964f}));
     seal();
     EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 0, 1)), 0, 1e-6);
     EXPECT_NEAR(glm::distance(placed()[2], Vec3d(0, 1, 0)), 0, 1e-6);
@@ -315,7 +315,7 @@ TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
     EXPECT_GT(placed()[1].y, 0);
     // It leans with the eye (23.4.1): its x axis is level in the picture, its y axis up.
     const Vec3d lean = glm::normalize(Vec3d(1, .2, .3)), eye = Vec3d(3 + 5, 7, 0);
-    ASSERT_TRUE(flat.setViewer(EyePlace(eye, lean)));
+    ASSERT_TRUE(flat.setViewer(EyePosition(eye, lean)));
     const Vec3d z = placed()[2];
     EXPECT_NEAR(glm::dot(placed()[0], lean), 0, 1e-6);
     EXPECT_NEAR(glm::distance(placed()[1], glm::normalize(lean - z * glm::dot(lean, z))), 0, 1e-6);

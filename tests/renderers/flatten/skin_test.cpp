@@ -351,13 +351,13 @@ TEST(Skin, LinesAndPointsGoWhereFacesGo) {
         };
         take(flattener.apply(scene, scene.snapshot()));
         expectBox({-.5f, 0, 0}, {0, 1, 0});
-        const auto turn = [&](float angle) {
+        const auto rotation = [&](float angle) {
             ASSERT_TRUE(scene.set(scene.findName("J"), x3d::HAnimJoint::rotation, Rotation{0, 0, 1, angle}));
             take(flattener.apply(scene, *scene.seal()));
         };
-        turn(3.14159265f);
+        rotation(3.14159265f);
         expectBox({-1, -.5f, 0}, {0, 0, 0});
-        turn(0);
+        rotation(0);
         expectBox({0, 0, 0}, {1, .5f, 0});
     }
 }

@@ -458,16 +458,16 @@ TEST_F(Ktx2Scenes, ScenesShowThem) {
 }
 
 TEST(Ktx2, WhatIsNotReadIsNamed) {
-    const auto told = [](const Ktx2File& file) { return errorOf(file.bytes()); };
+    const auto reported = [](const Ktx2File& file) { return errorOf(file.bytes()); };
     using testing::HasSubstr;
-    EXPECT_THAT(told({.format = 0, .scheme = 1, .model = 163, .levels = {{"x", 0}}}), HasSubstr("ETC1S (BasisLZ)"));
-    EXPECT_THAT(told({.format = 0, .model = 166, .levels = {{"x", 0}}}), HasSubstr("UASTC"));
-    EXPECT_THAT(told({.format = 152, .model = 161, .levels = {{"x", 0}}}), HasSubstr("ETC2"));
-    EXPECT_THAT(told({.format = 158, .model = 162, .levels = {{"x", 0}}}), HasSubstr("ASTC"));
-    EXPECT_THAT(told({.format = 140, .levels = {{"x", 0}}}), HasSubstr("VkFormat 140"));
-    EXPECT_THAT(told({.scheme = 0x10000, .levels = {{"xxxx", 0}}}), HasSubstr("scheme 65536"));
-    EXPECT_THAT(told({.layers = 3, .levels = {{"xxxxxxxxxxxx", 0}}}), HasSubstr("array of 3"));
-    EXPECT_THAT(told({.height = 0, .levels = {{"xxxx", 0}}}), HasSubstr("one dimension"));
+    EXPECT_THAT(reported({.format = 0, .scheme = 1, .model = 163, .levels = {{"x", 0}}}), HasSubstr("ETC1S (BasisLZ)"));
+    EXPECT_THAT(reported({.format = 0, .model = 166, .levels = {{"x", 0}}}), HasSubstr("UASTC"));
+    EXPECT_THAT(reported({.format = 152, .model = 161, .levels = {{"x", 0}}}), HasSubstr("ETC2"));
+    EXPECT_THAT(reported({.format = 158, .model = 162, .levels = {{"x", 0}}}), HasSubstr("ASTC"));
+    EXPECT_THAT(reported({.format = 140, .levels = {{"x", 0}}}), HasSubstr("VkFormat 140"));
+    EXPECT_THAT(reported({.scheme = 0x10000, .levels = {{"xxxx", 0}}}), HasSubstr("scheme 65536"));
+    EXPECT_THAT(reported({.layers = 3, .levels = {{"xxxxxxxxxxxx", 0}}}), HasSubstr("array of 3"));
+    EXPECT_THAT(reported({.height = 0, .levels = {{"xxxx", 0}}}), HasSubstr("one dimension"));
 }
 
 // ---- damage -------------------------------------------------------------------------------------------------------

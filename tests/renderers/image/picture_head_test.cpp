@@ -68,13 +68,13 @@ std::string png(std::uint32_t width, std::uint32_t height, const std::string& pi
 }
 
 std::string jpeg(std::uint16_t width, std::uint16_t height, int scans = 1, unsigned char frame = 0xC2) {
-    Written made;
-    made.text("\xFF\xD8\xFF\xDB").big(67, 2).text(std::string(1, '\0')).text(std::string(64, '\1'));
-    made.text("\xFF").big(frame, 1).big(11, 2).big(8, 1).big(height, 2).big(width, 2).big(1, 1).big(0x011100, 3);
-    made.text("\xFF\xC4").big(20, 2).text(std::string(1, '\0')).big(1, 1).zeros(15).zeros(1);
+    Written created;
+    created.text("\xFF\xD8\xFF\xDB").big(67, 2).text(std::string(1, '\0')).text(std::string(64, '\1'));
+    created.text("\xFF").big(frame, 1).big(11, 2).big(8, 1).big(height, 2).big(width, 2).big(1, 1).big(0x011100, 3);
+    created.text("\xFF\xC4").big(20, 2).text(std::string(1, '\0')).big(1, 1).zeros(15).zeros(1);
     for (int i = 0; i < scans; ++i)
-        made.text("\xFF\xDA").big(8, 2).big(1, 1).big(0x0100, 2).big(0, 1).big(0, 1).big(0, 1).zeros(4);
-    return made.text("\xFF\xD9").bytes;
+        created.text("\xFF\xDA").big(8, 2).big(1, 1).big(0x0100, 2).big(0, 1).big(0, 1).big(0, 1).zeros(4);
+    return created.text("\xFF\xD9").bytes;
 }
 
 std::string gif(std::uint16_t width, std::uint16_t height) {
@@ -120,11 +120,11 @@ std::string tiffHead(std::uint32_t width, std::uint32_t height, std::uint32_t ti
                            : std::vector<std::array<std::uint32_t, 2>>{{273, 400}, {278, height}, {279, 100}};
     tags.insert(tags.end(), parts.begin(), parts.end());
     std::ranges::sort(tags);
-    Written made;
-    made.text(std::string("II*\0", 4)).little(8, 4).little(tags.size(), 2);
-    for (const auto& [tag, value] : tags) made.little(tag, 2).little(4, 2).little(1, 4).little(value, 4);
-    made.bytes.resize(600);
-    return made.bytes;
+    Written created;
+    created.text(std::string("II*\0", 4)).little(8, 4).little(tags.size(), 2);
+    for (const auto& [tag, value] : tags) created.little(tag, 2).little(4, 2).little(1, 4).little(value, 4);
+    created.bytes.resize(600);
+    return created.bytes;
 }
 
 std::string exrAttribute(const std::string& name, const std::string& type, const std::string& value) {

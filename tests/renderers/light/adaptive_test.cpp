@@ -46,9 +46,9 @@ const char* const kMirrorRoom =
     ".3 metadata MetadataSet { name \"RTSG\" value MetadataFloat { name \"reflectivity\" value .8 } } } } geometry "
     "Sphere { radius .45 } } }\n";
 
-void byPaths(LightScene& s, float error, int most = 1 << 14) {
+void byPaths(LightScene& s, float error, int maximum = 1 << 14) {
     s.options.settings.integrator = Integrator::path;
-    s.options.settings.samplesPerPixel = most;
+    s.options.settings.samplesPerPixel = maximum;
     s.options.settings.error = error;
 }
 
@@ -100,14 +100,14 @@ TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
     for (const float error : {0.1f, 0.03f}) {
         SCOPED_TRACE(error);
         byPaths(s, error);
-        double inside = 0, count = 0, squares = 0, told = 0;
+        double inside = 0, count = 0, squares = 0, reported = 0;
         for (int seed = 1; seed <= kSeeds; ++seed) {
             s.options.settings.seed = static_cast<std::uint64_t>(seed);
             const Picture p = s.picture();
             ASSERT_EQ(p.interval.size(), p.pixels.size());
             EXPECT_EQ(s.stats.unreached, 0);
             EXPECT_LE(s.stats.error, double{error});
-            told += s.stats.error * s.stats.error;
+            reported += s.stats.error * s.stats.error;
             for (std::size_t i = 0; i < p.pixels.size(); ++i) {
                 for (int c = 0; c < 3; ++c) {
                     const double off = std::abs(double(p.pixels[i][c]) - truth.pixels[i][c]);
@@ -118,7 +118,7 @@ TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
         }
         EXPECT_GT(inside / count, 0.93);
         EXPECT_LT(inside / count, 0.995);
-        const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(told / kSeeds);
+        const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(reported / kSeeds);
         EXPECT_LT(real / said, 1.03);
         EXPECT_GT(real / said, 0.6);
     }
@@ -133,7 +133,7 @@ TEST(Adaptive, LuckDoesNotEndAPicture) {
     s.options.settings.seed = 1'000'003;
     const Picture truth = s.picture();
     const double floor = kErrorFloor * averageLight(truth);
-    double expected = 0, sum = 0, squares = 0, told = 0, noise = 0, off = 0;
+    double expected = 0, sum = 0, squares = 0, reported = 0, noise = 0, off = 0;
     const auto add = [](const Vec4f& p) { return (double{p.r} + p.g + p.b) / 3; };
     for (const Vec4f& p : truth.pixels) expected += add(p) / (kSide * kSide);
     std::vector<double> means;
@@ -152,14 +152,14 @@ TEST(Adaptive, LuckDoesNotEndAPicture) {
         EXPECT_LE(s.stats.error, .2f);
         EXPECT_EQ(s.stats.unreached, 0);
         means.push_back(mean), sum += mean;
-        told += s.stats.error * s.stats.error, noise += s.stats.noise * s.stats.noise;
+        reported += s.stats.error * s.stats.error, noise += s.stats.noise * s.stats.noise;
     }
     double spread = 0;
     for (const double mean : means) spread += (mean - sum / kSeeds) * (mean - sum / kSeeds);
     const double error = std::sqrt(spread / (kSeeds * (kSeeds - 1)));
     EXPECT_LT(error / expected, .006);
     EXPECT_NEAR(sum / kSeeds, expected, 3 * error) << "of " << expected;
-    EXPECT_LT(std::sqrt(squares / (kSide * kSide) / told), 1.05);
+    EXPECT_LT(std::sqrt(squares / (kSide * kSide) / reported), 1.05);
     EXPECT_LT(std::sqrt(off / (kSide * kSide) / noise), 1.08);
 }
 

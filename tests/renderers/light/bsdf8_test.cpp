@@ -35,8 +35,8 @@ struct Surfaces8 {
                                   : Bsdf::phong(color, {specular[0][i], specular[1][i], specular[2][i]}, exponent[i]);
         }
     }
-    static void set(float (&to)[3][8], int i, float cosine, float turns) {
-        const float sine = std::sqrt(1 - cosine * cosine), phi = 2 * std::numbers::pi_v<float> * turns;
+    static void set(float (&to)[3][8], int i, float cosine, float rotations) {
+        const float sine = std::sqrt(1 - cosine * cosine), phi = 2 * std::numbers::pi_v<float> * rotations;
         to[0][i] = sine * std::cos(phi), to[1][i] = sine * std::sin(phi), to[2][i] = cosine;
     }
     static V8 vectors(const float (&from)[3][8]) { return {load(from[0]), load(from[1]), load(from[2])}; }
@@ -84,9 +84,9 @@ TEST(Bsdf8, SendsPathsWhereBsdfSendsThem) {
         for (const std::uint32_t mix : kMixes) {
             const Surfaces8 s(random, mix);
             const V8 view = Surfaces8::vectors(s.view);
-            const V8 way = s.together().sample(view, load(s.choice), load(s.u), load(s.v));
+            const V8 distance = s.together().sample(view, load(s.choice), load(s.u), load(s.v));
             for (int i = 0; i < 8; ++i) {
-                const Vec3f out = Surfaces8::vector(way, i), from = Surfaces8::vector(view, i);
+                const Vec3f out = Surfaces8::vector(distance, i), from = Surfaces8::vector(view, i);
                 const Vec3f expected = s.alone[i].sample(from, s.choice[i], s.u[i], s.v[i]).direction;
                 EXPECT_NEAR(glm::length(out), 1, 1e-5);
                 // Which lobe it is is decided by a comparison, and near its poles a root takes half of the digits.

@@ -61,7 +61,7 @@ double upperGamma(double a, double x) {
 constexpr int kRows = 16, kColumns = 24;
 
 /// The density's integral over a cell of the sphere, by the midpoint rule.
-double expectedShare(const Bsdf& bsdf, const Vec3f& view, int row, int column) {
+double expectedFraction(const Bsdf& bsdf, const Vec3f& view, int row, int column) {
     constexpr int kFine = 24;
     double sum = 0;
     for (int i = 0; i < kFine; ++i)
@@ -86,8 +86,8 @@ TEST(Bsdf, SamplesFollowTheDensity) {
                 const Vec3f d = c.bsdf.sample(view, unit(random), unit(random), unit(random)).direction;
                 ASSERT_NEAR(glm::length(d), 1, 1e-4);
                 const int row = std::clamp(static_cast<int>((d.z + 1) / 2 * kRows), 0, kRows - 1);
-                const double phi = std::atan2(d.y, d.x), turn = phi < 0 ? phi + 2 * kPiOfBsdf : phi;
-                const int column = std::clamp(static_cast<int>(turn / (2 * kPiOfBsdf) * kColumns), 0, kColumns - 1);
+                const double phi = std::atan2(d.y, d.x), angle = phi < 0 ? phi + 2 * kPiOfBsdf : phi;
+                const int column = std::clamp(static_cast<int>(angle / (2 * kPiOfBsdf) * kColumns), 0, kColumns - 1);
                 ++counted[static_cast<std::size_t>(row * kColumns + column)];
             }
             double statistic = 0, pooledSeen = 0, pooledExpected = 0, total = 0;
@@ -98,7 +98,7 @@ TEST(Bsdf, SamplesFollowTheDensity) {
             };
             for (int row = 0; row < kRows; ++row)
                 for (int column = 0; column < kColumns; ++column) {
-                    const double expected = kSamples * expectedShare(c.bsdf, view, row, column);
+                    const double expected = kSamples * expectedFraction(c.bsdf, view, row, column);
                     const double seen = counted[static_cast<std::size_t>(row * kColumns + column)];
                     total += expected;
                     if (expected < 5)

@@ -58,13 +58,13 @@ TEST(Camera, RaysGoTheWayOfTheTransformsAboveThem) {
                                          {{0.234, 0, 0}, {0, 234, 0}, {0, 0, 12.23}, {0, 0, 0}},
                                          {{1e-7, 0, 0}, {0, 2e-7, 0}, {0, 0, 1e-7}, {0, 0, 0}}};
     const Vec3d position(1, -2, 3);
-    const Rotation turn{1, 1, 0, 0.5f};
+    const Rotation rotation{1, 1, 0, 0.5f};
     const std::array<double, 4> extent{-1, -2, 3, 1};
     for (const WorldFromLocal& m : transforms)
         for (const bool parallel : {false, true}) {
             const auto eye = [&](const WorldFromLocal& at) {
-                return parallel ? Camera::parallel(at, position, turn, extent, 1.5)
-                                : Camera::perspective(at, position, turn, 0.9, 1.5);
+                return parallel ? Camera::parallel(at, position, rotation, extent, 1.5)
+                                : Camera::perspective(at, position, rotation, 0.9, 1.5);
             };
             const Camera own = eye(identityTransform()), camera = eye(m);
             for (const Vec2d at : {Vec2d(.5, .5), Vec2d(0, 0), Vec2d(.9, .2)}) {
@@ -72,7 +72,7 @@ TEST(Camera, RaysGoTheWayOfTheTransformsAboveThem) {
                 const glm::dmat3 linear(m[0], m[1], m[2]);
                 expectNear(ray.origin, linear * local.origin + m[3], 1e-9);
                 expectNear(ray.direction, glm::normalize(linear * local.direction), 1e-9);
-                EXPECT_NEAR(glm::length(camera.place(ray.origin + 7.0 * ray.direction) - at), 0, 1e-8);
+                EXPECT_NEAR(glm::length(camera.project(ray.origin + 7.0 * ray.direction) - at), 0, 1e-8);
             }
         }
 }
@@ -179,7 +179,7 @@ TEST(Camera, ViewingAllAimsAtTheMiddle) {
     EXPECT_NEAR(camera.right.y, 0, 1e-12) << "upright";
     EXPECT_GT(camera.up.y, 0);
     for (int corner = 0; corner < 8; ++corner) {
-        const Vec2d seen = camera.place({corner & 1 ? 1 : -1, corner & 2 ? 2 : 0, corner & 4 ? 1 : -1});
+        const Vec2d seen = camera.project({corner & 1 ? 1 : -1, corner & 2 ? 2 : 0, corner & 4 ? 1 : -1});
         EXPECT_TRUE(seen.x > 0 && seen.x < 1 && seen.y > 0 && seen.y < 1) << corner;
     }
     // From straight before a face, the ball around the box is as high as the picture: its radius over the tangent of
@@ -200,7 +200,7 @@ TEST(Camera, ViewingAllCutsNoCornerOff) {
     Camera camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, 1);
     camera.viewAll(lower, upper, {0, 1, 0});
     for (const double y : {lower.y, upper.y}) {
-        const Vec2d seen = camera.place({0, y, upper.z});
+        const Vec2d seen = camera.project({0, y, upper.z});
         EXPECT_GE(seen.y, 0);
         EXPECT_LE(seen.y, 1);
     }
@@ -232,9 +232,9 @@ TEST(Camera, PlacesAreWhereRaysGo) {
         for (const Vec2d at : {Vec2d(.5, .5), Vec2d(.1, .8), Vec2d(.97, .02)})
             for (const double distance : {.5, 20.0}) {
                 const Camera::WorldRay ray = camera.ray(at.x, at.y);
-                EXPECT_NEAR(glm::length(camera.place(ray.origin + distance * ray.direction) - at), 0, 1e-12);
+                EXPECT_NEAR(glm::length(camera.project(ray.origin + distance * ray.direction) - at), 0, 1e-12);
             }
-    EXPECT_TRUE(std::isinf(straight.place(straight.position - straight.forward).x));
+    EXPECT_TRUE(std::isinf(straight.project(straight.position - straight.forward).x));
 }
 
 TEST(Camera, OnItsWayItTurnsEvenlyAndGoesStraight) {

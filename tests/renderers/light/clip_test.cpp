@@ -63,16 +63,16 @@ TEST(ClipPlane, MovesWithTheTransformAroundIt) {
 
 TEST(ClipPlane, KeepsWhatLiesOnIt) {
     // Half of its rays end a rounding behind the plane: it is all there, or it is speckled.
-    for (const char* turn : {"0 1 0 0", "1 0 0 .4", "0 1 0 .6435", ".6 .8 0 .7"}) {
+    for (const char* round : {"0 1 0 0", "1 0 0 .4", "0 1 0 .6435", ".6 .8 0 .7"}) {
         const auto cut = [&](const char* plane) {
             return fmt::format(
                 "Viewpoint {{ position 0 0 40 fieldOfView .1 }} Transform {{ translation .3 .1 -7 rotation {} children "
                 "[ {} {} ] }}",
-                turn, plane, square(20, unlit("1 1 1")));
+                round, plane, square(20, unlit("1 1 1")));
         };
-        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 -1 0 }"), 100, 100).picture(), 0), 1) << turn;
-        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 0 }"), 100, 100).picture(), 0), 1) << turn;
-        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 -.001 }"), 100, 100).picture(), 0), 0) << turn;
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 -1 0 }"), 100, 100).picture(), 0), 1) << round;
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 0 }"), 100, 100).picture(), 0), 1) << round;
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 -.001 }"), 100, 100).picture(), 0), 0) << round;
     }
 }
 
@@ -291,13 +291,13 @@ TEST_P(ClipCaps, ThrowShadowsAndLetLightThrough) {
 TEST_P(ClipCaps, AreThoseOfTheirBodiesWhateverTouchesThemBehind) {
     // Behind the two that are cut lies a third, back to back, so that a ray from a cap leaves one body where it comes
     // into another.
-    const auto at = [](const char* place, const char* color) {
-        return fmt::format("Transform {{ translation {} children {} }} ", place, boxOf(2, unlit(color)));
+    const auto at = [](const char* position, const char* color) {
+        return fmt::format("Transform {{ translation {} children {} }} ", position, boxOf(2, unlit(color)));
     };
-    for (const char* turn : {"0", ".4", "1.1", "2.3"}) {
+    for (const char* round : {"0", ".4", "1.1", "2.3"}) {
         LightScene s(fmt::format("OrthoViewpoint {{ fieldOfView [ -2 -2 2 2 ] }} ClipPlane {{ plane 0 0 -1 0 }} "
                                  "Transform {{ rotation 0 0 1 {} children [ {} {} {} ] }}",
-                                 turn, at("-1 0 0", "1 0 0"), at("1 0 0", "0 1 0"), at("0 0 -2", "0 0 1")),
+                                 round, at("-1 0 0", "1 0 0"), at("1 0 0", "0 1 0"), at("0 0 -2", "0 0 1")),
                      64, 64);
         s.options.settings.integrator = GetParam();
         s.options.settings.caps = true;
@@ -308,7 +308,7 @@ TEST_P(ClipCaps, AreThoseOfTheirBodiesWhateverTouchesThemBehind) {
                 const Vec3f color(p.at(x, y));
                 others += color != Vec3f(1, 0, 0) && color != Vec3f(0, 1, 0);
             }
-        EXPECT_EQ(others, 0) << turn;
+        EXPECT_EQ(others, 0) << round;
     }
 }
 
@@ -346,7 +346,7 @@ TEST(ClipPlane, WhatIsCutAwayIsNotPickedInAPicture) {
 }
 
 TEST(LeftOut, IsToldOnceWithItsPlace) {
-    const auto told = [](const std::string& body) {
+    const auto reported = [](const std::string& body) {
         LightScene s(body);
         s.picture();
         s.picture();
@@ -358,7 +358,7 @@ TEST(LeftOut, IsToldOnceWithItsPlace) {
         return all;
     };
     const auto expect = [&](const std::string& body, const char* words) {
-        const auto all = told(body);
+        const auto all = reported(body);
         ASSERT_EQ(all.size(), 1u) << body;
         EXPECT_NE(all[0].find(words), std::string::npos) << all[0];
     };
@@ -369,11 +369,12 @@ TEST(LeftOut, IsToldOnceWithItsPlace) {
             type);
     };
     expect(line(6), "linetype 6");
-    EXPECT_TRUE(told(line(5)).empty());
+    EXPECT_TRUE(reported(line(5)).empty());
     expect("Background { skyColor [ 1 0 0, 0 1 0 ] skyAngle [ .5 1 ] }", "skyColor has 2 colours");
     expect("Background { groundAngle .5 groundColor 1 0 0 }", "groundColor has 1 colours");
     EXPECT_TRUE(
-        told("Background { skyColor [ 1 0 0, 0 1 0 ] skyAngle 1 groundAngle 1 groundColor [ 1 0 0, 0 1 0 ] }").empty());
+        reported("Background { skyColor [ 1 0 0, 0 1 0 ] skyAngle 1 groundAngle 1 groundColor [ 1 0 0, 0 1 0 ] }")
+            .empty());
     expect(
         "Shape { appearance Appearance { texture ComposedCubeMapTexture { frontTexture PixelTexture { image 1 1 1 255 "
         "} "

@@ -39,13 +39,13 @@ int sideOf(const Vec3d& d) {
 
 // 34.2: each point shows the side that is seen in its direction from the middle.
 TEST(CubeMap, AShapeWithoutCoordinatesShowsTheSideOfItsDirection) {
-    const char* turns[] = {"0 1 0 3.14159265",  "0 1 0 0",          "0 1 0 1.57079633",
-                           "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
+    const char* rotations[] = {"0 1 0 3.14159265",  "0 1 0 0",          "0 1 0 1.57079633",
+                               "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
     for (int i = 0; i < 6; ++i) {
         LightScene s(
             fmt::format("Transform {{ rotation {} children Shape {{ appearance Appearance {{ material "
                         "UnlitMaterial {{ }} texture {} }} geometry Sphere {{ }} }} }}",
-                        turns[i], composed()));
+                        rotations[i], composed()));
         EXPECT_EQ(s.center(), kSeen[i]) << kSideNames[i];
     }
 }
@@ -101,13 +101,14 @@ TEST(CubeMap, WorldSpaceVectorsDoNotTurnWithTheEye) {
     for (int round = 0; round < 12; ++round) {
         SCOPED_TRACE(round);
         const Vec3d n = glm::normalize(Vec3d(slope(random), slope(random), 1));
-        const double turn = angle(random);
+        const double rotation = angle(random);
         // All turned about y: eye, surface and its normals. The cube stays.
         const auto turned = [&](const Vec3d& v) {
-            return Vec3d(v.x * std::cos(turn) + v.z * std::sin(turn), v.y, v.z * std::cos(turn) - v.x * std::sin(turn));
+            return Vec3d(v.x * std::cos(rotation) + v.z * std::sin(rotation), v.y,
+                         v.z * std::cos(rotation) - v.x * std::sin(rotation));
         };
         const auto scene = [&](const char* mode) {
-            return fmt::format("Transform {{ rotation 0 1 0 {} children [ Viewpoint {{ }} {} ] }}", turn,
+            return fmt::format("Transform {{ rotation 0 1 0 {} children [ Viewpoint {{ }} {} ] }}", rotation,
                                plane(n, mode, composed()));
         };
         LightScene reflecting(scene("WORLDSPACEREFLECTIONVECTOR"), 17, 17);
@@ -122,14 +123,14 @@ TEST(CubeMap, SidesAndPlacesAreThoseOfDirections) {
     std::normal_distribution<float> any;
     for (int i = 0; i < 10000; ++i) {
         const Vec3f d = glm::normalize(Vec3f(any(random), any(random), any(random)));
-        const CubePlace place = cubePlace(d);
-        EXPECT_EQ(static_cast<int>(place.side), sideOf(Vec3d(d)));
-        EXPECT_TRUE(place.st.x >= 0 && place.st.x <= 1 && place.st.y >= 0 && place.st.y <= 1);
-        EXPECT_LT(glm::distance(cubeDirection(place.side, place.st), d), 1e-6f);
+        const CubePosition onCube = cubePosition(d);
+        EXPECT_EQ(static_cast<int>(onCube.side), sideOf(Vec3d(d)));
+        EXPECT_TRUE(onCube.st.x >= 0 && onCube.st.x <= 1 && onCube.st.y >= 0 && onCube.st.y <= 1);
+        EXPECT_LT(glm::distance(cubeDirection(onCube.side, onCube.st), d), 1e-6f);
     }
     for (const Vec3f& bad : {Vec3f(0), Vec3f(NAN, 0, 0), Vec3f(INFINITY, 1, 0)}) {
-        const CubePlace place = cubePlace(bad);
-        EXPECT_TRUE(std::isfinite(place.st.x) && std::isfinite(place.st.y));
+        const CubePosition onCube = cubePosition(bad);
+        EXPECT_TRUE(std::isfinite(onCube.st.x) && std::isfinite(onCube.st.y));
     }
 }
 
@@ -143,11 +144,11 @@ class CubeFiles : public testing::Test {
     LightRenderer::Options options() const {
         return LightRenderer::Options(Resources::ofFile(folder.path() / "main.x3dv"));
     }
-    static std::string sphere(const char* turn, const std::string& texture) {
+    static std::string sphere(const char* round, const std::string& texture) {
         return fmt::format(
             "Transform {{ rotation {} children Shape {{ appearance Appearance {{ material UnlitMaterial {{ }} texture "
             "{} }} geometry Sphere {{ radius 4 }} }} }}",
-            turn, texture);
+            round, texture);
     }
     const TempFolder folder;
 };
@@ -160,10 +161,10 @@ TEST_F(CubeFiles, FacesOfADdsFileAreSides) {
         // The upper row of each is half as bright.
         for (int i = 0; i < 16; ++i) pixels.push_back(i < 8 ? (face & 0xFF808080u) | 0xFF000000u : face);
     write("cube.dds", dds(4, true, 1, pixels));
-    const char* turns[] = {"0 1 0 3.14159265",  "0 1 0 0",          "0 1 0 1.57079633",
-                           "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
+    const char* rotations[] = {"0 1 0 3.14159265",  "0 1 0 0",          "0 1 0 1.57079633",
+                               "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
     for (int i = 0; i < 6; ++i) {
-        LightScene s(sphere(turns[i], "ImageCubeMapTexture { url \"cube.dds\" }"), 33, 33, options());
+        LightScene s(sphere(rotations[i], "ImageCubeMapTexture { url \"cube.dds\" }"), 33, 33, options());
         const Picture p = s.picture();
         EXPECT_TRUE(s.light->diagnostics().all().empty());
         // Below and above the middle, beyond where the rows mix.
@@ -186,8 +187,8 @@ TEST_F(CubeFiles, ShapesOfPicturesSayWhereSidesLie) {
     write("strip.pgm", pgm(12, 2, [](int x, int) { return 10 + 40 * (x / 2); }));
     write("round.pgm", pgm(8, 4, [](int x, int) { return 10 + 30 * x; }));
     write("odd.pgm", pgm(5, 3, [](int, int) { return 9; }));
-    const auto seen = [&](const char* file, const char* turn) {
-        LightScene s(sphere(turn, fmt::format("ImageCubeMapTexture {{ url \"{}\" }}", file)), 33, 33, options());
+    const auto seen = [&](const char* file, const char* round) {
+        LightScene s(sphere(round, fmt::format("ImageCubeMapTexture {{ url \"{}\" }}", file)), 33, 33, options());
         return s.center().r * 255;
     };
     EXPECT_NEAR(seen("cross.pgm", "0 1 0 3.14159265"), 10 + 40 + 10, .01) << "front";
@@ -355,12 +356,12 @@ TEST(Texture3D, SaysWhatIsWrongWithItsPixels) {
 
 /// Six unlit walls 20 m away, each of one colour, that of the side they are on.
 std::string walls() {
-    const char* turns[] = {"0 1 0 0",           "0 1 0 3.14159265", "0 1 0 1.57079633",
-                           "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
+    const char* rotations[] = {"0 1 0 0",           "0 1 0 3.14159265", "0 1 0 1.57079633",
+                               "0 1 0 -1.57079633", "1 0 0 1.57079633", "1 0 0 -1.57079633"};
     std::string text;
     for (int i = 0; i < 6; ++i)
         text += fmt::format(
-            "Transform {{ rotation {} children Transform {{ translation 0 0 -20 children [ {} ] }} }}\n", turns[i],
+            "Transform {{ rotation {} children Transform {{ translation 0 0 -20 children [ {} ] }} }}\n", rotations[i],
             square(20, fmt::format("material UnlitMaterial {{ emissiveColor {} {} {} }}", kSeen[i].r, kSeen[i].g,
                                    kSeen[i].b)));
     return text;
@@ -434,8 +435,8 @@ TEST(GeneratedCubeMap, CountsAmongThePixelsThatASceneMayHave) {
 
 TEST(RenderedTexture, ShowsWhatTheEyeSeesWithoutTheShapesThatShowIt) {
     // A cross of four walls around a blue one, which the square with the picture hides from the eye.
-    const auto wall = [](const char* place, double half, const char* color) {
-        return fmt::format("Transform {{ translation {} children {} }}\n", place, square(half, unlit(color)));
+    const auto wall = [](const char* position, double half, const char* color) {
+        return fmt::format("Transform {{ translation {} children {} }}\n", position, square(half, unlit(color)));
     };
     const std::string body = "OrthoViewpoint { fieldOfView [ -1 -1 1 1 ] }\n" + wall("-1.5 0 -2", 1, "1 0 0") +
                              wall("1.5 0 -2", 1, "0 1 0") + wall("0 1 -1.9", .5, "1 1 0") +
@@ -477,9 +478,9 @@ TEST(RenderedTexture, TwoThatSeeEachOtherEnd) {
     const Picture picture = s.picture();
     EXPECT_LT(glm::distance(Vec3f(picture.at(16, 16)), Vec3f(0, 0, 1)), 1e-5f) << "the wall behind it";
     EXPECT_LT(glm::distance(Vec3f(picture.at(19, 16)), Vec3f(1)), 1e-5f) << "the other one, which shows nothing there";
-    std::string told;
-    for (const Diagnostic& d : s.light->diagnostics().all()) told += d.text + '\n';
-    EXPECT_NE(told.find("a scene writes no files"), std::string::npos) << told;
+    std::string reported;
+    for (const Diagnostic& d : s.light->diagnostics().all()) reported += d.text + '\n';
+    EXPECT_NE(reported.find("a scene writes no files"), std::string::npos) << reported;
 }
 
 // ---- TextureProperties --------------------------------------------------------------------------------------------

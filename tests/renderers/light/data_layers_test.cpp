@@ -57,8 +57,8 @@ struct Exr {
     }
     float at(const std::string& name, int x, int y) {
         const auto& values = channels[name];
-        const auto place = static_cast<std::size_t>(y * spec.width + x);
-        return place < values.size() ? values[place] : std::numeric_limits<float>::quiet_NaN();
+        const auto index = static_cast<std::size_t>(y * spec.width + x);
+        return index < values.size() ? values[index] : std::numeric_limits<float>::quiet_NaN();
     }
     std::uint32_t hash(const std::string& name, int x, int y) { return std::bit_cast<std::uint32_t>(at(name, x, y)); }
     std::string note(const std::string& key) { return spec.get_string_attribute(key); }
@@ -89,8 +89,8 @@ TEST(DataLayers, PlacesAreThoseOfClosedForms) {
             const Vec3d d = pixelDirection(x, y, 41, 41, 0.7854), eye(0, 0, 10);
             const double half = glm::dot(eye, d), root = half * half - (100 - 1);
             const double t = root > 0 ? -half - std::sqrt(root) : 15 / -d.z;
-            const Vec3d place = eye + t * d;
-            const bool nearEdge = std::abs(root) < 0.05 || std::abs(place.y - 0.5) < 0.05;
+            const Vec3d position = eye + t * d;
+            const bool nearEdge = std::abs(root) < 0.05 || std::abs(position.y - 0.5) < 0.05;
             const Vec3d seen(exr.at("P.X", x, y), exr.at("P.Y", x, y), exr.at("P.Z", x, y)),
                 normal(exr.at("N.X", x, y), exr.at("N.Y", x, y), exr.at("N.Z", x, y));
             const std::uint32_t id = exr.ids[static_cast<std::size_t>(y * 41 + x)];
@@ -98,14 +98,14 @@ TEST(DataLayers, PlacesAreThoseOfClosedForms) {
             if (root > 0) {
                 ++balls;
                 EXPECT_EQ(id, s.node("Ball").value);
-                EXPECT_NEAR(glm::length(seen - place), 0, 0.02) << "of a ball of triangles";
-                EXPECT_GT(glm::dot(normal, place), 0.999);
-                EXPECT_NEAR(exr.at("Z", x, y), 10 - place.z, 0.02);
+                EXPECT_NEAR(glm::length(seen - position), 0, 0.02) << "of a ball of triangles";
+                EXPECT_GT(glm::dot(normal, position), 0.999);
+                EXPECT_NEAR(exr.at("Z", x, y), 10 - position.z, 0.02);
                 EXPECT_NEAR(exr.at("albedo.R", x, y), linearFromSrgb(Vec3f(.8f)).r, 1e-5);
-            } else if (place.y < 0.5) {
+            } else if (position.y < 0.5) {
                 ++walls;
                 EXPECT_EQ(id, s.node("Wall").value);
-                EXPECT_NEAR(glm::length(seen - place), 0, 1e-4);
+                EXPECT_NEAR(glm::length(seen - position), 0, 1e-4);
                 EXPECT_NEAR(glm::length(normal - Vec3d(0, 0, 1)), 0, 1e-6);
                 EXPECT_NEAR(exr.at("Z", x, y), 15, 1e-4) << "along the view, not along the ray";
                 EXPECT_NEAR(exr.at("albedo.G", x, y), linearFromSrgb(Vec3f(.25f)).r, 1e-5);
@@ -369,18 +369,22 @@ TEST(DataLayers, MotionOfAPlane) {
 // An eye that turns to the left by a sees at angle b what was at b - a: all things alike, however far, and the sky too.
 TEST(DataLayers, MotionOfATurningEye) {
     constexpr int kSide = 41;
-    constexpr double kTurn = .1;
+    constexpr double kRotation = .1;
     LightScene s("DEF V Viewpoint { } Transform { translation 0 -5 0 children " + square(5, unlit("1 1 1")) + "}",
                  kSide, kSide);
     Exr exr = movedSince(
-        s, [&] { ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, float(kTurn)})); },
+        s,
+        [&] {
+            ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, float(kRotation)}));
+        },
         "turn.exr");
     const double t = std::tan(.7854 / 2);
     for (int y = 0; y < kSide; ++y)
         for (int x = 0; x < kSide; ++x) {
             // The pixel's direction, turned with the eye, in the axes that it had.
             const double u = (2 * (x + .5) / kSide - 1) * t, v = (1 - 2 * (y + .5) / kSide) * t;
-            const Vec3d d(u * std::cos(kTurn) - std::sin(kTurn), v, -u * std::sin(kTurn) - std::cos(kTurn));
+            const Vec3d d(u * std::cos(kRotation) - std::sin(kRotation), v,
+                          -u * std::sin(kRotation) - std::cos(kRotation));
             EXPECT_NEAR(exr.at("motion.X", x, y), (d.x / -d.z - u) / t * kSide / 2, 2e-4) << x << " " << y;
             EXPECT_NEAR(exr.at("motion.Y", x, y), (d.y / -d.z - v) / t * kSide / 2, 2e-4) << x << " " << y;
         }

@@ -13,10 +13,10 @@ namespace {
 using namespace test;
 
 /// A picture of one surface by functions of the pixel: depth, normal, albedo, and what it shows.
-struct Made {
+struct Created {
     Picture picture{64, 64};
     template <class Depth, class Normal, class Albedo, class Light>
-    Made(const Depth& depth, const Normal& normal, const Albedo& albedo, const Light& light) {
+    Created(const Depth& depth, const Normal& normal, const Albedo& albedo, const Light& light) {
         PictureLayer layer;
         layer.channels = {"Z", "N.X", "N.Y", "N.Z", "albedo.R", "albedo.G", "albedo.B"};
         for (int y = 0; y < 64; ++y)
@@ -48,10 +48,10 @@ std::pair<double, double> meanOf(const Picture& picture, int first, int last) {
 TEST(Denoise, NoiseGoesAndTheMeanStays) {
     std::mt19937 random(7);
     std::exponential_distribution<double> noise(2);  // mean .5, as much deviation: that of a few paths
-    Made made(kFlat, kFacing, kWhite, [&](int, int) { return noise(random); });
-    const auto [before, roughBefore] = meanOf(made.picture, 8, 56);
-    ASSERT_TRUE(denoise(made.picture));
-    const auto [after, roughAfter] = meanOf(made.picture, 8, 56);
+    Created created(kFlat, kFacing, kWhite, [&](int, int) { return noise(random); });
+    const auto [before, roughBefore] = meanOf(created.picture, 8, 56);
+    ASSERT_TRUE(denoise(created.picture));
+    const auto [after, roughAfter] = meanOf(created.picture, 8, 56);
     EXPECT_NEAR(after, before, .05 * before);
     EXPECT_LT(roughAfter, .15 * roughBefore);
 }
@@ -65,19 +65,19 @@ TEST(Denoise, EdgesStay) {
     const auto step = [](int x, int) { return x < 32 ? 3.0 : 5.0; };
     const auto bend = [](int x, int) { return x < 32 ? Vec3f(0, 0, 1) : Vec3f(1, 0, 0); };
     for (int kind = 0; kind < 2; ++kind) {
-        Made made = kind == 0 ? Made(step, kFacing, kWhite, light) : Made(kFlat, bend, kWhite, light);
-        ASSERT_TRUE(denoise(made.picture));
-        EXPECT_NEAR(meanOf(made.picture, 31, 32).first, .3, .04) << kind;
-        EXPECT_NEAR(meanOf(made.picture, 32, 33).first, 1, .04) << kind;
+        Created created = kind == 0 ? Created(step, kFacing, kWhite, light) : Created(kFlat, bend, kWhite, light);
+        ASSERT_TRUE(denoise(created.picture));
+        EXPECT_NEAR(meanOf(created.picture, 31, 32).first, .3, .04) << kind;
+        EXPECT_NEAR(meanOf(created.picture, 32, 33).first, 1, .04) << kind;
     }
     // A texture: even light on a surface of two colours.
-    Made made(
+    Created created(
         kFlat, kFacing, [](int x, int y) { return Vec3f((x / 2 + y / 2) % 2 ? .8f : .1f); },
         [&](int, int) { return .5 + noise(random); });
-    ASSERT_TRUE(denoise(made.picture));
+    ASSERT_TRUE(denoise(created.picture));
     for (int y = 20; y < 40; ++y)
         for (int x = 20; x < 40; ++x)
-            EXPECT_NEAR(made.picture.at(x, y).g, ((x / 2 + y / 2) % 2 ? .8 : .1) * .5, .03) << x << " " << y;
+            EXPECT_NEAR(created.picture.at(x, y).g, ((x / 2 + y / 2) % 2 ? .8 : .1) * .5, .03) << x << " " << y;
 }
 
 // A plane that runs away from the eye is one surface, and so is what lies in front of the sky; the sky is left alone.
@@ -87,29 +87,30 @@ TEST(Denoise, LampsDoNotRunIntoWhatTheyHangIn) {
     std::mt19937 random(5);
     std::exponential_distribution<double> noise(2);
     const auto albedo = [](int x, int) { return Vec3f(x < 40 ? .7f : x == 40 ? .35f : 0.f); };
-    Made made(kFlat, kFacing, albedo, [&](int, int) { return noise(random); });
+    Created created(kFlat, kFacing, albedo, [&](int, int) { return noise(random); });
     for (int y = 0; y < 64; ++y)
-        for (int x = 40; x < 64; ++x) made.picture.at(x, y) = Vec4f(Vec3f(x == 40 ? 2.7f : 5.f), 1);
-    const double before = meanOf(made.picture, 4, 40).first;
-    ASSERT_TRUE(denoise(made.picture));
-    const auto [after, rough] = meanOf(made.picture, 4, 40);
+        for (int x = 40; x < 64; ++x) created.picture.at(x, y) = Vec4f(Vec3f(x == 40 ? 2.7f : 5.f), 1);
+    const double before = meanOf(created.picture, 4, 40).first;
+    ASSERT_TRUE(denoise(created.picture));
+    const auto [after, rough] = meanOf(created.picture, 4, 40);
     EXPECT_NEAR(after, before, .05 * before);
     EXPECT_LT(rough, .2 * before);
     for (int y = 0; y < 64; ++y)
-        for (int x = 40; x < 64; ++x) ASSERT_NEAR(made.picture.at(x, y).g, x == 40 ? 2.7f : 5.f, 1e-4) << x << ' ' << y;
+        for (int x = 40; x < 64; ++x)
+            ASSERT_NEAR(created.picture.at(x, y).g, x == 40 ? 2.7f : 5.f, 1e-4) << x << ' ' << y;
 }
 
 TEST(Denoise, SlopesAreOneSurfaceAndTheSkyIsNone) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> noise(0, 1);
-    Made made([](int x, int y) { return x < 48 ? 2 + .2 * y : INFINITY; }, kFacing, kWhite,
-              [&](int x, int) { return x < 48 ? noise(random) : 7 + noise(random); });
-    const Picture before = made.picture;
-    ASSERT_TRUE(denoise(made.picture));
-    EXPECT_LT(meanOf(made.picture, 8, 40).second, .08);
-    EXPECT_NEAR(meanOf(made.picture, 40, 48).first, .5, .05);
+    Created created([](int x, int y) { return x < 48 ? 2 + .2 * y : INFINITY; }, kFacing, kWhite,
+                    [&](int x, int) { return x < 48 ? noise(random) : 7 + noise(random); });
+    const Picture before = created.picture;
+    ASSERT_TRUE(denoise(created.picture));
+    EXPECT_LT(meanOf(created.picture, 8, 40).second, .08);
+    EXPECT_NEAR(meanOf(created.picture, 40, 48).first, .5, .05);
     for (int y = 0; y < 64; ++y)
-        for (int x = 48; x < 64; ++x) EXPECT_EQ(made.picture.at(x, y), before.at(x, y));
+        for (int x = 48; x < 64; ++x) EXPECT_EQ(created.picture.at(x, y), before.at(x, y));
 }
 
 // One sample a pixel of a room under a sky, against many: nearer by far.
@@ -196,13 +197,13 @@ class PlainFilter {
     }
     /// The depth's change to the nearer of both neighbours.
     double slope(int x, int y, int axis) const {
-        double least = INFINITY;
+        double minimum = INFINITY;
         for (const int step : {-1, 1}) {
             const int nx = x + (axis == 0 ? step : 0), ny = y + (axis == 1 ? step : 0);
             if (inside(nx, ny) && !isSky(at(nx, ny)))
-                least = std::min(least, std::abs(layer(at(nx, ny), 0) - layer(at(x, y), 0)));
+                minimum = std::min(minimum, std::abs(layer(at(nx, ny), 0) - layer(at(x, y), 0)));
         }
-        return std::isfinite(least) ? least : 0;
+        return std::isfinite(minimum) ? minimum : 0;
     }
     double alike(int x, int y, int dx, int dy) const {
         if (!inside(x + dx, y + dy)) return 0;
@@ -281,10 +282,10 @@ Picture bentAndNoisy(unsigned seed) {
     for (int y = 0; y < picture.height; ++y)
         for (int x = 0; x < picture.width; ++x) {
             const bool sky = x > 33 && y < 4, lamp = x > 3 && x < 6 && y > 5 && y < 8;
-            const float turn = .06f * static_cast<float>(std::min(x, 9)) + .03f * static_cast<float>(y * y) / 10;
+            const float angle = .06f * static_cast<float>(std::min(x, 9)) + .03f * static_cast<float>(y * y) / 10;
             const Vec3f albedo = lamp ? Vec3f(0) : (x + y) % 3 ? Vec3f(.7f, .4f, .05f) : Vec3f(.3f, .5f, .6f);
             for (const float v : {sky ? INFINITY : 3 + .05f * static_cast<float>(x) + .02f * static_cast<float>(y * y),
-                                  std::sin(turn), 0.f, std::cos(turn), albedo.r, albedo.g, albedo.b})
+                                  std::sin(angle), 0.f, std::cos(angle), albedo.r, albedo.g, albedo.b})
                 layer.values.push_back(v);
             const Vec3f light = lamp ? Vec3f(9) : albedo * Vec3f(noise(random), noise(random), noise(random));
             picture.at(x, y) = Vec4f(light, .5f);
@@ -294,11 +295,11 @@ Picture bentAndNoisy(unsigned seed) {
 }
 
 void expectAsPlain(const Picture& found, const Picture& expected, const char* what) {
-    double most = 0;
+    double maximum = 0;
     for (std::size_t i = 0; i < found.pixels.size(); ++i)
         for (int c = 0; c < 4; ++c)
-            most = std::max(most, std::abs(double{found.pixels[i][c]} - double{expected.pixels[i][c]}));
-    EXPECT_LT(most, 2e-4) << what;
+            maximum = std::max(maximum, std::abs(double{found.pixels[i][c]} - double{expected.pixels[i][c]}));
+    EXPECT_LT(maximum, 2e-4) << what;
 }
 
 TEST(Denoise, IsWhatItsFormulasSayInDoublePrecision) {
@@ -317,14 +318,14 @@ TEST(Denoise, IsWhatItsFormulasSayInDoublePrecision) {
 TEST(Denoise, RefusesWhatItMayNotTouch) {
     Picture bare(4, 4);
     EXPECT_FALSE(denoise(bare)) << "no layers";
-    Made display(kFlat, kFacing, kWhite, kFlat);
+    Created display(kFlat, kFacing, kWhite, kFlat);
     display.picture.space = ColorSpace::display;
     EXPECT_FALSE(denoise(display.picture));
-    Made known(kFlat, kFacing, kWhite, kFlat);
+    Created known(kFlat, kFacing, kWhite, kFlat);
     known.picture.interval.resize(known.picture.pixels.size());
     EXPECT_FALSE(denoise(known.picture));
     // Numbers that are none neither spread nor stay.
-    Made wild(kFlat, kFacing, kWhite, [](int x, int y) { return x == 30 && y == 30 ? double{NAN} : .5; });
+    Created wild(kFlat, kFacing, kWhite, [](int x, int y) { return x == 30 && y == 30 ? double{NAN} : .5; });
     ASSERT_TRUE(denoise(wild.picture));
     for (const Vec4f& pixel : wild.picture.pixels) EXPECT_TRUE(std::isfinite(pixel.g));
 }

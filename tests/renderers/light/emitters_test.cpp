@@ -34,15 +34,15 @@ struct Table {
     }
 };
 
-std::string lampsAndThings(int seed) {
+std::string lampsAndItems(int seed) {
     std::mt19937 random(static_cast<unsigned>(seed));
-    std::uniform_real_distribution<double> at(-5, 5), turn(0, 6.28), size(0.05, 0.8);
+    std::uniform_real_distribution<double> at(-5, 5), rotation(0, 6.28), size(0.05, 0.8);
     std::string body = "Viewpoint { }\n";
     for (int i = 0; i < 12; ++i)
         body += fmt::format(
             "Transform {{ translation {} {} {} rotation {} {} scale {} 1 -1 children Shape {{ appearance "
             "Appearance {{ material Material {{ emissiveColor {} .5 0 }} }} geometry {} }} }}\n",
-            at(random), at(random), at(random), i % 2 ? "0.6 0.8 0" : "0 -0.8 0.6", turn(random), size(random),
+            at(random), at(random), at(random), i % 2 ? "0.6 0.8 0" : "0 -0.8 0.6", rotation(random), size(random),
             size(random),
             i % 3 == 0   ? "Box { }"
             : i % 3 == 1 ? "Sphere { radius 0.4 }"
@@ -69,15 +69,15 @@ TEST(Emitters, AreThoseThatShineAndCannotBeSeenThrough) {
 // five standard deviations. Emitters that are never chosen cannot send light there.
 TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
     const int seed = 7;
-    const Table t(lampsAndThings(seed));
+    const Table t(lampsAndItems(seed));
     ASSERT_GT(t.emitters.size(), 100u);
     std::mt19937 random(seed);
     std::normal_distribution<float> normal;
     std::uniform_real_distribution<float> at(-7, 7), unit(0, 1);
-    for (int place = 0; place < 20; ++place) {
+    for (int lane = 0; lane < 20; ++lane) {
         const Vec3f point(at(random), at(random), at(random)),
             up = glm::normalize(Vec3f(normal(random), normal(random), normal(random)));
-        SCOPED_TRACE(fmt::format("seed {}, place {}", seed, place));
+        SCOPED_TRACE(fmt::format("seed {}, place {}", seed, lane));
         double sum = 0;
         std::vector<double> expected(t.emitters.size());
         for (std::uint32_t e = 0; e < t.emitters.size(); ++e) {
@@ -85,9 +85,10 @@ TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
             if (expected[e] > 0) continue;
             const Emitters::Emitter& emitter = t.emitters[e];
             for (const Vec3f& corner : {emitter.corner, emitter.corner + emitter.ab, emitter.corner + emitter.ac}) {
-                const Vec3f way = corner - point;
-                const bool lights = glm::dot(way, up) > 1e-4f &&
-                                    (emitter.bothSides || glm::dot(way, emitter.normal) < -1e-4f) && emitter.area > 0;
+                const Vec3f displacement = corner - point;
+                const bool lights = glm::dot(displacement, up) > 1e-4f &&
+                                    (emitter.bothSides || glm::dot(displacement, emitter.normal) < -1e-4f) &&
+                                    emitter.area > 0;
                 EXPECT_FALSE(lights) << "emitter " << e << " is never chosen";
             }
         }
@@ -114,7 +115,7 @@ TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
 TEST(Emitters, AreChosenByEightAsByOne) {
     constexpr int kSeed = 11;
     for (const bool many : {false, true}) {
-        const Table t(many ? lampsAndThings(kSeed)
+        const Table t(many ? lampsAndItems(kSeed)
                            : "Viewpoint { } Transform { translation 1 2 3 children Shape { appearance Appearance { "
                              "material Material { emissiveColor 1 1 0 } } geometry IndexedFaceSet { coordIndex [0 1 2 "
                              "3 -1] coord Coordinate { point [-1 0 -1, 1 0 -1, 1 0 1, -1 0 1] } } } }");
@@ -136,12 +137,12 @@ TEST(Emitters, AreChosenByEightAsByOne) {
                                   {simd::load(n[0]), simd::load(n[1]), simd::load(n[2])}, simd::load(u), lanes);
             for (int lane = 0; lane < 8; ++lane) {
                 if (!(lanes >> lane & 1u)) {
-                    EXPECT_EQ(choices.thing[lane], Emitters::kNone);
+                    EXPECT_EQ(choices.emitter[lane], Emitters::kNone);
                     continue;
                 }
                 const auto alone = t.emitters.sample({x[0][lane], x[1][lane], x[2][lane]},
                                                      {n[0][lane], n[1][lane], n[2][lane]}, u[lane]);
-                EXPECT_EQ(choices.thing[lane], alone.emitter) << many << ' ' << round << ' ' << lane;
+                EXPECT_EQ(choices.emitter[lane], alone.emitter) << many << ' ' << round << ' ' << lane;
                 if (alone.emitter == Emitters::kNone) {
                     ++none;
                     continue;
@@ -158,7 +159,7 @@ TEST(Emitters, AreChosenByEightAsByOne) {
 }
 
 TEST(Emitters, AreFoundByWhatARayHits) {
-    const Table t(lampsAndThings(3));
+    const Table t(lampsAndItems(3));
     for (std::uint32_t e = 0; e < t.emitters.size(); ++e) {
         const Emitters::Emitter& emitter = t.emitters[e];
         EXPECT_EQ(t.emitters.find(emitter.instance, emitter.triangle), e);
@@ -235,7 +236,7 @@ TEST(PathEmitters, ASmallLampIsFoundAtOnce) {
 TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
     const struct {
         const char* name;
-        std::string things;
+        std::string items;
     } scenes[] = {
         {"matte", floorOf("Material { diffuseColor .8 .8 .8 }")},
         {"highlight", floorOf("Material { diffuseColor .5 .5 .5 specularColor .6 .6 .6 shininess .2 }")},
@@ -264,8 +265,8 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
     };
     for (const auto& scene : scenes) {
         SCOPED_TRACE(scene.name);
-        const EmitterMean found = emitterMean(kLookDown + scene.things + panel(1, 1.5), 256);
-        const EmitterMean bounced = emitterMean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
+        const EmitterMean found = emitterMean(kLookDown + scene.items + panel(1, 1.5), 256);
+        const EmitterMean bounced = emitterMean(kLookDown + scene.items + panel(1, 1.5, true), 1024);
         EXPECT_NEAR(found.value, bounced.value, 4 * std::hypot(found.error, bounced.error) + 1e-6);
         EXPECT_GT(bounced.value, 1e-3);
         // For a quarter of the samples, half of which a plane may cut away.
@@ -280,9 +281,9 @@ TEST(PathEmitters, WhatShinesTwiceInOnePlaceShinesOnce) {
         return fmt::format("Transform {{ {} children {} }}\n", how, what);
     };
     const EmitterMean one = emitterMean(eye + panel(1, 1.5), 256);
-    const auto expectOne = [&](const char* name, const std::string& more, double share) {
+    const auto expectOne = [&](const char* name, const std::string& more, double fraction) {
         const EmitterMean two = emitterMean(eye + panel(1, 1.5) + more, 256);
-        EXPECT_NEAR(two.value, share * one.value, 4 * std::hypot(two.error, share * one.error)) << name;
+        EXPECT_NEAR(two.value, fraction * one.value, 4 * std::hypot(two.error, fraction * one.error)) << name;
     };
     expectOne("the same panel", panel(1, 1.5), 1);
     expectOne("a part of it", moved("center 0 1.5 0 scale .5 1 .7 rotation 0 1 0 .6", panel(1, 1.5)), 1);

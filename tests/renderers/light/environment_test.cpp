@@ -108,13 +108,14 @@ Vec3d blurredByHand(const Vec3d& axis, double roughness) {
                 y = glm::cross(axis, x);
     Vec3d sum(0);
     double weights = 0;
-    constexpr int kRings = 2000, kTurns = 256;
+    constexpr int kRings = 2000, kRotations = 256;
     for (int i = 0; i < kRings; ++i) {
         const double angle = (i + .5) / kRings * kPi / 2, c = std::cos(angle / 2), d = c * c * (a2 - 1) + 1;
         const double weight = a2 / (d * d) * std::cos(angle) * std::sin(angle);
-        for (int j = 0; j < kTurns; ++j) {
-            const double turn = 2 * kPi * (j + .5) / kTurns;
-            const Vec3d light = std::sin(angle) * (std::cos(turn) * x + std::sin(turn) * y) + std::cos(angle) * axis;
+        for (int j = 0; j < kRotations; ++j) {
+            const double rotation = 2 * kPi * (j + .5) / kRotations;
+            const Vec3d light =
+                std::sin(angle) * (std::cos(rotation) * x + std::sin(rotation) * y) + std::cos(angle) * axis;
             sum += weight * Vec3d(dome(light));
             weights += weight;
         }
@@ -176,12 +177,12 @@ TEST(EnvironmentLight, ShowsAMatteColourInItsOwnSpace) {
 double furnace(double base, double metallic, double roughness, double cosView) {
     const Vec3f view(static_cast<float>(std::sqrt(1 - cosView * cosView)), 0, static_cast<float>(cosView));
     double sum = 0;
-    constexpr int kRings = 3000, kTurns = 400;
+    constexpr int kRings = 3000, kRotations = 400;
     for (int i = 0; i < kRings; ++i) {
         const double c = (i + .5) / kRings, s = std::sqrt(1 - c * c);
-        for (int j = 0; j < kTurns; ++j) {
-            const double turn = 2 * kPi * (j + .5) / kTurns;
-            const Vec3f light(static_cast<float>(s * std::cos(turn)), static_cast<float>(s * std::sin(turn)),
+        for (int j = 0; j < kRotations; ++j) {
+            const double angle = 2 * kPi * (j + .5) / kRotations;
+            const Vec3f light(static_cast<float>(s * std::cos(angle)), static_cast<float>(s * std::sin(angle)),
                               static_cast<float>(c));
             const Vec3f half = glm::normalize(light + view);
             sum += c * metallicRoughness(Vec3f(static_cast<float>(base)), static_cast<float>(metallic),
@@ -189,7 +190,7 @@ double furnace(double base, double metallic, double roughness, double cosView) {
                            .x;
         }
     }
-    return sum * 2 / (double{kRings} * kTurns);
+    return sum * 2 / (double{kRings} * kRotations);
 }
 TEST(EnvironmentLight, WhittedShowsWhatAWhiteSkyShowsOfAMaterial) {
     for (const double metallic : {0., 1.})
@@ -255,11 +256,11 @@ TEST(EnvironmentLight, ItsRotationTurnsItsPictures) {
     for (const double angle : {.4, 1.3, 2.2, -.9, -2.7, 3., -1.6, .9, -2.1, 1.8}) {
         const auto axes = somewhere(2, seed++);
         const Vec3d own(axes[0]), around(axes[1]);
-        const double turn = 2.3 * angle;
+        const double rotation = 2.3 * angle;
         LightScene s(kBackground +
                      fmt::format("Transform {{ rotation {} {} {} {} children EnvironmentLight {{ rotation {} {} {} {} "
                                  "specularTexture ComposedCubeMapTexture {{ {} }} }} }}",
-                                 around.x, around.y, around.z, turn, own.x, own.y, own.z, angle, sides) +
+                                 around.x, around.y, around.z, rotation, own.x, own.y, own.z, angle, sides) +
                      kMirror);
         for (const auto integrator : kBoth) {
             (void)centerOf(s, integrator);
@@ -267,7 +268,7 @@ TEST(EnvironmentLight, ItsRotationTurnsItsPictures) {
             for (int y = 0; y < 33; y += 4)
                 for (int x = 0; x < 33; x += 4) {
                     Vec3d d = pixelDirection(x, y, 33, 33, .7854);
-                    d = turnedAbout(own, -angle, turnedAbout(around, -turn, Vec3d(d.x, d.y, -d.z)));
+                    d = turnedAbout(own, -angle, turnedAbout(around, -rotation, Vec3d(d.x, d.y, -d.z)));
                     const Vec3d a = glm::abs(d);
                     const int axis = a.x > a.y && a.x > a.z ? 0 : a.y > a.z ? 1 : 2;
                     if (a[axis] - std::max(a[(axis + 1) % 3], a[(axis + 2) % 3]) < .03) continue;
@@ -408,11 +409,11 @@ TEST(EnvironmentLight, ClearPhysicalMaterialsMirrorByTheirOpacity) {
                                        transparency)));
             s.options.settings.width = s.options.settings.height = 5;
             const int samples = integrator == Integrator::path ? 512 : 1;
-            const double share = 1 - transparency, noise = integrator == Integrator::path ? .06 : 1e-5;
-            expectColor(centerOf(s, integrator, samples), Vec3d(.8, .6, .4) * share, noise);
+            const double fraction = 1 - transparency, noise = integrator == Integrator::path ? .06 : 1e-5;
+            expectColor(centerOf(s, integrator, samples), Vec3d(.8, .6, .4) * fraction, noise);
             // Where mirrored rays end in light from far away, that covers as the Background does in whitted.
             if (integrator == Integrator::path) {
-                EXPECT_NEAR(s.picture().at(2, 2).a, share, 1e-4);
+                EXPECT_NEAR(s.picture().at(2, 2).a, fraction, 1e-4);
             }
         }
 }

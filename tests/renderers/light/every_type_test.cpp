@@ -14,8 +14,8 @@
 
 #include "dds_file.h"
 #include "light_scene.h"
-#include "support/made_font.h"
 #include "support/temp_folder.h"
+#include "support/written_font.h"
 #include "test_paths.h"
 
 namespace rtsg {
@@ -118,7 +118,7 @@ class EveryType : public testing::Test {
         std::vector<std::uint32_t> pixels;
         for (std::uint32_t i = 0; i < 64; ++i) pixels.push_back(0xFF000000u | (3 * i) * 0x010101u);
         write("block.dds", dds(4, false, 4, pixels));
-        write("boxes.ttf", MadeFont().bytes());
+        write("boxes.ttf", WrittenFont().bytes());
         write("ball.x3dv", "#X3D V4.1 utf8\nPROFILE Full\nShape { geometry Sphere { } }\n");
         std::filesystem::copy(RTSG_SOURCE_DIR "/tests/renderers/light/data/film.mp4", folder_.path());
     }
@@ -159,10 +159,10 @@ class EveryType : public testing::Test {
     }
     /// The greatest difference of two pixels, of 1.
     static float difference(const Picture& a, const Picture& b) {
-        float most = 0;
+        float maximum = 0;
         for (std::size_t i = 0; i < a.pixels.size(); ++i)
-            for (int c = 0; c < 4; ++c) most = std::max(most, std::abs(a.pixels[i][c] - b.pixels[i][c]));
-        return most;
+            for (int c = 0; c < 4; ++c) maximum = std::max(maximum, std::abs(a.pixels[i][c] - b.pixels[i][c]));
+        return maximum;
     }
 
     const TempFolder folder_;

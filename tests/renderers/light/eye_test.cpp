@@ -20,7 +20,7 @@ const PictureLayer& layer(const Picture& p, const std::string& channel) {
         if (l.channels[0] == channel) return l;
     throw std::runtime_error("no layer " + channel);
 }
-Vec3d place(const Picture& p, int x, int y) {
+Vec3d position(const Picture& p, int x, int y) {
     const float* v = &layer(p, "P.X").values[3 * static_cast<std::size_t>(y * p.width + x)];
     return {v[0], v[1], v[2]};
 }
@@ -43,7 +43,7 @@ TEST(Eye, OneThatIsNowhereIsNamed) {
 // 23.3.1: what stands below the same transform as the viewpoint is seen as if the transform were not there, however it
 // scales, shears or mirrors; by both kinds of eyes, with its depths as the transform has made them.
 TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
-    const std::string things =
+    const std::string items =
         "Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry Box { size 2 1 1 } "
         "} "
         "Transform { translation 1.2 .9 -2 children Shape { appearance Appearance { material UnlitMaterial { "
@@ -53,8 +53,8 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
         for (const std::string transform :
              {"translation 7 3 -2 scale .25 4 2", "rotation .6 0 .8 .8 scale 3 1 .2 scaleOrientation 0 .6 .8 .6",
               "scale -1 1 1"}) {
-            LightScene plain(eye + things, 48, 36),
-                below("Transform { " + transform + " children [ " + eye + things + " ] }", 48, 36);
+            LightScene plain(eye + items, 48, 36),
+                below("Transform { " + transform + " children [ " + eye + items + " ] }", 48, 36);
             const Picture a = plain.picture(), b = below.picture();
             int other = 0, seen = 0;
             for (std::size_t i = 0; i < a.pixels.size(); ++i) {
@@ -71,7 +71,7 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
 // 17.2.2 does not say in which space its angles are; they are those of the eye's, as in browsers: what stands below the
 // same transform as viewpoint and lights is lit as if the transform were not there.
 TEST(Eye, ViewpointsBelowUnevenScalesSeeThingsLitAsInTheirOwnSpace) {
-    const std::string things =
+    const std::string items =
         "Shape { appearance Appearance { material Material { diffuseColor .6 .3 .2 specularColor .4 .4 .4 shininess .1 "
         "} } geometry Sphere { } } "
         "Transform { translation 1.5 .5 -1 rotation .6 .8 0 .7 children Shape { appearance Appearance { material "
@@ -85,8 +85,8 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeThingsLitAsInTheirOwnSpace) {
              {"translation 7 3 -2 scale .25 4 2", "rotation .6 0 .8 .8 scale 3 1 .2 scaleOrientation 0 .6 .8 .6",
               "scale .234 234 12.23"}) {
             SCOPED_TRACE(lights + transform);
-            LightScene plain(eye + lights + things, 48, 36),
-                below("Transform { " + transform + " children [ " + eye + lights + things + " ] }", 48, 36);
+            LightScene plain(eye + lights + items, 48, 36),
+                below("Transform { " + transform + " children [ " + eye + lights + items + " ] }", 48, 36);
             const Picture a = plain.picture(), b = below.picture();
             int other = 0, lit = 0;
             for (std::size_t i = 0; i < a.pixels.size(); ++i) {
@@ -168,7 +168,7 @@ TEST(Eye, APanoramaShowsAllDirections) {
             const double longitude = ((x + .5) / 40 - .5) * 2 * kPi, latitude = (.5 - (y + .5) / 20) * kPi;
             const Vec3d d = std::cos(latitude) * (std::cos(longitude) * forward + std::sin(longitude) * right) +
                             std::sin(latitude) * up;
-            const Vec3d seen = place(p, x, y) - Vec3d(1, 2, 3);
+            const Vec3d seen = position(p, x, y) - Vec3d(1, 2, 3);
             EXPECT_NEAR(glm::length(glm::normalize(seen) - d), 0, 1e-5) << x << " " << y;
             EXPECT_NEAR(layer(p, "Z").values[static_cast<std::size_t>(y * 40 + x)], glm::length(seen), 1e-4)
                 << "from the eye";
@@ -238,10 +238,10 @@ TEST(Eye, TwoEyesMeetAtTheirDistance) {
 }
 
 TEST(Eye, StereoIsBothEyesPictures) {
-    const std::string things =
+    const std::string items =
         "Shape { appearance Appearance { material Material { } } geometry Box { } } PointLight { }";
     for (const Stereo stereo : {Stereo::beside, Stereo::above}) {
-        LightScene s(things, 24, 18);
+        LightScene s(items, 24, 18);
         s.options.stereo = stereo, s.options.eyeDistance = .5, s.options.focus = 9;
         s.options.settings.layers = kDepth | kNode;
         const Picture both = s.picture();

@@ -208,7 +208,7 @@ std::vector<Feature> texturesAndLight() {
     };
 }
 
-std::vector<Feature> placesAndTimes() {
+std::vector<Feature> positionsAndTimes() {
     return {
         {"clip plane",
          "Group { children [ DEF E ClipPlane { plane 1 0 0 -1 } " + unlitShape("Rectangle2D { size 4 4 solid FALSE }") +
@@ -262,7 +262,7 @@ std::vector<Feature> placesAndTimes() {
 
 std::vector<Feature> features() {
     std::vector<Feature> all = strokesAndSurfaces();
-    for (auto* more : {&texturesAndLight, &placesAndTimes}) std::ranges::copy(more(), std::back_inserter(all));
+    for (auto* more : {&texturesAndLight, &positionsAndTimes}) std::ranges::copy(more(), std::back_inserter(all));
     return all;
 }
 

@@ -138,8 +138,8 @@ TEST(Geo, GridsSayWhatTheyLack) {
 TEST(Geo, PlacesSayWhatTheyLack) {
     LightScene s(std::string(kAbove) + "DEF L GeoLocation { geoSystem [ \"UTM\" ] } GeoLocation { geoCoords 1 2 3 }");
     std::string text;
-    const Diagnostics told = s.world->diagnostics();
-    for (const Diagnostic& d : told.all()) text += d.text + "\n";
+    const Diagnostics reported = s.world->diagnostics();
+    for (const Diagnostic& d : reported.all()) text += d.text + "\n";
     EXPECT_EQ(text, "GeoLocation L: geoSystem: UTM needs a zone, \"Z1\" to \"Z60\": it stays where it is\n");
 }
 

@@ -24,8 +24,8 @@ struct Measured {
         s.world->add(tracer);
         settings.error = 0.004;
     }
-    Irradiance at(const Vec3d& place, const Vec3d& normal) {
-        const auto result = measureIrradiance(*tracer.latest(), s.world->rays(), place, normal, settings);
+    Irradiance at(const Vec3d& position, const Vec3d& normal) {
+        const auto result = measureIrradiance(*tracer.latest(), s.world->rays(), position, normal, settings);
         EXPECT_TRUE(result);
         return result ? *result : Irradiance();
     }

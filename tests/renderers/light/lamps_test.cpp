@@ -15,17 +15,17 @@ using namespace test;
 
 std::string lamps(int count) {
     std::mt19937 random(11);
-    std::uniform_real_distribution<double> at(-3, 3), high(.3, 2), share(.1, 1);
+    std::uniform_real_distribution<double> at(-3, 3), high(.3, 2), fraction(.1, 1);
     std::string body;
     for (int i = 0; i < count; ++i) {
-        const std::string place = fmt::format("location {} {} {} color {} .5 1 intensity {}", at(random), high(random),
-                                              at(random), share(random), 4.0 / count);
+        const std::string position = fmt::format("location {} {} {} color {} .5 1 intensity {}", at(random),
+                                                 high(random), at(random), fraction(random), 4.0 / count);
         if (i % 3 == 0)
             body += fmt::format("SpotLight {{ {} direction .3 -1 .2 cutOffAngle {} beamWidth .2 attenuation 0 1 0 }}\n",
-                                place, i % 2 ? .7 : 1.570796);
+                                position, i % 2 ? .7 : 1.570796);
         else
-            body += fmt::format("PointLight {{ {} attenuation {} radius {} }}\n", place, i % 3 == 1 ? "1 0 0" : "0 0 1",
-                                i % 5 ? 100 : 2);
+            body += fmt::format("PointLight {{ {} attenuation {} radius {} }}\n", position,
+                                i % 3 == 1 ? "1 0 0" : "0 0 1", i % 5 ? 100 : 2);
     }
     return body;
 }
@@ -33,7 +33,7 @@ std::string lamps(int count) {
 // A floor, a clear pane and a black box: no light goes between surfaces, so that whitted, which asks all lights, shows
 // what the mean over paths is.
 TEST(Lamps, OneOfManyIsAllOfThemInTheMean) {
-    const std::string things =
+    const std::string items =
         "Viewpoint { position 0 5 0 orientation 1 0 0 -1.5707963 fieldOfView .9 }\n"
         "Transform { rotation 1 0 0 -1.5707963 children " +
         square(9, "material Material { diffuseColor .7 .7 .7 specularColor .3 .3 .3 ambientIntensity 0 }") +
@@ -42,7 +42,7 @@ TEST(Lamps, OneOfManyIsAllOfThemInTheMean) {
         square(.5, "material Material { diffuseColor 0 0 0 transparency .5 }") + "}\n";
     for (const char* const more :
          {"", "Group { children [ PointLight { global FALSE location 0 1 0 intensity 3 } ] }"}) {
-        LightScene s(things + lamps(120) + more, 24, 24);
+        LightScene s(items + lamps(120) + more, 24, 24);
         s.options.settings.colorSpace = ColorSpace::linear;
         s.options.settings.samplesPerPixel = 64;
         const Picture all = s.picture();

@@ -74,9 +74,9 @@ TEST(LaneGather, ReadsFourNumbersAtEachPlaceAndAddsToThem) {
     std::vector<float> memory(100);
     for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = static_cast<float>(i);
     const int starts[8] = {40, 3, 0, 96, 17, 60, 8, 75};
-    const float* places[8];
-    for (int i = 0; i < 8; ++i) places[i] = &memory[static_cast<std::size_t>(starts[i])];
-    const simd::Q8 q = simd::gather4(places);
+    const float* positions[8];
+    for (int i = 0; i < 8; ++i) positions[i] = &memory[static_cast<std::size_t>(starts[i])];
+    const simd::Q8 q = simd::gather4(positions);
     for (int i = 0; i < 8; ++i) {
         const auto first = static_cast<float>(starts[i]);
         EXPECT_EQ(q.x[i], first);

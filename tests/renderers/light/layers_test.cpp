@@ -14,8 +14,8 @@ namespace {
 
 using namespace test;
 
-std::string box(const char* color, const char* place, double half = 1) {
-    return fmt::format("Transform {{ translation {} children [ {} ] }}", place, square(half, unlit(color)));
+std::string box(const char* color, const char* position, double half = 1) {
+    return fmt::format("Transform {{ translation {} children [ {} ] }}", position, square(half, unlit(color)));
 }
 /// A green square in the scene's middle and a red one in a layer's, nearer to nothing.
 std::string layers(const std::string& more, const std::string& order = "0 1", const std::string& set = "") {
@@ -150,7 +150,7 @@ TEST(Layers, WhatIsSeenIsPicked) {
 }
 
 /// A square of five metres that is turned and, in a mesh of as many triangles as there are parts, cut another way.
-std::string turnedSquare(const std::string& turn, int parts, const char* color) {
+std::string turnedSquare(const std::string& round, int parts, const char* color) {
     std::string points, faces;
     for (int i = 0; i <= parts; ++i)
         for (int k = 0; k <= parts; ++k)
@@ -164,7 +164,7 @@ std::string turnedSquare(const std::string& turn, int parts, const char* color) 
     return fmt::format(
         "Transform {{ rotation {} children Shape {{ appearance Appearance {{ {} }} geometry "
         "IndexedFaceSet {{ solid FALSE coordIndex [ {} ] coord Coordinate {{ point [ {} ] }} }} }} }} ",
-        turn, unlit(color), faces, points);
+        round, unlit(color), faces, points);
 }
 
 /// Pixels that are not of a color, of those before the square's middle.
@@ -175,35 +175,35 @@ int others(const Picture& p, const Vec3f& color) {
     return count;
 }
 
-const char* const kTurns[] = {"0 0 1 0", "1 0 0 .3", "0 1 0 1.1", ".6 .8 0 .7", "-.6 .8 0 1.1"};
+const char* const kRotations[] = {"0 0 1 0", "1 0 0 .3", "0 1 0 1.1", ".6 .8 0 .7", "-.6 .8 0 1.1"};
 
 TEST(Layers, HideNothingOfEachOtherWhereTheyCoincide) {
     // 35.4.2: each layer is drawn for itself, and then over those before it.
-    for (const char* turn : kTurns)
+    for (const char* round : kRotations)
         for (const int parts : {1, 3, 7}) {
-            const std::string scene = turnedSquare(turn, 2, "0 1 0"),
-                              layer = "children [ " + turnedSquare(turn, parts, "1 0 0") + " ]";
+            const std::string scene = turnedSquare(round, 2, "0 1 0"),
+                              layer = "children [ " + turnedSquare(round, parts, "1 0 0") + " ]";
             const auto drawn = [&](const char* order) {
                 return LightScene(scene + "LayerSet { order [ " + order + " ] layers [ Layer { " + layer + " } ] }", 64,
                                   64)
                     .picture();
             };
-            EXPECT_EQ(others(drawn("0 1"), {1, 0, 0}), 0) << turn << ", " << parts;
-            EXPECT_EQ(others(drawn("1 0"), {0, 1, 0}), 0) << turn << ", " << parts;
+            EXPECT_EQ(others(drawn("0 1"), {1, 0, 0}), 0) << round << ", " << parts;
+            EXPECT_EQ(others(drawn("1 0"), {0, 1, 0}), 0) << round << ", " << parts;
         }
 }
 
 TEST(Layers, CastNoShadowsAndTakeNoneWhereTheyCoincide) {
     const std::string lamp = "NavigationInfo { headlight FALSE } DirectionalLight { direction 0 0 -1 shadows TRUE }";
-    const auto lit = [&](const char* turn, int parts) {
-        std::string square = turnedSquare(turn, parts, "1 1 1");
+    const auto lit = [&](const char* round, int parts) {
+        std::string square = turnedSquare(round, parts, "1 1 1");
         square.replace(square.find("UnlitMaterial { emissiveColor"), 29, "Material { diffuseColor");
         return square;
     };
-    for (const char* turn : kTurns) {
-        LightScene alone(lamp + lit(turn, 2), 64, 64);
+    for (const char* round : kRotations) {
+        LightScene alone(lamp + lit(round, 2), 64, 64);
         LightScene both(
-            lamp + lit(turn, 2) + "LayerSet { order [ 1 0 ] layers [ Layer { children [ " + lit(turn, 5) + " ] } ] }",
+            lamp + lit(round, 2) + "LayerSet { order [ 1 0 ] layers [ Layer { children [ " + lit(round, 5) + " ] } ] }",
             64, 64);
         const Picture a = alone.picture(), b = both.picture();
         for (int y = 27; y < 37; ++y)
@@ -213,12 +213,12 @@ TEST(Layers, CastNoShadowsAndTakeNoneWhereTheyCoincide) {
 
 TEST(Layers, WhatAClipPlaneCutsHidesNothingThatCoincides) {
     // 11.4.1: of the red square all is cut away, and so it is not there.
-    for (const char* turn : kTurns) {
-        const std::string body = turnedSquare(turn, 2, "0 1 0") +
+    for (const char* round : kRotations) {
+        const std::string body = turnedSquare(round, 2, "0 1 0") +
                                  "Transform { translation 0 0 16 children [ ClipPlane { "
                                  "plane 0 0 1 0 } Transform { translation 0 0 -16 children " +
-                                 turnedSquare(turn, 5, "1 0 0") + " } ] }";
-        EXPECT_EQ(others(LightScene(body, 64, 64).picture(), {0, 1, 0}), 0) << turn;
+                                 turnedSquare(round, 5, "1 0 0") + " } ] }";
+        EXPECT_EQ(others(LightScene(body, 64, 64).picture(), {0, 1, 0}), 0) << round;
     }
 }
 
@@ -253,9 +253,9 @@ TEST(Layers, PointsAndLinesOfOthersHideNothingBeforeAParallelEye) {
 }
 
 TEST(Layers, ArePickedWhereTheyCoincide) {
-    for (const char* turn : kTurns) {
-        LightScene s(turnedSquare(turn, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +
-                         turnedSquare(turn, 5, "1 0 0") + " ] } ] }",
+    for (const char* round : kRotations) {
+        LightScene s(turnedSquare(round, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +
+                         turnedSquare(round, 5, "1 0 0") + " ] } ] }",
                      64, 64);
         (void)s.picture();
         const Picker picker(s.world->rays(), s.world->flattener());
@@ -263,7 +263,7 @@ TEST(Layers, ArePickedWhereTheyCoincide) {
             for (int i = 0; i < 500; ++i) {
                 const Vec3d from(-.6 + .0024 * i, .5 - .0021 * i, 10);
                 const auto pick = picker.ray(from, {0, 0, -1}, layer, 100, PixelLens());
-                ASSERT_TRUE(pick && *pick) << turn << " " << i;
+                ASSERT_TRUE(pick && *pick) << round << " " << i;
                 EXPECT_EQ(s.world->rays().instance(pick->instance.slot).info.layer, layer);
             }
     }
@@ -272,7 +272,7 @@ TEST(Layers, ArePickedWhereTheyCoincide) {
 /// Triangles, some of them clear, and lines, all in one place, under a lamp whose shadows fall on them.
 std::string thicket(unsigned seed) {
     std::mt19937 random(seed);
-    const auto next = [&](double most) { return std::uniform_real_distribution<>(-most, most)(random); };
+    const auto next = [&](double maximum) { return std::uniform_real_distribution<>(-maximum, maximum)(random); };
     std::string all = "NavigationInfo { headlight FALSE } DirectionalLight { direction -.3 -.5 -1 shadows TRUE } ";
     for (int i = 0; i < 40; ++i) {
         const Vec3d at(next(3), next(3), next(2));
@@ -354,7 +354,7 @@ TEST(Layers, AViewpointThatViewsAllViewsAllOfItsLayer) {
 
 // 23.4.1, 23.4.3, 35.4.3: each layer has a viewpoint of its own, which is the viewer of what is in it.
 TEST(Layers, BillboardsAndLevelsAreForTheirOwnEyes) {
-    const std::string things =
+    const std::string items =
         "Billboard { axisOfRotation 0 1 0 children Transform { translation -.5 0 0 children " +
         square(.25, unlit("1 0 0")) +
         " } } LOD { range 20 children [ Transform { translation 0 .5 .5 children Transform { rotation 0 1 0 1.5707963 "
@@ -365,9 +365,9 @@ TEST(Layers, BillboardsAndLevelsAreForTheirOwnEyes) {
     LightScene s(
         "Viewpoint { position 0 0 50 } LayerSet { order [ 0 1 ] layers DEF L Layer { children [ NavigationInfo "
         "{ headlight FALSE } " +
-            eye + things + "] } }",
+            eye + items + "] } }",
         40, 40);
-    LightScene alone(eye + things, 40, 40);
+    LightScene alone(eye + items, 40, 40);
     for (int i = 0; i < 2; ++i) {
         const Picture p = s.picture(), expected = alone.picture();
         double red = 0, green = 0;

@@ -21,7 +21,7 @@ struct PixelBox {
 };
 /// The part of a rectangle in pixels that is in the picture.
 PixelBox pixelsIn(PixelBox b, int width, int height) {
-    const auto edge = [](double x, int most) { return std::clamp(std::ceil(x - .5), 0.0, double(most)); };
+    const auto edge = [](double x, int maximum) { return std::clamp(std::ceil(x - .5), 0.0, double(maximum)); };
     return {edge(b.left, width), edge(b.right, width), edge(b.bottom, height), edge(b.top, height)};
 }
 /// The box of the pixels that are redder than green; it must be full.
@@ -321,7 +321,7 @@ TEST(Layout, EachOfSeveralPicturesIsRight) {
     LightScene s(hud("align [ \"RIGHT\" \"TOP\" ] size [ 12.2 8.3 ] sizeUnits \"PIXEL\"", kUnit));
     LightRenderer::Options options;
     LightRenderer second(*s.world, options);
-    for (int turn = 0; turn < 2; ++turn)
+    for (int round = 0; round < 2; ++round)
         for (const auto& [width, height] : kPictureSizes) {
             s.options.settings.width = width, s.options.settings.height = height;
             const PixelBox expected =
@@ -476,7 +476,7 @@ TEST(Layout, ReadersGetStatesForTheirPictures) {
     // Two of them take turns.
     const auto high = renderer(30, 70);
     int wides = 0, highs = 0;
-    for (int turn = 0; turn < 10; ++turn) {
+    for (int round = 0; round < 10; ++round) {
         const auto next = newest();
         ASSERT_TRUE(next);
         if (wide->renderFrame(*next)) ++wides, expectRight(*wide, 64, 32, .5);

@@ -170,9 +170,9 @@ TEST(LightTracer, OpaqueThingsBlockBesideAndBehindClearOnes) {
     };
     const std::string start =
         "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1"));
-    for (const std::string& things :
+    for (const std::string& items :
          {ball(2, "0") + ball(900, "0.5"), ball(2, "0") + ball(4, "0.5"), ball(2, "0.5") + ball(4, "0")})
-        EXPECT_EQ(LightScene(start + things).center().r, 0) << things;
+        EXPECT_EQ(LightScene(start + items).center().r, 0) << items;
     EXPECT_NEAR(LightScene(start + ball(2, "0.5") + ball(4, "0.5")).center().r, 1 / 16.0, 1e-5);
 }
 
@@ -270,11 +270,11 @@ TEST(LightTracer, PanesThatAreLeftOfCutOnesAllCountAndSoDoManyUnderAStrongLight)
 // A pane that is there twice is one, as it is for an eye; what is opaque blocks wherever it is, also in a clear thing's
 // place.
 TEST(LightTracer, OpaqueThingsBlockInTheirPlaceOfClearOnes) {
-    const auto lit = [](const std::string& things) {
+    const auto lit = [](const std::string& items) {
         return LightScene(
                    "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] } DirectionalLight { direction 0 0 "
                    "-1 }" +
-                   square(100, matte("1 1 1")) + "Transform { translation 0 0 2 children [" + things + "] }")
+                   square(100, matte("1 1 1")) + "Transform { translation 0 0 2 children [" + items + "] }")
             .center()
             .r;
     };
@@ -369,11 +369,11 @@ TEST(LightTracer, BackMaterialsLetLightThroughAsTheyAreSeenThrough) {
         "material Material { transparency 1 } backMaterial Material { diffuseColor 0 0 0 }";
     const char* const clearBehind =
         "material Material { diffuseColor 0 0 0 } backMaterial Material { transparency .75 diffuseColor 0 0 0 }";
-    const auto lit = [](const char* material, double turn, Integrator integrator) {
-        LightScene s(
-            "Viewpoint { position 3 0 6 orientation 0 1 0 .4636476 } DirectionalLight { direction 0 0 -1 }" +
-            square(100, matte("1 1 1")) +
-            fmt::format("Transform {{ translation 0 0 2 rotation 0 1 0 {} children {} }}", turn, square(.5, material)));
+    const auto lit = [](const char* material, double angle, Integrator integrator) {
+        LightScene s("Viewpoint { position 3 0 6 orientation 0 1 0 .4636476 } DirectionalLight { direction 0 0 -1 }" +
+                     square(100, matte("1 1 1")) +
+                     fmt::format("Transform {{ translation 0 0 2 rotation 0 1 0 {} children {} }}", angle,
+                                 square(.5, material)));
         s.options.settings.integrator = integrator;
         s.options.settings.colorSpace = ColorSpace::linear;
         return s.center().r;
@@ -446,12 +446,12 @@ TEST(LightShadows, NoFacetsAtTheEdgeOfABallsShadow) {
         "translation 3 .6 .9 children Shape { geometry Box { size .1 9 9 } } }" +
             ball,
         40, 40);
-    double most = 0;
+    double maximum = 0;
     const Picture p = s.picture();
     for (int y = 0; y < 40; ++y)
         for (int x = 10; x < 30; ++x)
-            if (std::hypot(x - 19.5, y - 19.5) < 9) most = std::max(most, double{p.at(x, y).r});
-    EXPECT_EQ(most, 0);
+            if (std::hypot(x - 19.5, y - 19.5) < 9) maximum = std::max(maximum, double{p.at(x, y).r});
+    EXPECT_EQ(maximum, 0);
 }
 
 }  // namespace

@@ -127,7 +127,7 @@ TEST(LightTables, TheCoordinatesOfATextureFollowMaterialAndMesh) {
 
 TEST(LightTables, AMappingThatNoCoordinatesHaveIsNamedWithItsLine) {
     LightScene s(kMapped);
-    const auto told = [&] {
+    const auto reported = [&] {
         std::string all;
         const Diagnostics found = s.light->diagnostics();
         for (const Diagnostic& d : found.all()) all += d.format() + "\n";
@@ -141,14 +141,15 @@ TEST(LightTables, AMappingThatNoCoordinatesHaveIsNamedWithItsLine) {
     // Both at once: what holds in between is nothing to tell of.
     ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("C")));
     map("C");
-    EXPECT_EQ(told(), "");
+    EXPECT_EQ(reported(), "");
     map("uv2");
-    EXPECT_THAT(told(), testing::AllOf(testing::HasSubstr("7:36: "), testing::HasSubstr("warning: UnlitMaterial M"),
-                                       testing::HasSubstr("IndexedFaceSet has no texture coordinates of the mapping "
-                                                          "\"uv2\"")));
-    const std::string once = told();
+    EXPECT_THAT(reported(),
+                testing::AllOf(testing::HasSubstr("7:36: "), testing::HasSubstr("warning: UnlitMaterial M"),
+                               testing::HasSubstr("IndexedFaceSet has no texture coordinates of the mapping "
+                                                  "\"uv2\"")));
+    const std::string once = reported();
     map("C"), map("uv2");
-    EXPECT_EQ(told(), once);
+    EXPECT_EQ(reported(), once);
 }
 
 // A Box's coordinates have no name that a file could give; the mapping says which transform is meant.
@@ -322,7 +323,7 @@ class RandomInlines {
 
 // Without a word, Groups in place of Inlines are lit as these were.
 TEST(LightTables, WhatFlattenInlinesSaysNothingOfIsLitTheSame) {
-    int silent = 0, told = 0, dark = 0;
+    int silent = 0, reported = 0, dark = 0;
     for (unsigned seed = 0; seed < 300; ++seed) {
         const TempFolder own;
         const std::filesystem::path main = own.path() / "main.x3dv";
@@ -343,7 +344,7 @@ TEST(LightTables, WhatFlattenInlinesSaysNothingOfIsLitTheSame) {
         ASSERT_EQ(flat.find("Inline"), flat.npos);
         if (!problems.all().empty()) {
             EXPECT_NE(problems.all()[0].text.find("shines beyond"), std::string::npos) << problems.all()[0].format();
-            ++told;
+            ++reported;
             continue;
         }
         ++silent;
@@ -370,7 +371,7 @@ TEST(LightTables, WhatFlattenInlinesSaysNothingOfIsLitTheSame) {
         dark += any ? 0 : 1;
     }
     EXPECT_GT(silent - dark, 60);
-    EXPECT_GT(told, 10);
+    EXPECT_GT(reported, 10);
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ TEST(LightTracer, MirrorCorridorIsFollowedUntilNothingIsLeft) {
     s.options.settings.maxDepth = 8;
     EXPECT_NEAR(s.center().r, 0.5 * (1 - std::pow(0.9, 9)), 1e-5);
     EXPECT_NEAR(s.stats.missing, std::pow(0.9, 9), 1e-5);
-    EXPECT_NEAR(s.stats.missingMost, std::pow(0.9, 9), 1e-5);
+    EXPECT_NEAR(s.stats.missingMaximum, std::pow(0.9, 9), 1e-5);
     s.center();
     ASSERT_EQ(s.light->diagnostics().all().size(), 1u) << "once";
     EXPECT_NE(s.light->diagnostics().all()[0].text.find("39 % of a pixel's light is missing"), std::string::npos)

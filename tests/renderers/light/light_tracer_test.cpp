@@ -384,12 +384,12 @@ TEST(LightTracer, ProgressIsToldAndMayCancel) {
     LightScene s("Shape { geometry Sphere { } }", 640, 480);
     std::atomic<int> within{0}, calls{0};
     std::atomic<bool> together{false};
-    double most = 0;
+    double maximum = 0;
     s.options.settings.progress = [&](double done) {
         if (++within > 1) together = true;
         EXPECT_GT(done, 0);
         EXPECT_LE(done, 1);
-        most = std::max(most, done);
+        maximum = std::max(maximum, done);
         ++calls;
         --within;
         return true;
@@ -398,7 +398,7 @@ TEST(LightTracer, ProgressIsToldAndMayCancel) {
     EXPECT_FALSE(s.stats.cancelled);
     EXPECT_FALSE(together);
     EXPECT_GT(calls, 10);
-    EXPECT_GT(most, .5);
+    EXPECT_GT(maximum, .5);
     s.options.settings.progress = [&](double) { return false; };
     const Picture some = s.picture();
     EXPECT_TRUE(s.stats.cancelled);

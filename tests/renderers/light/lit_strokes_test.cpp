@@ -21,7 +21,7 @@ struct LitScene : LightScene {
         options.settings.colorSpace = ColorSpace::linear;
         options.settings.samplesPerPixel = 1;
     }
-    static Vec3d place(int x, int y) { return {(x - 20) / 20., (20 - y) / 20., 10}; }
+    static Vec3d position(int x, int y) { return {(x - 20) / 20., (20 - y) / 20., 10}; }
 };
 
 /// In linear light, as in Material.
@@ -92,16 +92,16 @@ TEST(LitStrokes, FollowTheLightingEquation) {
         int checked = 0;
         for (int x = 0; x < 41; ++x)
             for (int y = 0; y < 41; ++y) {
-                const Vec3d eye = LitScene::place(x, y);
+                const Vec3d eye = LitScene::position(x, y);
                 const Vec2d along(b - a), apart = Vec2d(eye) - Vec2d(a);
                 const double u = glm::dot(apart, along) / glm::dot(along, along);
                 if (u < .02 || u > .98 || glm::length(apart - along * u) > 3.2 * .05) continue;
-                const Vec3d place(eye.x, eye.y, glm::mix(a.z, b.z, u)), way = lamp - place;
-                const double far = glm::length(way);
+                const Vec3d position(eye.x, eye.y, glm::mix(a.z, b.z, u)), displacement = lamp - position;
+                const double far = glm::length(displacement);
                 const Vec3d point = Vec3d(1, .5, 1) * .7 / (1 + .1 * far + .2 * far * far);
                 const Vec3d sun(.2, .4, 1);  // lights' colours are light
                 const Vec3d right = reflectedBy(m, glm::mix(na, nb, u), kView,
-                                                {{way / far, point, .2 / .7}, {-glm::normalize(from), sun}});
+                                                {{displacement / far, point, .2 / .7}, {-glm::normalize(from), sun}});
                 expectColor(Vec3f(p.at(x, y)), right, 2e-4 + 2e-3 * glm::length(right));
                 ++checked;
             }
@@ -248,8 +248,8 @@ TEST(LitStrokes, WithoutNormalsOrWithUnlitMaterialTheyShine) {
 
 // Many short pieces under grazing light, and points side by side, throw no shadows upon each other; other things do.
 TEST(LitStrokes, AreInTheShadowOfOthersAlone) {
-    std::string places, normals, index;
-    for (int i = 0; i <= 200; ++i) places += fmt::format("{} 0 0, ", i / 100. - 1), normals += "0 0 1, ";
+    std::string positions, normals, index;
+    for (int i = 0; i <= 200; ++i) positions += fmt::format("{} 0 0, ", i / 100. - 1), normals += "0 0 1, ";
     for (const Integrator integrator : {Integrator::whitted, Integrator::path})
         for (const char* kind : {"LineSet { vertexCount 201", "PointSet {"})
             for (const double slant : {0., 1., 5., 20.})
@@ -259,7 +259,7 @@ TEST(LitStrokes, AreInTheShadowOfOthersAlone) {
                         "DirectionalLight {{ direction {} 0 -1 shadows TRUE }} Shape {{ appearance Appearance {{ "
                         "material {} {} }} geometry {} coord Coordinate {{ point [ {} ] }} normal Normal {{ vector [ "
                         "{} ] }} }} }}",
-                        slant, kWhiteMatte, style(hidden ? 3 : 9), kind, places, normals);
+                        slant, kWhiteMatte, style(hidden ? 3 : 9), kind, positions, normals);
                     // Beside the line, so that it does not hide it from the eye.
                     if (hidden && slant == 0) continue;
                     if (hidden)
@@ -375,17 +375,17 @@ TEST(LitStrokes, LeaveTheirWidthBeforeAnyEye) {
     std::uniform_real_distribution<double> any(-1, 1);
     for (int i = 0; i < 60; ++i) {
         SCOPED_TRACE(i);
-        std::string places, normals;
+        std::string positions, normals;
         const Vec3d along = glm::normalize(Vec3d(1, any(random), any(random)));
         const Vec3d normal = glm::normalize(glm::cross(along, Vec3d(any(random), any(random), any(random))));
         Vec3d light = glm::normalize(Vec3d(any(random), any(random), any(random)));
         if (glm::dot(light, normal) < 0) light = -light;
         for (int k = 0; k <= 100; ++k)
-            places += spelled(along * (k / 50. - 1)) + ", ", normals += spelled(normal) + ", ";
+            positions += spelled(along * (k / 50. - 1)) + ", ", normals += spelled(normal) + ", ";
         const std::string shape = fmt::format(
             "Shape {{ appearance Appearance {{ material {} {} }} geometry LineSet {{ vertexCount 101 coord "
             "Coordinate {{ point [ {} ] }} normal Normal {{ vector [ {} ] }} }} }}",
-            kWhiteMatte, style(11), places, normals);
+            kWhiteMatte, style(11), positions, normals);
         const std::string eye = fmt::format(
             "Viewpoint {{ position {0} {1} 4 fieldOfView .7 centerOfRotation 0 0 0 "
             "orientation 0 1 0 {2} }} ",

@@ -156,9 +156,9 @@ TEST_F(Films, OfAnyKindShowTheSameWhateverWasAskedBefore) {
 }
 
 TEST_F(Films, AreHeardInStepWithTheirPictures) {
-    const auto soundOf = [&](const std::string& bytes, std::uint64_t most = 1 << 20) {
+    const auto soundOf = [&](const std::string& bytes, std::uint64_t maximum = 1 << 20) {
         std::ofstream(folder_.path() / "film", std::ios::binary | std::ios::trunc) << bytes;
-        return movieSound(*Resources(folder_.path()).open(folder_.path(), "film"), most);
+        return movieSound(*Resources(folder_.path()).open(folder_.path(), "film"), maximum);
     };
     const auto sound = soundOf(plainFilm(10, 10, 4, 2, 8000));
     ASSERT_TRUE(sound) << sound.error().format();
@@ -368,10 +368,10 @@ TEST_F(Films, ThatCannotBeShownAreNamed) {
         "Shape { appearance Appearance { texture MovieTexture { url \"data:video/mp4,nothing of the kind\" } }\n"
         "  geometry Box { } }");
     scene.picture();
-    std::string told;
-    for (const Diagnostic& d : scene.light->diagnostics().all()) told += d.text + "\n";
-    EXPECT_THAT(told, HasSubstr("MovieTexture shows no picture"));
-    EXPECT_THAT(told, HasSubstr("no film of a format that is read"));
+    std::string reported;
+    for (const Diagnostic& d : scene.light->diagnostics().all()) reported += d.text + "\n";
+    EXPECT_THAT(reported, HasSubstr("MovieTexture shows no picture"));
+    EXPECT_THAT(reported, HasSubstr("no film of a format that is read"));
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ Picture pictureOf(int step, int width = 32, int height = 16) {
     return picture;
 }
 
-class MadeFilms : public testing::Test {
+class WrittenFilms : public testing::Test {
   protected:
     std::string bytesOf(const std::string& name) const {
         std::ifstream file(folder_.path() / name, std::ios::binary);
@@ -57,7 +57,7 @@ class MadeFilms : public testing::Test {
     const test::TempFolder folder_;
 };
 
-TEST_F(MadeFilms, ShowTheirPicturesInTheirColours) {
+TEST_F(WrittenFilms, ShowTheirPicturesInTheirColours) {
     make("film.mp4", 10);
     auto movie = open("film.mp4");
     ASSERT_TRUE(movie) << movie.error().format();
@@ -77,14 +77,14 @@ TEST_F(MadeFilms, ShowTheirPicturesInTheirColours) {
     }
 }
 
-TEST_F(MadeFilms, AreTheSameBytesEachTime) {
+TEST_F(WrittenFilms, AreTheSameBytesEachTime) {
     make("one.mp4", 30);
     make("two.mp4", 30);
     EXPECT_EQ(bytesOf("one.mp4"), bytesOf("two.mp4"));
     EXPECT_EQ(bytesOf("one.mp4").substr(4, 4), "ftyp");
 }
 
-TEST_F(MadeFilms, HoldAPictureAsLongAsIsSaid) {
+TEST_F(WrittenFilms, HoldAPictureAsLongAsIsSaid) {
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
     ASSERT_TRUE(film);
     ASSERT_TRUE(film->add(pictureOf(2)));
@@ -119,7 +119,7 @@ std::vector<float> toneAndMark() {
     return samples;
 }
 
-TEST_F(MadeFilms, AreHeardFromTheirFirstPictureOn) {
+TEST_F(WrittenFilms, AreHeardFromTheirFirstPictureOn) {
     const std::vector<float> samples = toneAndMark();
     for (const std::string name : {"one.mp4", "two.mp4"}) {
         auto film = MovieWriter::create(folder_.path() / name, 32, 16, 25, MovieWriter::Sound::awaited);
@@ -153,7 +153,7 @@ TEST_F(MadeFilms, AreHeardFromTheirFirstPictureOn) {
     EXPECT_NEAR(mark, .5 * .64 * .375 * 480, .05 * .5 * .64 * .375 * 480);
 }
 
-TEST_F(MadeFilms, ThatAwaitSoundAreFilmsWithoutIt) {
+TEST_F(WrittenFilms, ThatAwaitSoundAreFilmsWithoutIt) {
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 25, MovieWriter::Sound::awaited);
     ASSERT_TRUE(film);
     for (int i = 0; i < 10; ++i) ASSERT_TRUE(film->add(pictureOf(i)));
@@ -163,7 +163,7 @@ TEST_F(MadeFilms, ThatAwaitSoundAreFilmsWithoutIt) {
     EXPECT_FALSE(movieSound(*Resources(folder_.path()).open(folder_.path(), "film.mp4"), 1 << 20));
 }
 
-TEST_F(MadeFilms, RefuseSoundThatTheyCannotHold) {
+TEST_F(WrittenFilms, RefuseSoundThatTheyCannotHold) {
     const std::vector<float> samples(4096);
     for (const auto& [rate, channels] : {std::pair(48000, 3), {48000, 0}, {12345, 2}, {0, 1}}) {
         auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 25, MovieWriter::Sound::awaited);
@@ -175,7 +175,7 @@ TEST_F(MadeFilms, RefuseSoundThatTheyCannotHold) {
     }
 }
 
-TEST_F(MadeFilms, LieOnBlackWhereTheyAreTransparent) {
+TEST_F(WrittenFilms, LieOnBlackWhereTheyAreTransparent) {
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
     ASSERT_TRUE(film);
     Picture picture = pictureOf(10);
@@ -189,7 +189,7 @@ TEST_F(MadeFilms, LieOnBlackWhereTheyAreTransparent) {
     EXPECT_NEAR(texelAt(**texture, 9, 9).g, 128, 4);
 }
 
-TEST_F(MadeFilms, RefuseWhatIsNone) {
+TEST_F(WrittenFilms, RefuseWhatIsNone) {
     const fs::path file = folder_.path() / "film.mp4";
     const auto odd = MovieWriter::create(file, 31, 16, 25);
     ASSERT_FALSE(odd);
@@ -210,7 +210,7 @@ TEST_F(MadeFilms, RefuseWhatIsNone) {
     EXPECT_FALSE(MovieWriter::isName("mp4"));
 }
 
-TEST_F(MadeFilms, AFullDiskIsSaid) {
+TEST_F(WrittenFilms, AFullDiskIsSaid) {
     fs::create_symlink("/dev/full", folder_.path() / "film.mp4");
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 320, 160, 25);
     Result<> done = film ? Result<>() : Result<>(std::unexpected(film.error()));

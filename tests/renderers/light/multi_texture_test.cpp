@@ -121,30 +121,31 @@ TEST(MultiTexture, LetsThroughWhatItsAlphaLeaves) {
 
 /// The share of white over black that is seen is the alpha that the stages made from a material that is half
 /// transparent (18.4.3: the first stage begins with the material's colour and alpha).
-double alphaMade(const std::string& multi, const char* transparency) {
+double alphaCreated(const std::string& multi, const char* transparency) {
     return seenTexture(multi, fmt::format("UnlitMaterial {{ transparency {} }}", transparency).c_str()).x;
 }
 
 TEST(MultiTexture, BeginsWithTheMaterialsAlpha) {
-    const auto made = [](const char* mode, int a, const char* more = "") {
-        return alphaMade(fmt::format("mode \"SELECTARG2, {}\" texture {} {}", mode, texel(9, 9, 9, a), more), ".2");
+    const auto created = [](const char* mode, int a, const char* more = "") {
+        return alphaCreated(fmt::format("mode \"SELECTARG2, {}\" texture {} {}", mode, texel(9, 9, 9, a), more), ".2");
     };
     const double alpha = 178 / 255., own = .8;
-    EXPECT_NEAR(made("REPLACE", 178), alpha, 1e-5);
-    EXPECT_NEAR(made("REPLACE", 255), 1, 1e-5);
-    EXPECT_NEAR(made("MODULATE", 178), alpha * own, 1e-5);
-    EXPECT_NEAR(made("MODULATE2X", 178), 1, 1e-5);
-    EXPECT_NEAR(made("ADDSIGNED", 178), alpha + own - .5, 1e-5);
-    EXPECT_NEAR(made("ADDSMOOTH", 178), alpha + (1 - alpha) * own, 1e-5);
-    EXPECT_NEAR(made("SELECTARG2", 178), own, 1e-5);
-    EXPECT_NEAR(made("BLENDDIFFUSEALPHA", 178), alpha * own + own * (1 - own), 1e-5);
-    EXPECT_NEAR(made("BLENDCURRENTALPHA", 178), alpha * own + own * (1 - own), 1e-5);
-    EXPECT_NEAR(made("BLENDTEXTUREALPHA", 178), alpha * alpha + own * (1 - alpha), 1e-5);
-    EXPECT_NEAR(made("BLENDFACTORALPHA", 178, "alpha .25"), alpha * .25 + own * .75, 1e-5);
-    EXPECT_NEAR(alphaMade("mode \"REPLACE, MODULATE\" source \"SPECULAR\" texture " + texel(255, 255, 255, 178), ".2"),
-                alpha * own, 1e-5);
+    EXPECT_NEAR(created("REPLACE", 178), alpha, 1e-5);
+    EXPECT_NEAR(created("REPLACE", 255), 1, 1e-5);
+    EXPECT_NEAR(created("MODULATE", 178), alpha * own, 1e-5);
+    EXPECT_NEAR(created("MODULATE2X", 178), 1, 1e-5);
+    EXPECT_NEAR(created("ADDSIGNED", 178), alpha + own - .5, 1e-5);
+    EXPECT_NEAR(created("ADDSMOOTH", 178), alpha + (1 - alpha) * own, 1e-5);
+    EXPECT_NEAR(created("SELECTARG2", 178), own, 1e-5);
+    EXPECT_NEAR(created("BLENDDIFFUSEALPHA", 178), alpha * own + own * (1 - own), 1e-5);
+    EXPECT_NEAR(created("BLENDCURRENTALPHA", 178), alpha * own + own * (1 - own), 1e-5);
+    EXPECT_NEAR(created("BLENDTEXTUREALPHA", 178), alpha * alpha + own * (1 - alpha), 1e-5);
+    EXPECT_NEAR(created("BLENDFACTORALPHA", 178, "alpha .25"), alpha * .25 + own * .75, 1e-5);
+    EXPECT_NEAR(
+        alphaCreated("mode \"REPLACE, MODULATE\" source \"SPECULAR\" texture " + texel(255, 255, 255, 178), ".2"),
+        alpha * own, 1e-5);
     // All of a material that is not there at all.
-    EXPECT_NEAR(alphaMade("mode \"SELECTARG2, REPLACE\" texture " + texel(9, 9, 9, 178), "1"), alpha, 1e-5);
+    EXPECT_NEAR(alphaCreated("mode \"SELECTARG2, REPLACE\" texture " + texel(9, 9, 9, 178), "1"), alpha, 1e-5);
 }
 
 TEST(MultiTexture, ShadowsHaveTheAlphaThatItMade) {
@@ -242,10 +243,10 @@ TEST(TextureCoordinateGenerator, EveryModeIsItsFormula) {
 
 TEST(TextureCoordinateGenerator, NoiseIsSmoothAndZeroAtWholeNumbers) {
     std::mt19937 random(1);
-    std::uniform_real_distribution<float> place(-300, 300);
+    std::uniform_real_distribution<float> coordinate(-300, 300);
     double sum = 0, squares = 0;
     for (int i = 0; i < 4000; ++i) {
-        const Vec3f at(place(random), place(random), place(random));
+        const Vec3f at(coordinate(random), coordinate(random), coordinate(random));
         EXPECT_EQ(trace::noiseAt(glm::floor(at)), 0);
         const float here = trace::noiseAt(at), near = trace::noiseAt(at + Vec3f(1e-3f, 0, 0));
         EXPECT_LE(std::abs(here), 1.04f);
@@ -258,7 +259,7 @@ TEST(TextureCoordinateGenerator, NoiseIsSmoothAndZeroAtWholeNumbers) {
 
 // ---- FillProperties -----------------------------------------------------------------------------------------------
 
-double litShare(const char* fill, bool behind = false) {
+double litFraction(const char* fill, bool behind = false) {
     LightScene s(
         "OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } " +
             square(10,
@@ -274,14 +275,14 @@ double litShare(const char* fill, bool behind = false) {
 
 TEST(FillProperties, HatchesInPixels) {
     for (const int style : {1, 2, 3, 4})
-        EXPECT_NEAR(litShare(fmt::format("hatchStyle {} hatchColor 1 0 0", style).c_str()), 1 / 8.0, .005) << style;
+        EXPECT_NEAR(litFraction(fmt::format("hatchStyle {} hatchColor 1 0 0", style).c_str()), 1 / 8.0, .005) << style;
     for (const int style : {5, 6})
-        EXPECT_NEAR(litShare(fmt::format("hatchStyle {} hatchColor 1 0 0", style).c_str()), 1 - 49 / 64.0, .01)
+        EXPECT_NEAR(litFraction(fmt::format("hatchStyle {} hatchColor 1 0 0", style).c_str()), 1 - 49 / 64.0, .01)
             << style;
-    EXPECT_EQ(litShare("hatched FALSE"), 0);
-    EXPECT_NEAR(litShare("filled FALSE hatchColor 1 0 0", true), 7 / 8.0, .005)
+    EXPECT_EQ(litFraction("hatched FALSE"), 0);
+    EXPECT_NEAR(litFraction("filled FALSE hatchColor 1 0 0", true), 7 / 8.0, .005)
         << "what is behind shows between the lines";
-    EXPECT_NEAR(litShare("filled FALSE hatched FALSE", true), 1, 1e-6);
+    EXPECT_NEAR(litFraction("filled FALSE hatched FALSE", true), 1, 1e-6);
 }
 
 // 12.4.2: nothing is drawn of it, so that it hides nothing that lies in its own place; lines have no inside.
@@ -314,13 +315,14 @@ TEST(ClearThings, ShadeAsTheyDoWhereverTheyAre) {
             "Transform { rotation 1 0 0 -1.5708 children [ " +
             square(12, matte("1 1 1")) + " ] }";
         std::mt19937 random(4);
-        std::uniform_real_distribution<double> place(-4, 4);
+        std::uniform_real_distribution<double> coordinate(-4, 4);
         for (int i = 0; i < 30; ++i)
             text += fmt::format(
                 "Transform {{ translation {} {} {} rotation .6 .8 0 {} children Shape {{ appearance Appearance {{ "
                 "material Material {{ "
                 "transparency {} }} }} geometry Box {{ size .8 .1 1 solid FALSE }} }} }}",
-                place(random), 2 + .3 * place(random), place(random), place(random), i < clear ? ".6" : "0");
+                coordinate(random), 2 + .3 * coordinate(random), coordinate(random), coordinate(random),
+                i < clear ? ".6" : "0");
         // Colours with alpha anywhere: then it is not known where to look.
         if (alphaColored)
             text +=

@@ -19,34 +19,34 @@ class Inputs {
   public:
     explicit Inputs(unsigned seed) : random_(seed) {
         for (int lane = 0; lane < 16; ++lane) {
-            rays.set(lane, {place(9), 0, glm::normalize(place(1)), number(.1f, 20)});
-            const Vec3f n = glm::normalize(place(1));
+            rays.set(lane, {position(9), 0, glm::normalize(position(1)), number(.1f, 20)});
+            const Vec3f n = glm::normalize(position(1));
             s.hits.normalX[lane] = n.x, s.hits.normalY[lane] = n.y, s.hits.normalZ[lane] = n.z;
             s.hits.u[lane] = number(0, .5f), s.hits.v[lane] = number(0, .5f);
             s.hits.triangle[lane] = static_cast<std::uint32_t>(lane * 7 % kTriangles);
             s.hits.instance[lane] = 0;
-            s.normal.set(lane, lane == 5 ? Vec3f(0) : number(.1f, 3) * place(1));
-            s.base.set(lane, glm::abs(place(1))), s.specular.set(lane, glm::abs(place(1)));
-            s.emissive.set(lane, glm::abs(place(1))), s.ambient.set(lane, glm::abs(place(1)));
+            s.normal.set(lane, lane == 5 ? Vec3f(0) : number(.1f, 3) * position(1));
+            s.base.set(lane, glm::abs(position(1))), s.specular.set(lane, glm::abs(position(1)));
+            s.emissive.set(lane, glm::abs(position(1))), s.ambient.set(lane, glm::abs(position(1)));
             s.exponent[lane] = lane == 3 ? 0 : number(0, 128);
             s.metallic[lane] = number(0, 1), s.roughness[lane] = number(0, 1);
         }
         s.mask = 0xFFFF & ~0x0210u;
         s.unlit = 0x0041;
-        for (Vec3f& v : values) v = place(2);
+        for (Vec3f& v : values) v = position(2);
         for (std::int32_t& i : index) i = static_cast<std::int32_t>(random_() % std::size(values));
-        instance.rayFromLocal = {place(2), place(2), place(2), place(50)};
-        instance.errorScale = 1.5f, instance.errorFloor = glm::abs(place(1e-6f));
-        normals.normalFromLocal = {place(2), place(2), place(2)};
+        instance.rayFromLocal = {position(2), position(2), position(2), position(50)};
+        instance.errorScale = 1.5f, instance.errorFloor = glm::abs(position(1e-6f));
+        normals.normalFromLocal = {position(2), position(2), position(2)};
         normals.values = &values[0].x, normals.index = index;
         normals.triangleStep = 3, normals.cornerStep = 1;
-        light.color = glm::abs(place(2)), light.ambient = glm::abs(place(1));
-        light.position = place(20), light.direction = glm::normalize(place(1));
+        light.color = glm::abs(position(2)), light.ambient = glm::abs(position(1));
+        light.position = position(20), light.direction = glm::normalize(position(1));
         light.attenuation = {.5f, .1f, .02f};
         light.radius = 40, light.beamWidth = .8f, light.cutOffAngle = 2.5f;
     }
     float number(float low, float high) { return std::uniform_real_distribution<float>(low, high)(random_); }
-    Vec3f place(float far) { return {number(-far, far), number(-far, far), number(-far, far)}; }
+    Vec3f position(float far) { return {number(-far, far), number(-far, far), number(-far, far)}; }
 
     static constexpr int kTriangles = 20;
     RayPacket16 rays{};
@@ -66,9 +66,9 @@ alignas(64) constexpr float kMiddles[16] = {.5f, .5f, .5f, .5f, .5f, .5f, .5f, .
 constexpr Light::Kind kKinds[] = {Light::Kind::directional, Light::Kind::point, Light::Kind::spot};
 
 /// Everything that is done to a packet, one after the other; what pixels get in the end.
-void runAll(const PacketKernels& k, Inputs& in, RayPacket16& made, RayPacket16& shadow, float* pixels) {
+void runAll(const PacketKernels& k, Inputs& in, RayPacket16& created, RayPacket16& shadow, float* pixels) {
     k.makeRays({32, 48, -.7f, .01f, .4f, .012f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 100}, 0xFF7F, kMiddles,
-               kMiddles, made);
+               kMiddles, created);
     k.fetchNormals(in.normals, 0x0F3C, in.s);
     k.finishGeometry(in.rays, in.s);
     k.findPoints(in.instance, in.values, in.index, 3, 0xFF0F, in.s);
@@ -102,11 +102,11 @@ TEST(PacketKernels, NumbersAreTheSameAtEitherWidth) {
     for (unsigned seed = 1; seed <= 200; ++seed) {
         SCOPED_TRACE(seed);
         auto narrow = std::make_unique<Inputs>(seed), wide = std::make_unique<Inputs>(seed);
-        RayPacket16 made[2]{}, shadow[2]{};
+        RayPacket16 created[2]{}, shadow[2]{};
         float pixels[2][4 * kTileSide * 4] = {};
-        runAll(packetKernels8(), *narrow, made[0], shadow[0], pixels[0]);
-        runAll(*packetKernels16(), *wide, made[1], shadow[1], pixels[1]);
-        EXPECT_EQ(std::memcmp(&made[0], &made[1], sizeof made[0]), 0);
+        runAll(packetKernels8(), *narrow, created[0], shadow[0], pixels[0]);
+        runAll(*packetKernels16(), *wide, created[1], shadow[1], pixels[1]);
+        EXPECT_EQ(std::memcmp(&created[0], &created[1], sizeof created[0]), 0);
         EXPECT_EQ(std::memcmp(&shadow[0], &shadow[1], sizeof shadow[0]), 0);
         EXPECT_EQ(std::memcmp(pixels[0], pixels[1], sizeof pixels[0]), 0);
         EXPECT_EQ(narrow->s.back, wide->s.back);
@@ -185,9 +185,9 @@ Vec3d reference(const TraceLight& light, const SurfacePacket& s, int lane, bool 
     Vec3d towards = -Vec3d(light.direction);
     double factor = 1;
     if (light.kind != Light::Kind::directional) {
-        const Vec3d way = Vec3d(light.position) - Vec3d(s.position.get(lane));
-        const double distance = glm::length(way);
-        towards = way / distance;
+        const Vec3d displacement = Vec3d(light.position) - Vec3d(s.position.get(lane));
+        const double distance = glm::length(displacement);
+        towards = displacement / distance;
         const Vec3d a(light.attenuation);
         factor = distance > light.radius ? 0 : 1 / std::max(a.x + a.y * distance + a.z * distance * distance, 1.0);
         if (light.kind == Light::Kind::spot) {

@@ -22,28 +22,27 @@ constexpr int kPreviewSide = 64;
 const std::string kLitFromAbove =
     "NavigationInfo { headlight FALSE } Viewpoint { position 0 1.5 6 } Background { skyColor [ 1 1 1, "
     ".1 .1 .2 ] skyAngle 1.2 } ";
-std::string thing(const std::string& place, const std::string& material, const std::string& geometry) {
-    return "Transform { " + place + " children Shape { appearance Appearance { material " + material + " } geometry " +
-           geometry + " } } ";
+std::string item(const std::string& position, const std::string& material, const std::string& geometry) {
+    return "Transform { " + position + " children Shape { appearance Appearance { material " + material +
+           " } geometry " + geometry + " } } ";
 }
 /// A mirror with narrow stripes before it, and a matte floor.
 std::string mirrors() {
     std::string all = kLitFromAbove +
-                      thing("translation 0 1.5 -1",
-                            "Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
-                            "\"RTSG\" value 1 } }",
-                            "Box { size 6 4 .1 }") +
-                      thing("translation 0 -.55 0", "Material { diffuseColor .7 .7 .7 }", "Box { size 12 .1 12 }");
+                      item("translation 0 1.5 -1",
+                           "Material { diffuseColor 0 0 0 metadata MetadataFloat { name \"reflectivity\" reference "
+                           "\"RTSG\" value 1 } }",
+                           "Box { size 6 4 .1 }") +
+                      item("translation 0 -.55 0", "Material { diffuseColor .7 .7 .7 }", "Box { size 12 .1 12 }");
     for (int i = -6; i <= 6; ++i)
-        all += thing(fmt::format("translation {} 1.5 7.5", .5 * i),
-                     i % 2 ? "Material { diffuseColor .9 .8 .2 }" : "Material { diffuseColor .1 .2 .6 }",
-                     "Box { size .25 3 .1 }");
+        all += item(fmt::format("translation {} 1.5 7.5", .5 * i),
+                    i % 2 ? "Material { diffuseColor .9 .8 .2 }" : "Material { diffuseColor .1 .2 .6 }",
+                    "Box { size .25 3 .1 }");
     return all;
 }
 std::string matteRoom() {
-    return kLitFromAbove +
-           thing("translation 0 -.55 0", "Material { diffuseColor .7 .7 .7 }", "Box { size 12 .1 12 }") +
-           thing("translation 0 .5 0", "Material { diffuseColor .8 .3 .2 }", "Sphere { }");
+    return kLitFromAbove + item("translation 0 -.55 0", "Material { diffuseColor .7 .7 .7 }", "Box { size 12 .1 12 }") +
+           item("translation 0 .5 0", "Material { diffuseColor .8 .3 .2 }", "Sphere { }");
 }
 
 struct Traced : LightScene {
@@ -224,18 +223,18 @@ TEST(PathPreviews, TilesAreJudgedAsTheFormulasSay) {
         for (const double samples : {8, 11}) {
             const Picture best = preview.best(), mean = preview.mean();
             const ShownTiles tiles(a, b, cleanA, cleanB, 8 / samples);
-            double most = 0, sum = 0;
+            double maximum = 0, sum = 0;
             for (int y = 0; y < of.height; ++y)
                 for (int x = 0; x < of.width; ++x) {
-                    const double share = tiles.ofPixel(x, y);
-                    sum += share;
+                    const double fraction = tiles.ofPixel(x, y);
+                    sum += fraction;
                     for (int c = 0; c < 3; ++c) {
                         const double clean = (double{cleanA.at(x, y)[c]} + double{cleanB.at(x, y)[c]}) / 2;
-                        const double expected = std::lerp(double{mean.at(x, y)[c]}, clean, share);
-                        most = std::max(most, std::abs(expected - double{best.at(x, y)[c]}));
+                        const double expected = std::lerp(double{mean.at(x, y)[c]}, clean, fraction);
+                        maximum = std::max(maximum, std::abs(expected - double{best.at(x, y)[c]}));
                     }
                 }
-            EXPECT_LT(most, 1e-5) << of.width << " " << samples;
+            EXPECT_LT(maximum, 1e-5) << of.width << " " << samples;
             EXPECT_NEAR(preview.denoised(), sum / of.width / of.height, 1e-6);
             EXPECT_TRUE(tiles.anyPlain()) << "else this picture shows nothing";
             if (of.width % 16 == 0)

@@ -207,18 +207,18 @@ TEST(PathTracer, SurfacesSideBySideShowWhatTheyShowOneByOne) {
 TEST(PathTracer, IrradianceOfAPanelIsItsFormFactor) {
     const struct {
         double x, z, factor;
-    } places[] = {{0, 0, 0.5541264}, {1, 1, 0.2077571}};
-    for (const auto& place : places) {
+    } points[] = {{0, 0, 0.5541264}, {1, 1, 0.2077571}};
+    for (const auto& position : points) {
         LightScene s(
             fmt::format("Viewpoint {{ position {0} 0.5 {1} orientation 1 0 0 -1.5707963 fieldOfView 0.002 }} Shape {{ "
                         "appearance Appearance {{ material Material {{ diffuseColor {2} {2} {2} }} }} geometry ",
-                        place.x, place.z, field(0.6)) +
+                        position.x, position.z, field(0.6)) +
                 "IndexedFaceSet { solid FALSE coordIndex [0 1 2 3 -1] coord Coordinate { point [-20 0 20, 20 0 20, 20 "
                 "0 -20, -20 0 -20] } } }"
                 "Shape { appearance Appearance { material UnlitMaterial { } } geometry IndexedFaceSet { solid FALSE "
                 "coordIndex [0 1 2 3 -1] coord Coordinate { point [-1 1 1, 1 1 1, 1 1 -1, -1 1 -1] } } }",
             16, 16);
-        expectMean(mean(s, 256), 0.6 * place.factor, 0.0005);
+        expectMean(mean(s, 256), 0.6 * position.factor, 0.0005);
     }
 }
 
@@ -251,18 +251,18 @@ TEST(PathTracer, PolishedAndGlassyThingsVanishInAWhiteSky) {
 TEST(PathTracer, RoughSurfacesDoNotCreateLight) {
     const struct {
         const char* material;
-        double least;
+        double minimum;
     } cases[] = {{"PhysicalMaterial { metallic 1 roughness 0.4 }", 0.95},
                  {"PhysicalMaterial { metallic 1 roughness 1 }", 0.3},
                  {"PhysicalMaterial { metallic 0 roughness 0.5 }", 0.9}};
-    for (const auto& [material, least] : cases) {
+    for (const auto& [material, minimum] : cases) {
         LightScene s(fmt::format("Viewpoint {{ position 0 0 4 fieldOfView 0.3 }} Background {{ skyColor 1 1 1 }} Shape "
                                  "{{ appearance Appearance {{ material {} }} geometry Sphere {{ }} }}",
                                  material),
                      16, 16);
         const Mean m = mean(s, 128);
         EXPECT_LE(m.color.r, 1.003 + 4 * m.error) << material;
-        EXPECT_GE(m.color.r, least) << material;
+        EXPECT_GE(m.color.r, minimum) << material;
     }
 }
 
@@ -486,7 +486,7 @@ TEST(PathTracer, BacksOfClearSolidsCoverNothing) {
 }
 
 /// Some dim or unlit things, opaque and clear, with what fogs, cuts and lights them.
-std::string thingsInFog(unsigned seed) {
+std::string itemsInFog(unsigned seed) {
     std::mt19937 random(seed);
     const auto between = [&](double low, double high) { return low + (high - low) * (random() / 4294967296.0); };
     const auto one = [&](std::initializer_list<const char*> list) { return *(list.begin() + random() % list.size()); };
@@ -515,7 +515,7 @@ std::string thingsInFog(unsigned seed) {
 // Anything that bounces add nothing to is the same in both integrators: fog, transparent surfaces, shadows, clipping.
 TEST(PathTracer, AgreesWithWhittedWhereLittleIsReflected) {
     for (unsigned seed = 1; seed <= 16; ++seed) {
-        LightScene s(thingsInFog(seed), 32, 32);
+        LightScene s(itemsInFog(seed), 32, 32);
         s.options.settings.colorSpace = ColorSpace::linear;
         s.options.settings.samplesPerPixel = 64;
         const Picture direct = s.picture();

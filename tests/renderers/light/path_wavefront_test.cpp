@@ -14,10 +14,10 @@ namespace {
 using namespace test;
 
 /// The same picture in stages and by packets.
-struct BothWays {
+struct BothPaths {
     Picture stages, packets;
     RenderStats stagesStats, packetsStats;
-    explicit BothWays(const std::string& body, int samples = 16, float error = 0, int side = 37) {
+    explicit BothPaths(const std::string& body, int samples = 16, float error = 0, int side = 37) {
         const trace::PathParts before = trace::pathParts();
         for (const bool inStages : {true, false}) {
             trace::pathParts().wavefronts = inStages;
@@ -100,7 +100,7 @@ TEST(Wavefront, ShowsWhatPacketsShow) {
     };
     for (const auto& [name, body] : scenes) {
         SCOPED_TRACE(name);
-        const BothWays both(body);
+        const BothPaths both(body);
         EXPECT_LT(both.apart(), .03);
         EXPECT_NEAR(both.mean(both.stages), both.mean(both.packets), .002 * both.mean(both.packets));
         EXPECT_GT(both.mean(both.stages), .002);
@@ -118,15 +118,15 @@ TEST(Wavefront, LeavesOutWhatTheEyesPlanesCut) {
         std::string body = room("");
         const std::string eye = "Viewpoint { position 0 0 1.4";
         body.replace(body.find(eye), eye.size(), eye + " " + planes);
-        return BothWays(body, 4);
+        return BothPaths(body, 4);
     };
-    const BothWays cut = seen("nearDistance 1.3"), whole = seen("");
+    const BothPaths cut = seen("nearDistance 1.3"), whole = seen("");
     EXPECT_EQ(cut.stages.pixels, cut.packets.pixels);
     EXPECT_GT(std::abs(cut.mean(cut.stages) - whole.mean(whole.stages)), .01 * whole.mean(whole.stages));
 }
 
 TEST(Wavefront, StopsWherePacketsStop) {
-    const BothWays both(room(""), 1 << 12, .1f);
+    const BothPaths both(room(""), 1 << 12, .1f);
     EXPECT_NEAR(both.stagesStats.samples, both.packetsStats.samples, .01 * both.packetsStats.samples);
     EXPECT_NEAR(both.stagesStats.error, both.packetsStats.error, .01 * both.packetsStats.error);
 }
@@ -137,7 +137,7 @@ TEST(Wavefront, FollowsPathsThroughThousandsOfBounces) {
         SCOPED_TRACE(largeFirst);
         const trace::PathParts before = trace::pathParts();
         trace::pathParts().roulette = 0x1p-20f, trace::pathParts().largeFirst = largeFirst;
-        const BothWays both(
+        const BothPaths both(
             "Viewpoint { position 0 0 .4 } Shape { appearance Appearance { material Material { diffuseColor .995 .995 "
             ".995 emissiveColor .01 .01 .01 } } geometry Box { size 2 2 2 solid FALSE } }",
             2, 0, 13);
@@ -156,9 +156,9 @@ TEST(Wavefront, ShowsTheSameByLargeTrianglesFirst) {
         trace::pathParts().largeFirst = largeFirst;
         LightScene s(room(""), 37, 35);
         s.options.settings.integrator = Integrator::path, s.options.settings.samplesPerPixel = 16;
-        const Picture made = s.picture();
+        const Picture created = s.picture();
         stats = s.stats, trace::pathParts() = before;
-        return made;
+        return created;
     };
     RenderStats large, trees;
     const Picture a = picture(true, large), b = picture(false, trees);

@@ -65,7 +65,7 @@ TEST(PlainSurfaces, AreOpaqueAndOfOneMaterialWithoutTextures) {
 }
 
 /// Things of all kinds of normals, some of them mirrored, flattened and far out.
-std::string things() {
+std::string items() {
     std::string body;
     for (int i = 0; i < 9; ++i)
         body += fmt::format(
@@ -131,17 +131,17 @@ void expectAsAlone(const PlainScene& scene, const std::pair<Ray, Hit>* eight) {
 }
 
 TEST(PlainSurfaces, OfEightInstancesAreWhatEachIsAlone) {
-    const PlainScene scene(things());
+    const PlainScene scene(items());
     const auto found = shoot(*scene.traced.world, Vec3f(0), 6, 800);
     ASSERT_EQ(found.size(), 800u);
     for (std::size_t first = 0; first < found.size(); first += 8) expectAsAlone(scene, &found[first]);
 }
 
 TEST(PlainSurfaces, OfOneInstanceAreWhatEachIsAlone) {
-    const PlainScene scene(things());
-    for (int thing = 0; thing < 9; ++thing) {
-        const Vec3f middle(static_cast<float>(thing % 3 - 1) * 3, static_cast<float>(thing / 3 - 1) * 3,
-                           thing == 4 ? -400.0f : 0.0f);
+    const PlainScene scene(items());
+    for (int item = 0; item < 9; ++item) {
+        const Vec3f middle(static_cast<float>(item % 3 - 1) * 3, static_cast<float>(item / 3 - 1) * 3,
+                           item == 4 ? -400.0f : 0.0f);
         // From within, all meet the same.
         const auto found = shoot(*scene.traced.world, middle, .1f, 80);
         ASSERT_EQ(found.size(), 80u);

@@ -55,8 +55,8 @@ struct Sighted : LightScene {
     SurfaceTables tables;
 };
 
-std::string at(const char* place, const std::string& what) {
-    return std::string("Transform { translation ") + place + " children " + what + " }\n";
+std::string at(const char* position, const std::string& what) {
+    return std::string("Transform { translation ") + position + " children " + what + " }\n";
 }
 std::string ball(const std::string& material) {
     return "Shape { appearance Appearance { " + material + " } geometry Sphere { } }";
@@ -190,8 +190,8 @@ TEST(PrimarySights, SamplesLieWhereTheRasteriserHasThem) {
     Sighted s(kScene);
     PrimarySight sight = s.sight();
     sight.instances.assign(sight.instances.size(), kUnnamedInstance);
-    const auto through = [&](Vec2d place) {
-        sight.place = place;
+    const auto through = [&](Vec2d point) {
+        sight.position = point;
         auto drawn = s.hybrid(sight);
         EXPECT_TRUE(drawn);
         return drawn ? std::move(*drawn) : Picture(48, 36);
@@ -223,7 +223,7 @@ TEST(PrimarySights, ThoseOfAnotherPictureAreErrors) {
     refused([](PrimarySight& o, RenderSettings&) { o.width = 47; }, "48 x 36");
     refused([](PrimarySight& o, RenderSettings&) { o.colors.pop_back(); }, "48 x 36");
     refused([](PrimarySight& o, RenderSettings&) { o.depths.clear(); }, "48 x 36");
-    refused([](PrimarySight& o, RenderSettings&) { o.place.x = std::nan(""); }, "no place");
+    refused([](PrimarySight& o, RenderSettings&) { o.position.x = std::nan(""); }, "no place");
     refused([](PrimarySight& o, RenderSettings&) { o.samples = 0; }, "no place");
     refused([](PrimarySight&, RenderSettings& r) { r.samplesPerPixel = 4; }, "several samples");
     refused([](PrimarySight&, RenderSettings& r) { r.integrator = Integrator::path; }, "paths");

@@ -20,17 +20,17 @@ namespace {
 
 using namespace test;
 
-std::string boxAt(const char* place, const char* size, const std::string& appearance) {
+std::string boxAt(const char* position, const char* size, const std::string& appearance) {
     return fmt::format(
         "Transform {{ translation {} children Shape {{ appearance Appearance {{ {} }} geometry Box {{ size {} }} }} "
         "}}\n",
-        place, appearance, size);
+        position, appearance, size);
 }
-std::string ballAt(const char* place, double radius, const std::string& appearance) {
+std::string ballAt(const char* position, double radius, const std::string& appearance) {
     return fmt::format(
         "Transform {{ translation {} children Shape {{ appearance Appearance {{ {} }} geometry Sphere {{ radius {} }} "
         "}} }}\n",
-        place, appearance, radius);
+        position, appearance, radius);
 }
 std::string shining(double radiance) {
     return unlit(fmt::format("{0} {0} {0}", srgbFromLinear(static_cast<float>(radiance))).c_str());
@@ -84,9 +84,9 @@ std::string plainRoom() {
     return fiveWalls() + shiningPanel(.5, 1.98, shining(4)) + boxAt("-.3 .5 0", ".5 1 .5", kMatte);
 }
 
-void toError(LightScene& s, float error, int most = 1 << 14) {
+void toError(LightScene& s, float error, int maximum = 1 << 14) {
     s.options.settings.integrator = Integrator::path;
-    s.options.settings.samplesPerPixel = most, s.options.settings.error = error;
+    s.options.settings.samplesPerPixel = maximum, s.options.settings.error = error;
 }
 
 const struct {
@@ -150,32 +150,32 @@ TEST(RareLight, AnErrorThatIsReachedIsTheTrueOne) {
         s.options.settings.seed = 1'000'003;
         const Picture truth = s.picture();
         const double floor = kErrorFloor * averageLight(truth);
-        double squares = 0, told = 0;
+        double squares = 0, reported = 0;
         toError(s, error);
         for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
             s.options.settings.seed = seed;
             const Picture p = s.picture();
             EXPECT_EQ(s.stats.error > double{error}, s.stats.unreached > 0) << seed;
-            told += s.stats.error * s.stats.error / kSeeds;
+            reported += s.stats.error * s.stats.error / kSeeds;
             for (std::size_t i = 0; i < p.pixels.size(); ++i)
                 squares += std::pow((p.pixels[i].g - truth.pixels[i].g) / (truth.pixels[i].g + floor), 2) /
                            (kSeeds * double(p.pixels.size()));
         }
-        EXPECT_LT(std::sqrt(squares / told), 1.1);
+        EXPECT_LT(std::sqrt(squares / reported), 1.1);
     }
 }
 
 // ---- what light meets first -----------------------------------------------------------------------------------------
 
 TEST(RareLight, BehindGlassAndMirrorsIsTold) {
-    const auto shareIn = [](const std::string& scene) {
+    const auto fractionIn = [](const std::string& scene) {
         LightScene s(scene, 16, 16);
         toError(s, 1000, 8);
         (void)s.picture();
         return s.stats.hiddenLight;
     };
-    EXPECT_EQ(shareIn(bulb()), 1);
-    EXPECT_EQ(shareIn(plainRoom()), 0);
+    EXPECT_EQ(fractionIn(bulb()), 1);
+    EXPECT_EQ(fractionIn(plainRoom()), 0);
     // A disk that its axis meets takes sin^2 of half its angle from a small lamp that shines to all sides.
     const std::string lamp = "Viewpoint { position 0 3 9 } " + ballAt("0 2 0", .01, shining(100));
     const auto disk = [](const std::string& appearance) {
@@ -184,8 +184,8 @@ TEST(RareLight, BehindGlassAndMirrorsIsTold) {
     };
     const double expected = std::pow(std::sin(std::numbers::pi / 8), 2);
     for (const std::string& appearance : {glass(1.5), mirror(".9")})
-        EXPECT_NEAR(shareIn(lamp + disk(appearance)), expected, 4 * std::sqrt(expected / 4096));
-    EXPECT_EQ(shareIn(lamp + disk(kMatte)), 0);
+        EXPECT_NEAR(fractionIn(lamp + disk(appearance)), expected, 4 * std::sqrt(expected / 4096));
+    EXPECT_EQ(fractionIn(lamp + disk(kMatte)), 0);
 }
 
 // A place that sees a lamp through a slab alone: by most seeds no sample of the first ones meets it.
@@ -241,8 +241,8 @@ class RandomRoom {
             return fmt::format("{} {} {}", x * length, y * length, z * length);
         };
         std::string text = fmt::format("Viewpoint {{ position {} fieldOfView .7 }}\n", l(0, 1, 3.4));
-        const auto box = [&](const std::string& place, const std::string& size) {
-            text += boxAt(place.c_str(), size.c_str(), kMatte);
+        const auto box = [&](const std::string& position, const std::string& size) {
+            text += boxAt(position.c_str(), size.c_str(), kMatte);
         };
         box(l(0, -.01, 0), l(2, .02, 2)), box(l(0, 2.01, 0), l(2, .02, 2)), box(l(0, 1, -1.01), l(2, 2, .02));
         box(l(-1.01, 1, 0), l(.02, 2, 2)), box(l(1.01, 1, 0), l(.02, 2, 2));

@@ -74,7 +74,7 @@ void expectSamePictures(const Picture& whole, const Picture& joined, const std::
 class Regions : public testing::Test {
   protected:
     std::mt19937 random{20261130};
-    int pick(int least, int most) { return std::uniform_int_distribution(least, most)(random); }
+    int pick(int minimum, int maximum) { return std::uniform_int_distribution(minimum, maximum)(random); }
 
     /// Edges of a random division, wherever they fall.
     std::vector<int> edges(int size) {
@@ -242,9 +242,10 @@ TEST_F(Regions, OutsideOfThePictureAreRefused) {
     for (const PixelRegion region :
          {PixelRegion{0, 0, 21, 10}, {-1, 0, 5, 5}, {0, 6, 5, 5}, {3, 3, 0, 5}, {0, 0, 5, -1}, {2147483647, 0, 5, 5}}) {
         s.options.settings.region = region;
-        const auto made = s.light->picture(s.options);
-        ASSERT_FALSE(made);
-        EXPECT_NE(made.error().text.find("is not in a picture of 20 x 10"), std::string::npos) << made.error().text;
+        const auto created = s.light->picture(s.options);
+        ASSERT_FALSE(created);
+        EXPECT_NE(created.error().text.find("is not in a picture of 20 x 10"), std::string::npos)
+            << created.error().text;
     }
     s.options.settings.region = {0, 0, 5, 5}, s.options.stereo = Stereo::beside;
     EXPECT_FALSE(s.light->picture(s.options));

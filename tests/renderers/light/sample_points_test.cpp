@@ -20,21 +20,22 @@ using trace::PathRandom;
 
 TEST(HilbertIndex, IsAWayFromPixelToPixelThroughSquaresOfAllSizes) {
     constexpr std::uint32_t kBits = 4, kSide = 1u << kBits;
-    std::vector<std::pair<int, int>> way(kSide * kSide, {-1, -1});
+    std::vector<std::pair<int, int>> curve(kSide * kSide, {-1, -1});
     for (std::uint32_t y = 0; y < kSide; ++y)
         for (std::uint32_t x = 0; x < kSide; ++x) {
             const std::uint32_t at = hilbertIndex(x, y + 7 * kSide, kBits);  // the lowest bits count
-            ASSERT_LT(at, way.size());
-            ASSERT_EQ(way[at].first, -1) << "each once";
-            way[at] = {static_cast<int>(x), static_cast<int>(y)};
+            ASSERT_LT(at, curve.size());
+            ASSERT_EQ(curve[at].first, -1) << "each once";
+            curve[at] = {static_cast<int>(x), static_cast<int>(y)};
         }
-    for (std::size_t i = 1; i < way.size(); ++i)
-        EXPECT_EQ(std::abs(way[i].first - way[i - 1].first) + std::abs(way[i].second - way[i - 1].second), 1);
+    for (std::size_t i = 1; i < curve.size(); ++i)
+        EXPECT_EQ(std::abs(curve[i].first - curve[i - 1].first) + std::abs(curve[i].second - curve[i - 1].second), 1);
     for (const int side : {2, 4, 8})
-        for (std::size_t i = 0; i < way.size(); ++i) {
-            const auto& first = way[i / static_cast<std::size_t>(side * side) * static_cast<std::size_t>(side * side)];
-            EXPECT_EQ(way[i].first / side, first.first / side);
-            EXPECT_EQ(way[i].second / side, first.second / side);
+        for (std::size_t i = 0; i < curve.size(); ++i) {
+            const auto& first =
+                curve[i / static_cast<std::size_t>(side * side) * static_cast<std::size_t>(side * side)];
+            EXPECT_EQ(curve[i].first / side, first.first / side);
+            EXPECT_EQ(curve[i].second / side, first.second / side);
         }
 }
 

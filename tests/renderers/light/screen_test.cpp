@@ -44,14 +44,14 @@ TEST(ScreenGroup, HasItsSizeInPixelsWhereverItIs) {
     const char* eyes[] = {"Viewpoint { position 0 0 10 fieldOfView .6 } ",
                           "Viewpoint { position 0 0 40 fieldOfView 1.4 } ",
                           "OrthoViewpoint { position 0 0 7 fieldOfView [ -3 -3 3 3 ] } "};
-    const char* places[] = {"", "translation 0 0 -25", "scale 3 .2 7", "translation .3 .2 1 scale 20 20 20"};
+    const char* positions[] = {"", "translation 0 0 -25", "scale 3 .2 7", "translation .3 .2 1 scale 20 20 20"};
     for (const auto& [width, height] : kScreenSizes)
         for (const char* eye : eyes)
-            for (const char* place : places) {
+            for (const char* position : positions) {
                 const Extent e =
-                    extentOf(LightScene(kGreen + eye + screen(place, units(20.3, 12.4)), width, height).picture());
-                EXPECT_NEAR(e.width, 20, 1) << width << "x" << height << eye << place;
-                EXPECT_NEAR(e.height, 12, 1) << width << "x" << height << eye << place;
+                    extentOf(LightScene(kGreen + eye + screen(position, units(20.3, 12.4)), width, height).picture());
+                EXPECT_NEAR(e.width, 20, 1) << width << "x" << height << eye << position;
+                EXPECT_NEAR(e.height, 12, 1) << width << "x" << height << eye << position;
                 EXPECT_EQ(e.pixels, e.width * e.height);
             }
 }
@@ -154,15 +154,15 @@ TEST(ScreenFontStyle, IsInPoints) {
 
 /// How a point lies to a triangle: -1 outside, 1 inside, 0 too near to an edge to tell.
 int sideOfTriangle(const Vec2d& p, const std::array<Vec2d, 3>& t, double margin) {
-    double least = 1e9;
+    double minimum = 1e9;
     const auto across = [](const Vec2d& a, const Vec2d& b) { return a.x * b.y - a.y * b.x; };
-    const double turn = across(t[1] - t[0], t[2] - t[0]) < 0 ? -1 : 1;
+    const double angle = across(t[1] - t[0], t[2] - t[0]) < 0 ? -1 : 1;
     for (std::size_t i = 0; i < 3; ++i) {
         const Vec2d edge = t[(i + 1) % 3] - t[i];
         if (const double length = glm::length(edge); length > 0)
-            least = std::min(least, turn * across(edge, p - t[i]) / length);
+            minimum = std::min(minimum, angle * across(edge, p - t[i]) / length);
     }
-    return least > margin ? 1 : least < -margin ? -1 : 0;
+    return minimum > margin ? 1 : minimum < -margin ? -1 : 0;
 }
 
 // Each pixel is what its middle meets of the letters' triangles where their place and size in pixels put them, at whole
@@ -230,7 +230,7 @@ TEST(ScreenFontStyle, ComesAndGoesWithItsNode) {
     EXPECT_NEAR(covered(), ink(36), .05 * ink(36));
 }
 
-int timesTold(const LightScene& s, const std::string& text) {
+int timesReported(const LightScene& s, const std::string& text) {
     const Diagnostics all = s.world->diagnostics();
     return static_cast<int>(std::ranges::count(all.all(), text, &Diagnostic::text));
 }
@@ -239,7 +239,7 @@ int timesTold(const LightScene& s, const std::string& text) {
 
 TEST(Layout, BadValuesHaveStatedOutcomes) {
     struct Case {
-        const char *layout, *told;
+        const char *layout, *reported;
         double width;  // of the rectangle, as a share
     };
     const Case cases[] = {
@@ -259,7 +259,7 @@ TEST(Layout, BadValuesHaveStatedOutcomes) {
         EXPECT_EQ(extentOf(s.picture()).pixels, std::lround(32 * 32 * one.width * one.width)) << one.layout;
         s.scene.newFrame(1);
         (void)s.picture();
-        EXPECT_EQ(timesTold(s, std::string("Layout L: ") + one.told), 1) << one.layout;
+        EXPECT_EQ(timesReported(s, std::string("Layout L: ") + one.reported), 1) << one.layout;
     }
 }
 
@@ -268,7 +268,7 @@ TEST(Layout, BadValuesThatComeLaterAreNamedToo) {
         kGreen + "LayerSet { order [ 0 1 ] layers LayoutLayer { layout DEF L Layout { size [ .5 .5 ] } children [ " +
             square(.5, unlit("1 0 0")) + " ] } }",
         32, 32);
-    const auto told = [&](const std::string& text) { return timesTold(s, "Layout L: " + text); };
+    const auto reported = [&](const std::string& text) { return timesReported(s, "Layout L: " + text); };
     EXPECT_EQ(extentOf(s.picture()).pixels, 256);
     const float nan = std::numeric_limits<float>::quiet_NaN();
     using L = x3d::Layout;
@@ -279,14 +279,14 @@ TEST(Layout, BadValuesThatComeLaterAreNamedToo) {
         s.scene.newFrame(frame);
         EXPECT_EQ(extentOf(s.picture()).pixels, 256) << "as if they had not been set";
     }
-    EXPECT_EQ(told("offset nan is no finite number: taken as 0"), 1);
-    EXPECT_EQ(told("sizeUnits \"CUBIT\" is none of WORLD, FRACTION, PIXEL: taken as WORLD"), 1);
-    EXPECT_EQ(told("align \"TOP\" is none of CENTER, LEFT, RIGHT: taken as CENTER"), 1);
-    EXPECT_EQ(told("align \"LEFT\" is none of CENTER, BOTTOM, TOP: taken as CENTER"), 1);
+    EXPECT_EQ(reported("offset nan is no finite number: taken as 0"), 1);
+    EXPECT_EQ(reported("sizeUnits \"CUBIT\" is none of WORLD, FRACTION, PIXEL: taken as WORLD"), 1);
+    EXPECT_EQ(reported("align \"TOP\" is none of CENTER, LEFT, RIGHT: taken as CENTER"), 1);
+    EXPECT_EQ(reported("align \"LEFT\" is none of CENTER, BOTTOM, TOP: taken as CENTER"), 1);
     ASSERT_TRUE(s.scene.set(s.node("L"), L::size, Array<float>{nan, 1}));
     s.scene.newFrame(9);
     EXPECT_EQ(extentOf(s.picture()).width, 32);
-    EXPECT_EQ(told("size nan is no finite number: taken as 1"), 1);
+    EXPECT_EQ(reported("size nan is no finite number: taken as 1"), 1);
     EXPECT_EQ(s.world->diagnostics().all().size(), 5u);
 }
 
@@ -300,10 +300,10 @@ TEST(Layout, AGroupOutsideOfLayoutLayersOnlyGroups) {
     s.scene.newFrame(1);
     (void)s.picture();
     ASSERT_EQ(s.world->diagnostics().all().size(), 1u);
-    EXPECT_EQ(timesTold(s, "LayoutGroup G is in no LayoutLayer: its layout is not used"), 1);
+    EXPECT_EQ(timesReported(s, "LayoutGroup G is in no LayoutLayer: its layout is not used"), 1);
     LightScene clipped("LayoutGroup { viewport Viewport { } }");
     (void)clipped.picture();
-    EXPECT_EQ(timesTold(clipped, "LayoutGroup is in no LayoutLayer: its viewport is not used"), 1);
+    EXPECT_EQ(timesReported(clipped, "LayoutGroup is in no LayoutLayer: its viewport is not used"), 1);
 }
 
 // ---- whatever happens, in whatever order ---------------------------------------------------------------------------

@@ -174,7 +174,7 @@ TEST(Simd, FunctionsAreAccurate) {
         for (int k = 0; k < 8; ++k) x[k] = unit(random), e[k] = unit(random) * 128;
         const F8 p = power(x, e), l = log2Of(x), a = acosOf(2 * x - 1.0f), q = exp2Of(-e), r = simd::sqrt(x);
         F8 sine, cosine;
-        sinCosTurns(x, sine, cosine);
+        sinCosRevolutions(x, sine, cosine);
         for (int k = 0; k < 8; ++k) {
             const double exact = std::pow(double{x[k]}, double{e[k]});
             ASSERT_NEAR(p[k], exact, 2e-5 * exact + 1e-7) << x[k] << '^' << e[k] << " seed " << seed;

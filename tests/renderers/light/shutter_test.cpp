@@ -28,22 +28,22 @@ double rowAt(int y) {
 }
 
 struct ShutterScene : LightScene {
-    explicit ShutterScene(const std::string& body, float share = 1, int samples = 256)
+    explicit ShutterScene(const std::string& body, float fraction = 1, int samples = 256)
         : LightScene(body, kShutterSide, kShutterSide) {
-        options.settings.shutter = share;
+        options.settings.shutter = fraction;
         options.settings.samplesPerPixel = samples;
     }
     void move(const char* name, const Vec3f& to) {
         ASSERT_TRUE(scene.set(node(name), x3d::Transform::translation, to));
     }
-    void turn(const char* name, const Rotation& to) {
+    void rotate(const char* name, const Rotation& to) {
         ASSERT_TRUE(scene.set(node(name), x3d::Transform::rotation, to));
     }
 };
 
 /// The share of a time in which a thing of this half width, whose middle goes evenly from `from` to `to`, is over x;
 /// over a pixel's width.
-double shareOfTime(int x, double half, double from, double to) {
+double fractionOfTime(int x, double half, double from, double to) {
     constexpr int kParts = 200;
     double sum = 0;
     for (int i = 0; i < kParts; ++i) {
@@ -57,9 +57,10 @@ double shareOfTime(int x, double half, double from, double to) {
 // A square goes from -2 to 1.5 while the shutter is open in the last part of its way. Each pixel shows it in proportion
 // to the time that it covers the pixel.
 TEST(Shutter, WhatMovesEvenlyIsSeenAsLongAsItIsThere) {
-    for (const float share : {1.0f, .5f, .1f}) {
-        SCOPED_TRACE(share);
-        ShutterScene s("DEF T Transform { translation -2 0 0 children " + square(1, unlit("1 1 1")) + "}", share, 1024);
+    for (const float fraction : {1.0f, .5f, .1f}) {
+        SCOPED_TRACE(fraction);
+        ShutterScene s("DEF T Transform { translation -2 0 0 children " + square(1, unlit("1 1 1")) + "}", fraction,
+                       1024);
         const Picture first = s.picture();
         for (int x = 0; x < kShutterSide; ++x)
             if (std::abs(std::abs(columnAt(x) + 2) - 1) > .3) {
@@ -68,7 +69,7 @@ TEST(Shutter, WhatMovesEvenlyIsSeenAsLongAsItIsThere) {
         s.move("T", {1.5f, 0, 0});
         const Picture p = s.picture();
         for (int x = 0; x < kShutterSide; ++x)
-            EXPECT_NEAR(p.at(x, 16).r, shareOfTime(x, 1, 1.5 - 3.5 * share, 1.5), .012) << x;
+            EXPECT_NEAR(p.at(x, 16).r, fractionOfTime(x, 1, 1.5 - 3.5 * fraction, 1.5), .012) << x;
         EXPECT_NEAR(p.at(16, 16).a, 1, 1e-5);
         // Where it has stayed since, it is sharp.
         const Picture after = s.picture();
@@ -88,7 +89,7 @@ TEST(Shutter, WhatTurnsKeepsItsLength) {
                    1, 1024);
     s.picture();
     const double turned = 2 * kPi / 3;
-    s.turn("T", {0, 0, 1, static_cast<float>(turned)});
+    s.rotate("T", {0, 0, 1, static_cast<float>(turned)});
     const Picture p = s.picture();
     int inside = 0, outside = 0;
     for (int y = 0; y < kShutterSide; ++y)
@@ -126,7 +127,7 @@ TEST(Shutter, WhatHangsBelowGoesRound) {
             1, 512);
         s.picture();
         const double turned = 2.0;
-        s.turn("T", {0, 0, 1, static_cast<float>(turned)});
+        s.rotate("T", {0, 0, 1, static_cast<float>(turned)});
         const Picture p = s.picture();
         EXPECT_EQ(s.world->rays().stats().bodies, body ? 1u : 0u);
         const double radius = std::hypot(2.5, 1), start = std::atan2(1, 2.5);
@@ -164,13 +165,13 @@ TEST(Shutter, TheEyeMoves) {
     }
     ShutterScene turning(wall, 1, 1024);
     turning.picture();
-    constexpr double kTurn = .3;  // to the left: the edge goes to the right
-    ASSERT_TRUE(turning.scene.set(turning.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, kTurn}));
+    constexpr double kRotation = .3;  // to the left: the edge goes to the right
+    ASSERT_TRUE(turning.scene.set(turning.node("V"), x3d::Viewpoint::orientation, Rotation{0, 1, 0, kRotation}));
     const Picture q = turning.picture();
     for (int x = 0; x < kShutterSide; ++x) {
         double expected = 0;
         for (int i = 0; i < 100; ++i)
-            expected += std::clamp(std::atan(columnAt(x, (i + .5) / 100 - .5) / 10) / kTurn, 0.0, 1.0) / 100;
+            expected += std::clamp(std::atan(columnAt(x, (i + .5) / 100 - .5) / 10) / kRotation, 0.0, 1.0) / 100;
         EXPECT_NEAR(q.at(x, 16).r, expected, .012) << x;
     }
 }
@@ -205,8 +206,8 @@ TEST(Shutter, ShadowsAndReflectionsMoveWithWhatTheyAreOf) {
         const float full = lit.at(30, 16).r;
         EXPECT_GT(full, .3f);
         for (int x = 9; x < kShutterSide; ++x) {  // the thing itself is seen to the left of these
-            const double share = 1 - shareOfTime(x, 1, -2, 1);
-            EXPECT_NEAR(p.at(x, 16).r / full, share, integrator == Integrator::whitted ? .02 : .03) << x;
+            const double fraction = 1 - fractionOfTime(x, 1, -2, 1);
+            EXPECT_NEAR(p.at(x, 16).r / full, fraction, integrator == Integrator::whitted ? .02 : .03) << x;
         }
     }
     // A mirror at z = 0 shows what goes by 5 m behind the eye at 15 m behind itself: at 25 m from the eye.
@@ -217,7 +218,7 @@ TEST(Shutter, ShadowsAndReflectionsMoveWithWhatTheyAreOf) {
     s.move("T", {5, 0, 15});
     const Picture p = s.picture();
     for (int x = 0; x < kShutterSide; ++x)
-        EXPECT_NEAR(p.at(x, 16).r, shareOfTime(x, 2 / 2.5, -5 / 2.5, 5 / 2.5), .015) << x;
+        EXPECT_NEAR(p.at(x, 16).r, fractionOfTime(x, 2 / 2.5, -5 / 2.5, 5 / 2.5), .015) << x;
 }
 
 // The light of a lamp that moves is the mean of its light on its way: by an integral over lamp and time, in double.
@@ -264,7 +265,7 @@ TEST(Shutter, ShadowsOfWhatIsClearMoveToo) {
     s.move("T", {-4, 0, 5});
     const Picture p = s.picture();
     for (int x = 9; x < kShutterSide; ++x)
-        EXPECT_NEAR(p.at(x, 16).r / lit.at(30, 16).r, 1 - .5 * shareOfTime(x, 1, -2, 1), .02) << x;
+        EXPECT_NEAR(p.at(x, 16).r / lit.at(30, 16).r, 1 - .5 * fractionOfTime(x, 1, -2, 1), .02) << x;
 }
 
 TEST(Shutter, WhatRestsCostsNothingAndIsTheSamePicture) {
@@ -319,7 +320,7 @@ TEST(Shutter, GoesWithTheOthers) {
     known.move("T", {1.5f, 0, 0});
     const Picture sampled = known.picture();
     ASSERT_FALSE(sampled.interval.empty());
-    for (int x = 0; x < kShutterSide; ++x) EXPECT_NEAR(sampled.at(x, 16).r, shareOfTime(x, 1, -2, 1.5), .05) << x;
+    for (int x = 0; x < kShutterSide; ++x) EXPECT_NEAR(sampled.at(x, 16).r, fractionOfTime(x, 1, -2, 1.5), .05) << x;
     EXPECT_LT(known.stats.error, .025);
 
     // A resting shape beside it is as smooth as without a shutter: a pixel that it covers by a third shows a third.
@@ -341,8 +342,8 @@ TEST(Shutter, GoesWithTheOthers) {
     ASSERT_EQ(both.width, 2 * kShutterSide);
     // Half way to the plane in which the eyes meet, half of their distance is left.
     for (int x = 0; x < kShutterSide; ++x) {
-        EXPECT_NEAR(both.at(x, 16).r, shareOfTime(x, 1, -1.75, 1.75), .02) << x;
-        EXPECT_NEAR(both.at(kShutterSide + x, 16).r, shareOfTime(x, 1, -2.25, 1.25), .02) << x;
+        EXPECT_NEAR(both.at(x, 16).r, fractionOfTime(x, 1, -1.75, 1.75), .02) << x;
+        EXPECT_NEAR(both.at(kShutterSide + x, 16).r, fractionOfTime(x, 1, -2.25, 1.25), .02) << x;
     }
 
     ShutterScene around(
@@ -352,7 +353,7 @@ TEST(Shutter, GoesWithTheOthers) {
         1, 512);
     around.options.panorama = true;
     around.picture();
-    around.turn("T", {0, 1, 0, -.8f});
+    around.rotate("T", {0, 1, 0, -.8f});
     const Picture p = around.picture();
     const double width = std::atan(.2);
     for (int x = 0; x < kShutterSide; ++x) {
@@ -379,11 +380,11 @@ TEST(Shutter, OfLayersTheActiveEyeMoves) {
     ASSERT_TRUE(s.scene.set(s.node("W"), x3d::Viewpoint::position, Vec3f(1, 0, 10)));
     const Picture p = s.picture();
     for (int x = 0; x < kShutterSide; ++x) {
-        double wallShare = 0;
-        for (int i = 0; i < 100; ++i) wallShare += std::clamp(columnAt(x, (i + .5) / 100 - .5) + 1, 0.0, 1.0) / 100;
-        const double green = shareOfTime(x, 1, -3, .5);
+        double wallFraction = 0;
+        for (int i = 0; i < 100; ++i) wallFraction += std::clamp(columnAt(x, (i + .5) / 100 - .5) + 1, 0.0, 1.0) / 100;
+        const double green = fractionOfTime(x, 1, -3, .5);
         EXPECT_NEAR(p.at(x, 16).g, green, .015) << x;
-        EXPECT_NEAR(p.at(x, 16).r, wallShare * (1 - green), .02) << x << ": the layers are laid over each other";
+        EXPECT_NEAR(p.at(x, 16).r, wallFraction * (1 - green), .02) << x << ": the layers are laid over each other";
     }
 }
 

@@ -126,20 +126,20 @@ TEST(SkyBands, DensitiesAreWholeAndThoseOfSamples) {
         }
         const SkyLight light(sky);
         double whole = 0, radiance = 0;
-        const auto at = [&](double angle, double turn) {
+        const auto at = [&](double angle, double rotation) {
             const Vec3f d =
-                glm::transpose(sky.localFromWorld) *
-                Vec3f(Vec3d(std::sin(angle) * std::cos(turn), std::cos(angle), std::sin(angle) * std::sin(turn)));
+                glm::transpose(sky.localFromWorld) * Vec3f(Vec3d(std::sin(angle) * std::cos(rotation), std::cos(angle),
+                                                                 std::sin(angle) * std::sin(rotation)));
             return std::pair{double{light.density(d)}, double{sky.color(d, ColorSpace::linear).g}};
         };
-        constexpr int kSteps = 3000, kTurns = 96;
+        constexpr int kSteps = 3000, kRotations = 96;
         const double ends[] = {0, .01, .8, 1.7, kPi - 1.2, kPi - .003, kPi};
         for (std::size_t band = 0; band + 1 < std::size(ends); ++band)
             for (int i = 0; i < kSteps; ++i)
-                for (int j = 0; j < kTurns; ++j) {
+                for (int j = 0; j < kRotations; ++j) {
                     const double step = (ends[band + 1] - ends[band]) / kSteps, angle = ends[band] + (i + .5) * step;
-                    const auto [density, color] = at(angle, 2 * kPi * (j + .5) / kTurns);
-                    const double solid = std::sin(angle) * step * 2 * kPi / kTurns;
+                    const auto [density, color] = at(angle, 2 * kPi * (j + .5) / kRotations);
+                    const double solid = std::sin(angle) * step * 2 * kPi / kRotations;
                     whole += density * solid, radiance += color * solid;
                 }
         EXPECT_NEAR(whole, 1, hidden ? 5e-3 : 1e-4);
@@ -216,9 +216,9 @@ TEST(SkyLight, NoPixelIsTooSmall) {
         SCOPED_TRACE(row);
         std::vector<std::uint8_t> grey(std::size_t{kAround} * kDown);
         grey[std::size_t(row) * kAround + 1303] = 255;
-        auto made = Texture::fromBytes(grey, kAround, kDown, 1);
-        ASSERT_TRUE(made);
-        const auto picture = SpaceTexture::ofPicture(std::make_shared<const Texture>(std::move(*made)));
+        auto created = Texture::fromBytes(grey, kAround, kDown, 1);
+        ASSERT_TRUE(created);
+        const auto picture = SpaceTexture::ofPicture(std::make_shared<const Texture>(std::move(*created)));
         ASSERT_TRUE(picture);
         const auto radiance = [&](const Vec3f& d, float footprint) {
             // A texture's footprint is a share of the mean of its sides.
@@ -257,16 +257,17 @@ TEST(SkyLight, PlacesOfPicturesGiveWhatTheirDirectionsGive) {
             const auto picture = round ? SpaceTexture::ofPicture(pictureOf(128, 64, floats, 9))
                                        : Result<SpaceTexture>(SpaceTexture::cube(sides));
             ASSERT_TRUE(picture);
-            trace::FarLight byDirection, byPlace;
-            byDirection.shape = byPlace.shape = round ? trace::FarLight::Shape::panorama : trace::FarLight::Shape::cube;
-            byDirection.detail = byPlace.detail = 64;
+            trace::FarLight byDirection, byPosition;
+            byDirection.shape = byPosition.shape =
+                round ? trace::FarLight::Shape::panorama : trace::FarLight::Shape::cube;
+            byDirection.detail = byPosition.detail = 64;
             byDirection.radiance = [&](const Vec3f& d, float footprint) {
                 return Vec3f(picture->sample(d, footprint, {}, ColorSpace::linear));
             };
-            byPlace.inPicture = [&](std::size_t side, Vec2f place, float footprint) {
-                return Vec3f(picture->sampleSide(side, place, footprint, {}, ColorSpace::linear));
+            byPosition.inPicture = [&](std::size_t side, Vec2f point, float footprint) {
+                return Vec3f(picture->sampleSide(side, point, footprint, {}, ColorSpace::linear));
             };
-            const SkyLight one(nullptr, {byDirection}), other(nullptr, {byPlace});
+            const SkyLight one(nullptr, {byDirection}), other(nullptr, {byPosition});
             EXPECT_NEAR(other.unevenness(), one.unevenness(), 1e-4 * one.unevenness());
             std::mt19937 random(3);
             std::normal_distribution<float> normal;

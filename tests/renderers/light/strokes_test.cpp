@@ -18,18 +18,18 @@ double covered(const Picture& p) {
     for (const Vec4f& pixel : p.pixels) sum += pixel.g;
     return sum;
 }
-std::string points(const std::string& places, double size, const char* color = "1 1 1") {
+std::string points(const std::string& positions, double size, const char* color = "1 1 1") {
     return fmt::format(
         "Shape {{ appearance Appearance {{ {} pointProperties DEF P PointProperties {{ "
         "pointSizeScaleFactor {} }} }} geometry DEF G PointSet {{ coord DEF C Coordinate {{ point [ {} ] }} }} }}",
-        unlit(color), size, places);
+        unlit(color), size, positions);
 }
-std::string lines(const std::string& places, double width, const char* more = "", const char* style = "",
+std::string lines(const std::string& positions, double width, const char* more = "", const char* style = "",
                   const char* color = "1 1 1") {
     return fmt::format(
         "Shape {{ appearance Appearance {{ {} lineProperties DEF L LineProperties {{ linewidthScaleFactor {} {} }} }} "
         "geometry DEF G IndexedLineSet {{ coordIndex [ 0 1 -1 ] coord DEF C Coordinate {{ point [ {} ] }} {} }} }}",
-        unlit(color), width, style, places, more);
+        unlit(color), width, style, positions, more);
 }
 const std::string kParallel = "OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } ";  // 50 pixels a metre of 200
 
@@ -57,9 +57,10 @@ TEST(StrokesInPictures, APointOfOnePixelIsMetOnceWhereverItIs) {
     for (const std::string& eye : {kParallel, std::string("Viewpoint { } "),
                                    std::string("Viewpoint { position 0 1 9 orientation 0 0 1 .3 fieldOfView 1.7 } ")})
         for (int i = 0; i < 100; ++i) {
-            const std::string place = i == 0 ? "0 0 0" : fmt::format("{} {} {}", at(random), at(random), deep(random));
-            SCOPED_TRACE(eye + place);
-            Fine s(eye + points(place, 1));
+            const std::string position =
+                i == 0 ? "0 0 0" : fmt::format("{} {} {}", at(random), at(random), deep(random));
+            SCOPED_TRACE(eye + position);
+            Fine s(eye + points(position, 1));
             s.options.settings.samplesPerPixel = 1;
             const Picture picture = s.picture();
             EXPECT_EQ(covered(picture), 1);
@@ -97,7 +98,7 @@ TEST(StrokesInPictures, TexturesAreTold) {
           std::string("LineSet { vertexCount 2 coord Coordinate { point [ 0 0 0, 1 0 0 ] } }"),
           std::string("Circle2D { }")}) {
         SCOPED_TRACE(shape);
-        const auto told = [](const LightScene& s) {
+        const auto reported = [](const LightScene& s) {
             int count = 0;
             for (const Diagnostic& d : s.light->tracer().diagnostics().all())
                 if (d.text.find("lines and points have no textures") != std::string::npos) {
@@ -109,13 +110,13 @@ TEST(StrokesInPictures, TexturesAreTold) {
         const std::string texture = "texture PixelTexture { image 1 1 3 0xff0000 } ";
         const std::string use = "Shape { appearance DEF A Appearance { material UnlitMaterial { } ";
         LightScene with(use + texture + "} geometry DEF G " + shape + " } Shape { appearance USE A geometry USE G }");
-        EXPECT_EQ(told(with), 1);
+        EXPECT_EQ(reported(with), 1);
         LightScene later(use + "} geometry DEF G " + shape + " } Group { children Shape { appearance Appearance { " +
                          "texture DEF T PixelTexture { image 1 1 3 0xff0000 } } geometry Box { } } }");
-        EXPECT_EQ(told(later), 0);
+        EXPECT_EQ(reported(later), 0);
         ASSERT_TRUE(later.scene.set(later.node("A"), x3d::Appearance::texture, later.node("T")));
         later.scene.newFrame(1);
-        EXPECT_EQ(told(later), 1);
+        EXPECT_EQ(reported(later), 1);
     }
 }
 
@@ -131,16 +132,17 @@ TEST(StrokesInPictures, BeforeAParallelEyeTheyAreAsWideHoweverNear) {
     EXPECT_EQ(covered(Fine(kParallel + points("0 0 10.3", 100)).picture()), 0);
     // The same far from the origin, askew.
     const std::string placed = "Transform {{ translation 3e4 100 -2e3 rotation 0 .6 .8 .7 children [ {} {} ] }}";
-    for (const char* place : {"0 0 9.7", "1 -.5 9.9"})
-        EXPECT_NEAR(covered(Fine(fmt::format(fmt::runtime(placed), kParallel, points(place, 100))).picture()), 1e4, 20)
-            << place;
+    for (const char* position : {"0 0 9.7", "1 -.5 9.9"})
+        EXPECT_NEAR(covered(Fine(fmt::format(fmt::runtime(placed), kParallel, points(position, 100))).picture()), 1e4,
+                    20)
+            << position;
 }
 
 // At 40 degrees from the middle a ball would look longer by 1 / cos 40: 30 %.
 TEST(StrokesInPictures, WidthIsTheSameEverywhereInThePicture) {
     const std::string wide = "Viewpoint { position 0 0 0 fieldOfView 1.8 } ";
-    for (const char* place : {"0 0 -5", "4 0 -5", "0 -4.2 -5", "4 4 -5", "40 30 -50"})
-        EXPECT_NEAR(covered(Fine(wide + points(place, 20)).picture()), 400, 1) << place;
+    for (const char* position : {"0 0 -5", "4 0 -5", "0 -4.2 -5", "4 4 -5", "40 30 -50"})
+        EXPECT_NEAR(covered(Fine(wide + points(position, 20)).picture()), 400, 1) << position;
     // 158.7 pixels are 2 tan .9 times the depth.
     const double pixels = 200 / (2 * std::tan(.9));
     for (const double x : {0.0, 4.0}) {
@@ -159,18 +161,18 @@ TEST(StrokesInPictures, WidthIsThatOfItsPixelsBelowUnevenScales) {
                                     "translation 50 3 -2 rotation .6 0 .8 .8 scale -1 6 .5"})
         for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
             SCOPED_TRACE(scale);
-            const auto seen = [&](const std::string& view, const std::string& things) {
+            const auto seen = [&](const std::string& view, const std::string& items) {
                 return covered(
-                    Fine("Transform { " + scale + " children [ " + view + things + " ] }", integrator).picture());
+                    Fine("Transform { " + scale + " children [ " + view + items + " ] }", integrator).picture());
             };
             // 2 m are 100 pixels; for the perspective at 10 m, 200 / (2 tan 22.5 degrees) / 10 of them a metre.
             const double width = 6, ends = kPi * width * width / 4, perspective = 20 / (2 * std::tan(kPi / 8));
-            for (const char* places : {"-1 0 0, 1 0 0", "0 -1 0, 0 1 0", "-.6 -.8 0, .6 .8 0"}) {
-                EXPECT_NEAR(seen(parallel, lines(places, width)), 100 * width + ends, 8) << places;
-                EXPECT_NEAR(seen(eye, lines(places, width)), 2 * perspective * width + ends, 8) << places;
+            for (const char* positions : {"-1 0 0, 1 0 0", "0 -1 0, 0 1 0", "-.6 -.8 0, .6 .8 0"}) {
+                EXPECT_NEAR(seen(parallel, lines(positions, width)), 100 * width + ends, 8) << positions;
+                EXPECT_NEAR(seen(eye, lines(positions, width)), 2 * perspective * width + ends, 8) << positions;
             }
-            for (const char* place : {"0 0 0", "2 -1.5 1"})
-                EXPECT_NEAR(seen(eye, points(place, 20)), square, 1) << place;
+            for (const char* position : {"0 0 0", "2 -1.5 1"})
+                EXPECT_NEAR(seen(eye, points(position, 20)), square, 1) << position;
             EXPECT_NEAR(seen(parallel, points(".5 1 -3", 20)), square, 1);
         }
     // Seen from outside.

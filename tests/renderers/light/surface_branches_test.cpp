@@ -21,7 +21,7 @@ bool bentAt(const Vec3d& direction, const Vec3d& normal, double eta, Vec3d& out)
     return true;
 }
 /// Fresnel's equations for both polarisations.
-double mirroredShare(double cosine, double eta) {
+double mirroredFraction(double cosine, double eta) {
     const double sine = std::sqrt(1 - cosine * cosine) / eta;
     if (sine >= 1) return 1;
     const double inside = std::sqrt(1 - sine * sine);
@@ -42,7 +42,7 @@ class Packet {
         std::normal_distribution<float> n;
         return glm::normalize(Vec3f(n(random), n(random), n(random)));
     }
-    float share() { return std::uniform_real_distribution<float>(0, 1)(random); }
+    float fraction() { return std::uniform_real_distribution<float>(0, 1)(random); }
     void fill(bool one) {
         s.back = s.physical = 0;
         for (int lane = 0; lane < 16; ++lane) {
@@ -59,8 +59,8 @@ class Packet {
             s.view.set(lane, view);
             const float index = materials[which].refractiveIndex;
             s.eta[lane] = back ? 1 / index : index;
-            s.base.set(lane, {share(), share(), share()});
-            s.metallic[lane] = share(), s.roughness[lane] = share(), s.opacity[lane] = share();
+            s.base.set(lane, {fraction(), fraction(), fraction()});
+            s.metallic[lane] = fraction(), s.roughness[lane] = fraction(), s.opacity[lane] = fraction();
             s.exact.set(lane, 9.0f * unit()), s.error.set(lane, Vec3f(1e-5f));
         }
     }
@@ -102,17 +102,17 @@ void checkDirections(const SurfacePacket& s, const SurfaceBranches& found, int l
     expectWithin(found.bent.get(lane), bent, 2e-4, "bent");
 }
 
-void checkShares(const SurfacePacket& s, const SurfaceBranches& found, int lane) {
+void checkFractions(const SurfacePacket& s, const SurfaceBranches& found, int lane) {
     const Material& material = *s.material[lane];
     const bool back = s.back >> lane & 1u;
     const double cosine = glm::dot(Vec3d(s.normal.get(lane)), Vec3d(s.view.get(lane))), opacity = s.opacity[lane];
     const Vec3d mirror(material.reflectivity), rest = 1.0 - mirror;
     if (material.refractiveIndex > 0) {
-        const double index = material.refractiveIndex, share = mirroredShare(cosine, back ? 1 / index : index);
-        const double margin = share < 1 && share > .9 ? 1e-2 : 1e-5;  // steep where it becomes total
-        expectWithin(found.mirror.get(lane), mirror + rest * share, margin, "mirror of glass");
+        const double index = material.refractiveIndex, fraction = mirroredFraction(cosine, back ? 1 / index : index);
+        const double margin = fraction < 1 && fraction > .9 ? 1e-2 : 1e-5;  // steep where it becomes total
+        expectWithin(found.mirror.get(lane), mirror + rest * fraction, margin, "mirror of glass");
         for (const Lanes3* left : {&found.body, &found.passing, &found.covering})
-            expectWithin(left->get(lane), rest * (1 - share), margin, "left by glass");
+            expectWithin(left->get(lane), rest * (1 - fraction), margin, "left by glass");
         expectWithin(found.whole.get(lane), Vec3d(1), 0, "whole");
         return;
     }
@@ -139,7 +139,7 @@ TEST(SurfaceBranches, AreThoseOfFresnelAndSnell) {
         for (int lane = 0; lane < 16; ++lane) {
             if (!(lanes >> lane & 1u)) continue;
             checkDirections(packet.s, found, lane);
-            checkShares(packet.s, found, lane);
+            checkFractions(packet.s, found, lane);
         }
     }
 }

@@ -31,7 +31,7 @@ struct Tabled : LightScene {
         const SurfaceState state = tables.latest();
         const auto all = state.surroundings(Camera());
         std::vector<Vec3f> colors;
-        for (const Light* light : all.at(lookOf(shape).place).lights) colors.push_back(light->color);
+        for (const Light* light : all.at(lookOf(shape).surroundings).lights) colors.push_back(light->color);
         return colors;
     }
     SurfaceTables tables;
@@ -85,7 +85,7 @@ TEST(SurfaceTables, FogsCutsSkyAndHeadlightAreThoseThatCount) {
         "DEF Out Shape { geometry Box { } }\n");
     const SurfaceState state = s.tables.latest();
     const auto all = state.surroundings(Camera());
-    const auto &in = all.at(s.lookOf("In").place), &out = all.at(s.lookOf("Out").place);
+    const auto &in = all.at(s.lookOf("In").surroundings), &out = all.at(s.lookOf("Out").surroundings);
     EXPECT_FLOAT_EQ(in.fog.visibilityRange, 5);
     EXPECT_FLOAT_EQ(out.fog.visibilityRange, 30);
     EXPECT_TRUE(out.cuts.empty());

@@ -75,18 +75,18 @@ TEST(Tangents, OfTheTextureCoordinatesChangeNothing) {
         "Transform {{ rotation 0 1 0 3 children {} }}",  // from behind
         "Transform {{ scale 1 -3 1 rotation 0 1 0 3 children {} }}",
     };
-    for (const char* place : around)
+    for (const char* position : around)
         for (const Integrator integrator : {Integrator::whitted, Integrator::path})
             for (const char* material : {"Material { ambientIntensity 0", "PhysicalMaterial { roughness .6"}) {
                 const auto scene = [&](const std::string& geometry) {
                     return lamp() + "DirectionalLight { direction -.2 -.3 .9 }" +
-                           fmt::format(fmt::runtime(place), square(1, bumpyMaterial(material), geometry));
+                           fmt::format(fmt::runtime(position), square(1, bumpyMaterial(material), geometry));
                 };
                 const double without = litBy(scene("solid FALSE"), integrator);
                 EXPECT_GT(without, .004);
-                EXPECT_NEAR(litBy(scene(given), integrator), without, 2e-5) << place << material;
+                EXPECT_NEAR(litBy(scene(given), integrator), without, 2e-5) << position << material;
                 // Else this could not fail.
-                EXPECT_GT(std::abs(litBy(scene(tangents(four("0 1 0 -1"))), integrator) - without), 1e-3) << place;
+                EXPECT_GT(std::abs(litBy(scene(tangents(four("0 1 0 -1"))), integrator) - without), 1e-3) << position;
             }
 }
 
@@ -130,8 +130,8 @@ TEST(Tangents, TooFewAreNamed) {
     LightScene s(lamp() + square(1, bumpyMaterial(), tangents("1 0 0 1, 1 0 0 1")));
     s.center();
     std::string said;
-    const Diagnostics told = s.world->diagnostics();
-    for (const Diagnostic& d : told.all()) said += d.text;
+    const Diagnostics reported = s.world->diagnostics();
+    for (const Diagnostic& d : reported.all()) said += d.text;
     EXPECT_NE(said.find("IndexedFaceSet: tangent refers to values that do not exist"), std::string::npos) << said;
 }
 
@@ -255,16 +255,16 @@ TEST(NormalTextures, AreMovedAsTheirCoordinatesAre) {
     const char* const around[] = {"Transform {{ scale -1 1 1 children {} }}",
                                   "Transform {{ scale 2 1 .5 rotation .6 0 .8 .7 children {} }}",
                                   "Transform {{ scale 1 -3 1 rotation 0 1 0 3 children {} }}"};
-    for (const char* place : around)
+    for (const char* position : around)
         for (const Integrator integrator : {Integrator::whitted, Integrator::path})
             for (const char* material : {"Material { ambientIntensity 0", "PhysicalMaterial { roughness .6"}) {
                 const Plane st = anyPlane(random);
                 const CoordinateTransform by(random);
-                SCOPED_TRACE(fmt::format("seed {}: {} {} {}", kSeed, place, material, by.fields()));
+                SCOPED_TRACE(fmt::format("seed {}: {} {} {}", kSeed, position, material, by.fields()));
                 const auto lit = [&](const std::string& more, const std::string& geometry) {
                     return litBy(
                         lamp() + "DirectionalLight { direction -.2 -.3 .9 }" +
-                            fmt::format(fmt::runtime(place), square(1, bumpyMaterial(material) + more, geometry)),
+                            fmt::format(fmt::runtime(position), square(1, bumpyMaterial(material) + more, geometry)),
                         integrator);
                 };
                 EXPECT_NEAR(lit(" textureTransform TextureTransform { " + by.fields() + " }", coordinates(st)),

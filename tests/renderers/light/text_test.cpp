@@ -5,7 +5,7 @@
 #include <rtsg/renderers/tessellate.h>
 
 #include "light_scene.h"
-#include "support/made_font.h"
+#include "support/written_font.h"
 
 namespace rtsg {
 namespace {
@@ -91,12 +91,12 @@ TEST(TextInPictures, FollowsTheScene) {
 // A FontLibrary's letter is a rectangle of .5 by .7 m; what its url leads to changes while the scene runs, and a
 // replica, which has no files, shows the same.
 TEST(TextInPictures, TakesTheFontOfALibrary) {
-    test::MadeFont wide;
+    test::WrittenFont wide;
     wide.left = 0, wide.right = 900;
     LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } Shape { appearance Appearance { " + unlit("1 1 1") +
                      " } geometry Text { string \"A\" fontStyle FontStyle { family \"Boxes\" } } } DEF L FontLibrary { "
                      "family \"Boxes\" url \"" +
-                     test::fontUrl(test::MadeFont().bytes()) + "\" }",
+                     test::fontUrl(test::WrittenFont().bytes()) + "\" }",
                  200, 200);
     s.options.settings.samplesPerPixel = 4;
     Diagnostics said;

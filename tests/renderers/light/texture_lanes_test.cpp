@@ -38,7 +38,7 @@ TEST(TextureLanes, EightPlacesAreLookedUpAsOne) {
                 textures.push_back(noise(random, width, height, width == 7 ? 3 : 4, content));
     textures.push_back(brightNoise(random, 9, 4));
     const float odd[] = {0, -0.0f, 1, 2, -1, 3e20f, -3e20f, -1e-9f, HUGE_VALF, std::nanf(""), .99999994f, 1.9999999f};
-    std::uniform_real_distribution<float> place(-3, 3), width(0, 1);
+    std::uniform_real_distribution<float> coordinate(-3, 3), width(0, 1);
     for (const Texture& texture : textures)
         for (int round = 0; round < 400; ++round) {
             TextureAccess access;
@@ -50,8 +50,8 @@ TEST(TextureLanes, EightPlacesAreLookedUpAsOne) {
             const ColorSpace space = random() % 2 ? ColorSpace::linear : ColorSpace::display;
             float s[8], t[8], footprints[8];
             for (int i = 0; i < 8; ++i) {
-                s[i] = random() % 4 ? place(random) : odd[random() % std::size(odd)];
-                t[i] = random() % 4 ? place(random) : odd[random() % std::size(odd)];
+                s[i] = random() % 4 ? coordinate(random) : odd[random() % std::size(odd)];
+                t[i] = random() % 4 ? coordinate(random) : odd[random() % std::size(odd)];
                 const float size = std::pow(width(random), 4.0f);
                 footprints[i] = random() % 8 ? size : random() % 2 ? 0 : odd[random() % std::size(odd)];
             }
@@ -73,27 +73,27 @@ TEST(TextureLanes, EightPlacesAreLookedUpAsOne) {
 class Surface {
   public:
     Surface() {
-        auto made = std::make_shared<Mesh>();
+        auto created = std::make_shared<Mesh>();
         std::vector<Vec3f> positions;
-        std::vector<Vec2f> places;
+        std::vector<Vec2f> points;
         std::vector<std::int32_t> corners;
         for (int i = 0; i < 3 * kTriangles; ++i) {
-            positions.push_back({number(9), number(9), number(9)}), places.push_back({number(4), number(4)});
+            positions.push_back({number(9), number(9), number(9)}), points.push_back({number(4), number(4)});
             corners.push_back(i * 7 % (3 * kTriangles));
         }
-        places[3] = places[4];  // a triangle that has no size in the picture
-        made->positions = Array<Vec3f>(positions);
-        made->triangles = Array<std::int32_t>(corners);
-        made->triangleCount = kTriangles;
+        points[3] = points[4];  // a triangle that has no size in the picture
+        created->positions = Array<Vec3f>(positions);
+        created->triangles = Array<std::int32_t>(corners);
+        created->triangleCount = kTriangles;
         TexCoords given;
-        given.values = MeshAttribute(Array<Vec2f>(places), MeshAttribute::Binding::vertex, made->triangles, 3);
+        given.values = MeshAttribute(Array<Vec2f>(points), MeshAttribute::Binding::vertex, created->triangles, 3);
         given.authored = true;
         TexCoords flat;
         flat.sFromPosition = {.1f, .2f, .3f, .4f}, flat.tFromPosition = {.3f, -.2f, .1f, 0};
-        made->texCoords = {given, flat};
-        instance.mesh = made;
+        created->texCoords = {given, flat};
+        instance.mesh = created;
         instance.rayFromLocal = {Vec3f(2, .1f, 0), Vec3f(-.3f, 1, .2f), Vec3f(0, .4f, 3), Vec3f(5, 6, 7)};
-        scene.pixelSpread = .002f, scene.sampleShare = .5f;
+        scene.pixelSpread = .002f, scene.sampleFraction = .5f;
     }
     float number(float far) { return std::uniform_real_distribution<float>(-far, far)(random); }
     /// `few`: on the first so many triangles.

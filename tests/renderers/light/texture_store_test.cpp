@@ -185,7 +185,7 @@ TEST_F(TextureUrls, CombinedHaveLimitedPixels) {
     write("wide.pgm", picture(30, 1));
     write("high.pgm", picture(1, 30));
     write("low.pgm", picture(1, 10));
-    const auto told = [&](const std::string& other) {
+    const auto reported = [&](const std::string& other) {
         problems.clear();
         texturesOf(
             "TextureBackground { frontTexture MultiTexture { texture [ ImageTexture { url \"wide.pgm\" } "
@@ -194,8 +194,8 @@ TEST_F(TextureUrls, CombinedHaveLimitedPixels) {
             policy);
         return problems;
     };
-    EXPECT_THAT(told("high.pgm"), HasSubstr("the scene's pictures have more than 400 pixels"));
-    EXPECT_EQ(told("low.pgm"), "");
+    EXPECT_THAT(reported("high.pgm"), HasSubstr("the scene's pictures have more than 400 pixels"));
+    EXPECT_EQ(reported("low.pgm"), "");
 }
 
 /// Two renderers of one world, one after the other, and in between the file goes: what is shared needs it no more.
@@ -218,9 +218,9 @@ TEST_F(TextureUrls, AreLoadedOnceForAllRenderersOfAWorldThatMayOpenTheSame) {
     ImageOptions image;
     image.settings.width = image.settings.height = 8;
     const auto middle = [&](LightRenderer& light) {
-        const auto made = light.picture(image);
-        EXPECT_TRUE(made);
-        return made ? made->at(4, 4).r : -1;
+        const auto created = light.picture(image);
+        EXPECT_TRUE(created);
+        return created ? created->at(4, 4).r : -1;
     };
     const auto said = [](const LightRenderer& light) {
         std::string all;

@@ -128,8 +128,8 @@ TEST(Texture, EachCoarserPixelIsTheNearestByteToItsMean) {
                     double sum = 0, alpha = 0;
                     for (int i = 0; i < 4; ++i) {
                         const auto at = (std::size_t(2 * y + i / 2) * kSide + std::size_t(2 * x + i % 2)) * 4;
-                        const double value = bytes[at + std::size_t(c)] / 255., share = bytes[at + 3] / 255.;
-                        sum += share * (linear ? decoded(value) : value), alpha += share;
+                        const double value = bytes[at + std::size_t(c)] / 255., fraction = bytes[at + 3] / 255.;
+                        sum += fraction * (linear ? decoded(value) : value), alpha += fraction;
                     }
                     if (!(alpha > 0)) continue;
                     const double mean = linear ? encoded(sum / alpha) : sum / alpha;

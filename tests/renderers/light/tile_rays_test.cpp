@@ -18,7 +18,7 @@ using namespace test;
 using trace::TileResult;
 
 /// A glossy wall, a mirror and glass before it, a panel and a lamp.
-std::string manyWays() {
+std::string manyPaths() {
     return square(4, "material PhysicalMaterial { baseColor .8 .7 .6 roughness .4 }") +
            "Transform { translation 0 .5 1 children " + square(.5, mirror(".9")) + "}\n" +
            "Transform { translation -1 0 1 rotation 0 1 0 1 children " + square(.5, glass(1.5)) + "}\n" +
@@ -34,7 +34,7 @@ void expectSameOfTile(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) 
 }
 
 TEST(TileGroups, GetWhatEachGetsAlone) {
-    LightScene s(manyWays(), 20, 20);
+    LightScene s(manyPaths(), 20, 20);
     LightTracer tracer;
     s.world->add(tracer);
     const auto state = tracer.latest();
@@ -62,7 +62,7 @@ TEST(TileGroups, GetWhatEachGetsAlone) {
                 trace::traceTile(scene, *camera, settings, 0, 0, std::span(&alone[i], 1));
                 for (std::size_t k = 0; k < alone[i].sum.size(); ++k) EXPECT_EQ(groups[i].sum[k], alone[i].sum[k]) << k;
                 expectSameOfTile(groups[i].light, alone[i].light);
-                expectSameOfTile(groups[i].share, alone[i].share);
+                expectSameOfTile(groups[i].fraction, alone[i].fraction);
                 EXPECT_EQ(groups[i].missing, alone[i].missing);
                 primary += alone[i].primaryRays, secondary += alone[i].secondaryRays, shadow += alone[i].shadowRays;
             }
@@ -88,10 +88,10 @@ TEST(TileLoop, WhatTurnsAlikeGoesTogether) {
     std::vector<TileResult> groups(1);
     using trace::TileLoop;
     TileLoop loop(scene, *camera, settings, 0, 0, groups);
-    for (std::uint16_t place = 0; place < 17; ++place)
-        for (const TileLoop::Turn turn : {TileLoop::Turn::mirrored, TileLoop::Turn::bent, TileLoop::Turn::none}) {
-            trace::PathTask& task = loop.push(turn);
-            task.pixel = place, task.depth = static_cast<std::uint16_t>(turn);
+    for (std::uint16_t pixel = 0; pixel < 17; ++pixel)
+        for (const TileLoop::Round round : {TileLoop::Round::mirrored, TileLoop::Round::bent, TileLoop::Round::none}) {
+            trace::PathTask& task = loop.push(round);
+            task.pixel = pixel, task.depth = static_cast<std::uint16_t>(round);
         }
     std::vector<int> counts;
     std::vector<std::pair<int, int>> order;

@@ -186,10 +186,10 @@ TEST_F(TiledTextures, ThatAreDamagedAreBlackThereAndSaySoOnce) {
     EXPECT_GT(kept, 3 * 100);
     EXPECT_NE(tiled->damage(), "");
     Diagnostics said;
-    store->tellOfDamage(said);
+    store->reportOfDamage(said);
     ASSERT_EQ(said.all().size(), 1u);
     EXPECT_THAT(said.all()[0].text, HasSubstr("tiles.tif: parts of the picture are black"));
-    store->tellOfDamage(said);
+    store->reportOfDamage(said);
     EXPECT_EQ(said.all().size(), 1u);
 }
 

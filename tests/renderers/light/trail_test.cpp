@@ -15,7 +15,7 @@ namespace {
 using namespace test;
 
 /// A floor, a mirror and a glass ball, lights of three kinds and things that move.
-std::string roomWithThings() {
+std::string roomWithItems() {
     std::string body =
         "DEF SKY Background { skyColor .2 .3 .5 } DEF NAV NavigationInfo { headlight FALSE } DEF EYE Viewpoint { "
         "position 0 3 12 } "
@@ -54,12 +54,12 @@ void expectAsTracedAnew(LightScene& s, const std::string& what) {
     EXPECT_EQ(kept.pixels, anew.pixels) << what;
     EXPECT_EQ(kept.space, anew.space);
     EXPECT_EQ(stats.samples, s.stats.samples);
-    EXPECT_EQ(stats.missingMost, s.stats.missingMost);
+    EXPECT_EQ(stats.missingMaximum, s.stats.missingMaximum);
     s.stats = stats;
 }
 
 TEST(Trail, AStillSceneTracesNothing) {
-    LightScene s(roomWithThings(), 60, 40);
+    LightScene s(roomWithItems(), 60, 40);
     for (const Integrator integrator : {Integrator::whitted, Integrator::path})
         for (const float error : {0.0f, .3f}) {
             s.options.settings.integrator = integrator;
@@ -85,7 +85,7 @@ TEST(Trail, WhatIsKeptIsWhatWouldBeTraced) {
     SCOPED_TRACE(seed);
     std::mt19937_64 random(seed);
     const auto unit = [&] { return static_cast<float>(random() % 1001) / 1000; };
-    LightScene s(roomWithThings(), 100, 70);
+    LightScene s(roomWithItems(), 100, 70);
     next(s);
     double kept = 0;
     int rounds = 0;
@@ -186,29 +186,29 @@ TEST(Trail, OnlyWhatALampShinesOnIsTracedAgain) {
         "Shape { appearance Appearance { material Material { } } geometry Box { size 20 20 1 } }",
         160, 160);
     next(s);
-    const auto share = [&](const char* what) {
+    const auto fraction = [&](const char* what) {
         s.scene.newFrame(s.scene.now() + 1);
         expectAsTracedAnew(s, what);
         return s.stats.kept;
     };
     ASSERT_TRUE(s.scene.set(s.node("LAMP"), x3d::SpotLight::location, Vec3f(-2, .2f, 5)));
-    const double spot = share("a cone moves");
+    const double spot = fraction("a cone moves");
     EXPECT_GT(spot, .7);
     EXPECT_LT(spot, 1);
     ASSERT_TRUE(s.scene.set(s.node("LAMP"), x3d::SpotLight::direction, Vec3f(.3f, 0, -1)));
-    EXPECT_LT(share("a cone turns"), spot);
+    EXPECT_LT(fraction("a cone turns"), spot);
     ASSERT_TRUE(s.scene.set(s.node("BALL"), x3d::PointLight::color, Color{1, 0, 0}));
-    const double ball = share("a ball is red");
+    const double ball = fraction("a ball is red");
     EXPECT_GT(ball, .5);
     EXPECT_LT(ball, 1);
     ASSERT_TRUE(s.scene.set(s.node("BALL"), x3d::PointLight::radius, 3.0f));
-    EXPECT_LT(share("it grows"), ball);
+    EXPECT_LT(fraction("it grows"), ball);
     ASSERT_TRUE(s.scene.set(s.node("OFF"), x3d::PointLight::color, Color{1, 0, 0}));
-    EXPECT_EQ(share("one that is off"), 1);
+    EXPECT_EQ(fraction("one that is off"), 1);
     ASSERT_TRUE(s.scene.set(s.node("OFF"), x3d::PointLight::on, true));
-    EXPECT_EQ(share("it is on"), 0);
+    EXPECT_EQ(fraction("it is on"), 0);
     ASSERT_TRUE(s.scene.set(s.node("BALL"), x3d::PointLight::radius, -1.0f));
-    share("no end");
+    fraction("no end");
 }
 
 TEST(Trail, WhatCastsNoShadowInALightLeavesItsPixels) {
@@ -258,7 +258,7 @@ TEST(Trail, AConeMeetsABoxWhereItShinesOnIt) {
 }
 
 TEST(Trail, WhatNoBoxIsAroundChangesEverything) {
-    LightScene s(roomWithThings(), 64, 48);
+    LightScene s(roomWithItems(), 64, 48);
     next(s);
     const auto changed = [&](const char* what) {
         s.scene.newFrame(s.scene.now() + 1);
@@ -336,7 +336,7 @@ TEST(Trail, EachLayerAndEachEyeHasItsOwn) {
 }
 
 TEST(Trail, ACancelledPictureIsNothingToGoOnFrom) {
-    LightScene s(roomWithThings(), 160, 120);
+    LightScene s(roomWithItems(), 160, 120);
     s.options.settings.progress = [](double) { return false; };
     next(s);
     ASSERT_TRUE(s.stats.cancelled);
@@ -424,7 +424,7 @@ TEST(Trail, AFilmThatPlaysIsDrawn) {
 }
 
 TEST(Trail, StatesOnOtherThreadsAreKeptToo) {
-    LightScene s(roomWithThings(), 64, 48);
+    LightScene s(roomWithItems(), 64, 48);
     LightRenderer::Options options;
     options.image = s.options;
     LightRenderer there(*s.world, options);

@@ -37,9 +37,9 @@ TEST(Volume, OfOneOpacityLeavesItsPower) {
     expectColor(seenVolume(volume(evenVoxels(255, 2, 2, 2))), Vec3d(1), 0);
     expectColor(seenVolume(volume(evenVoxels(0, 2, 2, 2)) + behind(3, "0 1 0")), {0, 1, 0}, 0);
     // On the slant the way is longer.
-    const double v = 20 / 255., way = 8 * std::sqrt(2.);
+    const double v = 20 / 255., distance = 8 * std::sqrt(2.);
     expectColor(seenVolume("Transform { rotation 0 1 0 .78539816 children " + volume(evenVoxels(20, 8, 8, 8)) + " }"),
-                Vec3d(v * (1 - std::pow(1 - v, way))), 1e-5);
+                Vec3d(v * (1 - std::pow(1 - v, distance))), 1e-5);
 }
 
 // Between voxels opacities are a + k s: the logarithm of what is left is the integral of ln(1 - a - k s).
@@ -61,13 +61,13 @@ TEST(Volume, RampsAreIntegrated) {
 TEST(Volume, TransferFunctionsMapValues) {
     // Two texels, red of opacity 51 and green of 153: their middles are at 1/4 and 3/4.
     const std::string map = opacityMap("2 1 4 0xFF000033 0x00FF0099");
-    const auto expected = [](double share) {
-        const double a = .2 + .4 * share, cover = 1 - std::pow(1 - a, 4);
-        return Vec3d(1 - share, share, 0) * cover;
+    const auto expected = [](double fraction) {
+        const double a = .2 + .4 * fraction, cover = 1 - std::pow(1 - a, 4);
+        return Vec3d(1 - fraction, fraction, 0) * cover;
     };
     for (const int value : {0, 40, 64, 100, 127, 180, 255}) {
-        const double share = std::clamp(value / 255. * 2 - .5, 0., 1.);
-        expectColor(seenVolume(volume(evenVoxels(value, 2, 2, 4), map)), expected(share), 1e-4);
+        const double fraction = std::clamp(value / 255. * 2 - .5, 0., 1.);
+        expectColor(seenVolume(volume(evenVoxels(value, 2, 2, 4), map)), expected(fraction), 1e-4);
     }
     // Two components look up both ways; three a block.
     const std::string plane = opacityMap("1 2 1 0x11 0x22");

@@ -36,16 +36,16 @@ struct Swarm {
     }
     std::vector<MovedParticle> now() {
         const detail::MeshOf meshOf = [&](NodeId node) -> std::shared_ptr<const Mesh> {
-            const auto made = tessellate(scene, node);
-            return made ? *made : nullptr;
+            const auto created = tessellate(scene, node);
+            return created ? *created : nullptr;
         };
         return detail::moveParticles(scene, scene.node(id), meshOf, problems);
     }
     Mesh mesh() {
-        auto made = tessellate(scene, id);
-        EXPECT_TRUE(made);
-        EXPECT_EQ(findDefect(**made), "");
-        return **made;
+        auto created = tessellate(scene, id);
+        EXPECT_TRUE(created);
+        EXPECT_EQ(findDefect(**created), "");
+        return **created;
     }
 };
 
@@ -55,15 +55,15 @@ void expectAt(const Vec3d& seen, const Vec3d& expected, double tolerance, double
         << expected.y << " " << expected.z;
 }
 /// Each of `bins` equal parts of 0 ... 1 has its share, within one in ten thousand.
-void expectEven(const std::vector<double>& shares, std::size_t bins) {
+void expectEven(const std::vector<double>& fractions, std::size_t bins) {
     std::vector<double> counts(bins);
-    for (const double s : shares) {
+    for (const double s : fractions) {
         ASSERT_GE(s, -1e-9);
         ASSERT_LE(s, 1 + 1e-9);
         ++counts[std::min(bins - 1, static_cast<std::size_t>(std::max(0.0, s) * double(bins)))];
     }
     double chi = 0;
-    const double each = double(shares.size()) / double(bins);
+    const double each = double(fractions.size()) / double(bins);
     for (const double n : counts) chi += (n - each) * (n - each) / each;
     const double k = double(bins) - 1;
     EXPECT_LT(chi, k + 4 * std::sqrt(2 * k) + 8) << "chi square of " << k << " degrees of freedom";
@@ -94,16 +94,16 @@ TEST(ParticlesInFlight, ExplosionsGoToAllSides) {
     Swarm s(kMany + "emitter ExplosionEmitter { speed 4 variation .5 position 1 0 0 }");
     const auto particles = s.at(2);
     ASSERT_EQ(particles.size(), 20'000u);
-    std::vector<double> heights, turns, speeds;
+    std::vector<double> heights, rotations, speeds;
     for (const MovedParticle& p : particles) {
         EXPECT_EQ(p.age, 2);
         expectAt(p.position, Vec3d(1, 0, 0) + p.velocity * 2.0, 1e-12, 2);
         const double speed = glm::length(p.velocity);
         heights.push_back(.5 + .5 * p.velocity.y / speed);
-        turns.push_back(.5 + std::atan2(p.velocity.x, p.velocity.z) / (2 * kPiOfMesh));
+        rotations.push_back(.5 + std::atan2(p.velocity.x, p.velocity.z) / (2 * kPiOfMesh));
         speeds.push_back((speed - 2) / 4);
     }
-    for (const auto& shares : {heights, turns, speeds}) expectEven(shares, 20);
+    for (const auto& fractions : {heights, rotations, speeds}) expectEven(fractions, 20);
     EXPECT_EQ(s.at(9.99).size(), 20'000u);
     EXPECT_EQ(s.at(10).size(), 0u);
     EXPECT_EQ(s.at(30).size(), 0u);
@@ -111,36 +111,36 @@ TEST(ParticlesInFlight, ExplosionsGoToAllSides) {
 
 TEST(ParticlesInFlight, ConesAreEvenlyFilled) {
     Swarm s(kMany + "emitter ConeEmitter { direction 1 1 0 angle .6 speed 1 variation 0 }");
-    std::vector<double> caps, turns;
+    std::vector<double> caps, rotations;
     const Vec3d axis = glm::normalize(Vec3d(1, 1, 0)), side = glm::normalize(Vec3d(1, -1, 0));
     for (const MovedParticle& p : s.at(20)) {
         EXPECT_NEAR(glm::length(p.velocity), 1, 1e-12);
         caps.push_back((1 - glm::dot(p.velocity, axis)) / (1 - std::cos(double(.6f))));
-        turns.push_back(.5 + std::atan2(glm::dot(p.velocity, side), p.velocity.z) / (2 * kPiOfMesh));
+        rotations.push_back(.5 + std::atan2(glm::dot(p.velocity, side), p.velocity.z) / (2 * kPiOfMesh));
     }
     EXPECT_EQ(caps.size(), 20'000u);
     expectEven(caps, 20);
-    expectEven(turns, 20);
+    expectEven(rotations, 20);
 }
 
 TEST(ParticlesInFlight, LinesAreEvenlyFilledByLength) {
     Swarm s(kMany +
             "emitter PolylineEmitter { direction 0 0 2 speed 1 variation 0 coordIndex [ 0 1 2 -1 3 4 9 4 ] "
             "coord Coordinate { point [ 0 0 0, 1 0 0, 1 3 0, 5 0 0, 5 6 0 ] } }");
-    std::vector<double> ways;
+    std::vector<double> distances;
     for (const MovedParticle& p : s.at(20)) {
         const Vec3d from = p.position - Vec3d(0, 0, p.age);
         EXPECT_NEAR(from.z, 0, 1e-9);
         if (from.y == 0 && from.x < 1)
-            ways.push_back(from.x / 10);
+            distances.push_back(from.x / 10);
         else if (std::abs(from.x - 1) < 1e-9)
-            ways.push_back((1 + from.y) / 10);
+            distances.push_back((1 + from.y) / 10);
         else if (std::abs(from.x - 5) < 1e-9)
-            ways.push_back((4 + from.y) / 10);
+            distances.push_back((4 + from.y) / 10);
         else
             ADD_FAILURE() << from.x << " " << from.y;
     }
-    expectEven(ways, 20);
+    expectEven(distances, 20);
     Swarm none("emitter PolylineEmitter { }");
     EXPECT_TRUE(none.at(1).empty());
     EXPECT_EQ(none.problems.diagnostics.warnings(), 1u);
@@ -218,22 +218,22 @@ TEST(ParticlesInFlight, GustsAreTheSameForAll) {
     Swarm later(
         "createParticles FALSE emitter ExplosionEmitter { surfaceArea 1 } particleLifetime 90 physics DEF W "
         "WindPhysicsModel { speed 1 gustiness .8 }");
-    double speed = 0, way = 0, sum = 0, least = 9, most = 0;
+    double speed = 0, distance = 0, sum = 0, minimum = 9, maximum = 0;
     const double tick = .1, unit = .64615;
     for (int i = 1; i <= 800; ++i) {
         const auto particles = s.at(i * tick);
         ASSERT_EQ(particles.size(), 20u);
         const double now = particles[0].velocity.x, pressure = (now - speed) / tick / unit;
-        way += .5 * (speed + now) * tick;
+        distance += .5 * (speed + now) * tick;
         speed = now;
-        sum += pressure, least = std::min(least, pressure), most = std::max(most, pressure);
-        EXPECT_NEAR(particles[0].position.x, way, 1e-8 * (1 + way));
-        EXPECT_NEAR(particles[19].position.x, way, 1e-8 * (1 + way));
+        sum += pressure, minimum = std::min(minimum, pressure), maximum = std::max(maximum, pressure);
+        EXPECT_NEAR(particles[0].position.x, distance, 1e-8 * (1 + distance));
+        EXPECT_NEAR(particles[19].position.x, distance, 1e-8 * (1 + distance));
     }
-    EXPECT_GE(least, .04 - 1e-6);
-    EXPECT_LE(most, 3.24 + 1e-6);
-    EXPECT_LT(least, .1);
-    EXPECT_GT(most, 3);
+    EXPECT_GE(minimum, .04 - 1e-6);
+    EXPECT_LE(maximum, 3.24 + 1e-6);
+    EXPECT_LT(minimum, .1);
+    EXPECT_GT(maximum, 3);
     EXPECT_NEAR(sum / 800, 1 + .64 / 3, .15) << "the mean of a square";
 }
 
@@ -358,21 +358,21 @@ TEST(ParticlesInFlight, OnlyWhatSomethingWasBornInIsKept) {
 // 40.4: enabled FALSE takes all away and TRUE begins as before; another explosion is another one.
 TEST(ParticlesInFlight, BeginAnewAndExplodeAgain) {
     Swarm s("maxParticles 3 particleLifetime 2 emitter DEF E ExplosionEmitter { speed 1 }");
-    const auto turn = [&](const char* node, auto field, bool on, double since) {
+    const auto rotation = [&](const char* node, auto field, bool on, double since) {
         EXPECT_TRUE(s.scene.set(s.scene.findName(node), field, on));
         s.at(since);
     };
     const auto first = s.at(1);
     ASSERT_EQ(first.size(), 3u);
-    turn("P", x3d::ParticleSystem::enabled, false, 1.5);
+    rotation("P", x3d::ParticleSystem::enabled, false, 1.5);
     EXPECT_TRUE(s.now().empty());
-    turn("P", x3d::ParticleSystem::enabled, true, 10);
+    rotation("P", x3d::ParticleSystem::enabled, true, 10);
     const auto second = s.at(11);
     ASSERT_EQ(second.size(), 3u);
     expectAt(second[0].position, first[0].position, 1e-9, 1);
     EXPECT_TRUE(s.at(20).empty());
-    turn("E", x3d::ExplosionEmitter::on, false, 21);
-    turn("E", x3d::ExplosionEmitter::on, true, 22);
+    rotation("E", x3d::ExplosionEmitter::on, false, 21);
+    rotation("E", x3d::ExplosionEmitter::on, true, 22);
     const auto third = s.at(23);
     ASSERT_EQ(third.size(), 3u);
     EXPECT_GT(glm::length(third[0].position - first[0].position), 1e-3);

@@ -105,17 +105,17 @@ TEST(TessellateFaces, ConcavePolygons) {
          12},
         {{{0, 0, 0}, {2, 1, 0}, {0, 2, 0}, {1, 1, 0}}, 1},
     };
-    const glm::mat3 turns[] = {
+    const glm::mat3 rotations[] = {
         glm::mat3(1), glm::mat3(0, 1, 0, 0, 0, 1, 1, 0, 0),
         glm::mat3(.6f, .8f, 0, -.8f, .6f, 0, 0, 0, 1) * glm::mat3(1, 0, 0, 0, .6f, .8f, 0, -.8f, .6f)};
     for (const auto& [shape, area] : cases)
-        for (const auto& turn : turns)
+        for (const auto& rotation : rotations)
             for (std::size_t start = 0; start < shape.size(); ++start)
                 for (const bool backwards : {false, true}) {
                     std::vector<Vec3f> points = shape;
                     std::rotate(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(start), points.end());
                     if (backwards) std::reverse(points.begin(), points.end());
-                    for (Vec3f& p : points) p = turn * p;
+                    for (Vec3f& p : points) p = rotation * p;
                     IndexedFaceSetParams p = polygon(points);
                     p.creaseAngle = 4;
                     const Mesh mesh = tessellate(p);
@@ -124,7 +124,7 @@ TEST(TessellateFaces, ConcavePolygons) {
                     SCOPED_TRACE(std::to_string(shape.size()) + " corners from " + std::to_string(start) +
                                  (backwards ? " backwards" : ""));
                     ASSERT_EQ(mesh.diagnostics.warnings(), 0u);
-                    const Vec3f front = turn * Vec3f(0, 0, backwards ? -1 : 1);
+                    const Vec3f front = rotation * Vec3f(0, 0, backwards ? -1 : 1);
                     for (unsigned t = 0; t < mesh.triangleCount; ++t)
                         for (unsigned c = 0; c < 3; ++c)
                             ASSERT_GT(glm::dot(Vec3f(mesh.normals.value(t, c)), front), 0.9999f);
@@ -445,7 +445,7 @@ TEST(TessellateFaces, RandomGarbageNeverLeavesTheArrays) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         std::mt19937 random(seed);
         const auto below = [&](unsigned n) { return static_cast<std::int32_t>(random() % n); };
-        const auto indices = [&](int most) {
+        const auto indices = [&](int maximum) {
             Array<std::int32_t> result;
             const int n = below(60);
             for (int i = 0; i < n; ++i) {
@@ -457,7 +457,7 @@ TEST(TessellateFaces, RandomGarbageNeverLeavesTheArrays) {
                         result.push_back(static_cast<std::int32_t>(random()));
                         break;
                     default:
-                        result.push_back(below(static_cast<unsigned>(most)));
+                        result.push_back(below(static_cast<unsigned>(maximum)));
                 }
             }
             return result;

@@ -41,10 +41,10 @@ double circleWeight(int i) {
 }
 /// The nine points of a circle as fields have them, times their weights; `place` says where a corner is.
 template <class F>
-std::string circleOf(const F& place) {
+std::string circleOf(const F& map) {
     std::string text;
     for (int i = 0; i < 9; ++i) {
-        const auto p = place(kCircle[i]) * circleWeight(i);
+        const auto p = map(kCircle[i]) * circleWeight(i);
         for (glm::length_t c = 0; c < p.length(); ++c) text += fmt::format("{} ", p[c]);
         text += ",";
     }
@@ -218,12 +218,12 @@ TEST(NurbsSurfaces, TexturesLieAlongTheirParametersOrTheirOwnSurface) {
 TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
     // A profile circle of radius 1 around (3, 0), swung along a circle: a torus.
     const std::string profile = circleOf([](const Vec2d& p) { return Vec2d(3 + p.x, p.y); }),
-                      way = circleOf([](const Vec2d& p) { return p; });
+                      curve = circleOf([](const Vec2d& p) { return p; });
     const Mesh torus =
         nurbsMesh(fmt::format("NurbsSwungSurface {{ profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ {1} ] "
                               "controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
                               "weight [ {1} ] controlPoint [ {3} ] }} }}",
-                              kCircleKnots, weights(1), profile, way),
+                              kCircleKnots, weights(1), profile, curve),
                   .001f);
     EXPECT_TRUE(said(torus).empty()) << said(torus);
     for (std::uint32_t t = 0; t < torus.triangleCount; ++t)
@@ -237,7 +237,7 @@ TEST(NurbsSurfaces, SwungOnesAreProfilesTimesTrajectories) {
         fmt::format("NurbsSwungSurface {{ ccw FALSE profileCurve NurbsCurve2D {{ order 3 knot [ {0} ] weight [ "
                     "{1} ] controlPoint [ {2} ] }} trajectoryCurve NurbsCurve2D {{ order 3 knot [ {0} ] "
                     "weight [ {1} ] controlPoint [ {3} ] }} }}",
-                    kCircleKnots, weights(1), profile, way),
+                    kCircleKnots, weights(1), profile, curve),
         .001f);
     EXPECT_NEAR(enclosedVolume(turned), -enclosedVolume(torus), 1e-3);
 }

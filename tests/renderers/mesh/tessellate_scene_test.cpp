@@ -46,29 +46,29 @@ TEST(TessellateScene, DefaultsOfEveryGeometryNode) {
 TEST(TessellateScene, WhatShowsNothingThoughSomethingIsGivenSaysWhy) {
     Scene scene;
     const NodeId points = scene.createNode(x3d::Coordinate::type);
-    const auto told = [&](NodeId id) {
+    const auto reported = [&](NodeId id) {
         const auto mesh = meshOf(scene, id);
         EXPECT_TRUE(mesh->empty());
         return mesh->diagnostics.all().empty() ? std::string() : mesh->diagnostics.all()[0].text;
     };
     const NodeId faces = scene.createNode(x3d::IndexedFaceSet::type);
     ASSERT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coordIndex, Array<std::int32_t>{0, 1, 2, -1}));
-    EXPECT_THAT(told(faces), testing::HasSubstr("coordIndex refers to points, and there are none"));
+    EXPECT_THAT(reported(faces), testing::HasSubstr("coordIndex refers to points, and there are none"));
     const NodeId set = scene.createNode(x3d::IndexedTriangleSet::type);
     ASSERT_TRUE(scene.set(set, x3d::IndexedTriangleSet::index, Array<std::int32_t>{0, 1, 2}));
-    EXPECT_THAT(told(set), testing::HasSubstr("index refers to points, and there are none"));
+    EXPECT_THAT(reported(set), testing::HasSubstr("index refers to points, and there are none"));
     ASSERT_TRUE(scene.set(points, x3d::Coordinate::point, Array<Vec3f>{{0, 0, 0}, {1, 0, 0}}));
     const NodeId triangles = scene.createNode(x3d::TriangleSet::type);
     ASSERT_TRUE(scene.set(triangles, x3d::TriangleSet::coord, points));
-    EXPECT_THAT(told(triangles), testing::HasSubstr("points left over, too few for a triangle"));
+    EXPECT_THAT(reported(triangles), testing::HasSubstr("points left over, too few for a triangle"));
     const NodeId lines = scene.createNode(x3d::LineSet::type);
     ASSERT_TRUE(scene.set(lines, x3d::LineSet::coord, points));
-    EXPECT_THAT(told(lines), testing::HasSubstr("vertexCount is empty: of 2 points no line is drawn"));
+    EXPECT_THAT(reported(lines), testing::HasSubstr("vertexCount is empty: of 2 points no line is drawn"));
     const NodeId grid = scene.createNode(x3d::ElevationGrid::type);
     ASSERT_TRUE(scene.set(grid, x3d::ElevationGrid::xDimension, 1));
-    EXPECT_EQ(told(grid), "");
+    EXPECT_EQ(reported(grid), "");
     ASSERT_TRUE(scene.set(grid, x3d::ElevationGrid::zDimension, 3));
-    EXPECT_THAT(told(grid), testing::HasSubstr("xDimension 1 and zDimension 3 make no faces"));
+    EXPECT_THAT(reported(grid), testing::HasSubstr("xDimension 1 and zDimension 3 make no faces"));
 }
 
 TEST(TessellateScene, WeightsOfNurbsThatDoNotFitAreTold) {
@@ -184,27 +184,27 @@ TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
 
 TEST(TessellateScene, TrianglesWithoutAreaAreTold) {
     const Array<Vec3f> line{{0, 0, 0}, {1, 2, 3}, {2, 4, 6}, {0, 1, 0}};
-    const auto told = [](const Mesh& mesh) {
+    const auto reported = [](const Mesh& mesh) {
         return mesh.diagnostics.all().empty() ? std::string() : mesh.diagnostics.all()[0].text;
     };
     for (const bool ccw : {true, false}) {
         PrimitiveSetParams set;
         set.coord = line, set.ccw = ccw, set.kind = PrimitiveSetParams::Kind::indexedTriangleSet;
         set.index = {0, 1, 3, 0, 1, 2, 3, 3, 0};
-        EXPECT_EQ(told(tessellate(set)), "2 triangles have no area and show nothing");
+        EXPECT_EQ(reported(tessellate(set)), "2 triangles have no area and show nothing");
         set.kind = PrimitiveSetParams::Kind::indexedQuadSet, set.index = {0, 1, 3, 3, 0, 1, 2, 2};
-        EXPECT_EQ(told(tessellate(set)), "2 triangles have no area and show nothing");
+        EXPECT_EQ(reported(tessellate(set)), "2 triangles have no area and show nothing");
         set.kind = PrimitiveSetParams::Kind::indexedTriangleStripSet, set.index = {0, 1, 2, 3, 3, 1};
-        EXPECT_EQ(told(tessellate(set)), "") << "strips are joined by such";
+        EXPECT_EQ(reported(tessellate(set)), "") << "strips are joined by such";
         IndexedFaceSetParams faces;
         faces.coord = line, faces.ccw = ccw, faces.coordIndex = {0, 1, 3, -1, 2, 1, 0, -1};
-        EXPECT_EQ(told(tessellate(faces)), "1 triangles have no area and show nothing");
+        EXPECT_EQ(reported(tessellate(faces)), "1 triangles have no area and show nothing");
     }
     // Very thin, very small and far from the origin: it has one.
     PrimitiveSetParams thin;
     thin.coord = {{1000, 0, 0},   {1000, 1, 0},   {std::nextafter(1000.f, 2000.f), .5f, 0},
                   {1e-20f, 0, 0}, {0, 1e-20f, 0}, {0, 0, 0}};
-    EXPECT_EQ(told(tessellate(thin)), "");
+    EXPECT_EQ(reported(tessellate(thin)), "");
 }
 
 }  // namespace

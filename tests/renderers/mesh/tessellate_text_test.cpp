@@ -10,7 +10,7 @@
 
 #include "mesh_check.h"
 #include "shapes/tessellate_text.h"
-#include "support/made_font.h"
+#include "support/written_font.h"
 #include "text/fonts.h"
 
 namespace rtsg {
@@ -25,7 +25,7 @@ TextParams mono(std::vector<std::string> strings) {
     p.family = {"TYPEWRITER"};
     return p;
 }
-Mesh made(const TextParams& p) {
+Mesh textMesh(const TextParams& p) {
     Mesh mesh = tessellate(p);
     EXPECT_EQ(findDefect(mesh), "");
     for (const Diagnostic& d : mesh.diagnostics.all()) ADD_FAILURE() << d.format();
@@ -71,9 +71,10 @@ TEST(TessellateText, AreaIsThatOfTheOutlines) {
             p.family = {family};
             const double exact = exactArea(text, family);
             ASSERT_GT(exact, .01);
-            EXPECT_NEAR(surfaceArea(made(p)), exact, .006 * exact) << family << ' ' << text;
+            EXPECT_NEAR(surfaceArea(textMesh(p)), exact, .006 * exact) << family << ' ' << text;
             p.size = 3;
-            EXPECT_NEAR(surfaceArea(made(p)), 9 * exact, 9 * .006 * exact) << "area grows with the square of the size";
+            EXPECT_NEAR(surfaceArea(textMesh(p)), 9 * exact, 9 * .006 * exact)
+                << "area grows with the square of the size";
         }
 }
 
@@ -90,7 +91,7 @@ TEST(TessellateText, FinerOptionsComeNearerToTheCurves) {
 }
 
 TEST(TessellateText, TurnsItsFrontToPlusZ) {
-    const Mesh mesh = made(mono({"Aog&"}));
+    const Mesh mesh = textMesh(mono({"Aog&"}));
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         const Vec3f a = mesh.vertex(t, 0);
         EXPECT_GE(glm::cross(mesh.vertex(t, 1) - a, mesh.vertex(t, 2) - a).z, 0);
@@ -99,33 +100,33 @@ TEST(TessellateText, TurnsItsFrontToPlusZ) {
 }
 
 TEST(TessellateText, LettersFollowEachOther) {
-    const Mesh one = made(mono({"l"})), four = made(mono({"llll"}));
+    const Mesh one = textMesh(mono({"l"})), four = textMesh(mono({"llll"}));
     EXPECT_NEAR(four.bounds.min.x, one.bounds.min.x, 1e-6);
     EXPECT_NEAR(four.bounds.max.x, one.bounds.max.x + 3 * kAdvance, 1e-5);
     TextParams big = mono({"llll"});
     big.size = 2.5f;
-    EXPECT_NEAR(made(big).bounds.max.x, 2.5 * four.bounds.max.x, 1e-5);
+    EXPECT_NEAR(textMesh(big).bounds.max.x, 2.5 * four.bounds.max.x, 1e-5);
 }
 
 TEST(TessellateText, LinesFollowEachOther) {
-    const Mesh one = made(mono({"x"}));
+    const Mesh one = textMesh(mono({"x"}));
     TextParams p = mono({"x", "", "x"});
     p.spacing = 1.5f, p.size = 2;
-    const Mesh down = made(p);
+    const Mesh down = textMesh(p);
     EXPECT_NEAR(down.bounds.max.y, 2 * one.bounds.max.y, 1e-6) << "FIRST: the first baseline stays";
     EXPECT_NEAR(down.bounds.min.y, 2 * one.bounds.min.y - 2 * 1.5 * 2, 1e-5);
     p.topToBottom = false;
-    const Mesh up = made(p);
+    const Mesh up = textMesh(p);
     EXPECT_NEAR(up.bounds.min.y, 2 * one.bounds.min.y, 1e-6);
     EXPECT_NEAR(up.bounds.max.y, 2 * one.bounds.max.y + 2 * 1.5 * 2, 1e-5);
 }
 
 TEST(TessellateText, MajorJustification) {
-    const Mesh begin = made(mono({"ll"}));
+    const Mesh begin = textMesh(mono({"ll"}));
     const auto shift = [&](Justify major, bool leftToRight) {
         TextParams p = mono({"ll"});
         p.major = major, p.leftToRight = leftToRight;
-        return double{made(p).bounds.min.x} - begin.bounds.min.x;
+        return double{textMesh(p).bounds.min.x} - begin.bounds.min.x;
     };
     EXPECT_NEAR(shift(Justify::first, true), 0, 1e-6);
     EXPECT_NEAR(shift(Justify::middle, true), -begin.bounds.center().x, 2e-3) << "by what is seen";
@@ -141,13 +142,13 @@ TEST(TessellateText, MinorJustification) {
     const auto shift = [&](Justify minor, bool down) {
         TextParams p = mono({"x", "x", "x"});
         p.spacing = 2, p.topToBottom = down;
-        const double first = made(p).bounds.min.y;
+        const double first = textMesh(p).bounds.min.y;
         p.minor = minor;
-        return made(p).bounds.min.y - first;
+        return textMesh(p).bounds.min.y - first;
     };
     EXPECT_NEAR(shift(Justify::begin, true), -ascent, 1e-5);
     EXPECT_NEAR(shift(Justify::end, true), 4 + descent, 1e-5);
-    const double height = made(mono({"x"})).bounds.max.y;  // an x stands on its baseline
+    const double height = textMesh(mono({"x"})).bounds.max.y;  // an x stands on its baseline
     EXPECT_NEAR(shift(Justify::middle, true), (4 - height) / 2, 1e-3);
     EXPECT_NEAR(shift(Justify::begin, false), descent, 1e-5);
     EXPECT_NEAR(shift(Justify::end, false), -4 - ascent, 1e-5);
@@ -159,7 +160,7 @@ struct Boxes {
     static constexpr double left = -.05, bottom = -.12, right = .433, top = .611, advance = .777;
 
     static Bounds of(Array<String> strings, const std::string& style) {
-        test::MadeFont font;
+        test::WrittenFont font;
         font.left = -50, font.bottom = -120, font.right = 433, font.top = 611, font.advance = 777;
         Scene scene;
         Diagnostics diagnostics;
@@ -241,44 +242,44 @@ TEST(TessellateText, BoxesOfGlyphsHoldTheirOutlines) {
 TEST(TessellateText, VerticalCellsAreOneEm) {
     TextParams p = mono({"o.o"});
     p.horizontal = false;
-    const Bounds one = made(mono({"o"})).bounds;
+    const Bounds one = textMesh(mono({"o"})).bounds;
     const double high = one.max.y - one.min.y;
-    EXPECT_NEAR(made(p).bounds.min.y, -2 - high, 2e-3);
-    EXPECT_NEAR(made(p).bounds.max.y, 0, 1e-3);
+    EXPECT_NEAR(textMesh(p).bounds.min.y, -2 - high, 2e-3);
+    EXPECT_NEAR(textMesh(p).bounds.max.y, 0, 1e-3);
     p.topToBottom = false;
-    EXPECT_NEAR(made(p).bounds.max.y, 2 + high, 2e-3);
+    EXPECT_NEAR(textMesh(p).bounds.max.y, 2 + high, 2e-3);
 }
 
 TEST(TessellateText, LengthAndMaxExtentScaleAlongTheLine) {
     TextParams p = mono({"llll", "llll"});
-    const Mesh plain = made(p);
+    const Mesh plain = textMesh(p);
     p.length = {static_cast<float>(8 * kAdvance)};
-    Mesh mesh = made(p);
+    Mesh mesh = textMesh(p);
     EXPECT_NEAR(mesh.bounds.max.x, 2 * plain.bounds.max.x, 1e-5);
     EXPECT_NEAR(mesh.bounds.max.y, plain.bounds.max.y, 1e-6) << "across it they stay";
     EXPECT_NEAR(surfaceArea(mesh), 1.5 * surfaceArea(plain), 1e-4) << "the second line has no length of its own";
     p.maxExtent = static_cast<float>(4 * kAdvance);
-    mesh = made(p);
+    mesh = textMesh(p);
     EXPECT_NEAR(mesh.bounds.max.x, plain.bounds.max.x, 1e-5);
     EXPECT_NEAR(surfaceArea(mesh), .75 * surfaceArea(plain), 1e-4) << "all lines alike";
     p.maxExtent = 100;
-    EXPECT_NEAR(made(p).bounds.max.x, 2 * plain.bounds.max.x, 1e-5) << "and none is stretched";
+    EXPECT_NEAR(textMesh(p).bounds.max.x, 2 * plain.bounds.max.x, 1e-5) << "and none is stretched";
     TextParams vertical = mono({"llll"});
     vertical.horizontal = false;
-    const Bounds before = made(vertical).bounds;
+    const Bounds before = textMesh(vertical).bounds;
     vertical.length = {8};
-    EXPECT_NEAR(made(vertical).bounds.min.y, 2 * before.min.y, 1e-5);
-    EXPECT_NEAR(made(vertical).bounds.min.x, before.min.x, 1e-6);
+    EXPECT_NEAR(textMesh(vertical).bounds.min.y, 2 * before.min.y, 1e-5);
+    EXPECT_NEAR(textMesh(vertical).bounds.min.x, before.min.x, 1e-6);
 }
 
 TEST(TessellateText, StylesAreOtherFaces) {
     TextParams p = mono({"lm"});
-    const double plain = surfaceArea(made(p));
-    const Bounds upright = made(p).bounds;
+    const double plain = surfaceArea(textMesh(p));
+    const Bounds upright = textMesh(p).bounds;
     p.bold = true;
-    EXPECT_GT(surfaceArea(made(p)), 1.2 * plain);
+    EXPECT_GT(surfaceArea(textMesh(p)), 1.2 * plain);
     p.bold = false, p.italic = true;
-    EXPECT_GT(made(p).bounds.max.x, upright.max.x);
+    EXPECT_GT(textMesh(p).bounds.max.x, upright.max.x);
 }
 
 // A family of upright faces alone (of fonts-dejavu-extra).
@@ -286,9 +287,9 @@ TEST(TessellateText, UprightFacesSlantWhereThereIsNoItalicOne) {
     TextParams p;
     p.strings = {"HHH"};
     p.family = {"DejaVu Math TeX Gyre"};
-    const Mesh upright = made(p);
+    const Mesh upright = textMesh(p);
     p.italic = true;
-    const Mesh slanted = made(p);
+    const Mesh slanted = textMesh(p);
     constexpr float kSlant = .2f;
     EXPECT_NEAR(slanted.bounds.max.x, upright.bounds.max.x + kSlant * upright.bounds.max.y, 1e-5);
     EXPECT_NEAR(slanted.bounds.min.x, upright.bounds.min.x, 1e-5);
@@ -319,7 +320,7 @@ TEST(TessellateText, FamiliesAndStylesAreTheirOwnFaces) {
         p.strings = {"HHH"};
         p.family = {face.family};
         p.bold = face.bold, p.italic = face.italic;
-        const Bounds bounds = made(p).bounds;
+        const Bounds bounds = textMesh(p).bounds;
         EXPECT_NEAR(bounds.min.x, face.left / 2048.0, .0015);
         EXPECT_NEAR(bounds.max.x, (2 * face.advance + face.right) / 2048.0, .0015);
         EXPECT_NEAR(bounds.min.y, 0, 1e-6);
@@ -366,7 +367,7 @@ TEST(TessellateText, WhatCannotBeIsSaid) {
     ASSERT_EQ(mesh.diagnostics.warnings(), 1u);
     EXPECT_NE(mesh.diagnostics.all()[0].text.find("\"No Such Family\" is not installed"), std::string::npos);
     p.family = {"No Such Family", "TYPEWRITER"};
-    EXPECT_EQ(made(mono({"x"})).bounds.max, tessellate(p).bounds.max);
+    EXPECT_EQ(textMesh(mono({"x"})).bounds.max, tessellate(p).bounds.max);
     p = mono({"\xF3\xB0\x80\x80"});  // a character for private use
     EXPECT_EQ(tessellate(p).diagnostics.warnings(), 1u);
     for (const float size : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN(), 1e30f}) {
@@ -378,8 +379,8 @@ TEST(TessellateText, WhatCannotBeIsSaid) {
     }
     p = mono({"x\x80y\xC3"});  // not UTF-8
     EXPECT_GT(tessellate(p).triangleCount, 0u);
-    EXPECT_TRUE(made(mono({})).empty());
-    EXPECT_TRUE(made(mono({"", " "})).empty());
+    EXPECT_TRUE(textMesh(mono({})).empty());
+    EXPECT_TRUE(textMesh(mono({"", " "})).empty());
 }
 
 TEST(TessellateText, ReadsTheNodesOfAScene) {
@@ -393,7 +394,7 @@ TEST(TessellateText, ReadsTheNodesOfAScene) {
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 2.0f));
     TextParams p = mono({"ll"});
     p.major = Justify::end, p.minor = Justify::begin, p.bold = true, p.size = 2;
-    const Mesh expected = made(p);
+    const Mesh expected = textMesh(p);
     const auto mesh = tessellate(scene, text);
     ASSERT_TRUE(mesh);
     EXPECT_EQ((*mesh)->bounds.min, expected.bounds.min);
@@ -426,14 +427,14 @@ TEST(TessellateText, MeasuresItsLines) {
     ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{0.0f, 5.0f}));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"MIDDLE", "FIRST"}));
     // The second line's one letter, stretched to 5, stands with its own middle on the axis.
-    const double middle = 5 / kAdvance * made(mono({"l"})).bounds.center().x;
+    const double middle = 5 / kAdvance * textMesh(mono({"l"})).bounds.center().x;
     expectSizes({5, height + 3, -middle, 2 * font.ascent, 0, 6 * kAdvance, height, 5, height});
     // Columns of cells of an em.
     ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{}));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::horizontal, false));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"BEGIN"}));
     // Their ink begins at the axes, in the middle of the first cell and below its top.
-    const Bounds l = made(mono({"l"})).bounds;
+    const Bounds l = textMesh(mono({"l"})).bounds;
     const double left = .5 * (1 - kAdvance) + l.min.x;
     const double top = -1 + double(font.descent) / (double(font.ascent) + double(font.descent)) + l.max.y;
     expectSizes({5, 6, -2 * left, -2 * top, 0, 2, 6, 2, 2});
@@ -448,7 +449,7 @@ TEST(TessellateText, MeasuresItsLines) {
 TEST(TessellateText, TexturesHaveTheSizeOfTheFont) {
     TextParams p = mono({"M"});
     p.size = 4;
-    const Mesh mesh = made(p);
+    const Mesh mesh = textMesh(p);
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         const Vec4f st = mesh.texCoord(t, 0, 0);
         EXPECT_NEAR(st.x, mesh.vertex(t, 0).x / 4, 1e-6);
@@ -466,7 +467,7 @@ TEST(TessellateText, FontsOfLibrariesHaveTheirOwnNumbers) {
                              diagnostics));
         for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
     };
-    test::MadeFont font;
+    test::WrittenFont font;
     font.left = -50, font.bottom = -120, font.right = 433, font.top = 611, font.advance = 777;
     const std::string library =
         "DEF L FontLibrary { family [ \"Other\" \"Boxes\" ] url \"" + test::fontUrl(font.bytes()) + "\" }";
@@ -499,7 +500,7 @@ TEST(TessellateText, FontsOfLibrariesHaveTheirOwnNumbers) {
 
 // The directory is whole, and what it leads to is not: told, and the next family is taken.
 TEST(TessellateText, FontsThatFreeTypeRefusesAreNamed) {
-    std::string bytes = test::MadeFont().bytes();
+    std::string bytes = test::WrittenFont().bytes();
     const std::size_t head = bytes.find("\x5F\x0F\x3C\xF5");
     ASSERT_NE(head, std::string::npos);
     bytes.replace(head - 12, 4, std::string(4, '\xEE'));  // its version

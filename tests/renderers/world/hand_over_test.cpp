@@ -25,45 +25,45 @@ struct Counted {
 };
 
 TEST(HandOver, GivesTheNewestAndKeepsNoOther) {
-    HandOver<Counted> places;
-    EXPECT_EQ(places.get(), nullptr);
+    HandOver<Counted> handOver;
+    EXPECT_EQ(handOver.get(), nullptr);
     for (int i = 0; i < 100; ++i) {
-        ASSERT_TRUE(places.put(std::make_shared<const Counted>(i)));
-        EXPECT_EQ(places.get()->number, i);
+        ASSERT_TRUE(handOver.put(std::make_shared<const Counted>(i)));
+        EXPECT_EQ(handOver.get()->number, i);
         EXPECT_EQ(Counted::alive, 1);
     }
-    const auto held = places.get();
-    ASSERT_TRUE(places.put(nullptr));
-    EXPECT_EQ(places.get(), nullptr);
+    const auto held = handOver.get();
+    ASSERT_TRUE(handOver.put(nullptr));
+    EXPECT_EQ(handOver.get(), nullptr);
     EXPECT_EQ(Counted::alive, 1) << "that which is held";
     EXPECT_EQ(held->number, 99);
 }
 
 TEST(HandOver, AReaderThatStopsOnItsWayKeepsItsPlaceAndHoldsUpNobody) {
-    using Places = HandOver<Counted>;
+    using Handing = HandOver<Counted>;
     {
-        Places places;
-        ASSERT_TRUE(places.put(std::make_shared<const Counted>(0)));
-        std::vector<std::unique_ptr<Places::Visit>> stopped;
-        stopped.push_back(std::make_unique<Places::Visit>(places));
+        Handing handOver;
+        ASSERT_TRUE(handOver.put(std::make_shared<const Counted>(0)));
+        std::vector<std::unique_ptr<Handing::Visit>> stopped;
+        stopped.push_back(std::make_unique<Handing::Visit>(handOver));
         for (int i = 1; i < 100; ++i) {
-            ASSERT_TRUE(places.put(std::make_shared<const Counted>(i)));
-            EXPECT_EQ(places.get()->number, i);
+            ASSERT_TRUE(handOver.put(std::make_shared<const Counted>(i)));
+            EXPECT_EQ(handOver.get()->number, i);
             EXPECT_EQ(stopped[0]->value()->number, 0);
             EXPECT_EQ(Counted::alive, 2);
         }
         // One at each place there is: then nothing can be put, and the newest stays.
         int last = 99;
-        while (stopped.size() < Places::kPlaces) {
-            stopped.push_back(std::make_unique<Places::Visit>(places));
-            if (stopped.size() == Places::kPlaces) break;
-            ASSERT_TRUE(places.put(std::make_shared<const Counted>(++last)));
+        while (stopped.size() < Handing::kEntries) {
+            stopped.push_back(std::make_unique<Handing::Visit>(handOver));
+            if (stopped.size() == Handing::kEntries) break;
+            ASSERT_TRUE(handOver.put(std::make_shared<const Counted>(++last)));
         }
-        EXPECT_FALSE(places.put(std::make_shared<const Counted>(1000)));
-        EXPECT_EQ(places.get()->number, last);
+        EXPECT_FALSE(handOver.put(std::make_shared<const Counted>(1000)));
+        EXPECT_EQ(handOver.get()->number, last);
         stopped.erase(stopped.begin() + 3);
-        EXPECT_TRUE(places.put(std::make_shared<const Counted>(1001)));
-        EXPECT_EQ(places.get()->number, 1001);
+        EXPECT_TRUE(handOver.put(std::make_shared<const Counted>(1001)));
+        EXPECT_EQ(handOver.get()->number, 1001);
         EXPECT_EQ(stopped[0]->value()->number, 0);
     }
     EXPECT_EQ(Counted::alive, 0);
@@ -72,20 +72,20 @@ TEST(HandOver, AReaderThatStopsOnItsWayKeepsItsPlaceAndHoldsUpNobody) {
 TEST(HandOver, ReadersOnThreeThreadsSeeWholeOnesInOrder) {
     constexpr int kLast = 20'000;
     {
-        HandOver<Counted> places;
+        HandOver<Counted> handOver;
         std::atomic<int> wrong{0};
         std::vector<std::thread> readers;
         for (int r = 0; r < 3; ++r)
             readers.emplace_back([&] {
                 for (int before = -1; before != kLast;) {
-                    const auto one = places.get();
+                    const auto one = handOver.get();
                     if (!one) continue;
                     wrong += one->number < before || one->number != one->again;
                     before = one->number;
                 }
             });
         for (int i = 0; i <= kLast; ++i)
-            while (!places.put(std::make_shared<const Counted>(i))) std::this_thread::yield();
+            while (!handOver.put(std::make_shared<const Counted>(i))) std::this_thread::yield();
         for (std::thread& reader : readers) reader.join();
         EXPECT_EQ(wrong, 0);
     }

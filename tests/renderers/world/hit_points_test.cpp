@@ -17,7 +17,7 @@ using namespace test;
 
 constexpr std::uint32_t kPointSeed = 20261129;
 
-struct Place {
+struct Spot {
     const char* name;
     WorldFromLocal transform;
     float size;  // of the triangles
@@ -29,7 +29,7 @@ WorldFromLocal spun(const Vec3d& axis, double angle, const Vec3d& scale) {
 }
 
 /// The largest share that errors have of their bounds, by axis.
-Vec3d largestShare(const RayWorld& world, const WorldFromLocal& m, const Mesh& mesh, std::mt19937& random) {
+Vec3d largestFraction(const RayWorld& world, const WorldFromLocal& m, const Mesh& mesh, std::mt19937& random) {
     std::uniform_real_distribution<float> unit(0, 1);
     Vec3d largest(0);
     for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle)
@@ -53,7 +53,7 @@ TEST(HitPoints, ErrorsAreWithinTheirBoundsWhichAreNotWide) {
         m[3] = by;
         return m;
     };
-    const Place places[] = {
+    const Spot spots[] = {
         {"as it is", identityTransform(), 1},
         {"small", scaling(Vec3d(1e-3)), 1e-3f},
         {"large", scaling(Vec3d(1e2)), 1e3f},
@@ -65,21 +65,21 @@ TEST(HitPoints, ErrorsAreWithinTheirBoundsWhichAreNotWide) {
         {"turned and mirrored", spun({3, -1, 2}, 2.1, {-.01, .01, .01}), .03f},
         {"far away", moved(scaling({2, .5, 1}), {1e4, -2e4, 3e4}), 10},
     };
-    for (const Place& place : places) {
-        SCOPED_TRACE(testing::Message() << place.name << ", seed " << kPointSeed);
+    for (const Spot& ray : spots) {
+        SCOPED_TRACE(testing::Message() << ray.name << ", seed " << kPointSeed);
         const std::shared_ptr<Mesh> mesh = makeSoup(random, 200);
-        for (Vec3f& p : std::span<Vec3f>(mesh->positions.mutableData(), mesh->positions.size())) p *= place.size;
-        mesh->bounds = {mesh->bounds.min * place.size, mesh->bounds.max * place.size};
+        for (Vec3f& p : std::span<Vec3f>(mesh->positions.mutableData(), mesh->positions.size())) p *= ray.size;
+        mesh->bounds = {mesh->bounds.min * ray.size, mesh->bounds.max * ray.size};
         RayWorld world;
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, mesh});
-        delta.added.push_back(makeInstance(0, NodeId{1}, place.transform));
+        delta.added.push_back(makeInstance(0, NodeId{1}, ray.transform));
         world.apply(delta);
         ASSERT_EQ(world.stats().traced, 1u);
-        const Vec3d share = largestShare(world, place.transform, *mesh, random);
+        const Vec3d fraction = largestFraction(world, ray.transform, *mesh, random);
         for (int axis = 0; axis < 3; ++axis) {
-            EXPECT_LE(share[axis], 1) << axis;
-            EXPECT_GE(share[axis], 1. / 50) << axis;
+            EXPECT_LE(fraction[axis], 1) << axis;
+            EXPECT_GE(fraction[axis], 1. / 50) << axis;
         }
     }
 }
@@ -99,11 +99,11 @@ TEST(HitPoints, ErrorsAreWithinTheirBoundsWhateverTheTransform) {
         delta.added.push_back(makeInstance(0, NodeId{1}, m));
         world.apply(delta);
         ASSERT_EQ(world.stats().traced, 1u);
-        const Vec3d share = largestShare(world, m, *mesh, random);
+        const Vec3d fraction = largestFraction(world, m, *mesh, random);
         const double condition = world.instance(0).errorScale;
         for (int axis = 0; axis < 3; ++axis) {
-            EXPECT_LE(share[axis], 1) << axis;
-            EXPECT_GE(share[axis] * condition, 1. / 50) << axis << " " << condition;
+            EXPECT_LE(fraction[axis], 1) << axis;
+            EXPECT_GE(fraction[axis] * condition, 1. / 50) << axis << " " << condition;
         }
     }
 }

@@ -24,12 +24,14 @@ struct LargeRoom : CheckedWorld {
     explicit LargeRoom(double size = 1, bool turned = true, bool ball = true) {
         WorldFromLocal all = turned ? randomTransform(random, 0) : scaling({1, 1, 1});
         for (int k = 0; k < 3; ++k) all[k] = glm::normalize(all[k]) * size;
-        const auto place = [&](const WorldFromLocal& m) { return WorldFromLocal(glm::dmat4(all) * glm::dmat4(m)); };
-        add(makeBox(), place(scaling({4, 3, 5})));
-        add(makeBox(), place(translation({-1.5, -2, 1.2}) * glm::dmat4(scaling({.6, .9, .5}))));
+        const auto transformed = [&](const WorldFromLocal& m) {
+            return WorldFromLocal(glm::dmat4(all) * glm::dmat4(m));
+        };
+        add(makeBox(), transformed(scaling({4, 3, 5})));
+        add(makeBox(), transformed(translation({-1.5, -2, 1.2}) * glm::dmat4(scaling({.6, .9, .5}))));
         add(makeMesh({{0, 0, 0}, {1, 0, .2}, {.3, 1, 0}, {.1, .2, 1}}, {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2}),
-            place(translation({.2, -2.8, -2}) * glm::dmat4(scaling({-1.1, .8, .9}))));
-        if (ball) add(makeSphere(3), place(translation({1.5, -1, -.5})));
+            transformed(translation({.2, -2.8, -2}) * glm::dmat4(scaling({-1.1, .8, .9}))));
+        if (ball) add(makeSphere(3), transformed(translation({1.5, -1, -.5})));
         world.apply(delta);
         delta = {};
     }
@@ -84,14 +86,14 @@ TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
         for (int p = 0; p < 1500; ++p) {
             const RayPacket16 before = room.rays(static_cast<float>(size));
             RayPacket16 rays, traced = before;
-            bvh::LargeHits told;
+            bvh::LargeHits reported;
             std::uint32_t open = 0;
             const std::uint32_t active = activeLanes(before),
-                                met = large.intersect(rowsOf(before, active), rays, told, open);
+                                met = large.intersect(rowsOf(before, active), rays, reported, open);
             EXPECT_EQ(met & open, 0u);
             EXPECT_EQ((met | open) & ~active, 0u);
             (void)room.world.intersect(traced);
-            const PacketHits16& hits = told.hits;
+            const PacketHits16& hits = reported.hits;
             PacketHits16 asPacket;
             (void)room.world.hits(rays, met, asPacket);
             for (std::uint32_t rest = active; rest; rest &= rest - 1) {
@@ -103,7 +105,7 @@ TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
                 if (!hit) continue;
                 EXPECT_EQ(hit.instance, hits.instance[lane]);
                 EXPECT_EQ(hit.triangle, hits.triangle[lane]);
-                EXPECT_EQ(told.label[lane], static_cast<std::int32_t>(hit.instance) + 70);
+                EXPECT_EQ(reported.label[lane], static_cast<std::int32_t>(hit.instance) + 70);
                 const Hit own = room.world.hit(rays, lane);
                 EXPECT_EQ(own.instance, hits.instance[lane]);
                 EXPECT_EQ(own.triangle, hits.triangle[lane]);
@@ -187,9 +189,9 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
             rays.set(lane, {from, 0, to - from});
         }
         std::uint32_t open = 0;
-        bvh::LargeHits told;
+        bvh::LargeHits reported;
         RayPacket16 traced;
-        const std::uint32_t met = large.intersect(rowsOf(rays, 0xFFFF), traced, told, open);
+        const std::uint32_t met = large.intersect(rowsOf(rays, 0xFFFF), traced, reported, open);
         // Things in front of them are hit all the same.
         for (std::uint32_t rest = met; rest; rest &= rest - 1) EXPECT_LT(traced.tMax[std::countr_zero(rest)], .999f);
         EXPECT_EQ(met | open, 0xFFFFu);
@@ -209,9 +211,9 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
     for (int lane = 0; lane < 16; ++lane)
         rays.set(lane, {{.1f, .1f, lane < 8 ? 1.0f : -1e-7f}, 0, {0, 0, lane < 8 ? -1.0f : 1.0f}});
     std::uint32_t open = 0;
-    bvh::LargeHits told;
+    bvh::LargeHits reported;
     RayPacket16 traced;
-    EXPECT_EQ(sheets.intersect(rowsOf(rays, 0xFFFF), traced, told, open), 0u);
+    EXPECT_EQ(sheets.intersect(rowsOf(rays, 0xFFFF), traced, reported, open), 0u);
     EXPECT_EQ(open, 0xFFFFu);
 }
 
@@ -225,10 +227,10 @@ TEST(LargeRays, AreTheSameInRegistersOfAnyWidth) {
         const RayPacket16 before = room.rays(1, p % 2 ? 1 : HUGE_VALF);
         const bvh::RayRows rows = rowsOf(before, activeLanes(before));
         RayPacket16 a, b;
-        bvh::LargeHits toldA, toldB;
+        bvh::LargeHits reportedA, reportedB;
         std::uint32_t openA = 0, openB = 0;
-        const std::uint32_t met = bvh::largeKernels8().intersect(large.table(), rows, a, toldA, openA);
-        ASSERT_EQ(met, wide->intersect(large.table(), rows, b, toldB, openB));
+        const std::uint32_t met = bvh::largeKernels8().intersect(large.table(), rows, a, reportedA, openA);
+        ASSERT_EQ(met, wide->intersect(large.table(), rows, b, reportedB, openB));
         ASSERT_EQ(openA, openB);
         for (std::uint32_t rest = met; rest; rest &= rest - 1) {
             const int i = std::countr_zero(rest);
@@ -238,8 +240,8 @@ TEST(LargeRays, AreTheSameInRegistersOfAnyWidth) {
             EXPECT_EQ(a.prim_[i], b.prim_[i]);
             EXPECT_EQ(a.geom_[i], b.geom_[i]);
             EXPECT_EQ(a.normalX_[i], b.normalX_[i]);
-            EXPECT_EQ(toldA.hits.instance[i], toldB.hits.instance[i]);
-            EXPECT_EQ(toldA.label[i], toldB.label[i]);
+            EXPECT_EQ(reportedA.hits.instance[i], reportedB.hits.instance[i]);
+            EXPECT_EQ(reportedA.label[i], reportedB.label[i]);
         }
         EXPECT_EQ(bvh::largeKernels8().occluded(large.table(), rows, openA),
                   wide->occluded(large.table(), rows, openB));
@@ -276,9 +278,9 @@ TEST(LargeRays, KnowWhatLeavesABulge) {
     ASSERT_TRUE(large);
     LargeRoom dented(1, false, false);
     auto dent = makeSphere(3);
-    std::vector<Vec3f> places(dent->positions.begin(), dent->positions.end());
-    places[2] *= .9f;
-    dented.add(makeMesh(places, {dent->triangles.begin(), dent->triangles.end()}), scaling({.9, .9, .9}));
+    std::vector<Vec3f> positions(dent->positions.begin(), dent->positions.end());
+    positions[2] *= .9f;
+    dented.add(makeMesh(positions, {dent->triangles.begin(), dent->triangles.end()}), scaling({.9, .9, .9}));
     dented.world.apply(dented.delta);
     const LargeRays withDent(dented.world, bothSides);
     ASSERT_TRUE(withDent);
@@ -301,19 +303,19 @@ TEST(LargeRays, KnowWhatLeavesABulge) {
             front[lane] = std::bit_cast<float>(3u);
         }
         RayPacket16 rays, traced = from;
-        bvh::LargeHits told;
+        bvh::LargeHits reported;
         std::uint32_t open = 0, openAll = 0;
         bvh::RayRows rows = rowsOf(from, 0xFFFF);
-        (void)large.intersect(rows, rays, told, openAll);
+        (void)large.intersect(rows, rays, reported, openAll);
         rows.front = front;
-        const std::uint32_t met = large.intersect(rows, rays, told, open);
+        const std::uint32_t met = large.intersect(rows, rays, reported, open);
         EXPECT_EQ(open & ~openAll, 0u);
         (void)room.world.intersect(traced);
         for (std::uint32_t rest = openAll & ~open; rest; rest &= rest - 1, ++known) {
             const int lane = std::countr_zero(rest);
             const Hit hit = room.world.hit(traced, lane);
             ASSERT_TRUE(met >> lane & 1u);
-            EXPECT_EQ(hit.instance, told.hits.instance[lane]);
+            EXPECT_EQ(hit.instance, reported.hits.instance[lane]);
             EXPECT_NEAR(hit.t, rays.tMax[lane], 4e-5);
         }
     }
@@ -331,9 +333,9 @@ TEST(LargeRays, LeaveOpenWhatMayMeetWhatMoves) {
     for (int p = 0; p < 1000; ++p) {
         const RayPacket16 before = room.rays(1);
         RayPacket16 rays;
-        bvh::LargeHits told;
+        bvh::LargeHits reported;
         std::uint32_t open = 0;
-        (void)large.intersect(rowsOf(before, activeLanes(before)), rays, told, open);
+        (void)large.intersect(rowsOf(before, activeLanes(before)), rays, reported, open);
         for (std::uint32_t rest = activeLanes(before) & ~open; rest; rest &= rest - 1)
             EXPECT_NE(room.world.intersect(before.ray(std::countr_zero(rest))).instance, 3u);
         for (std::uint32_t rest = open; rest; rest &= rest - 1)

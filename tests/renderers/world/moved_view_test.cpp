@@ -26,11 +26,12 @@ glm::dmat3 rotationAbout(const Vec3d& axis, double angle) {
 
 /// A rigid motion of the world about `pivot`, which moves by `way`.
 struct RigidCourse {
-    Vec3d axis{0, 0, 1}, pivot{0}, way{0};
+    Vec3d axis{0, 0, 1}, pivot{0}, displacement{0};
     double angle = 0;
     WorldFromLocal at(double t, const WorldFromLocal& from) const {
-        const glm::dmat3 turn = rotationAbout(axis, t * angle);
-        return {turn * from[0], turn * from[1], turn * from[2], pivot + t * way + turn * (from[3] - pivot)};
+        const glm::dmat3 rotation = rotationAbout(axis, t * angle);
+        return {rotation * from[0], rotation * from[1], rotation * from[2],
+                pivot + t * displacement + rotation * (from[3] - pivot)};
     }
 };
 
@@ -58,7 +59,7 @@ TEST_P(MovedWorld, AnswersAsOneBuiltThen) {
         c.axis = glm::normalize(Vec3d(normal(random), normal(random), normal(random)));
         c.angle = 2.5 * unit(random);
         c.pivot = 6.0 * Vec3d(unit(random), unit(random), unit(random));
-        c.way = 3.0 * Vec3d(unit(random), unit(random), unit(random));
+        c.displacement = 3.0 * Vec3d(unit(random), unit(random), unit(random));
     }
     for (std::uint32_t slot = 0; slot < kSlots; ++slot) {
         Instance i = makeInstance(slot, NodeId{slot + 1}, randomTransform(random, 8));
@@ -68,14 +69,14 @@ TEST_P(MovedWorld, AnswersAsOneBuiltThen) {
             i.pivot = Vec3f(inverseOf(i.worldFromLocal) * Vec4d(courses[group].pivot, 1));
         }
         delta.added.push_back(i);
-        truth.things[slot] = {i, delta.geometries[slot].mesh};
+        truth.items[slot] = {i, delta.geometries[slot].mesh};
     }
     world.apply(delta);
     EXPECT_EQ(world.stats().bodies, 2u);
     const auto before = world.freeze();
     InstanceDelta moved;
     for (std::uint32_t slot = 0; slot < kGroups * kEach; ++slot)
-        moved.moved.push_back({{slot, 0}, courses[slot / kEach].at(1, truth.things[slot].info.worldFromLocal)});
+        moved.moved.push_back({{slot, 0}, courses[slot / kEach].at(1, truth.items[slot].info.worldFromLocal)});
     world.apply(moved);
     const Motions motions(*before, world);
     for (std::uint32_t slot = 0; slot < kSlots; ++slot) EXPECT_EQ(motions.moves(slot), slot < kGroups * kEach) << slot;
@@ -83,13 +84,13 @@ TEST_P(MovedWorld, AnswersAsOneBuiltThen) {
     for (const double t : {0.0, .3, .5, .85, 1.0}) {
         SCOPED_TRACE(t);
         for (std::uint32_t slot = 0; slot < kGroups * kEach; ++slot)
-            truth.things[slot].info.worldFromLocal =
-                courses[slot / kEach].at(t, first.things.at(slot).info.worldFromLocal);
+            truth.items[slot].info.worldFromLocal =
+                courses[slot / kEach].at(t, first.items.at(slot).info.worldFromLocal);
         const MovedView then(world, motions, t);
         expectSameHits(then, truth, random, 60, 12, 1e-4);
         for (std::uint32_t slot = 0; slot < kSlots; ++slot) {
             const WorldFromLocal &is = then.instance(slot).info.worldFromLocal,
-                                 &expected = truth.things[slot].info.worldFromLocal;
+                                 &expected = truth.items[slot].info.worldFromLocal;
             for (int c = 0; c < 4; ++c) EXPECT_NEAR(glm::length(is[c] - expected[c]), 0, 1e-5) << slot;
         }
     }

@@ -75,12 +75,12 @@ Vec3d randomPoint(std::mt19937& random, double size) {
 }
 
 double bruteDistance(const std::vector<Triangle>& all, const Vec3d& p) {
-    double least = kInfinite;
+    double minimum = kInfinite;
     for (const Triangle& t : all) {
         const exact::Weights w = exact::nearest(p, t);
-        least = std::min(least, glm::distance(p, t.at(w.u, w.v)));
+        minimum = std::min(minimum, glm::distance(p, t.at(w.u, w.v)));
     }
-    return least;
+    return minimum;
 }
 
 TEST(Picking, NearestPointOfATriangleMeetsTheConditionOfConvexity) {
@@ -161,10 +161,11 @@ TEST_P(PickingMappings, SweptBallStopsWhereConservativeAdvancementDoes) {
         ASSERT_TRUE(found);
         // A graze by less than the tolerance may go either way.
         if (touches != static_cast<bool>(*found)) {
-            double least = kInfinite;
+            double minimum = kInfinite;
             for (int k = 0; k <= 2000; ++k)
-                least = std::min(least, std::abs(bruteDistance(all, start + (length * k / 2000) * direction) - radius));
-            EXPECT_LT(least, 1e-3) << i;
+                minimum =
+                    std::min(minimum, std::abs(bruteDistance(all, start + (length * k / 2000) * direction) - radius));
+            EXPECT_LT(minimum, 1e-3) << i;
             continue;
         }
         if (!touches) continue;
@@ -191,14 +192,14 @@ TEST_P(PickingMappings, OverlapsAreAllInstancesWithinReach) {
         std::map<std::uint32_t, double> expected;
         for (const RayInstance& instance : p.world.instances()) {
             if (!instance.info.id || !instance.mesh) continue;
-            double least = kInfinite;
+            double minimum = kInfinite;
             for (std::uint32_t t = 0; t < instance.mesh->triangleCount; ++t) {
                 const auto corner = [&](std::uint32_t c) {
                     return instance.info.worldFromLocal * glm::dvec4(Vec3d(instance.mesh->vertex(t, c)), 1);
                 };
-                least = std::min(least, bruteDistance({{corner(0), corner(1), corner(2)}}, center));
+                minimum = std::min(minimum, bruteDistance({{corner(0), corner(1), corner(2)}}, center));
             }
-            if (least <= radius) expected[instance.info.id.slot] = least;
+            if (minimum <= radius) expected[instance.info.id.slot] = minimum;
         }
         const auto found = p.picker.overlaps(center, radius);
         ASSERT_TRUE(found);

@@ -27,27 +27,27 @@ Vec3f directionAt(const bvh::PixelGrid& g, float x, float y) {
 }
 
 /// A sample anywhere in each pixel, also at its very borders.
-bvh::TilePlaces anywhere(std::mt19937& random) {
+bvh::TilePositions anywhere(std::mt19937& random) {
     std::uniform_real_distribution<float> unit(-.01f, 1.01f);
-    bvh::TilePlaces places;
+    bvh::TilePositions positions;
     for (int block = 0; block < 16; ++block)
         for (int i = 0; i < 16; ++i) {
-            const auto place = [&] { return std::clamp(unit(random), 0.0f, 0x1.fffffep-1f); };
-            places.x[block][i] = static_cast<float>(block % 4 * 4 + i % 4 - 8) + place();
-            places.y[block][i] = static_cast<float>(block / 4 * 4 + i / 4 - 8) + place();
+            const auto coordinate = [&] { return std::clamp(unit(random), 0.0f, 0x1.fffffep-1f); };
+            positions.x[block][i] = static_cast<float>(block % 4 * 4 + i % 4 - 8) + coordinate();
+            positions.y[block][i] = static_cast<float>(block / 4 * 4 + i / 4 - 8) + coordinate();
         }
-    return places;
+    return positions;
 }
 
 /// A block's rays as pictures make them; those outside are inactive. `places`: null: in the pixels' middles.
 RayPacket16 raysOf(const bvh::PixelGrid& g, int tileX, int tileY, int block, float tMax = HUGE_VALF,
-                   const bvh::TilePlaces* places = nullptr) {
+                   const bvh::TilePositions* positions = nullptr) {
     RayPacket16 rays;
     std::memset(&rays, 0x7f, sizeof rays);
     for (int lane = 0; lane < 16; ++lane) {
         const int x = tileX * 16 + block % 4 * 4 + lane % 4, y = tileY * 16 + block / 4 * 4 + lane / 4;
-        const float inX = places ? places->x[block][lane] + 8 : static_cast<float>(x - tileX * 16) + .5f,
-                    inY = places ? places->y[block][lane] + 8 : static_cast<float>(y - tileY * 16) + .5f;
+        const float inX = positions ? positions->x[block][lane] + 8 : static_cast<float>(x - tileX * 16) + .5f,
+                    inY = positions ? positions->y[block][lane] + 8 : static_cast<float>(y - tileY * 16) + .5f;
         const Vec3f d = directionAt(g, inX + static_cast<float>(tileX * 16) - static_cast<float>(g.width) / 2,
                                     inY + static_cast<float>(tileY * 16) - static_cast<float>(g.height) / 2);
         rays.set(lane, {g.eye, 0, glm::normalize(d), tMax});
@@ -67,18 +67,18 @@ int forBlocks(const RayView& world, const bvh::PixelGrid& grid, const Visit& vis
     int left = 0;
     std::mt19937 random(kPrimarySeed);
     std::vector<bvh::TileHits> tile(samples);
-    std::vector<bvh::TilePlaces> places(samples);
+    std::vector<bvh::TilePositions> positions(samples);
     for (int y = 0; y * 16 < grid.height; ++y)
         for (int x = 0; x * 16 < grid.width; ++x) {
-            for (bvh::TilePlaces& sample : places) sample = anywhere(random);
+            for (bvh::TilePositions& sample : positions) sample = anywhere(random);
             const bool inMiddles = samples == 1;
-            if (!primary.find(x, y, tile, inMiddles ? nullptr : places.data())) {
+            if (!primary.find(x, y, tile, inMiddles ? nullptr : positions.data())) {
                 ++left;
                 continue;
             }
             for (std::size_t s = 0; s < samples; ++s)
                 for (int block = 0; block < 16; ++block) {
-                    const RayPacket16 before = raysOf(grid, x, y, block, tMax, inMiddles ? nullptr : &places[s]);
+                    const RayPacket16 before = raysOf(grid, x, y, block, tMax, inMiddles ? nullptr : &positions[s]);
                     RayPacket16 rays = before;
                     visit(before, rays, primary.intersect(rays, tile[s], block));
                 }
@@ -183,8 +183,8 @@ TEST(PrimaryRays, NothingShowsBetweenTriangles) {
         };
         EXPECT_EQ(forBlocks(world, grid, count), 0);
         EXPECT_EQ(leaks, 0);
-        for (const float turn : {.001f, .37f, 2.0f}) {  // and anyhow, along edges and between
-            const float c = std::cos(turn), s = std::sin(turn);
+        for (const float angle : {.001f, .37f, 2.0f}) {  // and anyhow, along edges and between
+            const float c = std::cos(angle), s = std::sin(angle);
             bvh::PixelGrid turned = gridAt(grid.eye, {0, 0, -1}, width, height, .2f);
             turned.right = {c, s, 0}, turned.up = {-s, c, 0};
             EXPECT_EQ(forBlocks(world, turned, count), 0);
@@ -235,8 +235,8 @@ TEST(PrimaryRays, FindTrianglesSmallerThanPixels) {
         room.add(makeBeams(random, 90, 40, .02f), scaling({.4, .5, .3}));
         room.build();
         bvh::PixelGrid grid = gridAt({0, 0, static_cast<float>(distance)}, {0, 0, -1}, 400, 300, halfAngle);
-        for (const float turn : {0.0f, .6f}) {
-            const float c = std::cos(turn), s = std::sin(turn);
+        for (const float angle : {0.0f, .6f}) {
+            const float c = std::cos(angle), s = std::sin(angle);
             grid.right = {c, s, 0}, grid.up = {-s, c, 0};
             int rays = 0, hits = 0, others = 0;
             const auto visit = [&](const RayPacket16& before, const RayPacket16& together, std::uint32_t met) {
@@ -278,7 +278,7 @@ TEST(PrimaryRays, KnowEndsKindsAndWhatIsTakenAway) {
     EXPECT_GT(near, 1000);
     EXPECT_LT(near, all);
     // The ball is not seen, then not there; who asks before finds the ball of then.
-    Instance unseen = room.truth.things[0].info;
+    Instance unseen = room.truth.items[0].info;
     room.delta.removed.push_back(unseen.id);
     room.world.apply(room.delta);
     EXPECT_EQ(compare(HUGE_VALF, RayKind::view), all) << "the box is behind it";
@@ -348,8 +348,8 @@ TEST(PrimaryRays, AreTheSameAtEveryWidth) {
         clusters.push_back({Vec3f(-2), 0, Vec3f(2), first});
     }
     int met = 0;
-    for (int turn = 0; turn < 30; ++turn) {
-        const float angle = static_cast<float>(turn) * .2f;
+    for (int round = 0; round < 30; ++round) {
+        const float angle = static_cast<float>(round) * .2f;
         const bvh::PixelGrid grid = gridAt({3 * std::sin(angle), .3f, 3 * std::cos(angle)},
                                            {-std::sin(angle), 0, -std::cos(angle)}, 16, 16, .3f);
         const bvh::TileFrame frame(grid, bvh::PictureRows(grid), 0, 0);
@@ -359,9 +359,9 @@ TEST(PrimaryRays, AreTheSameAtEveryWidth) {
             kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, nullptr, &tiles[k],
                              1);
         ASSERT_EQ(std::memcmp(&tiles[0], &tiles[1], sizeof tiles[0]), 0);
-        const bvh::TilePlaces places[3] = {anywhere(random), anywhere(random), anywhere(random)};
+        const bvh::TilePositions positions[3] = {anywhere(random), anywhere(random), anywhere(random)};
         for (int k = 0; k < 2; ++k)
-            kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, places, more[k],
+            kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, positions, more[k],
                              3);
         ASSERT_EQ(std::memcmp(more[0], more[1], sizeof more[0]), 0);
         for (int block = 0; block < 16; ++block) {

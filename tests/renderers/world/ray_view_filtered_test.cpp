@@ -52,10 +52,10 @@ std::shared_ptr<Mesh> makeGrid(int n) {
 }
 
 struct Coincident {
-    WorldFromLocal place;
+    WorldFromLocal worldFromLocal;
     RayWorld world;
     Coincident(RayWorld::Mapping mapping, const WorldFromLocal& m, Motion motion)
-        : place(m), world({.mapping = mapping}) {
+        : worldFromLocal(m), world({.mapping = mapping}) {
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{10}, makeGrid(3)});
         delta.geometries.push_back({NodeId{11}, makeGrid(7)});
@@ -73,27 +73,27 @@ struct Coincident {
 /// sine of their angle with the plane. How many met the one that is kept, of all.
 std::pair<int, int> meetTheKept(const Coincident& scene, double steep, float length, std::mt19937& random) {
     std::uniform_real_distribution<double> unit(-1, 1);
-    const Vec3d across = glm::normalize(scene.place[0] + .3 * scene.place[1]);
-    const Vec3d origin = scene.world.origin(), middle = scene.place[3] - origin;
+    const Vec3d across = glm::normalize(scene.worldFromLocal[0] + .3 * scene.worldFromLocal[1]);
+    const Vec3d origin = scene.world.origin(), middle = scene.worldFromLocal[3] - origin;
     const Halves filter{Vec3f(across), static_cast<float>(-glm::dot(Vec3d(Vec3f(across)), middle))};
     const LensedView view(scene.world, PixelLens(), &filter);
-    const Vec3d normal = glm::normalize(glm::cross(scene.place[0], scene.place[1]));
-    const double size = glm::length(scene.place[0]);
+    const Vec3d normal = glm::normalize(glm::cross(scene.worldFromLocal[0], scene.worldFromLocal[1]));
+    const double size = glm::length(scene.worldFromLocal[0]);
     int met = 0, all = 0;
     for (int i = 0; i < 1000; ++i) {
-        const Vec3d target = scene.place * Vec4d(.9 * unit(random), .9 * unit(random), 0, 1) - origin;
-        const double turn = 3.15 * unit(random);
-        const Vec3d flat = std::cos(turn) * glm::normalize(scene.place[0]) +
-                           std::sin(turn) * glm::normalize(glm::cross(normal, scene.place[0]));
-        const Vec3d way = std::sqrt(1 - steep * steep) * flat - steep * normal;
+        const Vec3d target = scene.worldFromLocal * Vec4d(.9 * unit(random), .9 * unit(random), 0, 1) - origin;
+        const double angle = 3.15 * unit(random);
+        const Vec3d flat = std::cos(angle) * glm::normalize(scene.worldFromLocal[0]) +
+                           std::sin(angle) * glm::normalize(glm::cross(normal, scene.worldFromLocal[0]));
+        const Vec3d displacement = std::sqrt(1 - steep * steep) * flat - steep * normal;
         Ray ray;
-        ray.origin = Vec3f(target - (1 + unit(random) / 2) * size * way);
-        ray.direction = length * Vec3f(way);
+        ray.origin = Vec3f(target - (1 + unit(random) / 2) * size * displacement);
+        ray.direction = length * Vec3f(displacement);
         // Where it really goes through the plane.
         const Vec3d from(ray.origin), along(ray.direction);
         const double t = glm::dot(middle - from, normal) / glm::dot(along, normal);
         const Vec3d at = from + t * along;
-        const Vec3d local = glm::inverse(glm::dmat3(scene.place)) * (at - middle);
+        const Vec3d local = glm::inverse(glm::dmat3(scene.worldFromLocal)) * (at - middle);
         if (std::max(std::abs(local.x), std::abs(local.y)) > .95 || std::abs(filter.side(at)) < .01 * size) continue;
         ++all;
         const Hit hit = view.intersect(ray);
@@ -120,8 +120,8 @@ TEST(RayViewFiltered, WhatIsLeftOutHidesNothingInItsPlace) {
                                  << ", steep " << steep << ", length " << length << ", seed " << seed);
                     std::mt19937 random(seed);
                     WorldFromLocal m = identityTransform();
-                    const glm::dmat3 turn = glm::mat3_cast(glm::angleAxis(.7, glm::normalize(Vec3d(1, 2, 3))));
-                    for (int i = 0; i < 3; ++i) m[i] = 30. * turn[i];
+                    const glm::dmat3 rotation = glm::mat3_cast(glm::angleAxis(.7, glm::normalize(Vec3d(1, 2, 3))));
+                    for (int i = 0; i < 3; ++i) m[i] = 30. * rotation[i];
                     m[3] = {20, -50, 70};
                     const Coincident scene(mapping, m, motion);
                     const auto [met, all] = meetTheKept(scene, steep, length, random);

@@ -28,12 +28,12 @@ struct Room {
         meshes[slot] = mesh;
         delta.geometries.push_back({node, mesh});
         delta.added.push_back(makeInstance(slot, node, m));
-        truth.things[slot] = {delta.added.back(), mesh};
+        truth.items[slot] = {delta.added.back(), mesh};
         return delta.added.back();
     }
     void moveTo(InstanceDelta& delta, std::uint32_t slot, const WorldFromLocal& m) {
-        truth.things.at(slot).info.worldFromLocal = m;
-        delta.moved.push_back({truth.things.at(slot).info.id, m});
+        truth.items.at(slot).info.worldFromLocal = m;
+        delta.moved.push_back({truth.items.at(slot).info.id, m});
     }
     void rest(unsigned frames) {
         for (unsigned i = 0; i < frames; ++i) world.apply({});

@@ -49,7 +49,7 @@ TEST(RayWorld, RandomScenesAgreeWithBruteForceInEveryMapping) {
                     makeInstance(static_cast<std::uint32_t>(i), NodeId{10 + g}, randomTransform(random, 10));
                 instance.motion = random() % 3 ? Motion::unknown : Motion::moving;
                 delta.added.push_back(instance);
-                truth.things[instance.id.slot] = {instance, meshes[g]};
+                truth.items[instance.id.slot] = {instance, meshes[g]};
             }
             world.apply(delta);
             EXPECT_EQ(world.stats().traced, static_cast<std::size_t>(instances));
@@ -84,7 +84,7 @@ TEST(RayWorld, RaysPassWhatAFilterHidesInEveryMapping) {
                 Instance instance = makeInstance(i, NodeId{10 + g}, randomTransform(random, 10));
                 instance.motion = allMove || random() % 2 ? Motion::moving : Motion::unknown;
                 delta.added.push_back(instance);
-                if (i % 2 == 0) kept.things[instance.id.slot] = {instance, meshes[g]};
+                if (i % 2 == 0) kept.items[instance.id.slot] = {instance, meshes[g]};
             }
             world.apply(delta);
             const HideSome filter;
@@ -127,23 +127,23 @@ TEST(RayWorld, FollowsRandomEdits) {
                 std::erase_if(delta.geometries, [&](const auto& g) { return g.node == NodeId{node}; });
                 delta.geometries.push_back({NodeId{node}, bent});
             }
-            for (auto at = truth.things.begin(); at != truth.things.end();) {
+            for (auto at = truth.items.begin(); at != truth.items.end();) {
                 if (random() % (step % 30 == 29 ? 2 : 12) == 0) {
                     delta.removed.push_back(at->second.info.id);
                     ++generations[at->first];
                     freeSlots.insert(freeSlots.begin(), at->first);  // back in use later only
-                    at = truth.things.erase(at);
+                    at = truth.items.erase(at);
                 } else {
                     ++at;
                 }
             }
-            for (auto& [slot, thing] : truth.things) {
+            for (auto& [slot, item] : truth.items) {
                 if (random() % 10 == 0) {
-                    thing.info.worldFromLocal = randomTransform(random, 10);
-                    delta.moved.push_back({thing.info.id, thing.info.worldFromLocal});
+                    item.info.worldFromLocal = randomTransform(random, 10);
+                    delta.moved.push_back({item.info.id, item.info.worldFromLocal});
                 } else if (random() % 20 == 0) {
-                    thing.info.geometry = NodeId{1 + static_cast<std::uint32_t>(random()) % 6};
-                    delta.rebound.push_back(thing.info);
+                    item.info.geometry = NodeId{1 + static_cast<std::uint32_t>(random()) % 6};
+                    delta.rebound.push_back(item.info);
                 }
             }
             for (unsigned n = random() % (step % 10 == 0 ? 60u : 4u); n > 0 && freeSlots.size() > 150; --n) {
@@ -151,10 +151,10 @@ TEST(RayWorld, FollowsRandomEdits) {
                 freeSlots.pop_back();
                 const NodeId geometry{1 + static_cast<std::uint32_t>(random()) % 6};
                 Instance instance = makeInstance(slot, geometry, randomTransform(random, 10), generations[slot]);
-                truth.things[slot].info = instance;
+                truth.items[slot].info = instance;
                 delta.added.push_back(instance);
             }
-            for (auto& [slot, thing] : truth.things) thing.mesh = meshes[thing.info.geometry.value];
+            for (auto& [slot, item] : truth.items) item.mesh = meshes[item.info.geometry.value];
             world.apply(delta);
             expectSameHits(world, truth, random, 6, 14);
             if (HasFatalFailure()) return;
@@ -472,7 +472,7 @@ TEST(RayWorld, AnimatedMeshIsFollowedThroughHundredsOfRefits) {
         InstanceDelta change;
         change.geometries.push_back({NodeId{1}, bent});
         world.apply(change);
-        for (const Instance& instance : delta.added) truth.things[instance.id.slot] = {instance, bent};
+        for (const Instance& instance : delta.added) truth.items[instance.id.slot] = {instance, bent};
         if (frame % 10 == 0) expectSameHits(world, truth, random, 4, 6);
     }
 }
@@ -556,7 +556,7 @@ TEST(RayWorld, ManyThreadsMayAskAtOnce) {
     delta.geometries.push_back({NodeId{1}, mesh});
     for (std::uint32_t i = 0; i < 90; ++i) {
         delta.added.push_back(makeInstance(i, NodeId{1}, randomTransform(random, 10)));
-        truth.things[i] = {delta.added.back(), mesh};
+        truth.items[i] = {delta.added.back(), mesh};
     }
     world.apply(delta);
     std::vector<std::jthread> threads;

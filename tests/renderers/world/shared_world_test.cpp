@@ -117,7 +117,7 @@ TEST(SharedWorld, OneFlatteningOneRayWorldAndOneCommitForEachSetThatTouchesGeome
     const NodeId light = scene.createNode(x3d::PointLight::type), group = scene.createNode(x3d::Transform::type);
     for (const NodeId node : {light, group})
         ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
-    const std::uint64_t flatteners = Flattener::made(), rayWorlds = RayWorld::made();
+    const std::uint64_t flatteners = Flattener::created(), rayWorlds = RayWorld::created();
     SharedWorld world(scene);
     Counter a("a"), b("b");
     world.add(a), world.add(b);
@@ -180,11 +180,11 @@ TEST(SharedWorld, AnEyeThatMovesAmongEditsFindsThemSealed) {
 TEST(SharedWorld, WhatIsSharedIsMadeOnceForAllWhoHoldIt) {
     Scene scene;
     SharedWorld world(scene), other(scene);
-    int made = 0;
-    const auto make = [&]() -> std::shared_ptr<void> { return std::make_shared<int>(++made); };
+    int created = 0;
+    const auto make = [&]() -> std::shared_ptr<void> { return std::make_shared<int>(++created); };
     auto first = world.shared("pictures", make), second = world.shared("pictures", make);
     EXPECT_EQ(first, second);
-    EXPECT_EQ(made, 1);
+    EXPECT_EQ(created, 1);
     EXPECT_NE(world.shared("sounds", make), first) << "another name is another thing";
     EXPECT_NE(other.shared("pictures", make), first) << "as is another world's";
     const std::weak_ptr<void> watched = first;
@@ -303,13 +303,14 @@ Transform { scale 1 0 0 children [
                          loading));
     SharedWorld world(scene);
     world.rays();
-    std::vector<std::string> told;
+    std::vector<std::string> reported;
     const Diagnostics found = world.diagnostics();
-    for (const Diagnostic& d : found.all()) told.push_back(d.format());
-    ASSERT_EQ(told.size(), 3u);
-    EXPECT_TRUE(told[0].starts_with("flat.x3dv:4:3: warning: Shape FLAT is not traced: its transform")) << told[0];
-    EXPECT_TRUE(told[1].starts_with("flat.x3dv:5:3: warning: Shape#")) << told[1];
-    EXPECT_TRUE(told[2].starts_with("flat.x3dv:6:3: warning: Shape#")) << told[2];
+    for (const Diagnostic& d : found.all()) reported.push_back(d.format());
+    ASSERT_EQ(reported.size(), 3u);
+    EXPECT_TRUE(reported[0].starts_with("flat.x3dv:4:3: warning: Shape FLAT is not traced: its transform"))
+        << reported[0];
+    EXPECT_TRUE(reported[1].starts_with("flat.x3dv:5:3: warning: Shape#")) << reported[1];
+    EXPECT_TRUE(reported[2].starts_with("flat.x3dv:6:3: warning: Shape#")) << reported[2];
 }
 
 TEST(WorldRenderer, FollowsItsWorldAndSendsOperationsToNodesOfTheTypesRegistered) {

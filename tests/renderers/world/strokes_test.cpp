@@ -53,13 +53,13 @@ ExactHit meet(const Exact& s, const Vec3d& o, const Vec3d& d, const PixelLens& l
         return glm::dot(s.a + u * (s.b - s.a) - Vec3d(lens.eye), Vec3d(lens.forward));
     };
     const bool fromEye = glm::distance(o, Vec3d(lens.eye)) < 1e-5;
-    const double least = 1e-4 * std::max(depthAt(0), depthAt(1));
+    const double minimum = 1e-4 * std::max(depthAt(0), depthAt(1));
     bool inPicture = lens.spread > 0 && depthAt(0) > 0 && depthAt(1) > 0;
-    if (lens.spread > 0 && fromEye && least > 0) {
+    if (lens.spread > 0 && fromEye && minimum > 0) {
         inPicture = true;
-        const double at = (least - depthAt(0)) / (depthAt(1) - depthAt(0));
-        if (depthAt(0) < least) low = at;
-        if (depthAt(1) < least) high = at;
+        const double at = (minimum - depthAt(0)) / (depthAt(1) - depthAt(0));
+        if (depthAt(0) < minimum) low = at;
+        if (depthAt(1) < minimum) high = at;
     }
     const auto apartAt = [&](double u) { return inPicture ? offsetAt(u) / depthAt(u) : offsetAt(u); };
     for (int i = 0; i < 90; ++i) {
@@ -81,9 +81,9 @@ ExactHit meet(const Exact& s, const Vec3d& o, const Vec3d& d, const PixelLens& l
     hit.margin = (radius - offset) / std::max(radius, 1e-300);
     // At the depth of the axis where the ray leads forwards or backwards, but no farther from it than it is wide.
     const double ahead = glm::dot(d, Vec3d(lens.forward)), apart = glm::length(e);
-    const double most = std::sqrt(std::max(radius * radius - apart * apart, 0.0));
+    const double maximum = std::sqrt(std::max(radius * radius - apart * apart, 0.0));
     double step = 0;
-    if (std::abs(ahead) >= .5) step = std::clamp(glm::dot(e, Vec3d(lens.forward)) / ahead, -most, most);
+    if (std::abs(ahead) >= .5) step = std::clamp(glm::dot(e, Vec3d(lens.forward)) / ahead, -maximum, maximum);
     if (offset <= radius) hit.t = t + step, hit.stroke = &s;
     return hit;
 }
@@ -142,7 +142,7 @@ struct Strokes {
     }
 };
 
-WorldFromLocal randomPlace(std::mt19937& random) {
+WorldFromLocal randomPosition(std::mt19937& random) {
     std::uniform_real_distribution<double> unit(-1, 1);
     WorldFromLocal m;
     for (int i = 0; i < 3; ++i) m[i] = {unit(random), unit(random), unit(random)};
@@ -241,7 +241,7 @@ TEST(Strokes, AsAListOfThemAllSays) {
         Strokes s;
         for (int i = 0; i < 6; ++i)
             s.add(randomStrokes(random, i == 0 ? 300 : 5 * i, kind, i % 2 ? 1.5f : .2f),
-                  i < 2 ? identityTransform() : randomPlace(random), static_cast<float>(1 + 2 * i));
+                  i < 2 ? identityTransform() : randomPosition(random), static_cast<float>(1 + 2 * i));
         s.apply();
         int hits = 0;
         for (const PixelLens& lens : kLenses) hits += expectAsListed(s, lens, random, "as built");
@@ -254,8 +254,8 @@ TEST(Strokes, HaveNoThickness) {
     for (const float z : {-.2f, .2f}) {
         StrokeParams p;
         p.kind = Mesh::Strokes::points;
-        const Vec3f place(0, 0, z);
-        p.coord = Array<Vec3f>(std::span<const Vec3f>(&place, 1));
+        const Vec3f position(0, 0, z);
+        p.coord = Array<Vec3f>(std::span<const Vec3f>(&position, 1));
         Strokes strokes;
         strokes.add(std::make_shared<Mesh>(tessellate(p)), WorldFromLocal(1.0), 20);
         strokes.apply();
@@ -277,11 +277,11 @@ TEST(Strokes, HaveNoThickness) {
 TEST(Strokes, FollowTheirScene) {
     std::mt19937 random(11);
     Strokes s;
-    for (int i = 0; i < 5; ++i) s.add(randomStrokes(random, 60, Mesh::Strokes::lines, .4f), randomPlace(random), 5);
+    for (int i = 0; i < 5; ++i) s.add(randomStrokes(random, 60, Mesh::Strokes::lines, .4f), randomPosition(random), 5);
     s.apply();
     for (int round = 0; round < 6; ++round) {
         Instance& moved = s.instances[static_cast<std::size_t>(round % 5)];
-        moved.worldFromLocal = randomPlace(random);
+        moved.worldFromLocal = randomPosition(random);
         if (round == 3) moved.worldFromLocal[1] = Vec3d(0);  // flat
         s.delta.moved.push_back({moved.id, moved.worldFromLocal});
         const auto bent = static_cast<std::size_t>((round + 1) % 5);
@@ -337,7 +337,7 @@ TEST(Strokes, AreNothingToSoundNorWithoutALens) {
 TEST(Strokes, AVersionStaysAsItWas) {
     std::mt19937 random(5);
     Strokes s;
-    for (int i = 0; i < 20; ++i) s.add(randomStrokes(random, 20, Mesh::Strokes::lines, .5f), randomPlace(random), 4);
+    for (int i = 0; i < 20; ++i) s.add(randomStrokes(random, 20, Mesh::Strokes::lines, .5f), randomPosition(random), 4);
     s.apply();
     const auto version = s.world.freeze();
     ASSERT_TRUE(version);
@@ -352,7 +352,7 @@ TEST(Strokes, AVersionStaysAsItWas) {
     EXPECT_GT(std::ranges::count_if(before, [](const Hit& h) { return static_cast<bool>(h); }), 20);
     for (int round = 0; round < 5; ++round) {
         for (Instance& i : s.instances) {
-            i.worldFromLocal = randomPlace(random);
+            i.worldFromLocal = randomPosition(random);
             s.delta.moved.push_back({i.id, i.worldFromLocal});
         }
         s.apply();

@@ -102,13 +102,13 @@ std::ostream& operator<<(std::ostream& out, const Met& met) {
 }
 Met metAlong(PointedWorld& w) {
     Met met;
-    const auto places = [](const std::vector<Crossing>& crossings) {
+    const auto positions = [](const std::vector<Crossing>& crossings) {
         std::vector<double> all;
         for (const Crossing& crossing : crossings) all.push_back(std::round(crossing.point.z * 1e6) / 1e6);
         return all;
     };
-    met.felt = places(w.queries.obstacles({0, 0, 100}, {0, 0, -2}, INFINITY));
-    met.seen = places(w.queries.crossings({0, 0, 100}, {0, 0, -2}, INFINITY));
+    met.felt = positions(w.queries.obstacles({0, 0, 100}, {0, 0, -2}, INFINITY));
+    met.seen = positions(w.queries.crossings({0, 0, 100}, {0, 0, -2}, INFINITY));
     const auto first = w.queries.firstHit({0, 0, 100}, {0, 0, -2});
     EXPECT_EQ(first.has_value(), !met.seen.empty());
     if (first && !met.seen.empty()) {
@@ -153,7 +153,7 @@ TEST(WorldQueries, ProxiesHaveLevelsOfDetail) {
         "LOD { range 50 children [ Collision { proxy LOD { range 30 children [ Shape { geometry Box { } } Shape { "
         "geometry Box { size 2 2 4 } } ] } } Collision { proxy Shape { geometry Box { size 2 2 6 } } } ] }");
     const auto from = [&](double z) {
-        EXPECT_TRUE(w.world.setViewer(EyePlace{{0, 0, z}}));
+        EXPECT_TRUE(w.world.setViewer(EyePosition{{0, 0, z}}));
         return metAlong(w);
     };
     EXPECT_EQ(from(10), (Met{{1, -1}, {}}));
@@ -277,7 +277,7 @@ TEST(WorldQueries, BodiesPickWhatALookAtEveryTriangleDoes) {
     std::vector<Vec3d> cuboid;
     for (int k = 0; k < 8; ++k) cuboid.emplace_back(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
     const test::Gauge gauges[] = {test::coneGauge(double(1.2f), double(2.4f) / 2), test::hullGauge(cuboid)};
-    const glm::dmat4 turn =
+    const glm::dmat4 rotation =
         glm::scale(glm::rotate(glm::dmat4(1), double(.7f), Vec3d(1, 0, 0)), Vec3d(1, double(1.5f), double(.8f)));
     std::size_t met = 0;
     for (int f = 0; f < 12; ++f) {
@@ -285,11 +285,11 @@ TEST(WorldQueries, BodiesPickWhatALookAtEveryTriangleDoes) {
         ASSERT_TRUE(w.scene.set(w.scene.findName("M"), x3d::Transform::translation, to));
         w.scene.newFrame(2 * f);
         w.scene.newFrame(2 * f + 1);
-        const glm::dmat4 local = glm::inverse(glm::translate(glm::dmat4(1), Vec3d(to)) * turn);
+        const glm::dmat4 local = glm::inverse(glm::translate(glm::dmat4(1), Vec3d(to)) * rotation);
         for (const bool volume : {false, true}) {
             const Node& sensor = w.scene.node(w.scene.findName(volume ? "V" : "P"));
-            const auto& told = volume ? sensor.get(x3d::VolumePickSensor::pickedGeometry)
-                                      : sensor.get(x3d::PrimitivePickSensor::pickedGeometry);
+            const auto& reported = volume ? sensor.get(x3d::VolumePickSensor::pickedGeometry)
+                                          : sensor.get(x3d::PrimitivePickSensor::pickedGeometry);
             for (const Instance& instance : w.world.flattener().instances()) {
                 if (!instance.id) continue;
                 const Mesh& mesh = *w.world.rays().instance(instance.id.slot).mesh;
@@ -302,11 +302,11 @@ TEST(WorldQueries, BodiesPickWhatALookAtEveryTriangleDoes) {
                     const Vec3d high = glm::max(glm::max(triangle[0], triangle[1]), triangle[2]);
                     if (glm::any(glm::greaterThan(low, Vec3d(1.3))) || glm::any(glm::lessThan(high, Vec3d(-1.3))))
                         continue;
-                    depth = std::min(depth, test::leastOnTriangle(gauges[volume], triangle));
+                    depth = std::min(depth, test::minOnTriangle(gauges[volume], triangle));
                     if (depth < -1e-5) break;
                 }
                 if (std::abs(depth) < 1e-5) continue;
-                const bool picked = std::ranges::find(told, instance.shape) != told.end();
+                const bool picked = std::ranges::find(reported, instance.shape) != reported.end();
                 EXPECT_EQ(picked, depth < 0) << f << ' ' << w.scene.name(instance.shape) << ' ' << depth;
                 met += picked ? 1 : 0;
             }
@@ -321,14 +321,14 @@ TEST(WorldQueries, APlaceInThePictureIsTheBearingThatPicturesHave) {
     for (int i = 0; i < 200; ++i) {
         std::ostringstream text;
         text.precision(9);
-        const float field = static_cast<float>(fields(random)), turn = static_cast<float>(unit(random) * 6);
-        text << "Transform { translation 1 2 3 rotation .6 .8 0 " << turn
+        const float field = static_cast<float>(fields(random)), angle = static_cast<float>(unit(random) * 6);
+        text << "Transform { translation 1 2 3 rotation .6 .8 0 " << angle
              << " scale 2 2 2 children DEF V Viewpoint { position 1 0 4 "
              << "orientation 0 1 0 .5 fieldOfView " << field << " } }";
         PointedWorld w(text.str());
         w.scene.newFrame(0);
         const glm::dmat4 world = glm::translate(glm::dmat4(1), Vec3d(1, 2, 3)) *
-                                 glm::rotate(glm::dmat4(1), double(turn), Vec3d(double(.6f), double(.8f), 0)) *
+                                 glm::rotate(glm::dmat4(1), double(angle), Vec3d(double(.6f), double(.8f), 0)) *
                                  glm::scale(glm::dmat4(1), Vec3d(2));
         const double aspect = aspects(random), x = unit(random), y = unit(random);
         const Camera camera = Camera::perspective(WorldFromLocal(world), {1, 0, 4}, {0, 1, 0, .5f}, field, aspect);

@@ -165,7 +165,7 @@ TEST(WorldState, WithNoVersionLeftReadersGetTheNewestThereIsAtOnce) {
     stage.world.rays();
     std::vector<State> held;
     (void)stage.now();
-    for (std::size_t i = 0; i < RayWorld::kMostVersions; ++i) {
+    for (std::size_t i = 0; i < RayWorld::kMaxVersions; ++i) {
         stage.addBox();
         held.push_back(stage.now());
         ASSERT_TRUE(held.back());
@@ -406,7 +406,7 @@ DEF G0 Group { children [ DEF L0 DirectionalLight { global FALSE on FALSE color 
         EXPECT_EQ(center(here), wanted(lit));
         const auto state = world.latest(0ns);
         ASSERT_TRUE(state);
-        if (states.size() + 1 < RayWorld::kMostVersions) states.push_back(*state), history.push_back(lit);
+        if (states.size() + 1 < RayWorld::kMaxVersions) states.push_back(*state), history.push_back(lit);
     }
     for (std::size_t i = 0; i < states.size(); ++i) {
         ASSERT_TRUE(there.renderFrame(*states[i]));

@@ -29,15 +29,15 @@ void expectSameInstances(const RayView& view, const BruteForce& truth) {
     for (const RayInstance& instance : view.instances()) {
         if (!instance.info.id) continue;
         ++live;
-        const auto found = truth.things.find(instance.info.id.slot);
-        ASSERT_NE(found, truth.things.end());
+        const auto found = truth.items.find(instance.info.id.slot);
+        ASSERT_NE(found, truth.items.end());
         EXPECT_EQ(instance.info.id, found->second.info.id);
         EXPECT_EQ(instance.info.worldFromLocal, found->second.info.worldFromLocal);
         if (instance.mesh) {
             EXPECT_EQ(instance.mesh, found->second.mesh);
         }
     }
-    EXPECT_EQ(live, truth.things.size());
+    EXPECT_EQ(live, truth.items.size());
 }
 
 /// Everything near a point is visited, and nothing that is not there.
@@ -48,15 +48,15 @@ void expectSameNear(const RayView& view, const BruteForce& truth, Vec3f center, 
         return radius;
     });
     for (const auto& [slot, triangle] : visited) {
-        const auto found = truth.things.find(slot);
-        ASSERT_NE(found, truth.things.end()) << slot;
+        const auto found = truth.items.find(slot);
+        ASSERT_NE(found, truth.items.end()) << slot;
         EXPECT_LT(triangle, found->second.mesh->triangleCount);
     }
-    for (const auto& [slot, thing] : truth.things) {
-        if (determinantSign(thing.info.worldFromLocal) == 0) continue;
-        for (std::uint32_t t = 0; t < thing.mesh->triangleCount; ++t) {
+    for (const auto& [slot, item] : truth.items) {
+        if (determinantSign(item.info.worldFromLocal) == 0) continue;
+        for (std::uint32_t t = 0; t < item.mesh->triangleCount; ++t) {
             const auto corner = [&](std::uint32_t c) {
-                return thing.info.worldFromLocal * Vec4d(thing.mesh->vertex(t, c), 1) - view.origin();
+                return item.info.worldFromLocal * Vec4d(item.mesh->vertex(t, c), 1) - view.origin();
             };
             const exact::Triangle triangle{corner(0), corner(1), corner(2)};
             const exact::Weights w = exact::nearest(Vec3d(center), triangle);
@@ -114,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(All, WorldVersions,
                          });
 
 TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
-    RayWorld::Stats most;
+    RayWorld::Stats maximum;
     for (std::uint32_t run = 0; run < 3; ++run) {
         SCOPED_TRACE(testing::Message() << "seed " << kVersionSeed + run);
         Players players(kVersionSeed + run, {.mapping = GetParam(), .restFrames = 1 + run, .background = run % 2 == 0});
@@ -122,10 +122,10 @@ TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
         for (std::uint32_t step = 0; step < 60; ++step) {
             SCOPED_TRACE(testing::Message() << "step " << step);
             // Now and then nobody holds anything, and now and then as many do as can.
-            const std::size_t most_held = step % 20 < 3 ? 0 : step % 20 < 10 ? 2 : RayWorld::kMostVersions;
-            while (held.size() >= std::max<std::size_t>(1, most_held)) held.pop_front();
+            const std::size_t maximum_held = step % 20 < 3 ? 0 : step % 20 < 10 ? 2 : RayWorld::kMaxVersions;
+            while (held.size() >= std::max<std::size_t>(1, maximum_held)) held.pop_front();
             if (step % 3 == 0 && held.size() > 2) held.erase(held.begin() + 1);
-            if (most_held > 0) {
+            if (maximum_held > 0) {
                 held.emplace_back(players.world(), players.truth(), kVersionSeed + step);
                 ASSERT_TRUE(held.back().version);
             }
@@ -142,20 +142,20 @@ TEST_P(WorldVersions, AnswerAsTheWorldDidWhateverIsDoneToItSince) {
         for (int i = 0; i < 3; ++i) players.step();
         RayWorld fresh({.mapping = GetParam()});
         InstanceDelta all;
-        for (const auto& [slot, thing] : last.truth.things) {
-            all.geometries.push_back({thing.info.geometry, thing.mesh});
-            all.added.push_back(thing.info);
+        for (const auto& [slot, item] : last.truth.items) {
+            all.geometries.push_back({item.info.geometry, item.mesh});
+            all.added.push_back(item.info);
         }
         fresh.apply(all);
         std::mt19937 random(kVersionSeed);
         EXPECT_TRUE(sameHits(*last.version, fresh, random, 300));
         const RayWorld::Stats stats = players.world().stats();
-        most.merges += stats.merges, most.splits += stats.splits, most.bodiesBuilt += stats.bodiesBuilt;
+        maximum.merges += stats.merges, maximum.splits += stats.splits, maximum.bodiesBuilt += stats.bodiesBuilt;
     }
     if (GetParam() != VersionMapping::hybrid) return;
-    EXPECT_GT(most.merges, 3u);
-    EXPECT_GT(most.splits, 10u);
-    EXPECT_GT(most.bodiesBuilt, 5u);
+    EXPECT_GT(maximum.merges, 3u);
+    EXPECT_GT(maximum.splits, 10u);
+    EXPECT_GT(maximum.bodiesBuilt, 5u);
 }
 
 /// Boxes in a row, which rest, at x = 0, 4, 8...
@@ -178,7 +178,7 @@ TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
     Row row({.mapping = GetParam()});
     std::vector<Version> versions;
     // In version k the first k boxes cast none; each has its own bits until they run out.
-    for (std::uint32_t k = 0; k < RayWorld::kMostVersions; ++k) {
+    for (std::uint32_t k = 0; k < RayWorld::kMaxVersions; ++k) {
         versions.push_back(row.world.freeze());
         ASSERT_TRUE(versions.back());
         InstanceDelta delta;
@@ -188,7 +188,7 @@ TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
     }
     EXPECT_EQ(row.world.freeze(), nullptr) << "so many, and no more";
     for (std::uint32_t i = 0; i < 12; ++i) {
-        EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMostVersions) << i;
+        EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMaxVersions) << i;
         EXPECT_TRUE(row.world.occluded(Row::down(i), RayKind::view));
         for (std::uint32_t k = 0; k < versions.size(); ++k) {
             EXPECT_EQ(versions[k]->occluded(Row::down(i)), i >= k) << k << ", " << i;
@@ -197,7 +197,7 @@ TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
         }
     }
     // Bits that come free are put right before they are used again.
-    constexpr std::uint32_t kFreed = RayWorld::kMostVersions - 2;
+    constexpr std::uint32_t kFreed = RayWorld::kMaxVersions - 2;
     versions.erase(versions.begin() + 1, versions.begin() + 1 + kFreed);
     for (std::uint32_t k = 0; k < kFreed; ++k) {
         InstanceDelta delta;
@@ -205,7 +205,7 @@ TEST_P(WorldVersions, KeepTheShadowsOfTheirTime) {
         delta.rebound.back().castShadow = false;
         row.world.apply(delta);
         for (std::uint32_t i = 0; i < 30; ++i)
-            EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMostVersions && (i < 20 || i > 20 + k))
+            EXPECT_EQ(row.world.occluded(Row::down(i)), i >= RayWorld::kMaxVersions && (i < 20 || i > 20 + k))
                 << k << ", " << i;
         versions.push_back(row.world.freeze());
     }

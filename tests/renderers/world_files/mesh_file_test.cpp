@@ -253,19 +253,19 @@ TEST(MeshFile, WhatIsNotInTheFileIsTold) {
     const GlbAgain seen("NavigationInfo { headlight FALSE }\nPointLight { }\nBillboard { }\nLOD { }\n" + lookOf(""));
     EXPECT_THAT(seen.problems,
                 testing::HasSubstr("Billboard, LOD, headlights that are off, lights that weaken otherwise"));
-    const auto told = [](const std::string& appearance) { return GlbAgain(lookOf(appearance)).problems; };
-    EXPECT_THAT(told("material Material { specularColor 1 1 1 }"), testing::HasSubstr("highlights of Materials"));
-    EXPECT_THAT(told("material Material { } backMaterial Material { diffuseColor 1 0 0 }"),
+    const auto reported = [](const std::string& appearance) { return GlbAgain(lookOf(appearance)).problems; };
+    EXPECT_THAT(reported("material Material { specularColor 1 1 1 }"), testing::HasSubstr("highlights of Materials"));
+    EXPECT_THAT(reported("material Material { } backMaterial Material { diffuseColor 1 0 0 }"),
                 testing::HasSubstr("materials of backs"));
-    EXPECT_THAT(told("material Material { } texture PixelTexture { image 1 1 3 0xff0000 }"),
+    EXPECT_THAT(reported("material Material { } texture PixelTexture { image 1 1 3 0xff0000 }"),
                 testing::HasSubstr("PixelTextures"));
-    EXPECT_THAT(told("material Material { } texture MultiTexture { texture [ImageTexture { url \"" + kPicture +
-                     "\" } ImageTexture { url \"" + kPicture + "\" }] }"),
+    EXPECT_THAT(reported("material Material { } texture MultiTexture { texture [ImageTexture { url \"" + kPicture +
+                         "\" } ImageTexture { url \"" + kPicture + "\" }] }"),
                 testing::HasSubstr("MultiTextures but for their first picture"));
-    EXPECT_THAT(told("material Material { metadata MetadataSet { name \"RTSG\" value MetadataFloat { name "
-                     "\"reflectivity\" value .5 } } }"),
+    EXPECT_THAT(reported("material Material { metadata MetadataSet { name \"RTSG\" value MetadataFloat { name "
+                         "\"reflectivity\" value .5 } } }"),
                 testing::HasSubstr("mirrors and glass of metadata"));
-    EXPECT_THAT(told("material Material { } texture ImageTexture { url \"nowhere.png\" }"),
+    EXPECT_THAT(reported("material Material { } texture ImageTexture { url \"nowhere.png\" }"),
                 testing::HasSubstr("nowhere.png"));
 }
 

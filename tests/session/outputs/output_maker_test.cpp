@@ -36,10 +36,10 @@ class OutputMakerTest : public testing::Test {
         std::unique_ptr<OutputMaker> outputs;
         running.run({.seconds = 1, .framesPerSecond = 20}, "running", [&](std::uint64_t, const ChangeSet&) {
             if (!outputs) {
-                auto made = makeOutputs(running.world(), options, running.resources());
-                if (!made) result = std::unexpected(made.error());
-                if (!made) return false;
-                outputs = std::move(*made);
+                auto created = makeOutputs(running.world(), options, running.resources());
+                if (!created) result = std::unexpected(created.error());
+                if (!created) return false;
+                outputs = std::move(*created);
             }
             return outputs->frame().has_value();
         });

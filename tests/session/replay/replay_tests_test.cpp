@@ -81,14 +81,14 @@ TEST_F(ReplayTestsTest, PicturesAreCompared) {
     ASSERT_FALSE(run().failure);
     ASSERT_TRUE(std::filesystem::exists(options.expectPicture));
     options.update = false;
-    std::string made;
+    std::string created;
     {
         const ReplayTestRun passed = run();
         EXPECT_TRUE(passed.outcome.passed());
-        made = passed.outcome.madePicture;
-        EXPECT_TRUE(std::filesystem::exists(made));
+        created = passed.outcome.createdPicture;
+        EXPECT_TRUE(std::filesystem::exists(created));
     }
-    EXPECT_FALSE(std::filesystem::exists(made)) << "it gets its name at the end";
+    EXPECT_FALSE(std::filesystem::exists(created)) << "it gets its name at the end";
     std::filesystem::remove(actualName(options.expectPicture));
 }
 

@@ -73,17 +73,17 @@ TEST_F(RunningSceneTest, ErrorsOfTheFileAreReportedAndCounted) {
 TEST_F(RunningSceneTest, EditsAreFollowedAndFaultyOnesAreNot) {
     write(kScene);
     ASSERT_TRUE(run(true).load());
-    const auto turn = [this](double t) {
+    const auto rotation = [this](double t) {
         for (int i = 0; i < 600 && !running->isEdited(); ++i) std::this_thread::sleep_for(RunningScene::kLookEvery);
         running->frame(t);
     };
     running->frame(0);
     write("#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 3 0 0 }\n# longer\n");
-    turn(1);
+    rotation(1);
     EXPECT_EQ(translation(), Vec3f(3, 0, 0));
     EXPECT_NE(notices.said().find("it was edited: 1 change\n"), std::string::npos) << notices.said();
     write("#X3D V4.0 utf8\nPROFILE Interchange\nDEF T Transform { translation 4 0 }\n");
-    turn(2);
+    rotation(2);
     EXPECT_EQ(translation(), Vec3f(3, 0, 0));
     running->reportDiagnostics();
     EXPECT_EQ(notices.missing, 1);

@@ -41,10 +41,10 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
     options.context = notices.context();
     std::vector<std::unique_ptr<OutputMaker>> mirrors;
     for (int i = 0; i < 2; ++i) {
-        auto made = followOutputs(scene, options, Resources());
-        ASSERT_TRUE(made) << made.error().format();
-        ASSERT_TRUE((*made)->wantsSteps());
-        mirrors.push_back(std::move(*made));
+        auto created = followOutputs(scene, options, Resources());
+        ASSERT_TRUE(created) << created.error().format();
+        ASSERT_TRUE((*created)->wantsSteps());
+        mirrors.push_back(std::move(*created));
     }
 
     std::optional<TileAssembler::Joined> joined;
@@ -57,10 +57,11 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
         const auto set = scene.newFrame(1 + .1 * frames);
         for (const auto& mirror : mirrors) mirror->step(scene, RecordStep{.set = set});
         if (!joined) alone.emplace(scene.sequence(), pictureOf(scene, options, Resources()));
-        if (auto whole = assembler.turn(std::chrono::milliseconds(100)); whole && !joined) joined = std::move(whole);
+        if (auto whole = assembler.rotation(std::chrono::milliseconds(100)); whole && !joined)
+            joined = std::move(whole);
     }
     ASSERT_TRUE(joined) << frames << " frames; " << notices.said();
-    EXPECT_EQ(assembler.counts().mostMirrors, 2u);
+    EXPECT_EQ(assembler.counts().maxMirrors, 2u);
     EXPECT_EQ(assembler.takeProblems(), std::vector<std::string>());
     const auto same = alone.find(joined->sequence);
     ASSERT_NE(same, alone.end()) << joined->sequence;

@@ -20,7 +20,7 @@ std::shared_ptr<const CustomType> typeOf(const char* name, CustomLayout layout) 
 }
 
 /// A type with fields of each kind of numbers, whose defaults are given or not.
-std::shared_ptr<const NodeType> things() {
+std::shared_ptr<const NodeType> items() {
     auto type = std::make_shared<NodeType>();
     type->name = "Thing";
     type->component = "Test";
@@ -46,7 +46,7 @@ std::shared_ptr<const NodeType> things() {
 }
 
 ByteBuffer snapshotOf(Scene& scene) {
-    const NodeId id = scene.createNode(scene.defineType(things()).value());
+    const NodeId id = scene.createNode(scene.defineType(items()).value());
     const double numbers[] = {3.5, -1}, bytes[] = {0, 7, 255};
     const auto quantity = typeOf("SFQuantity", {Of::float64, 2}), tag = typeOf("SFTag", {Of::bytes, 0});
     const CustomValue one = quantity->value(numbers).value(), two = tag->value(bytes).value();

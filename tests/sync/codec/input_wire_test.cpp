@@ -143,9 +143,9 @@ TEST(InputWire, ForgedCallsDoNotNestWithoutEnd) {
 
 TEST(InputWire, BehavioursOfOwnTypesAreFoundByName) {
     const auto type = [] {
-        auto made = std::make_shared<NodeType>();
-        made->name = "Doubler";
-        made->kind = NodeType::Kind::user;
+        auto created = std::make_shared<NodeType>();
+        created->name = "Doubler";
+        created->kind = NodeType::Kind::user;
         FieldDef in, out;
         in.name = "number";
         in.type = out.type = FieldType::SFFloat;
@@ -153,9 +153,9 @@ TEST(InputWire, BehavioursOfOwnTypesAreFoundByName) {
         out.name = "doubled";
         out.access = Access::outputOnly;
         in.defaultValue = out.defaultValue = Value(0.0f);
-        made->fields = {in, out};
-        EXPECT_TRUE(made->finish());
-        return made;
+        created->fields = {in, out};
+        EXPECT_TRUE(created->finish());
+        return created;
     };
     const Behaviour doubling{
         .onEvent = [](Cascade& cascade, const Node& node, FieldIndex,

@@ -99,7 +99,7 @@ TEST_P(Lossy, TheBoundHoldsForTenThousandFramesAndRestIsExact) {
     Attachment a = (*lossy)->scene().bus().attach(every), b = (*lossy)->scene().bus().attach(merging);
     Motion motion(GetParam(), kBodies, seed);
     std::vector<int> moved(kBodies * 2, -10);
-    double worst = 0, worstTurn = 0;
+    double worst = 0, worstRotation = 0;
     std::size_t resting = 0;
     const auto compare = [&](int frame) {
         for (std::size_t i = 0; i < kBodies; ++i) {
@@ -107,7 +107,7 @@ TEST_P(Lossy, TheBoundHoldsForTenThousandFramesAndRestIsExact) {
             const Vec3f p = there.get(x3d::Transform::translation), q = here.get(x3d::Transform::translation);
             const Rotation r = there.get(x3d::Transform::rotation), s = here.get(x3d::Transform::rotation);
             worst = std::max(worst, glm::length(glm::dvec3(p) - glm::dvec3(q)));
-            worstTurn = std::max(worstTurn, angleBetween(r, s));
+            worstRotation = std::max(worstRotation, angleBetween(r, s));
             if (frame - moved[2 * i] >= 2) {
                 EXPECT_EQ(p, q) << "body " << i << " frame " << frame;
                 ++resting;
@@ -132,7 +132,7 @@ TEST_P(Lossy, TheBoundHoldsForTenThousandFramesAndRestIsExact) {
         if (HasFailure()) return;
     }
     EXPECT_LE(worst, kError);
-    EXPECT_LE(worstTurn, kError);
+    EXPECT_LE(worstRotation, kError);
     EXPECT_GT(worst, kError / 2) << "the bound is used";
     EXPECT_GT(merging.merges, 10u);
     EXPECT_NE(every.replica.hash(), origin.hash()) << "in motion";

@@ -82,9 +82,9 @@ std::function<void(ByteBuffer&, std::size_t)> types(unsigned kind, std::size_t f
             type.putVarint(name.size());
             type.append(name.data(), name.size());
             for (const int byte : {0, 0, 1, 0, 0, 0}) type.put(static_cast<std::uint8_t>(byte));
-            const std::size_t most = std::min<std::size_t>(fields, 60000);
-            type.putVarint(most);
-            for (std::size_t f = 0; f < most; ++f) {
+            const std::size_t maximum = std::min<std::size_t>(fields, 60000);
+            type.putVarint(maximum);
+            for (std::size_t f = 0; f < maximum; ++f) {
                 const std::string field = std::to_string(f);
                 type.putVarint(field.size() + 4);
                 type.putVarint(field.size());
@@ -169,10 +169,10 @@ TEST(DecodedMemory, IsAtMostFourTimesTheRecordAndAConstant) {
         const auto [some, ok] = decoded(adversary, small, false);
         EXPECT_TRUE(ok) << ok.error().text << ": the test itself is wrong";
         for (const bool foreign : {false, true}) {
-            const auto [most, result] = decoded(adversary, large, foreign);
+            const auto [maximum, result] = decoded(adversary, large, foreign);
             // Edits of an input are a record of their own, with an account of its own.
             const std::uint64_t accounts = adversary.kind == RecordKind::input ? 2 : 1;
-            EXPECT_LE(most, accounts * (4 * large.size() + kFree) + kBookkeeping)
+            EXPECT_LE(maximum, accounts * (4 * large.size() + kFree) + kBookkeeping)
                 << large.size() << " bytes; " << (result ? "taken" : result.error().text);
         }
     }
@@ -183,7 +183,7 @@ TEST(DecodedMemory, WhatWouldTakeMoreIsRefusedBeforeItIsTaken) {
     if (!RTSG_HEAP_IS_OURS) GTEST_SKIP() << "the sanitizer has the heap";
     for (const char* name : {"destroyed nodes", "booleans", "texts of a letter", "calls"}) {
         const auto adversary = std::ranges::find(kAdversaries, std::string_view(name), &Adversary::name);
-        const auto [most, result] = decoded(*adversary, recordOf(*adversary, kLarge), false);
+        const auto [maximum, result] = decoded(*adversary, recordOf(*adversary, kLarge), false);
         ASSERT_FALSE(result) << name;
         EXPECT_NE(result.error().text.find("more memory than a record of this length may"), std::string::npos)
             << result.error().text;

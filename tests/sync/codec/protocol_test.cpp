@@ -181,19 +181,19 @@ TEST(Protocol, AnIndependentReaderAgreesOnTheArraysOfASceneFile) {
     Scene scene;
     std::mt19937 random(20261121);
     const NodeId points = scene.createNode(x3d::Coordinate::type), faces = scene.createNode(x3d::IndexedFaceSet::type);
-    const NodeId turns = scene.createNode(x3d::OrientationInterpolator::type);
+    const NodeId rotations = scene.createNode(x3d::OrientationInterpolator::type);
     Array<Vec3f> point;
     Array<std::int32_t> index;
-    Array<Rotation> turn;
+    Array<Rotation> rotation;
     std::normal_distribution<float> normal;
     for (int i = 0; i < 40000; ++i) {  // too many to be deflated
         point.push_back({static_cast<float>(i % 200) / 100, normal(random), i % 50 ? 1.5f : -0.f});
         for (const int corner : {i, i + 200, i + 1 + static_cast<int>(random() % 3), -1}) index.push_back(corner);
-        if (i < 2000) turn.push_back({normal(random), normal(random), 1, static_cast<float>(i) / 8});
+        if (i < 2000) rotation.push_back({normal(random), normal(random), 1, static_cast<float>(i) / 8});
     }
     ASSERT_TRUE(scene.set(points, x3d::Coordinate::point, point));
     ASSERT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coordIndex, index));
-    ASSERT_TRUE(scene.set(turns, x3d::OrientationInterpolator::keyValue, turn));
+    ASSERT_TRUE(scene.set(rotations, x3d::OrientationInterpolator::keyValue, rotation));
     scene.newFrame(0);
     const test::TempFolder own;
     ASSERT_TRUE(writeSceneFile(scene, own.path() / "a.rtsgb"));

@@ -363,8 +363,8 @@ TEST(HashesOverVersions, ALogWithFieldsThatAreNotHereIsVerifiedAsItsWriterWould)
         Scene scene;
         Diagnostics diagnostics;
         ASSERT_TRUE(loadText(scene, kMoving, diagnostics));
-        const NodeId thing = scene.findName("THING");
-        const NodeId shape = scene.node(thing).get(x3d::Transform::children)[0];
+        const NodeId object = scene.findName("THING");
+        const NodeId shape = scene.node(object).get(x3d::Transform::children)[0];
         // In the scene it is no default, in the log it is one.
         ASSERT_TRUE(scene.set(shape, x3d::Shape::castShadow, false));
         scene.seal();
@@ -384,10 +384,10 @@ TEST(HashesOverVersions, ALogWithFieldsThatAreNotHereIsVerifiedAsItsWriterWould)
         for (int frame = 1; frame <= 20; ++frame) {
             const Vec3f value(static_cast<float>(frame), 0, 0);
             Change change;
-            change.node = thing;
+            change.node = object;
             change.field = log.field("Transform", "wobble");
             change.value = value;
-            Hash128 term = hashOfValue(FieldType::SFVec3f, &value, hashSeed(thing, fieldKey(wobble), HashTerm::field));
+            Hash128 term = hashOfValue(FieldType::SFVec3f, &value, hashSeed(object, fieldKey(wobble), HashTerm::field));
             if (wrong && frame == 12) term.low ^= 1;
             log.add(*scene.newFrame(frame * .1), {&change, 1}, without + term);
         }

@@ -224,16 +224,16 @@ TEST(Blame, NamesWhoMadeANodeForAllOfItsFields) {
     const test::TempFolder folder;
     Logged log(folder, Mode::state);
     log.frame();
-    const NodeId made = log.scene.createNode(x3d::Transform::type);
-    ASSERT_TRUE(log.scene.set(made, x3d::Transform::translation, Vec3f(5)));
-    ASSERT_TRUE(log.scene.setName(made, "NEW"));
-    log.scene.attribute("ann", made);
+    const NodeId created = log.scene.createNode(x3d::Transform::type);
+    ASSERT_TRUE(log.scene.set(created, x3d::Transform::translation, Vec3f(5)));
+    ASSERT_TRUE(log.scene.setName(created, "NEW"));
+    log.scene.attribute("ann", created);
     // The same frame, another's: of that field alone.
-    ASSERT_TRUE(log.scene.set(made, x3d::Transform::center, Vec3f(1)));
-    log.scene.attribute("bob", made, x3d::Transform::center.index);
+    ASSERT_TRUE(log.scene.set(created, x3d::Transform::center, Vec3f(1)));
+    log.scene.attribute("bob", created, x3d::Transform::center.index);
     log.frame();
     log.edit("NEW", "translation", Vec3f(6));
-    log.scene.attribute("bob", made);  // a name, say
+    log.scene.attribute("bob", created);  // a name, say
     log.frame();
     const std::vector<FieldStep> steps = log.blamed("NEW.translation");
     ASSERT_EQ(steps.size(), 2u);
@@ -265,9 +265,9 @@ TEST(Blame, TellsWhatCameIntoThePartFromWhatWasSet) {
     log.frame();
     ASSERT_TRUE(log.scene.setName(log.scene.createNode(x3d::Transform::type), "NEW"));
     log.frame();
-    const std::vector<FieldStep> made = log.blamed("NEW.scale");
-    ASSERT_EQ(made.size(), 1u);
-    EXPECT_EQ(made[0].cause, "came into the scene");
+    const std::vector<FieldStep> created = log.blamed("NEW.scale");
+    ASSERT_EQ(created.size(), 1u);
+    EXPECT_EQ(created[0].cause, "came into the scene");
 }
 
 TEST(Blame, WhatThereIsNotIsAnError) {
@@ -279,9 +279,9 @@ TEST(Blame, WhatThereIsNotIsAnError) {
     EXPECT_THAT(blame(log.file, "BOX.nothing").error().text, HasSubstr("nothing"));
     EXPECT_THAT(blame(log.file, "NOBODY.translation").error().text, HasSubstr("NOBODY"));
     EXPECT_FALSE(blame(folder / "none.rlog", "BOX.translation"));
-    std::size_t told = 0;
-    EXPECT_TRUE(blame(log.file, "BOX.translation", [&](std::uint64_t, std::uint64_t) { return ++told, false; }));
-    EXPECT_EQ(told, 1u) << "whoever asks may end it";
+    std::size_t reported = 0;
+    EXPECT_TRUE(blame(log.file, "BOX.translation", [&](std::uint64_t, std::uint64_t) { return ++reported, false; }));
+    EXPECT_EQ(reported, 1u) << "whoever asks may end it";
 }
 
 }  // namespace

@@ -299,9 +299,9 @@ TEST(FieldHistories, AreLimited) {
     EXPECT_EQ(comparison.differences()[0].states, 4200U);
     const auto histories = comparison.histories();
     EXPECT_EQ(histories.size(), 64U);
-    std::size_t most = 0;
-    for (const FieldHistory& history : histories) most = std::max(most, history.samples.size());
-    EXPECT_EQ(most, 4096U);
+    std::size_t maximum = 0;
+    for (const FieldHistory& history : histories) maximum = std::max(maximum, history.samples.size());
+    EXPECT_EQ(maximum, 4096U);
     EXPECT_EQ(comparison.nothingCompared(), "");
     EXPECT_TRUE(comparison.ignoredInVain().empty());
     FieldComparison none({{"NOBODY.*"}, {}, 0}, a, b);

@@ -139,10 +139,10 @@ TEST_P(InputTypesLaw, InputsInOtherNumbersAreRunAsThoseInOnesOwn) {
             const auto& read = log.lastSet().input;
             if (!read || log.lastSet().isSnapshot() || !read->complete) continue;
             ++withInput;
-            const FrameInput& made = *inputs[log.lastSet().to];
-            EXPECT_TRUE(std::ranges::equal(read->calls, made.calls, sameCall));
-            EXPECT_EQ(read->events, made.events);
-            EXPECT_EQ(read->edits.size(), made.edits.size());
+            const FrameInput& created = *inputs[log.lastSet().to];
+            EXPECT_TRUE(std::ranges::equal(read->calls, created.calls, sameCall));
+            EXPECT_EQ(read->events, created.events);
+            EXPECT_EQ(read->edits.size(), created.edits.size());
         }
         EXPECT_EQ(log.verified(), log.frames());
         EXPECT_GT(withInput, 40u);
@@ -191,7 +191,7 @@ TEST_P(InputTypesLaw, ForgedRecordsAreRefusedOrNoticed) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, InputTypesLaw, testing::Range<std::uint64_t>(1, 9));
 
-constexpr const char* kMovingThing = R"(#X3D V4.0 utf8
+constexpr const char* kMovingItem = R"(#X3D V4.0 utf8
 PROFILE Immersive
 PROTO Lamp [ inputOutput SFFloat power .5 ] { PointLight { intensity IS power } }
 DEF CLOCK TimeSensor { cycleInterval 4 loop TRUE }
@@ -204,7 +204,7 @@ ROUTE PATH.value_changed TO THING.translation
 
 void loadMoving(Scene& scene) {
     Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, kMovingThing, diagnostics));
+    ASSERT_TRUE(loadText(scene, kMovingItem, diagnostics));
 }
 
 /// A field that is new here is computed here, and is no part of the hash that was recorded.
@@ -248,9 +248,9 @@ TEST_F(InputTypes, AuthorsOfFieldsAreThoseOfTheFieldsHere) {
         loadMoving(origin);
         origin.newFrame(0);
         other.add(origin.snapshot());
-        const NodeId thing = origin.findName("THING"), fresh = origin.createNode(x3d::Group::type);
-        ASSERT_TRUE(origin.set(thing, x3d::Transform::scale, Vec3f(2)));
-        origin.attribute("Ann", thing, x3d::Transform::scale.index);
+        const NodeId node = origin.findName("THING"), fresh = origin.createNode(x3d::Group::type);
+        ASSERT_TRUE(origin.set(node, x3d::Transform::scale, Vec3f(2)));
+        origin.attribute("Ann", node, x3d::Transform::scale.index);
         origin.attribute("Ben", fresh);
         const auto set = origin.newFrame(1);
         authors = set->authors;
@@ -392,7 +392,7 @@ TEST_F(InputTypes, FieldsThatThisProgramLacksAreNamedOnceTheyAreNeeded) {
         Scene origin;
         OtherLog other(file, origin, types, Mode::input);
         loadMoving(origin);
-        const NodeId thing = origin.findName("THING");
+        const NodeId node = origin.findName("THING");
         origin.newFrame(0);
         other.add(origin.snapshot());
         ChangeSet last = other.renumbered(*origin.newFrame(1));
@@ -400,7 +400,7 @@ TEST_F(InputTypes, FieldsThatThisProgramLacksAreNamedOnceTheyAreNeeded) {
         const FieldIndex field = other.renumbered.field("Transform", "wobble"),
                          known = other.renumbered.field("Transform", "translation");
         Change change;
-        change.node = change.other = thing;
+        change.node = change.other = node;
         change.field = need == Need::routeTo ? known : field;
         change.index = need == Need::routeTo ? field : known;
         change.kind = need == Need::set ? ChangeKind::setField : ChangeKind::addRoute;
@@ -411,8 +411,8 @@ TEST_F(InputTypes, FieldsThatThisProgramLacksAreNamedOnceTheyAreNeeded) {
         }
         if (need == Need::set || need == Need::routeFrom || need == Need::routeTo) input->edits.push_back(change);
         if (need == Need::effect) {
-            BehaviourCall call{.kind = BehaviourCall::Kind::onTime, .node = thing, .next = kNever, .effects = {}};
-            call.effects.push_back({BehaviourEffect::Kind::store, thing, field, Vec3f(1)});
+            BehaviourCall call{.kind = BehaviourCall::Kind::onTime, .node = node, .next = kNever, .effects = {}};
+            call.effects.push_back({BehaviourEffect::Kind::store, item, field, Vec3f(1)});
             input->calls.push_back(call);
         }
         last.input = input;

@@ -164,7 +164,7 @@ TEST_F(LogFilesOfOne, AFileThatHasBecomeAnotherIsNotRead) {
     fs::rename(file("other"), third);
     // The bytes behind it stay where they are.
     EXPECT_EQ(bytesFrom(ends[2] - 8, 16), std::string(8, '\0') + test::readAll(file("a.0004.rlog")).substr(0, 8));
-    EXPECT_EQ((*files)->placeOf(ends[1] + 5), " (byte 5 of a.0003.rlog)");
+    EXPECT_EQ((*files)->locationAt(ends[1] + 5), " (byte 5 of a.0003.rlog)");
     EXPECT_EQ(bytesFrom(ends.back() - 3, 10).size(), 3u);
 }
 

@@ -79,32 +79,32 @@ TEST_F(LogPlayers, ItSaysWhenTheNextStateIsDue) {
 }
 
 TEST_F(LogPlayers, ItDoesWhatItIsTold) {
-    const auto told = [&](std::string_view text) {
+    const auto reported = [&](std::string_view text) {
         const auto status = player->command(text);
         EXPECT_TRUE(status) << text << ": " << status.error().text;
         expectRecorded();
     };
-    told("rate 4");
+    reported("rate 4");
     ASSERT_TRUE(player->advance(.25));
     EXPECT_NEAR(player->scene().now(), 1, 1e-9);
-    told("pause");
+    reported("pause");
     ASSERT_TRUE(player->advance(10));
     EXPECT_NEAR(player->scene().now(), 1, 1e-9);
-    told("step");
+    reported("step");
     EXPECT_NEAR(player->scene().now(), 1.1, 1e-9);
-    told("step 5");
+    reported("step 5");
     EXPECT_NEAR(player->scene().now(), 1.6, 1e-9);
-    told("seek 0.55s");
+    reported("seek 0.55s");
     EXPECT_NEAR(player->scene().now(), .5, 1e-9);
-    told("seek 2.5");
+    reported("seek 2.5");
     EXPECT_NEAR(player->scene().now(), 2.5, 1e-9);
-    told("seek 1000");
+    reported("seek 1000");
     EXPECT_NEAR(player->scene().now(), 2.9, 1e-9);
-    told("play");
-    told("rate 1");
+    reported("play");
+    reported("rate 1");
     ASSERT_TRUE(player->advance(1));
     EXPECT_TRUE(player->ended());
-    told("loop on");
+    reported("loop on");
     EXPECT_FALSE(player->ended());
     ASSERT_TRUE(player->advance(.35));
     EXPECT_NEAR(player->scene().now(), .3, 1e-9);

@@ -77,7 +77,7 @@ TEST(RecordQueue, AReaderThatComesLaterGetsEveryFrameFromMemory) {
     auto followed = follow(queue);
     followed.erase(0);  // the empty scene it was attached to
     EXPECT_EQ(followed, states);
-    EXPECT_EQ(queue.mostOnDisk(), 0u);
+    EXPECT_EQ(queue.maxOnDisk(), 0u);
     EXPECT_EQ(queue.waiting(), 0u);
     EXPECT_EQ(queue.secondsBehind(), 0);
 }
@@ -91,7 +91,7 @@ TEST(RecordQueue, WhatDoesNotFitIntoMemoryWaitsInAFile) {
         const Attachment attachment = scene.bus().attach(filling);
         const auto states = edit(scene, 200, seed);
         queue.close();
-        EXPECT_GT(queue.mostOnDisk(), 2000u);
+        EXPECT_GT(queue.maxOnDisk(), 2000u);
         auto followed = follow(queue);
         followed.erase(0);
         EXPECT_EQ(followed, states);
@@ -126,7 +126,7 @@ TEST(RecordQueue, MemoryAndFileInTurnKeepTheOrder) {
     while (queue.waiting() > 0) takeOne();
     EXPECT_EQ(last, scene.sequence());
     EXPECT_EQ(copy.dump(), scene.dump());
-    EXPECT_GT(queue.mostOnDisk(), 0u);
+    EXPECT_GT(queue.maxOnDisk(), 0u);
 }
 
 TEST(RecordQueue, AReaderOnAnotherThreadNeverMissesOne) {

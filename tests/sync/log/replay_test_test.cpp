@@ -182,10 +182,10 @@ TEST_F(ReplayTests, AnUpdateThatCannotBeMadeLeavesTheLogAlone) {
 TEST_F(ReplayTests, SubscribersFollowAndTheirResultsAreChecked) {
     recordDoor();
     struct Counter : Subscriber {
-        std::uint64_t turns = 0;
+        std::uint64_t rounds = 0;
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             for (const Change& c : changes.changes)
-                turns += c.kind == ChangeKind::setField && c.field == x3d::Transform::rotation.index;
+                rounds += c.kind == ChangeKind::setField && c.field == x3d::Transform::rotation.index;
             return {};
         }
     };
@@ -215,7 +215,7 @@ TEST_F(ReplayTests, SubscribersFollowAndTheirResultsAreChecked) {
         EXPECT_EQ(report->divergence->text, "two seconds are enough");
         EXPECT_NEAR(report->divergence->time, 2, 1e-9);
         EXPECT_EQ(checks, report->frames);
-        EXPECT_GT(counter.turns, 20u);
+        EXPECT_GT(counter.rounds, 20u);
         EXPECT_TRUE(finished);
     }
 }
@@ -249,12 +249,12 @@ TEST_F(ReplayTests, AllStatesAreComparedWhereOnlyAKeyframeIsDamaged) {
     const std::filesystem::path intact = file().string() + ".intact";
     writeAll(intact, whole);
     writeAll(file(), bytes);
-    const std::string place = "bytes " + std::to_string(keyframe->first) + " to ";
+    const std::string range = "bytes " + std::to_string(keyframe->first) + " to ";
     const ReplayReport report = run(kDoor);
     EXPECT_EQ(report.frames, states);
     EXPECT_EQ(report.verified, states);
     EXPECT_FALSE(report.passed());
-    EXPECT_THAT(report.format(), testing::HasSubstr(place));
+    EXPECT_THAT(report.format(), testing::HasSubstr(range));
     // A difference before it is told alone.
     const ReplayReport other = run(edited("0 1.4 ]", "0 1.3 ]"));
     ASSERT_TRUE(other.divergence);
@@ -266,14 +266,14 @@ TEST_F(ReplayTests, AllStatesAreComparedWhereOnlyAKeyframeIsDamaged) {
     EXPECT_FALSE(*first) << (*first)->format();
     EXPECT_EQ(compared.both, states);
     EXPECT_EQ(compared.damage[0], "");
-    EXPECT_THAT(compared.damage[1], testing::HasSubstr("1 damaged place, the first at " + place));
+    EXPECT_THAT(compared.damage[1], testing::HasSubstr("1 damaged place, the first at " + range));
     FieldSelection selection;
     selection.fields = {"LEAF.*"};
     const auto fields = diffLogFields(intact, file(), selection);
     ASSERT_TRUE(fields) << fields.error().format();
     EXPECT_EQ(fields->states, states);
     EXPECT_TRUE(fields->differences.empty());
-    EXPECT_THAT(fields->damage[1], testing::HasSubstr(place));
+    EXPECT_THAT(fields->damage[1], testing::HasSubstr(range));
     std::filesystem::remove(intact);
 }
 
@@ -348,8 +348,8 @@ TEST_F(ReplayTests, TheEndIsToldWhileTheSceneIsThereAlsoOfATestThatCannotBegin) 
     test.log = file();
     const Scene* scene = nullptr;
     std::size_t nodes = 0;
-    test.build = [&](Scene& made) -> Result<> {
-        scene = &made;
+    test.build = [&](Scene& created) -> Result<> {
+        scene = &created;
         return fail("no scene today");
     };
     test.finish = [&]() -> Result<> {

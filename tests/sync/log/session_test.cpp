@@ -52,12 +52,12 @@ ROUTE OPENING.isActive TO LAMP.on
             ASSERT_TRUE(scene.sendEvent(scene.findName("PRESSED"), x3d::BooleanFilter::set_boolean.index, true));
         }
         if (k % 3 == 0) {
-            const NodeId made = scene.createNode(x3d::Transform::type);
-            ASSERT_TRUE(scene.insertChild(scene.findName("SLIDE"), x3d::Transform::children, made));
+            const NodeId created = scene.createNode(x3d::Transform::type);
+            ASSERT_TRUE(scene.insertChild(scene.findName("SLIDE"), x3d::Transform::children, created));
         }
         if (k % 3 == 2) {
-            const NodeId made = scene.node(scene.findName("SLIDE")).get(x3d::Transform::children)[0];
-            ASSERT_TRUE(scene.destroyNode(made));
+            const NodeId created = scene.node(scene.findName("SLIDE")).get(x3d::Transform::children)[0];
+            ASSERT_TRUE(scene.destroyNode(created));
         }
         scene.newFrame(100 + k / 20.0);
     }
@@ -169,13 +169,13 @@ TEST_F(Sessions, WhatPeersMayLackIsBounded) {
     kill(60);
     Scene scene;
     ResumeOptions options;
-    options.mostSets = 10;
+    options.maxSets = 10;
     const auto session = resumeSession(file(), scene, options);
     ASSERT_TRUE(session);
     ASSERT_EQ(session->before.size(), 10u);
     EXPECT_EQ(session->before.front()->to + 9, scene.sequence());
     Scene other;
-    options.mostChanges = 0;
+    options.maxChanges = 0;
     EXPECT_TRUE(resumeSession(file(), other, options)->before.empty());
 }
 

@@ -81,9 +81,9 @@ struct CodeGuard : ::testing::Test {
     }
     /// Refused below `code`, for that reason, and nothing of it is done; accepted with it.
     void expectGuarded(const std::vector<Change>& changes, const std::string& reason,
-                       MirrorUpstream least = MirrorUpstream::edits) {
+                       MirrorUpstream minimum = MirrorUpstream::edits) {
         const Hash128 before = scene.hash();
-        const std::string why = refusal(changes, least);
+        const std::string why = refusal(changes, minimum);
         EXPECT_NE(why.find(reason), std::string::npos) << "'" << why << "' for want of '" << reason << "'";
         scene.newFrame(scene.now() + 1);
         EXPECT_EQ(scene.hash().hex(), before.hex()) << reason;

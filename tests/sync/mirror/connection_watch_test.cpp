@@ -49,14 +49,14 @@ struct TcpPair {
     }
 };
 
-constexpr std::size_t kMuchMore = 2 * ConnectionWatch::kMostUnfinished;
+constexpr std::size_t kMuchMore = 2 * ConnectionWatch::kMaxUnfinished;
 
 /// Looks, takes a message from those connections, and says how many were shut.
-struct Turns {
+struct Rounds {
     ConnectionWatch watch;
     ConnectionWatch::Clock::time_point now{};
 
-    std::size_t turn(const std::vector<int>& delivering, bool drained = true) {
+    std::size_t poll(const std::vector<int>& delivering, bool drained = true) {
         watch.look(now += 10s);
         for (const int descriptor : delivering) watch.delivered(descriptor);
         return watch.shutEndless(drained);
@@ -65,26 +65,26 @@ struct Turns {
 
 TEST(ConnectionWatch, ShutsWhatBringsBytesAndNoMessage) {
     TcpPair pair;
-    Turns turns;
-    turns.watch.opened(pair.receiver);
-    pair.bring(ConnectionWatch::kMostUnfinished);
-    EXPECT_EQ(turns.turn({}), 0u);
+    Rounds rounds;
+    rounds.watch.opened(pair.receiver);
+    pair.bring(ConnectionWatch::kMaxUnfinished);
+    EXPECT_EQ(rounds.poll({}), 0u);
     pair.bring(4096);
-    EXPECT_EQ(turns.turn({}), 1u);
+    EXPECT_EQ(rounds.poll({}), 1u);
     EXPECT_FALSE(pair.isOpen());
-    EXPECT_EQ(turns.turn({}), 0u) << "once";
+    EXPECT_EQ(rounds.poll({}), 0u) << "once";
 }
 
 TEST(ConnectionWatch, LeavesAloneWhatBringsMessages) {
     TcpPair pair;
-    Turns turns;
-    turns.watch.opened(pair.receiver);
+    Rounds rounds;
+    rounds.watch.opened(pair.receiver);
     for (int i = 0; i < 20; ++i) {
         pair.bring(kMuchMore);
-        EXPECT_EQ(turns.turn({pair.receiver}), 0u);
+        EXPECT_EQ(rounds.poll({pair.receiver}), 0u);
     }
     pair.bring(kMuchMore);
-    EXPECT_EQ(turns.turn({}), 1u) << "and does not any more";
+    EXPECT_EQ(rounds.poll({}), 1u) << "and does not any more";
 }
 
 /// On a busy machine many messages come and are taken between a look and the end of its turn.
@@ -104,48 +104,48 @@ TEST(ConnectionWatch, WhatIsDeliveredAfterALookIsSettled) {
 
 TEST(ConnectionWatch, AllowsMoreWhileMessagesWait) {
     TcpPair pair;
-    Turns turns;
-    turns.watch.opened(pair.receiver);
-    pair.bring(ConnectionWatch::kMostWaiting);
-    EXPECT_EQ(turns.turn({}, false), 0u);
+    Rounds rounds;
+    rounds.watch.opened(pair.receiver);
+    pair.bring(ConnectionWatch::kMaxWaiting);
+    EXPECT_EQ(rounds.poll({}, false), 0u);
     pair.bring(4096);
-    EXPECT_EQ(turns.turn({}, false), 1u);
+    EXPECT_EQ(rounds.poll({}, false), 1u);
 }
 
 /// The notice that a connection is open comes another way than its messages, and is read once a turn: a machine that is
 /// busy may have all messages taken before it is.
 TEST(ConnectionWatch, LeavesAloneWhatBroughtItsMessagesBeforeItWasKnownToBeOpen) {
     TcpPair pair;
-    Turns turns;
+    Rounds rounds;
     pair.bring(kMuchMore);
-    EXPECT_EQ(turns.turn({pair.receiver}), 0u);
-    turns.watch.opened(pair.receiver);
-    EXPECT_EQ(turns.turn({}), 0u);
+    EXPECT_EQ(rounds.poll({pair.receiver}), 0u);
+    rounds.watch.opened(pair.receiver);
+    EXPECT_EQ(rounds.poll({}), 0u);
     EXPECT_TRUE(pair.isOpen());
     pair.bring(kMuchMore);
-    EXPECT_EQ(turns.turn({}), 1u) << "from then on it is one like all others";
+    EXPECT_EQ(rounds.poll({}), 1u) << "from then on it is one like all others";
 }
 
 /// Another connection may get the same number.
 TEST(ConnectionWatch, WhatCameEarlyCountsForTheNextTurnOnly) {
     TcpPair pair;
-    Turns turns;
+    Rounds rounds;
     pair.bring(kMuchMore);
-    EXPECT_EQ(turns.turn({pair.receiver}), 0u);
-    EXPECT_EQ(turns.turn({}), 0u);
-    turns.watch.opened(pair.receiver);
-    EXPECT_EQ(turns.turn({}), 1u);
+    EXPECT_EQ(rounds.poll({pair.receiver}), 0u);
+    EXPECT_EQ(rounds.poll({}), 0u);
+    rounds.watch.opened(pair.receiver);
+    EXPECT_EQ(rounds.poll({}), 1u);
 }
 
 TEST(ConnectionWatch, ForgetsWhatIsClosed) {
     TcpPair pair;
-    Turns turns;
-    turns.watch.opened(pair.receiver);
-    EXPECT_TRUE(turns.watch.any());
+    Rounds rounds;
+    rounds.watch.opened(pair.receiver);
+    EXPECT_TRUE(rounds.watch.any());
     pair.bring(kMuchMore);
-    turns.watch.closed(pair.receiver);
-    EXPECT_FALSE(turns.watch.any());
-    EXPECT_EQ(turns.turn({}), 0u);
+    rounds.watch.closed(pair.receiver);
+    EXPECT_FALSE(rounds.watch.any());
+    EXPECT_EQ(rounds.poll({}), 0u);
 }
 
 }  // namespace

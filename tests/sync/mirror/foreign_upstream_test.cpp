@@ -130,15 +130,15 @@ TEST(ForeignUpstream, EditsInTheServersNumbersAreTaken) {
 TEST(ForeignUpstream, TypesThatItDescribesAreFoundByName) {
     // Two types, none of them where ours is, with fields that are elsewhere.
     const auto type = [](const char* name, std::vector<std::pair<const char*, FieldType>> fields) {
-        auto made = std::make_unique<NodeType>();
-        made->name = name;
+        auto built = std::make_unique<NodeType>();
+        built->name = name;
         for (const auto& [field, kind] : fields) {
-            FieldDef& def = made->fields.emplace_back();
+            FieldDef& def = built->fields.emplace_back();
             def.name = field;
             def.type = kind;
         }
-        EXPECT_TRUE(made->finish());
-        return made;
+        EXPECT_TRUE(built->finish());
+        return built;
     };
     std::vector<std::unique_ptr<NodeType>> own;
     own.push_back(type("Group", {{"children", FieldType::MFNode}}));
@@ -219,30 +219,30 @@ TEST(ForeignUpstream, AClientOfAnotherVersionAsksInTheOriginsNumbers) {
     EXPECT_EQ(refusal(client->submitEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3))), "");
     EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
     // Nodes that it makes, with fields, a name and a route to what is there.
-    const NodeId turn = client->newNode();
+    const NodeId round = client->newNode();
     Change create, name, route, child;
     create.kind = ChangeKind::createNode;
-    create.node = turn;
+    create.node = round;
     create.index = static_cast<std::uint32_t>(
         std::ranges::find(builtinTypes(), "OrientationInterpolator", [](const auto& t) { return t->name; }) -
         builtinTypes().begin());
     name.kind = ChangeKind::setName;
-    name.node = turn;
+    name.node = round;
     name.value = String("TURN");
     route.kind = ChangeKind::addRoute;
-    route.node = turn;
+    route.node = round;
     route.field = x3d::OrientationInterpolator::value_changed.index;
     route.other = origin.box;
     route.index = x3d::Transform::rotation.index;
     child.kind = ChangeKind::insertChild;
     child.node = origin.box;
     child.field = x3d::Transform::children.index;
-    child.other = turn;
-    const Change key = foreignEdit(turn, x3d::OrientationInterpolator::key.index, Array<float>{0.f, 1.f});
+    child.other = round;
+    const Change key = foreignEdit(round, x3d::OrientationInterpolator::key.index, Array<float>{0.f, 1.f});
     EXPECT_EQ(refusal(client->submit({create, key, name, child, route})), "");
-    const NodeId made = origin.scene.findName("TURN");
-    ASSERT_TRUE(origin.scene.find(made));
-    EXPECT_EQ(origin.scene.node(made).get(x3d::OrientationInterpolator::key), (Array<float>{0.f, 1.f}));
+    const NodeId created = origin.scene.findName("TURN");
+    ASSERT_TRUE(origin.scene.find(created));
+    EXPECT_EQ(origin.scene.node(created).get(x3d::OrientationInterpolator::key), (Array<float>{0.f, 1.f}));
     EXPECT_EQ(origin.scene.routesTo(origin.box).size(), 1u);
     ASSERT_TRUE(settle());
     EXPECT_EQ(replica.hash(), origin.scene.hash());

@@ -34,7 +34,7 @@ struct TouchedOrigin {
         options.peerTimeout = 500ms;
         server = *MirrorServer::start(scene, test::kAnyPort, options);
     }
-    void turn() {
+    void poll() {
         server->service();
         scene.newFrame(time += .1);
     }
@@ -58,10 +58,10 @@ struct PointingPeer {
         EXPECT_TRUE(test::pollUntil(*client, [this] { return client->inStep(); }));
     }
     /// Until the origin has answered; `turn` is a frame of the origin, and of what is between.
-    void send(const Value& pointer, const std::function<void()>& turn) {
+    void send(const Value& pointer, const std::function<void()>& poll) {
         ASSERT_TRUE(client->submitEvent(scene.root(), x3d::RtsgScene::pointer.index, pointer));
         ASSERT_TRUE(test::pollUntil(*client, [&] {
-            turn();
+            poll();
             return client->unanswered() == 0;
         }));
         for (const MirrorVerdict& verdict : client->takeVerdicts()) EXPECT_EQ(verdict.refusal, "");
@@ -70,17 +70,17 @@ struct PointingPeer {
 
 TEST(HeldPointers, OfAPeerThatLeavesLetGo) {
     TouchedOrigin origin;
-    const auto turn = [&] { origin.turn(); };
+    const auto poll = [&] { origin.poll(); };
     auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
-    peer->send(origin.pointer(7, 0), turn);
-    peer->send(origin.pointer(7, PointerInput::kPrimary), turn);
+    peer->send(origin.pointer(7, 0), poll);
+    peer->send(origin.pointer(7, PointerInput::kPrimary), poll);
     ASSERT_TRUE(origin.isActive());
     ASSERT_TRUE(origin.isOver());
-    for (int i = 0; i < 20; ++i) turn();
+    for (int i = 0; i < 20; ++i) poll();
     EXPECT_TRUE(origin.isActive()) << "while the peer is there";
     peer.reset();
     EXPECT_TRUE(test::eventually([&] {
-        turn();
+        poll();
         return !origin.isActive() && !origin.isOver();
     }));
 }
@@ -88,7 +88,7 @@ TEST(HeldPointers, OfAPeerThatLeavesLetGo) {
 TEST(HeldPointers, ArePressedByWhatStillWaitsAndThenLetGo) {
     TouchedOrigin origin(MirrorUpstream::edits);
     auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
-    peer->send(origin.pointer(7, 0), [&] { origin.turn(); });
+    peer->send(origin.pointer(7, 0), [&] { origin.poll(); });
     // An event, an edit that waits for the frame with it, a press that waits for the edit, and the peer is gone.
     const auto point = [&](std::uint32_t buttons) {
         return peer->client->submitEvent(peer->scene.root(), x3d::RtsgScene::pointer.index, origin.pointer(7, buttons));
@@ -103,7 +103,7 @@ TEST(HeldPointers, ArePressedByWhatStillWaitsAndThenLetGo) {
     std::this_thread::sleep_for(100ms);  // the server has noticed, and its scene has not looked
     bool pressed = false;
     EXPECT_TRUE(test::eventually([&] {
-        origin.turn();
+        origin.poll();
         pressed |= origin.isActive();
         return pressed && !origin.isActive() && !origin.isOver();
     }));
@@ -112,28 +112,28 @@ TEST(HeldPointers, ArePressedByWhatStillWaitsAndThenLetGo) {
 
 TEST(HeldPointers, OfAPeerThatLeavesArePointersWithoutAButton) {
     TouchedOrigin origin;
-    const auto turn = [&] { origin.turn(); };
+    const auto poll = [&] { origin.poll(); };
     auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
-    peer->send(origin.pointer(7, 0), turn);
+    peer->send(origin.pointer(7, 0), poll);
     ASSERT_TRUE(origin.isOver());
     peer.reset();
     EXPECT_TRUE(test::eventually([&] {
-        turn();
+        poll();
         return !origin.isOver();
     }));
 }
 
 TEST(HeldPointers, OfAPeerThatIsSilentForTooLongLetGo) {
     TouchedOrigin origin;
-    const auto turn = [&] { origin.turn(); };
+    const auto poll = [&] { origin.poll(); };
     std::atomic<bool> cut{false};
     test::Middleman middle(origin.server->endpoint(), [&](bool, test::Middleman::Parts&) { return !cut; });
     PointingPeer peer(middle.endpoint);
-    peer.send(origin.pointer(7, PointerInput::kPrimary), turn);
+    peer.send(origin.pointer(7, PointerInput::kPrimary), poll);
     ASSERT_TRUE(origin.isOver());
     cut = true;
     EXPECT_TRUE(test::eventually([&] {
-        turn();
+        poll();
         return !origin.isOver();
     }));
     EXPECT_GE(origin.server->statistics().lost, 1u) << "on a busy machine it may have been before, too";
@@ -141,20 +141,20 @@ TEST(HeldPointers, OfAPeerThatIsSilentForTooLongLetGo) {
 
 TEST(HeldPointers, ThatSomebodyElseHasTakenOverStay) {
     TouchedOrigin origin;
-    const auto turn = [&] { origin.turn(); };
+    const auto poll = [&] { origin.poll(); };
     auto first = std::make_unique<PointingPeer>(origin.server->endpoint());
     PointingPeer second(origin.server->endpoint());
-    first->send(origin.pointer(7, 0), turn);
-    first->send(origin.pointer(7, PointerInput::kPrimary), turn);
-    second.send(origin.pointer(7, PointerInput::kPrimary), turn);
+    first->send(origin.pointer(7, 0), poll);
+    first->send(origin.pointer(7, PointerInput::kPrimary), poll);
+    second.send(origin.pointer(7, PointerInput::kPrimary), poll);
     first.reset();
     ASSERT_TRUE(test::eventually([&] {
-        turn();
+        poll();
         second.client->poll(1ms);
         return origin.server->statistics().peers == 1;
     }));
     for (int i = 0; i < 20; ++i) {
-        turn();
+        poll();
         second.client->poll(2ms);
     }
     EXPECT_TRUE(origin.isActive());
@@ -166,18 +166,18 @@ TEST(HeldPointers, OfALeafOfARelayLetGoAtTheOrigin) {
     MirrorServerOptions relayed;
     relayed.upstream = MirrorUpstream::events;
     const auto relay = *MirrorRelay::connect(middle, origin.server->endpoint(), test::kAnyPort, {}, relayed);
-    const auto turn = [&] {
-        origin.turn();
+    const auto poll = [&] {
+        origin.poll();
         EXPECT_TRUE(relay->poll());
     };
-    ASSERT_TRUE(test::eventually([&] { return turn(), relay->server() != nullptr; }));
+    ASSERT_TRUE(test::eventually([&] { return poll(), relay->server() != nullptr; }));
     {
         PointingPeer leaf(relay->server()->endpoint());
-        leaf.send(origin.pointer(7, 0), turn);
-        leaf.send(origin.pointer(7, PointerInput::kPrimary), turn);
+        leaf.send(origin.pointer(7, 0), poll);
+        leaf.send(origin.pointer(7, PointerInput::kPrimary), poll);
         ASSERT_TRUE(origin.isActive());
     }
-    EXPECT_TRUE(test::eventually([&] { return turn(), !origin.isActive() && !origin.isOver(); }));
+    EXPECT_TRUE(test::eventually([&] { return poll(), !origin.isActive() && !origin.isOver(); }));
 }
 
 }  // namespace

@@ -13,13 +13,13 @@ namespace rtsg {
 namespace {
 
 std::shared_ptr<EncodedRecord> record(RecordKind kind, std::uint64_t from, std::uint64_t to, std::size_t bytes = 100) {
-    auto made = std::make_shared<EncodedRecord>();
-    made->bytes.room(bytes);
-    made->bytes.advance(bytes);
-    made->header.kind = kind;
-    made->header.from = from;
-    made->header.to = to;
-    return made;
+    auto created = std::make_shared<EncodedRecord>();
+    created->bytes.room(bytes);
+    created->bytes.advance(bytes);
+    created->header.kind = kind;
+    created->header.from = from;
+    created->header.to = to;
+    return created;
 }
 SharedRecord keyframe(std::uint64_t to) {
     return record(RecordKind::keyframe, 0, to);
@@ -84,7 +84,7 @@ TEST(MirrorHistory, CountsMemoryThatIsReallyHeld) {
     MirrorHistory history(kLimit);
     ASSERT_TRUE(history.add(keyframe(1)));
     std::deque<std::weak_ptr<const EncodedRecord>> all;
-    std::uint64_t most = 0;
+    std::uint64_t maximum = 0;
     for (std::uint64_t s = 1; s < 2000; ++s) {
         const auto one = frame(s);
         one->bytes.room(s % 7 == 0 ? 50'000 : 10);
@@ -93,11 +93,11 @@ TEST(MirrorHistory, CountsMemoryThatIsReallyHeld) {
         std::uint64_t held = 0;
         for (const auto& kept : all)
             if (const auto there = kept.lock()) held += there->bytes.capacity();
-        most = std::max(most, held);
+        maximum = std::max(maximum, held);
         ASSERT_LE(history.memory(), kLimit + 51'000);
     }
-    EXPECT_LE(most, kLimit + kLimit / 10);
-    EXPECT_GT(most, kLimit / 2);
+    EXPECT_LE(maximum, kLimit + kLimit / 10);
+    EXPECT_GT(maximum, kLimit / 2);
 }
 
 TEST(RecordPool, KeepsNoSnapshotsMemoryForFrames) {

@@ -142,10 +142,10 @@ TEST(MirrorHostile, WhoAsksAgainWhereThereIsNoRoomIsToldOfSeldom) {
     Stranger stranger(served.server->endpoint());
     for (int i = 0; i < 100; ++i) stranger.say(hello);
     EXPECT_TRUE(eventually([&] { return served.server->statistics().refused >= 100; }));
-    const auto told = served.server->takeDiagnostics();
-    ASSERT_EQ(told.size(), 8u + 3u);
-    EXPECT_EQ(told.front().text, "refused a peer: 1 are here already");
-    EXPECT_EQ(told.back().text, "refused a peer: 1 are here already; 64 such things by now");
+    const auto reported = served.server->takeDiagnostics();
+    ASSERT_EQ(reported.size(), 8u + 3u);
+    EXPECT_EQ(reported.front().text, "refused a peer: 1 are here already");
+    EXPECT_EQ(reported.back().text, "refused a peer: 1 are here already; 64 such things by now");
     served.step();
 }
 
@@ -302,10 +302,10 @@ TEST_F(MirrorKeysTest, FilesAreTheOwnersAloneAndNeverHalf) {
     rlimit few = before;
     few.rlim_cur = 50;
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &few), 0);
-    const auto made = MirrorKeys::generate(folder / "b");
+    const auto created = MirrorKeys::generate(folder / "b");
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
     std::signal(SIGXFSZ, handler);
-    EXPECT_FALSE(made);
+    EXPECT_FALSE(created);
     EXPECT_FALSE(std::filesystem::exists(folder / "b"));
 }
 

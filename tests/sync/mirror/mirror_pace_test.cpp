@@ -57,9 +57,9 @@ TEST(MirrorSlowPolicy, ResyncGivesASnapshotInsteadOfWhatWasMissed) {
 /// Another hello makes the answer to the last one void: whoever is impatient never joins.
 TEST(MirrorSlow, TheFirstAnswerIsWaitedForOnALongWay) {
     MovingOrigin origin(5);
-    const test::TcpProxy way(origin.server->endpoint(), 400ms);
+    const test::TcpProxy proxy(origin.server->endpoint(), 400ms);
     Scene replica;
-    auto client = *MirrorClient::connect(replica, way.endpoint);
+    auto client = *MirrorClient::connect(replica, proxy.endpoint);
     ASSERT_TRUE(pollUntilAt(*client, origin.scene));
     EXPECT_EQ(client->statistics().snapshots, 1u);
     EXPECT_EQ(origin.server->statistics().snapshots, 1u);
@@ -75,12 +75,12 @@ TEST(MirrorSlow, ASnapshotMayTakeLongerThanAServerMayBeSilent) {
     ASSERT_TRUE(scene.set(text, x3d::MetadataString::value, Array<String>{String(std::string(96 << 10, 'x'))}));
     scene.newFrame(0);
     auto server = *MirrorServer::start(scene, test::kAnyPort);
-    const test::TcpProxy way(server->endpoint(), 0ms, 16 << 10);
+    const test::TcpProxy proxy(server->endpoint(), 0ms, 16 << 10);
     MirrorClientOptions options;
     options.timeout = 900ms;
     options.maxLag = 0ms;
     Scene replica;
-    auto client = *MirrorClient::connect(replica, way.endpoint, options);
+    auto client = *MirrorClient::connect(replica, proxy.endpoint, options);
     bool received = false;
     ASSERT_TRUE(eventually([&] {
         server->service();
@@ -261,9 +261,9 @@ TEST(MirrorClockTest, AJumpIsForgottenAfterThirtyTwoSamples) {
     std::uint64_t now = 5'000'000'000;
     for (const double ahead : {10.0, 3610.0, -3590.0}) {
         for (int i = 0; i < 32; ++i) {
-            const std::uint64_t way = ahead == 10.0 ? 1'000'000 : 20'000'000;
-            clock.sample(now, now + way + static_cast<std::uint64_t>(static_cast<std::int64_t>(ahead * 1e9)),
-                         now + 2 * way);
+            const std::uint64_t proxy = ahead == 10.0 ? 1'000'000 : 20'000'000;
+            clock.sample(now, now + proxy + static_cast<std::uint64_t>(static_cast<std::int64_t>(ahead * 1e9)),
+                         now + 2 * proxy);
             now += 500'000'000;
         }
         EXPECT_NEAR(clock.offset(), ahead, 1e-9);

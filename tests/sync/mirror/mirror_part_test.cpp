@@ -152,10 +152,10 @@ TEST(MirrorPart, AHelloNamesManyOrIsRefusedBeforeItIsSent) {
     Robot robot;
     std::vector<std::string> parts{"LEFT"};
     for (int i = 1; i < 1024; ++i) parts.push_back("NONE" + std::to_string(i));
-    PartFollower most(robot.server->endpoint(), parts);
-    EXPECT_TRUE(pollUntilAt(*most.client, robot.scene));
-    EXPECT_TRUE(most.scene.findName("LEFT"));
-    EXPECT_FALSE(most.scene.findName("RIGHT"));
+    PartFollower maximum(robot.server->endpoint(), parts);
+    EXPECT_TRUE(pollUntilAt(*maximum.client, robot.scene));
+    EXPECT_TRUE(maximum.scene.findName("LEFT"));
+    EXPECT_FALSE(maximum.scene.findName("RIGHT"));
     MirrorClientOptions options;
     options.parts = parts;
     options.parts.push_back("RIGHT");
@@ -239,8 +239,8 @@ class PartLog : public test::LogFolder {
         endpoint_ = robot_->server->endpoint();
         Attachment attachment = robot_->scene.bus().attach(**log);
         arm_ = std::make_unique<PartFollower>(endpoint_, std::vector<std::string>{"LEFT"});
-        places_ = std::make_unique<PartFollower>(endpoint_, std::vector<std::string>{},
-                                                 std::vector<Aspect>{Aspect::transform});
+        positions_ = std::make_unique<PartFollower>(endpoint_, std::vector<std::string>{},
+                                                    std::vector<Aspect>{Aspect::transform});
         for (int i = 0; i < 20; ++i) edit(robot_->scene, i);
         attachment.detach();
         (*log)->abandon();
@@ -267,17 +267,17 @@ class PartLog : public test::LogFolder {
 
     std::unique_ptr<Robot> robot_;
     std::string endpoint_;
-    std::unique_ptr<PartFollower> arm_, places_;
+    std::unique_ptr<PartFollower> arm_, positions_;
 };
 
 TEST_F(PartLog, PeersOfPartsGoOnWithFramesAlone) {
-    for (PartFollower* follower : {arm_.get(), places_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
+    for (PartFollower* follower : {arm_.get(), positions_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
     killServer();
     for (const int ahead : {0, 7}) {
         Scene scene;
         const auto server = goOn(scene, ahead);
         std::uint64_t back = 0;
-        for (PartFollower* follower : {arm_.get(), places_.get()}) {
+        for (PartFollower* follower : {arm_.get(), positions_.get()}) {
             ++back;
             ASSERT_TRUE(pollUntil(*follower->client, [&] { return server->statistics().resumed == back; })) << ahead;
             ASSERT_TRUE(follower->settle(scene)) << ahead;
@@ -289,11 +289,11 @@ TEST_F(PartLog, PeersOfPartsGoOnWithFramesAlone) {
 
 TEST_F(PartLog, PeersOfPartsThatTheLogHasLostSomethingOfTakeSnapshots) {
     edit(robot_->scene, 30);
-    for (PartFollower* follower : {arm_.get(), places_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
+    for (PartFollower* follower : {arm_.get(), positions_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
     killServer();
     Scene scene;
     const auto server = goOn(scene, 4);
-    for (PartFollower* follower : {arm_.get(), places_.get()}) {
+    for (PartFollower* follower : {arm_.get(), positions_.get()}) {
         ASSERT_TRUE(follower->settle(scene));
         EXPECT_EQ(follower->client->statistics().snapshots, 2u);
     }

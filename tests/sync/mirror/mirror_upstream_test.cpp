@@ -30,7 +30,7 @@ struct EditedOrigin {
         server = *MirrorServer::start(scene, endpoint, options);
     }
     /// Like an application: takes the requests that have arrived, then runs a frame.
-    void turn() {
+    void poll() {
         server->service();
         scene.newFrame(++frame * .1);
     }
@@ -44,7 +44,7 @@ struct EditingReplica {
     explicit EditingReplica(const std::string& endpoint) { client = *MirrorClient::connect(scene, endpoint); }
     bool settle(EditedOrigin& origin, std::size_t answers) {
         return pollUntil(*client, [&] {
-            origin.turn();
+            origin.poll();
             client->poll(2ms);
             for (MirrorVerdict& v : client->takeVerdicts()) {
                 // The effect is there when the verdict is.
@@ -96,11 +96,11 @@ TEST(MirrorUpstream, WhatIsAskedAfterAnEventTakesEffectAfterIt) {
         EXPECT_TRUE(replica.settle(origin, 2));
         for (const MirrorVerdict& verdict : replica.verdicts) EXPECT_EQ(verdict.refusal, "");
     };
-    const FieldIndex place = x3d::Transform::translation.index;
+    const FieldIndex translation = x3d::Transform::translation.index;
     for (int i = 0; i < 5; ++i) {
         const float x = static_cast<float>(i);
-        const auto event = replica.client->submitEvent(origin.box, place, Vec3f(x, 4, 0));
-        const auto edit = replica.client->submitEdit(origin.box, place, Vec3f(x, 5, 0));
+        const auto event = replica.client->submitEvent(origin.box, translation, Vec3f(x, 4, 0));
+        const auto edit = replica.client->submitEdit(origin.box, translation, Vec3f(x, 5, 0));
         settleTwo(event.has_value(), edit.has_value());
         EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(x, 5, 0)) << "the later one";
         ASSERT_EQ(replica.verdicts.size(), 2u);
@@ -174,7 +174,7 @@ TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
         std::vector<std::string> asked, replies;
         const auto answered = [&](std::size_t count) {
             return pollUntil(*replica.client, [&] {
-                origin.turn();
+                origin.poll();
                 for (std::string& reply : replica.client->takeReplies()) replies.push_back(std::move(reply));
                 return replies.size() >= count;
             });
@@ -245,9 +245,9 @@ TEST(MirrorUpstream, NodesGetTheirNumbersFromTheOrigin) {
     ASSERT_EQ(replica.verdicts[0].refusal, "");
     ASSERT_EQ(replica.verdicts[0].created.size(), 2u);
     EXPECT_EQ(replica.verdicts[0].created[0].first, shape);
-    const NodeId made = replica.scene.findName("NEW");
-    EXPECT_EQ(made, replica.verdicts[0].created[0].second);
-    const NodeId box = replica.scene.node(made).get(x3d::Shape::geometry);
+    const NodeId created = replica.scene.findName("NEW");
+    EXPECT_EQ(created, replica.verdicts[0].created[0].second);
+    const NodeId box = replica.scene.node(created).get(x3d::Shape::geometry);
     EXPECT_EQ(box, replica.verdicts[0].created[1].second);
     EXPECT_EQ(replica.scene.node(box).get(x3d::Box::size), Vec3f(3, 4, 5));
     EXPECT_EQ(replica.scene.node(origin.group).get(x3d::Group::children).size(), 1u);
@@ -320,7 +320,7 @@ TEST(MirrorUpstream, NothingIsLostOrDoubledWhenMessagesAreDropped) {
     }
     const auto end = std::chrono::steady_clock::now() + 60s;
     while (replica.client->unanswered() > 0 && std::chrono::steady_clock::now() < end) {
-        origin.turn();
+        origin.poll();
         replica.client->poll(5ms);
     }
     EXPECT_EQ(replica.client->unanswered(), 0u);

@@ -201,7 +201,7 @@ struct SlowLink {
         server = *MirrorServer::start(scene, test::kAnyPort, serverOptions);
         MirrorClientOptions options;
         options.whenSlow = MirrorWhenSlow::nearFirst;
-        options.mostBytesPerSecond = 40'000;
+        options.maxBytesPerSecond = 40'000;
         options.maxLag = 250ms;
         client = *MirrorClient::connect(replica, server->endpoint(), options);
     }

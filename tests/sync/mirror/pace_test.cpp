@@ -21,14 +21,14 @@ struct Link {
     double stall = 0;     // s that the link stands still, each second: what lost packets do to TCP
     double frame = 13e3;  // bytes of a frame of the scene, and of any number of them merged
     double lag = .25;     // asked for
-    double most = 0;
+    double maximum = 0;
     double seconds = 20;
     double delayLater = 0;  // of the second half, if it is another
     bool keeps = false;     // the receiver keeps acknowledgements that can wait
 };
 
 struct Seen {
-    double mostAge = 0;       // of frames in the last three quarters of the time, when they were there as a whole, s
+    double maxAge = 0;        // of frames in the last three quarters of the time, when they were there as a whole, s
     double bytesASecond = 0;  // in the same time
     std::size_t frames = 0, merged = 0, acknowledgements = 0;
     double delay = 0;  // in the end, as the sender knows it, there and back
@@ -42,10 +42,10 @@ Seen followLink(const Link& link) {
         std::uint64_t total;
         bool last, awaited;
     };
-    MirrorPace pace(link.lag, link.most);
+    MirrorPace pace(link.lag, link.maximum);
     Seen seen;
     std::deque<double> waiting;                         // when frames that wait were published
-    std::deque<Chunk> way;                              // in order
+    std::deque<Chunk> inFlight;                         // in order
     std::deque<std::pair<double, std::uint64_t>> acks;  // when they are back
     double linkFree = 0, nextFrame = 0, nextPoll = 0, sending = -1, left = 0, received = 0, awaitedAt = -1;
     std::uint64_t sent = 0, arrived = 0, awaitedTo = 0;
@@ -68,7 +68,7 @@ Seen followLink(const Link& link) {
                 pace.held(time);
                 // Like a server's ping that asks for an acknowledgement.
                 if (awaitedTo != sent)
-                    way.push_back({std::max(linkFree, now) + delay, 0, awaitedTo = sent, false, true});
+                    inFlight.push_back({std::max(linkFree, now) + delay, 0, awaitedTo = sent, false, true});
                 break;
             }
             if (left <= 0) {
@@ -90,17 +90,17 @@ Seen followLink(const Link& link) {
             linkFree = std::max(linkFree, now);
             if (link.stall > 0 && std::fmod(linkFree, 1.) < link.stall) linkFree = std::floor(linkFree) + link.stall;
             linkFree += part / link.rate;
-            way.push_back({linkFree + delay, sending, sent, left < 1, !later});
+            inFlight.push_back({linkFree + delay, sending, sent, left < 1, !later});
         }
         if (now < nextPoll) continue;
         nextPoll = now + link.poll;
-        for (; !way.empty() && way.front().arrives <= now; way.pop_front()) {
-            awaited = awaited || way.front().awaited;
-            if (measured) received += double(way.front().total - arrived);
-            arrived = way.front().total;
-            if (!way.front().last) continue;
+        for (; !inFlight.empty() && inFlight.front().arrives <= now; inFlight.pop_front()) {
+            awaited = awaited || inFlight.front().awaited;
+            if (measured) received += double(inFlight.front().total - arrived);
+            arrived = inFlight.front().total;
+            if (!inFlight.front().last) continue;
             ++seen.frames;
-            if (measured) seen.mostAge = std::max(seen.mostAge, now - way.front().published);
+            if (measured) seen.maxAge = std::max(seen.maxAge, now - inFlight.front().published);
         }
         if (!std::exchange(awaited, false)) continue;
         acks.emplace_back(now + delay, arrived);
@@ -118,7 +118,7 @@ TEST(MirrorPace, OnASlowLinkFramesComeMergedAndInTime) {
             SCOPED_TRACE(testing::Message() << rate << " bytes/s, " << delay << " s, keeps " << keeps);
             const Link link{.rate = rate, .delay = delay, .keeps = keeps};
             const Seen seen = followLink(link);
-            EXPECT_LE(seen.mostAge, .25 + 2 * delay + link.frame / rate);
+            EXPECT_LE(seen.maxAge, .25 + 2 * delay + link.frame / rate);
             EXPECT_GE(seen.bytesASecond, .75 * rate) << "the link is used";
             EXPECT_GT(seen.merged, 0u);
         }
@@ -129,7 +129,7 @@ TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
         const Link link{.rate = 8e3, .delay = .05, .seconds = 60, .keeps = keeps};
         const Seen seen = followLink(link);
         const double own = link.frame / link.rate;
-        EXPECT_LE(seen.mostAge, .25 + own + 2 * link.delay);
+        EXPECT_LE(seen.maxAge, .25 + own + 2 * link.delay);
         EXPECT_GE(seen.bytesASecond, .75 * link.rate);
     }
 }
@@ -168,7 +168,7 @@ TEST(MirrorPace, SmallFramesDoNotPileUpOnATelephoneLine) {
     for (const auto& [rate, keeps] : {std::pair(8e3, false), {8e3, true}, {4e3, false}, {4e3, true}}) {
         const Link link{.rate = rate, .delay = .02, .frame = 160, .seconds = 40, .keeps = keeps};
         const Seen seen = followLink(link);
-        EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / rate) << rate << keeps;
+        EXPECT_LE(seen.maxAge, .25 + 2 * link.delay + link.frame / rate) << rate << keeps;
         EXPECT_GE(seen.bytesASecond, .7 * rate) << rate << keeps;
     }
 }
@@ -178,7 +178,7 @@ TEST(MirrorPace, ALinkThatStumblesDoesNotPileUpWhatIsOld) {
         const Link link{.rate = 125e3, .delay = .02, .stall = .2, .keeps = keeps};
         const Seen seen = followLink(link);
         // A chunk may stand still on the way, and before it the frame that it is of.
-        EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / link.rate + 2 * link.stall);
+        EXPECT_LE(seen.maxAge, .25 + 2 * link.delay + link.frame / link.rate + 2 * link.stall);
         EXPECT_GE(seen.bytesASecond, .5 * link.rate);
     }
 }
@@ -187,7 +187,7 @@ TEST(MirrorPace, AWayThatGrowsLongerIsLearned) {
     for (const bool keeps : {false, true}) {
         const Link link{.rate = 125e3, .delay = .005, .seconds = 60, .delayLater = .2, .keeps = keeps};
         const Seen seen = followLink(link);
-        EXPECT_LE(seen.mostAge, .25 + 2 * .2 + .1);
+        EXPECT_LE(seen.maxAge, .25 + 2 * .2 + .1);
         EXPECT_GE(seen.bytesASecond, .6 * link.rate);
     }
 }
@@ -199,7 +199,7 @@ TEST(MirrorPace, OnAFastLinkEveryFrameComesAtOnce) {
         const Seen seen = followLink(link);
         EXPECT_EQ(seen.merged, 0u) << poll;
         EXPECT_GE(seen.frames, 60 * link.seconds - 40) << "all but some at the start";
-        EXPECT_LE(seen.mostAge, poll + .02) << poll;
+        EXPECT_LE(seen.maxAge, poll + .02) << poll;
     }
 }
 
@@ -208,7 +208,7 @@ TEST(MirrorPace, OnAFastLinkOneAcknowledgementDoesForManyFrames) {
         const Link link{.rate = 100e6, .delay = .001, .frame = frame, .keeps = true};
         const Seen seen = followLink(link);
         EXPECT_EQ(seen.merged, 0u);
-        EXPECT_LE(seen.mostAge, .02);
+        EXPECT_LE(seen.maxAge, .02);
         EXPECT_GE(seen.frames, 60 * link.seconds - 40);
         EXPECT_LE(double(seen.acknowledgements), .75 * double(seen.frames) / 16) << "two a second and few more";
     }
@@ -272,22 +272,22 @@ TEST(MirrorPace, AReceiverThatSeldomLooksGetsAllThatFitsEachTime) {
     const Link link{.rate = 500e6, .delay = 1e-4, .poll = .3, .seconds = 40};
     const Seen seen = followLink(link);
     EXPECT_GE(double(seen.frames), .8 * link.seconds / link.poll) << "one at least each time";
-    EXPECT_LE(seen.mostAge, 2 * link.poll + .25);
+    EXPECT_LE(seen.maxAge, 2 * link.poll + .25);
 }
 
 TEST(MirrorPace, ALimitOfTheRateIsKept) {
-    const Link link{.rate = 500e6, .delay = .001, .most = 100e3};
+    const Link link{.rate = 500e6, .delay = .001, .maximum = 100e3};
     const Seen seen = followLink(link);
     EXPECT_LE(seen.bytesASecond, 105e3);
     EXPECT_GE(seen.bytesASecond, 80e3);
-    EXPECT_LE(seen.mostAge, .25 + 13e3 / 100e3);
+    EXPECT_LE(seen.maxAge, .25 + 13e3 / 100e3);
 }
 
 TEST(MirrorPace, WithoutALagNothingIsHeldBack) {
     const Link link{.rate = 125e3, .lag = 0, .seconds = 5};
     const Seen seen = followLink(link);
     EXPECT_EQ(seen.merged, 0u);
-    EXPECT_GT(seen.mostAge, 2.) << "this is what the lag is for";
+    EXPECT_GT(seen.maxAge, 2.) << "this is what the lag is for";
 }
 
 TEST(MirrorPace, WithoutALagAcknowledgementsMayWait) {

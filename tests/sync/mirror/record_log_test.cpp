@@ -45,9 +45,9 @@ class RecordLogTest : public testing::Test {
         ASSERT_TRUE(pollUntilAt(*client, scene));
     }
     void record(LogOptions options = {}) {
-        auto made = RecordLog::start(replica, file(), std::move(options));
-        ASSERT_TRUE(made) << made.error().text;
-        log = std::move(*made);
+        auto created = RecordLog::start(replica, file(), std::move(options));
+        ASSERT_TRUE(created) << created.error().text;
+        log = std::move(*created);
         client->onStep([this](const RecordStep& step) {
             if (step.record) sent[step.record->header.to] = textOf(step.record->bytes.bytes());
             log->add(replica, step);
@@ -327,8 +327,8 @@ TEST_F(RecordLogTest, AServedSceneThatStartsOverIsAnotherSessionOfItsServersLog)
 
 TEST_F(RecordLogTest, AFullDiskEndsTheLogAndNothingElse) {
     serve();
-    auto made = RecordLog::start(replica, "/dev/full");
-    EXPECT_FALSE(made);
+    auto created = RecordLog::start(replica, "/dev/full");
+    EXPECT_FALSE(created);
     record();
     frame(1);
     std::filesystem::resize_file(file(), 10);  // somebody cuts it

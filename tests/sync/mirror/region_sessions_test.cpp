@@ -33,12 +33,12 @@ struct Street {
         EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, eye));
         EXPECT_TRUE(scene.setName(eye, "EYE"));
         for (int i = 0; i < kBalls; ++i) {
-            const NodeId place = scene.createNode(Transform::type), shape = scene.createNode(x3d::Shape::type);
-            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, place));
-            EXPECT_TRUE(scene.insertChild(place, Transform::children, shape));
+            const NodeId transform = scene.createNode(Transform::type), shape = scene.createNode(x3d::Shape::type);
+            EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, transform));
+            EXPECT_TRUE(scene.insertChild(transform, Transform::children, shape));
             EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, scene.createNode(x3d::Sphere::type)));
-            EXPECT_TRUE(scene.set(place, Transform::translation, Vec3f(3.f * float(i), 0, 0)));
-            EXPECT_TRUE(scene.setName(place, "BALL" + std::to_string(i)));
+            EXPECT_TRUE(scene.set(transform, Transform::translation, Vec3f(3.f * float(i), 0, 0)));
+            EXPECT_TRUE(scene.setName(transform, "BALL" + std::to_string(i)));
         }
         find();
         scene.newFrame(0);
@@ -141,7 +141,7 @@ TEST(MirrorRegionSession, ASlowLinkGetsTheRegionMergedAndInTime) {
     auto server = *MirrorServer::start(street.scene, test::kAnyPort);
     MirrorClientOptions slow = walking();
     slow.maxLag = 100ms;
-    slow.mostBytesPerSecond = 6000;
+    slow.maxBytesPerSecond = 6000;
     Scene quick, replica;
     const auto fast = *MirrorClient::connect(quick, server->endpoint(), walking());
     const auto client = *MirrorClient::connect(replica, server->endpoint(), slow);
@@ -227,7 +227,7 @@ TEST_F(RegionLog, PeersOfARegionWithSomethingAtItsMarginTakeASnapshot) {
 /// Told once, and refused without another look for a while: peers knock again and again.
 TEST(MirrorRegionSession, WhereThereAreTooManyPlacesRegionsAreRefused) {
     MirrorServerOptions options;
-    options.maximumPlaces = 2 * Street::kBalls + 10;
+    options.maximumIndexed = 2 * Street::kBalls + 10;
     Street street;
     street.build();
     auto server = *MirrorServer::start(street.scene, test::kAnyPort, options);
@@ -245,7 +245,7 @@ TEST(MirrorRegionSession, WhereThereAreTooManyPlacesRegionsAreRefused) {
     }
     street.step();
     ASSERT_TRUE(pollUntil(*client, [&] { return !client->refusal().empty(); }));
-    EXPECT_NE(client->refusal().find(std::to_string(options.maximumPlaces) + " places"), std::string::npos)
+    EXPECT_NE(client->refusal().find(std::to_string(options.maximumIndexed) + " places"), std::string::npos)
         << client->refusal();
     EXPECT_TRUE(client->turnedAway()) << "there may be fewer some time";
     // Another one is refused as well, the whole scene goes on.
@@ -256,9 +256,9 @@ TEST(MirrorRegionSession, WhereThereAreTooManyPlacesRegionsAreRefused) {
     street.step(5);
     ASSERT_TRUE(pollUntilAt(*all, street.scene));
     EXPECT_EQ(all->statistics().snapshots, 1u);
-    std::size_t told = 0;
-    for (const Diagnostic& d : server->takeDiagnostics()) told += d.text.contains("no parts by region");
-    EXPECT_EQ(told, 1u);
+    std::size_t reported = 0;
+    for (const Diagnostic& d : server->takeDiagnostics()) reported += d.text.contains("no parts by region");
+    EXPECT_EQ(reported, 1u);
 }
 
 }  // namespace

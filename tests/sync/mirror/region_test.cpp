@@ -38,12 +38,12 @@ struct KeepLast : Subscriber {
 struct Walk {
     Scene& whole;
     MirrorPart part;
-    ShapePlaces places;
+    SpatialIndex index;
     Scene replica;
     explicit Walk(Scene& scene, const std::string& region) : whole(scene), part(wishes(region)) {
         replica.setBehavioursEnabled(false);
-        places.coverRadius(1);
-        EXPECT_TRUE(places.follow(whole, nullptr));
+        index.coverRadius(1);
+        EXPECT_TRUE(index.follow(whole, nullptr));
         step(nullptr);
     }
     static mirror::Wishes wishes(const std::string& region) {
@@ -53,18 +53,18 @@ struct Walk {
         return result;
     }
     void follow(const ChangeSet& set) {
-        ASSERT_TRUE(places.follow(whole, &set));
+        ASSERT_TRUE(index.follow(whole, &set));
         step(&set);
     }
     void step(const ChangeSet* set) {
-        const auto made = part.follow(whole, set, &places);
-        ASSERT_TRUE(made) << made.error().text;
-        const auto applied = replica.apply(std::make_shared<ChangeSet>(**made));
+        const auto created = part.follow(whole, set, &index);
+        ASSERT_TRUE(created) << created.error().text;
+        const auto applied = replica.apply(std::make_shared<ChangeSet>(**created));
         ASSERT_TRUE(applied) << applied.error().text;
-        ASSERT_EQ(replica.hash(), (*made)->hash);
-        ASSERT_EQ(part.scene().hash(), (*made)->hash);
-        changes = (*made)->changes.size();
-        last = *made;
+        ASSERT_EQ(replica.hash(), (*created)->hash);
+        ASSERT_EQ(part.scene().hash(), (*created)->hash);
+        changes = (*created)->changes.size();
+        last = *created;
     }
     std::size_t changes = 0;
     std::shared_ptr<const ChangeSet> last;
@@ -374,13 +374,13 @@ DEF CART Transform { children DEF LUMP Lump { at 0 1 0 } }
 TEST(MirrorRegion, StaysQuietWhereNothingNearChanges) {
     Scene scene;
     const auto at = [&](float x) {
-        const NodeId place = scene.createNode(Transform::type), shape = scene.createNode(x3d::Shape::type),
+        const NodeId transform = scene.createNode(Transform::type), shape = scene.createNode(x3d::Shape::type),
                      ball = scene.createNode(x3d::Sphere::type);
-        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, place));
-        EXPECT_TRUE(scene.insertChild(place, Transform::children, shape));
+        EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, transform));
+        EXPECT_TRUE(scene.insertChild(transform, Transform::children, shape));
         EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, ball));
-        EXPECT_TRUE(scene.set(place, Transform::translation, Vec3f(x, 0, 0)));
-        return place;
+        EXPECT_TRUE(scene.set(transform, Transform::translation, Vec3f(x, 0, 0)));
+        return transform;
     };
     const NodeId near = at(0), border = at(10.5f), far = at(100);
     scene.newFrame(0);
@@ -441,7 +441,7 @@ TEST(MirrorRegion, BeginsAnewWithoutWhatHasGone) {
 /// A region that goes on beside other places of the same scene has to see that their numbers are others.
 TEST(MirrorRegion, PlacesTellThatTheyAreNotThoseOfBefore) {
     Scene scene;
-    ShapePlaces one(100), other(100);
+    SpatialIndex one(100), other(100);
     ASSERT_TRUE(one.follow(scene, nullptr));
     ASSERT_TRUE(other.follow(scene, nullptr));
     EXPECT_NE(one.beginning(), other.beginning());

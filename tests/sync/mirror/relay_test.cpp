@@ -42,11 +42,11 @@ struct Chain {
     /// Until all three are in one state.
     bool settle() {
         return pollUntil(*leaf, [&] {
-            turn();
+            poll();
             return leaf->inStep() && end.hash() == origin.hash() && middle.hash() == origin.hash();
         });
     }
-    void turn() {
+    void poll() {
         if (server) server->service();
         EXPECT_TRUE(relay->poll());
         for (MirrorVerdict& v : leaf->takeVerdicts()) verdicts.push_back(std::move(v));
@@ -54,7 +54,7 @@ struct Chain {
     bool answered(std::size_t count) {
         return pollUntil(*leaf, [&] {
             origin.newFrame(time += .1);
-            turn();
+            poll();
             return verdicts.size() >= count;
         });
     }
@@ -121,14 +121,14 @@ TEST(MirrorRelay, LeavesAreToldThatTheOriginIsLostAndThatItIsBack) {
     const std::string endpoint = chain.server->endpoint();
     chain.server.reset();
     ASSERT_TRUE(pollUntil(*chain.leaf, [&] {
-        chain.turn();
+        chain.poll();
         return chain.leaf->originLost();
     }));
     EXPECT_FALSE(chain.leaf->inStep()) << "it cannot know";
     EXPECT_EQ(chain.end.hash(), chain.origin.hash());
     chain.server = *MirrorServer::start(chain.origin, endpoint);
     ASSERT_TRUE(pollUntil(*chain.leaf, [&] {
-        chain.turn();
+        chain.poll();
         return !chain.leaf->originLost();
     }));
     chain.origin.newFrame(chain.time += 1);
@@ -143,7 +143,7 @@ TEST(MirrorRelay, AnOriginThatStartsOverWithinReachLeavesNoHole) {
     ASSERT_TRUE(chain.origin.reset());
     chain.origin.newFrame(chain.time += 1);
     ASSERT_TRUE(pollUntil(*chain.leaf, [&] {
-        chain.turn();
+        chain.poll();
         return chain.leaf->statistics().restarts == 1 && chain.leaf->inStep();
     }));
     EXPECT_EQ(chain.end.hash(), chain.origin.hash());

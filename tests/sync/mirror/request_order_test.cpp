@@ -55,7 +55,7 @@ struct RequestOrder : testing::Test {
     }
     void add(std::vector<Submission> submissions) { order.add(std::move(submissions)); }
     /// Requests that were answered in a turn of the server, then those of its frame.
-    std::vector<std::uint64_t> turn() {
+    std::vector<std::uint64_t> poll() {
         std::vector<std::uint64_t> answered;
         const auto note = [&](const std::vector<Verdict>& verdicts) {
             for (const Verdict& v : verdicts) {
@@ -67,20 +67,20 @@ struct RequestOrder : testing::Test {
         note(order.happened(*scene.newFrame(++time)));
         return answered;
     }
-    float place(NodeId node) { return scene.node(node).get(x3d::Transform::translation).x; }
+    float position(NodeId node) { return scene.node(node).get(x3d::Transform::translation).x; }
 };
 
 using Requests = std::vector<std::uint64_t>;
 
 TEST_F(RequestOrder, AnEditOfWhereAnEventGoesWaitsForIt) {
     add({event(1, a, 4), edit(2, a, 5)});
-    EXPECT_EQ(turn(), Requests{1});
-    EXPECT_EQ(place(a), 4);
+    EXPECT_EQ(poll(), Requests{1});
+    EXPECT_EQ(position(a), 4);
     EXPECT_TRUE(order.holds(2));
     EXPECT_FALSE(order.holds(1));
     EXPECT_GT(order.bytes(), 0u);
-    EXPECT_EQ(turn(), Requests{2});
-    EXPECT_EQ(place(a), 5);
+    EXPECT_EQ(poll(), Requests{2});
+    EXPECT_EQ(position(a), 5);
     EXPECT_FALSE(order.holds(2));
     EXPECT_EQ(order.bytes(), 0u);
 }
@@ -88,26 +88,26 @@ TEST_F(RequestOrder, AnEditOfWhereAnEventGoesWaitsForIt) {
 TEST_F(RequestOrder, OthersAreNotHeldUp) {
     add({event(1, a, 4), edit(2, b, 5), edit(1, b, 6), edit(3, b, 7)});
     // The third waits for an event of its own peer, and the fourth for the third, which came before it.
-    EXPECT_EQ(turn(), (Requests{2, 1}));
-    EXPECT_EQ(place(b), 5);
-    EXPECT_EQ(turn(), (Requests{3, 4}));
-    EXPECT_EQ(place(b), 7);
+    EXPECT_EQ(poll(), (Requests{2, 1}));
+    EXPECT_EQ(position(b), 5);
+    EXPECT_EQ(poll(), (Requests{3, 4}));
+    EXPECT_EQ(position(b), 7);
 }
 
 TEST_F(RequestOrder, EventsDoNotWaitForEvents) {
     add({event(1, a, 1), event(1, b, 2), event(2, a, 3)});
-    EXPECT_EQ(turn(), (Requests{1, 2, 3}));
-    EXPECT_EQ(place(a), 3);
-    EXPECT_EQ(place(b), 2);
+    EXPECT_EQ(poll(), (Requests{1, 2, 3}));
+    EXPECT_EQ(position(a), 3);
+    EXPECT_EQ(position(b), 2);
 }
 
 TEST_F(RequestOrder, AnEventBehindAnEditThatWaitsWaitsToo) {
     add({event(1, a, 1), edit(2, a, 2), event(3, a, 3), event(2, b, 9)});
-    EXPECT_EQ(turn(), Requests{1});
-    EXPECT_EQ(place(b), 0) << "it is behind the edit of its own peer";
-    EXPECT_EQ(turn(), (Requests{2, 3, 4}));
-    EXPECT_EQ(place(a), 3);
-    EXPECT_EQ(place(b), 9);
+    EXPECT_EQ(poll(), Requests{1});
+    EXPECT_EQ(position(b), 0) << "it is behind the edit of its own peer";
+    EXPECT_EQ(poll(), (Requests{2, 3, 4}));
+    EXPECT_EQ(position(a), 3);
+    EXPECT_EQ(position(b), 9);
 }
 
 TEST_F(RequestOrder, ThreeWhoDragAndEditWaitOneFrameEach) {
@@ -118,28 +118,28 @@ TEST_F(RequestOrder, ThreeWhoDragAndEditWaitOneFrameEach) {
         const float x = static_cast<float>(frame);
         for (std::uint64_t client = 1; client <= 3; ++client)
             add({event(client, nodes[client - 1], 100 + x), edit(client, nodes[client - 1], x)});
-        turn();
+        poll();
         // Each one's edit of this frame alone waits.
         EXPECT_LE(order.bytes(), 3 * edit(1, a, x).record.size()) << frame;
     }
-    turn();
-    for (const NodeId node : nodes) EXPECT_EQ(place(node), 49);
+    poll();
+    for (const NodeId node : nodes) EXPECT_EQ(position(node), 49);
 }
 
 TEST_F(RequestOrder, UndoAndLocksAreBehindEventsOfTheirPeer) {
     add({edit(1, a, 1)});
-    EXPECT_EQ(turn(), Requests{1});
+    EXPECT_EQ(poll(), Requests{1});
     MirrorRequest undo, lock;
     undo.kind = MirrorRequest::Kind::undo;
     lock.kind = MirrorRequest::Kind::lock;
     lock.nodes = {b};
     lock.lease = 1s;
     add({event(1, b, 2), submission(1, undo), submission(3, lock)});
-    EXPECT_EQ(turn(), Requests{2});
-    EXPECT_EQ(place(a), 1);
-    EXPECT_EQ(turn(), (Requests{3, 4}));
-    EXPECT_EQ(place(a), 0);
-    EXPECT_EQ(place(b), 2);
+    EXPECT_EQ(poll(), Requests{2});
+    EXPECT_EQ(position(a), 1);
+    EXPECT_EQ(poll(), (Requests{3, 4}));
+    EXPECT_EQ(position(a), 0);
+    EXPECT_EQ(position(b), 2);
 }
 
 TEST_F(RequestOrder, NobodyWaitsForLongWhereTheSceneStandsStill) {

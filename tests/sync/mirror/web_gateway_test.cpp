@@ -176,9 +176,9 @@ TEST(WebGateway, ManyRefusalsAreToldByTheirNumber) {
     ServedPage served;
     for (int i = 0; i < 70; ++i) EXPECT_EQ(served.ask("/", "GET", {}, "evil.example").status, 403);
     EXPECT_EQ(served.gateway->statistics().refused, 70u);
-    const std::vector<Diagnostic> told = served.gateway->takeDiagnostics();
-    ASSERT_EQ(told.size(), 8u + 3u);  // all of the first, then the 16th, 32nd and 64th
-    EXPECT_TRUE(told.back().text.ends_with("; 64 such things by now")) << told.back().text;
+    const std::vector<Diagnostic> reported = served.gateway->takeDiagnostics();
+    ASSERT_EQ(reported.size(), 8u + 3u);  // all of the first, then the 16th, 32nd and 64th
+    EXPECT_TRUE(reported.back().text.ends_with("; 64 such things by now")) << reported.back().text;
 }
 
 // Clients that do not finish a request, and browsers whose page is not visible, give their place to others.
@@ -262,9 +262,9 @@ TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
     EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1-234").status, 404);
     EXPECT_EQ(served.ask("/").status, 200);  // the page itself is no secret
     // Where diagnostics go, others may read.
-    const std::vector<Diagnostic> told = served.gateway->takeDiagnostics();
-    ASSERT_FALSE(told.empty());
-    for (const Diagnostic& d : told) {
+    const std::vector<Diagnostic> reported = served.gateway->takeDiagnostics();
+    ASSERT_FALSE(reported.empty());
+    for (const Diagnostic& d : reported) {
         EXPECT_TRUE(d.format().contains("http://127.0.0.1:")) << d.format();
         EXPECT_FALSE(d.format().contains("Sesame")) << d.format();
     }

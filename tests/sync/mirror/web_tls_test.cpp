@@ -57,11 +57,11 @@ int connectTo(int port) {
 
 class TlsLine {
   public:
-    explicit TlsLine(int port, int most = 0)
+    explicit TlsLine(int port, int maximum = 0)
         : descriptor_(connectTo(port)), context_(SSL_CTX_new(TLS_client_method())) {
         SSL_CTX_set_security_level(context_, 0);  // what is refused, the other side refuses
         SSL_CTX_set_min_proto_version(context_, TLS1_VERSION);
-        if (most) SSL_CTX_set_max_proto_version(context_, most);
+        if (maximum) SSL_CTX_set_max_proto_version(context_, maximum);
         tls_ = SSL_new(context_);
         SSL_set_fd(tls_, descriptor_);
         agreed = SSL_connect(tls_) == 1;

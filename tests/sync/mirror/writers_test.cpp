@@ -205,14 +205,14 @@ struct Session {
         options.mode = mode;
         server = *MirrorServer::start(scene, test::kAnyPort, options);
     }
-    void turn() {
+    void poll() {
         server->service();
         scene.newFrame(time += .1);
     }
     std::vector<MirrorVerdict> answersTo(MirrorClient& client, std::size_t count) {
         std::vector<MirrorVerdict> verdicts;
         EXPECT_TRUE(test::pollUntil(client, [&] {
-            turn();
+            poll();
             for (MirrorVerdict& v : client.takeVerdicts()) verdicts.push_back(std::move(v));
             return verdicts.size() >= count;
         }));
@@ -234,18 +234,18 @@ struct Names : Subscriber {
 TEST(Authors, ReachReplicasInBothModesAndTheirLogs) {
     const auto folder = std::filesystem::temp_directory_path() / ("rtsg_authors_" + std::to_string(::getpid()));
     std::filesystem::create_directories(folder);
-    for (const Mode way : {Mode::state, Mode::input}) {
-        SCOPED_TRACE(static_cast<int>(way));
-        const auto file = folder / fmt::format("{}.rlog", static_cast<int>(way));
+    for (const Mode variant : {Mode::state, Mode::input}) {
+        SCOPED_TRACE(static_cast<int>(variant));
+        const auto file = folder / fmt::format("{}.rlog", static_cast<int>(variant));
         StreamMode mode;
-        mode.mode = way;
+        mode.mode = variant;
         Session session(mode);
         Scene replica;
         MirrorClientOptions options;
         options.name = "ann";
-        options.inputs = way == Mode::input;
+        options.inputs = variant == Mode::input;
         const auto client = *MirrorClient::connect(replica, session.server->endpoint(), options);
-        ASSERT_TRUE(test::pollUntil(*client, [&] { return session.turn(), client->inStep(); }));
+        ASSERT_TRUE(test::pollUntil(*client, [&] { return session.poll(), client->inStep(); }));
         Names heard;
         const Attachment attached = replica.bus().attach(heard, Delivery::immediate);
         LogOptions log;
@@ -278,15 +278,15 @@ TEST(Authors, OfThoseBehindARelayStandBehindItsName) {
     MirrorServerOptions down;
     down.upstream = MirrorUpstream::edits;
     auto relay = *MirrorRelay::connect(middle, session.server->endpoint(), test::kAnyPort, up, down);
-    ASSERT_TRUE(test::eventually([&] { return session.turn(), relay->poll() && relay->server(); }));
+    ASSERT_TRUE(test::eventually([&] { return session.poll(), relay->poll() && relay->server(); }));
     const auto client = *MirrorClient::connect(end, relay->server()->endpoint(), leaf);
     Names heard;
     const Attachment attached = session.scene.bus().attach(heard, Delivery::immediate);
-    ASSERT_TRUE(test::pollUntil(*client, [&] { return session.turn(), relay->poll() && client->inStep(); }));
+    ASSERT_TRUE(test::pollUntil(*client, [&] { return session.poll(), relay->poll() && client->inStep(); }));
     const auto answered = [&] {
         std::vector<MirrorVerdict> verdicts;
         EXPECT_TRUE(test::pollUntil(*client, [&] {
-            session.turn();
+            session.poll();
             EXPECT_TRUE(relay->poll());
             verdicts = client->takeVerdicts();
             return !verdicts.empty();
@@ -481,9 +481,9 @@ TEST(Undo, AsksForThePermissionThatItTookAndLeavesEventsBe) {
 
 TEST(Undo, ForgetsTheOldestAndRefusedRequests) {
     Desk desk;
-    for (std::size_t i = 0; i <= mirror::EditHistory::kMostSteps; ++i)
+    for (std::size_t i = 0; i <= mirror::EditHistory::kMaxSteps; ++i)
         desk.move("ann", desk.a, {static_cast<float>(i + 1), 0, 0});
-    for (std::size_t i = 0; i < mirror::EditHistory::kMostSteps; ++i) ASSERT_EQ(desk.undo("ann").refusal, "");
+    for (std::size_t i = 0; i < mirror::EditHistory::kMaxSteps; ++i) ASSERT_EQ(desk.undo("ann").refusal, "");
     EXPECT_EQ(desk.at(desk.a), Vec3f(1, 0, 0)) << "the first of 1,001 is forgotten";
     EXPECT_EQ(desk.undo("ann").refusal, "there is nothing to take back");
     EXPECT_NE(desk.make("bob", {child(ChangeKind::removeChild, desk.group, desk.a, 5)}).refusal, "");
@@ -573,9 +573,9 @@ TEST(Locks, CoverWhatBelongsToTheNodeHoweverItIsReached) {
     EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::setName, desk.b, String("A"))}).refusal,
                 HasSubstr("A is locked by ann"))
         << "a name is taken from its holder";
-    Change made = ofNode(ChangeKind::createNode, NodeId{mirror::kFirstProvisional});
-    made.index = desk.scene.node(desk.b).typeIndex().value;
-    EXPECT_THAT(desk.make("bob", {made, ofNode(ChangeKind::setName, made.node, String("A"))}).refusal,
+    Change created = ofNode(ChangeKind::createNode, NodeId{mirror::kFirstProvisional});
+    created.index = desk.scene.node(desk.b).typeIndex().value;
+    EXPECT_THAT(desk.make("bob", {created, ofNode(ChangeKind::setName, created.node, String("A"))}).refusal,
                 HasSubstr("A is locked by ann"));
     EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, HasSubstr("A is locked by ann"))
         << "its route would go with the other end";

@@ -51,13 +51,13 @@ TEST(ZmqSocket, ThreadsTakeTheirTurn) {
 }
 
 TEST(ZmqSocket, ThreadsOfARealTimeThreadStayWhatItIs) {
-    int made = -1, kind = -1;
+    int created = -1, kind = -1;
     std::thread([&] {
         const sched_param first{.sched_priority = 1};
-        made = pthread_setschedparam(pthread_self(), SCHED_FIFO, &first);
-        if (made == 0) kind = kindOfFreshThread();
+        created = pthread_setschedparam(pthread_self(), SCHED_FIFO, &first);
+        if (created == 0) kind = kindOfFreshThread();
     }).join();
-    if (made != 0) GTEST_SKIP() << "real-time threads are not allowed here";
+    if (created != 0) GTEST_SKIP() << "real-time threads are not allowed here";
     EXPECT_EQ(kind, SCHED_FIFO);
 }
 

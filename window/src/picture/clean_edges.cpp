@@ -11,10 +11,10 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kEdgeReach = 16;                          // pixels along an edge, to either end
-constexpr int kShortestEdge = 4;                        // steps to both ends together: shorter edges are corners
-constexpr int kLeastContrast = 16, kContrastShare = 6;  // of 255, and of the brightest pixel: smaller contrasts are no
-                                                        // edges
+constexpr int kEdgeReach = 16;                           // pixels along an edge, to either end
+constexpr int kShortestEdge = 4;                         // steps to both ends together: shorter edges are corners
+constexpr int kMinContrast = 16, kContrastFraction = 6;  // of 255, and of the brightest pixel: smaller contrasts are no
+                                                         // edges
 
 class EdgeCleaner {
   public:
@@ -27,10 +27,10 @@ class EdgeCleaner {
     /// Precondition: the row is neither the first nor the last.
     void row(int y, std::uint8_t* to) const {
         for (int x = 1; x + 1 < width_; ++x) {
-            const int* at = &luma_[place(x, y)];
+            const int* at = &luma_[indexOf(x, y)];
             const int m = at[0], n = at[-width_], s = at[width_], w = at[-1], e = at[1];
-            const int most = std::max({m, n, s, w, e}), least = std::min({m, n, s, w, e});
-            if (most - least < std::max(kLeastContrast, most / kContrastShare)) continue;
+            const int maximum = std::max({m, n, s, w, e}), minimum = std::min({m, n, s, w, e});
+            if (maximum - minimum < std::max(kMinContrast, maximum / kContrastFraction)) continue;
             const int nw = at[-width_ - 1], ne = at[-width_ + 1], sw = at[width_ - 1], se = at[width_ + 1];
             const int acrossRows = std::abs(nw + sw - 2 * w) + 2 * std::abs(n + s - 2 * m) + std::abs(ne + se - 2 * e);
             const int acrossColumns =
@@ -43,31 +43,31 @@ class EdgeCleaner {
     }
 
   private:
-    std::size_t place(int x, int y) const {
+    std::size_t indexOf(int x, int y) const {
         return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
     }
     bool inside(int x, int y) const { return x >= 0 && y >= 0 && x < width_ && y < height_; }
 
     /// Twice the mean of both sides of the edge, at a step along it.
     int twiceMean(int x, int y, int acrossX, int acrossY) const {
-        return luma_[place(x, y)] + luma_[place(x + acrossX, y + acrossY)];
+        return luma_[indexOf(x, y)] + luma_[indexOf(x + acrossX, y + acrossY)];
     }
     void blend(int x, int y, bool alongRows, int side, std::uint8_t* pixel) const {
         const int alongX = alongRows ? 1 : 0, alongY = 1 - alongX;
         const int acrossX = alongRows ? 0 : side, acrossY = alongRows ? side : 0;
-        const int here = luma_[place(x, y)], other = luma_[place(x + acrossX, y + acrossY)];
+        const int here = luma_[indexOf(x, y)], other = luma_[indexOf(x + acrossX, y + acrossY)];
         const int middle = here + other, limit = std::abs(here - other) / 2;
         // The line of an edge is not known for thin things and for textures.
         const auto isFlat = [&](int px, int py, int as) {
-            return !inside(px, py) || 3 * std::abs(luma_[place(px, py)] - as) <= std::abs(here - other);
+            return !inside(px, py) || 3 * std::abs(luma_[indexOf(px, py)] - as) <= std::abs(here - other);
         };
         if (!isFlat(x - acrossX, y - acrossY, here) || !isFlat(x + 2 * acrossX, y + 2 * acrossY, other)) return;
         // Along the edge until its means are no longer those here, in both directions.
         int steps[2] = {kEdgeReach, kEdgeReach}, ends[2] = {0, 0};
         for (int k = 0; k < 2; ++k) {
-            const int way = k == 0 ? -1 : 1;
+            const int step = k == 0 ? -1 : 1;
             for (int i = 1; i <= kEdgeReach; ++i) {
-                const int px = x + way * i * alongX, py = y + way * i * alongY;
+                const int px = x + step * i * alongX, py = y + step * i * alongY;
                 if (!inside(px, py) || !inside(px + acrossX, py + acrossY)) break;
                 ends[k] = twiceMean(px, py, acrossX, acrossY) - middle;
                 steps[k] = i;
@@ -78,14 +78,14 @@ class EdgeCleaner {
         const int nearer = steps[0] <= steps[1] ? 0 : 1;
         // The line crosses this pixel only if the edge steps to its side at the nearer end.
         if (ends[nearer] == 0 || (ends[nearer] < 0) == (here < other)) return;
-        const float share =
+        const float fraction =
             .5f - (static_cast<float>(steps[nearer]) - .5f) / static_cast<float>(steps[0] + steps[1] - 1);
-        if (!(share > 0) || steps[0] + steps[1] < kShortestEdge) return;
-        const std::uint8_t* own = &from_[4 * place(x, y)];
-        const std::uint8_t* theirs = &from_[4 * place(x + acrossX, y + acrossY)];
+        if (!(fraction > 0) || steps[0] + steps[1] < kShortestEdge) return;
+        const std::uint8_t* own = &from_[4 * indexOf(x, y)];
+        const std::uint8_t* theirs = &from_[4 * indexOf(x + acrossX, y + acrossY)];
         for (int c = 0; c < 3; ++c)
             pixel[c] = static_cast<std::uint8_t>(
-                std::lround(static_cast<float>(own[c]) + share * static_cast<float>(theirs[c] - own[c])));
+                std::lround(static_cast<float>(own[c]) + fraction * static_cast<float>(theirs[c] - own[c])));
     }
 
     const std::vector<std::uint8_t>& from_;

@@ -85,12 +85,12 @@ class PictureSize {
     }
     /// One by the same eye as the last, which was `last` wide and took `seconds`, since most of it was taken over.
     Size next(int width, int height, int last, double seconds, Clock::time_point now) {
-        const double share = static_cast<double>(last) / width;
-        if (last >= width || seconds > kEarly * budget_ || now < changes_) return scaled(width, height, share);
+        const double fraction = static_cast<double>(last) / width;
+        if (last >= width || seconds > kEarly * budget_ || now < changes_) return scaled(width, height, fraction);
         changes_ = now + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kSizeEvery));
         const double pixels = kLargerAtFirst * budget_ / secondsAPixel_, all = static_cast<double>(width) * height;
         return scaled(width, height,
-                      std::max(share, std::min(share * std::sqrt(budget_ / seconds), std::sqrt(pixels / all))));
+                      std::max(fraction, std::min(fraction * std::sqrt(budget_ / seconds), std::sqrt(pixels / all))));
     }
     double latest() const { return kLate * budget_ / kOfBudget; }
     void wasLate(Clock::time_point now) {
@@ -133,7 +133,7 @@ struct LivePicture::Impl {
         double seconds = 0;     // it is given up after these; 0: never
         std::uint32_t layers = 0;
     };
-    struct Made {
+    struct Created {
         Picture picture;
         Camera camera;
         RenderStats stats;
@@ -181,7 +181,7 @@ struct LivePicture::Impl {
     Accumulated better;
     PathPreview path;  // in its place, by that integrator
     PictureSize size;
-    bool isWhole = false, rested = true, eyeRested = false;
+    bool isComplete = false, rested = true, eyeRested = false;
     std::optional<Camera> keptBy;  // the eye of the picture whose pixels can be taken over
     int keptWidth = 0;
     double keptSeconds = 0;  // that the last one took
@@ -220,7 +220,7 @@ struct LivePicture::Impl {
 
     // ---- the thread ------------------------------------------------------------------------------------------
     /// Null: something has changed meanwhile, or it was given up.
-    Result<std::optional<Made>> picture(const Subject& what, const Wish& wish, std::uint64_t of) {
+    Result<std::optional<Created>> picture(const Subject& what, const Wish& wish, std::uint64_t of) {
         ImageOptions image;
         image.settings = options.settings;
         image.settings.width = wish.width, image.settings.height = wish.height;
@@ -235,12 +235,12 @@ struct LivePicture::Impl {
             return wish.isMoving ? starts == startsBefore : changes == of && others == 0;
         };
         const std::scoped_lock lock(making);
-        Made made;
-        auto picture = maker->next(*what.state, image, {what.eye, what.width, what.height}, made.stats);
+        Created created;
+        auto picture = maker->next(*what.state, image, {what.eye, what.width, what.height}, created.stats);
         if (!picture) return std::unexpected(picture.error());
-        if (made.stats.cancelled) return std::optional<Made>();
-        made.picture = std::move(*picture), made.camera = maker->camera();
-        return std::optional(std::move(made));
+        if (created.stats.cancelled) return std::optional<Created>();
+        created.picture = std::move(*picture), created.camera = maker->camera();
+        return std::optional(std::move(created));
     }
 
     void publish(const Picture& picture, const Camera& camera, const Subject& what, int samples,
@@ -248,19 +248,19 @@ struct LivePicture::Impl {
         auto next = std::make_shared<LivePictureShown>();
         next->width = picture.width, next->height = picture.height;
         next->pixels = windowPixels(picture, options.toneMap);
-        if (!isWhole) cleanEdges(next->pixels, next->width, next->height);  // it is to be enlarged
+        if (!isComplete) cleanEdges(next->pixels, next->width, next->height);  // it is to be enlarged
         next->sequence = what.state->sequence;
         next->samples = samples;
-        next->whole = isWhole;
+        next->whole = isComplete;
         next->isMoving = isMoving;
         next->kept = kept;
-        if (isWhole && isPath()) next->denoised = path.denoised(), next->noise = path.noise();
+        if (isComplete && isPath()) next->denoised = path.denoised(), next->noise = path.noise();
         next->seconds = secondsSince(start);
         next->camera = camera;
         {
             const std::scoped_lock lock(mutex);
             shown = std::move(next);
-            ++(isWhole ? statistics.whole : statistics.moving);
+            ++(isComplete ? statistics.whole : statistics.moving);
             statistics.secondsAPixel = size.secondsAPixel();
         }
         if (options.wake) options.wake();
@@ -292,53 +292,53 @@ struct LivePicture::Impl {
         Wish wish{wanted.width, wanted.height, 1, true, maker->keeps(options.settings), 0, 0};
         if (isLarger) wish.seconds = wanted.width > keptWidth ? kLargerAtFirst * size.latest() : size.latest();
         const std::uint64_t startsBefore = starts;
-        auto made = picture(what, wish, of);
-        if (made && !*made && isLarger && starts == startsBefore) {
+        auto created = picture(what, wish, of);
+        if (created && !*created && isLarger && starts == startsBefore) {
             size.wasLate(start);
             wanted = fresh, wish.width = fresh.width, wish.height = fresh.height, wish.seconds = 0;
-            made = picture(what, wish, of);
+            created = picture(what, wish, of);
         }
-        if (!made) return std::unexpected(made.error());
-        if (!*made) {  // there is a newer one to make
+        if (!created) return std::unexpected(created.error());
+        if (!*created) {  // there is a newer one to make
             keptBy.reset();
             return {};
         }
-        const Made& one = **made;
+        const Created& one = **created;
         pictured = of;
-        isWhole = wanted.width == what.width;
+        isComplete = wanted.width == what.width;
         publish(one.picture, one.camera, what, 1, start, true, one.stats.kept);
         const double spent = secondsSince(start);
         if (one.stats.kept == 0) size.took(spent, wanted);
         remember(one, wanted.width, spent);
         return {};
     }
-    void remember(const Made& made, int width, double seconds) {
-        keptBy = made.camera, keptWidth = width, keptSeconds = seconds;
+    void remember(const Created& created, int width, double seconds) {
+        keptBy = created.camera, keptWidth = width, keptSeconds = seconds;
     }
 
     Wish wishAtRest(const Subject& what) const {
-        const int most = std::max(1, options.settings.samplesPerPixel);
-        Wish wish{what.width, what.height, isWhole ? most : 1, false, !isWhole, 0, 0};
+        const int maximum = std::max(1, options.settings.samplesPerPixel);
+        Wish wish{what.width, what.height, isComplete ? maximum : 1, false, !isComplete, 0, 0};
         if (!isPath()) return wish;
-        if (isWhole) wish.samples = path.wanted(most);
+        if (isComplete) wish.samples = path.wanted(maximum);
         // Those of few samples know edges badly.
-        if (path.samples() < 2 * most) wish.layers = kLayersOfDenoising;
+        if (path.samples() < 2 * maximum) wish.layers = kLayersOfDenoising;
         return wish;
     }
     /// The first whole picture, or one with more samples.
     Result<> refine(const Subject& what, std::uint64_t of) {
         const Clock::time_point start = Clock::now();
         const Wish wish = wishAtRest(what);
-        auto made = picture(what, wish, of);
-        if (!made) return std::unexpected(made.error());
-        if (!*made) {
+        auto created = picture(what, wish, of);
+        if (!created) return std::unexpected(created.error());
+        if (!*created) {
             const std::scoped_lock lock(mutex);
             ++statistics.cancelled;
-            if (!isWhole) keptBy.reset();
+            if (!isComplete) keptBy.reset();
             return {};
         }
-        Made& one = **made;
-        const bool isFirst = !std::exchange(isWhole, true);
+        Created& one = **created;
+        const bool isFirst = !std::exchange(isComplete, true);
         if (isPath()) {
             if (auto ok = path.add(std::move(one.picture), wish.samples); !ok) return ok;
             const Picture best = path.best([&] { return changes == of && others == 0; });
@@ -363,12 +363,12 @@ struct LivePicture::Impl {
                 news.wait(lock, [&] { return stop || changes != of; });
                 continue;
             }
-            Result<> made;
+            Result<> created;
             if (pictured != of) {
                 lock.unlock();
-                made = coarse(what, of);
+                created = coarse(what, of);
                 lock.lock();
-                if (made && changes == of && !isWhole)
+                if (created && changes == of && !isComplete)
                     news.wait_for(lock, std::chrono::duration<double>(options.restsAfter),
                                   [&] { return stop || changes != of; });
             } else if (isGoodEnough()) {
@@ -377,15 +377,15 @@ struct LivePicture::Impl {
             } else {
                 rested = true;
                 lock.unlock();
-                made = refine(what, of);
+                created = refine(what, of);
                 lock.lock();
             }
-            if (!made) return made;
+            if (!created) return created;
         }
         return {};
     }
 
-    bool isGoodEnough() const { return isWhole && samples() >= options.mostSamples; }
+    bool isGoodEnough() const { return isComplete && samples() >= options.maxSamples; }
     /// Does one thing of what follow() does, on the scene's thread, where node renderers draw.
     Result<> step() {
         const std::uint64_t of = changes;
@@ -463,7 +463,7 @@ Result<Picture> LivePicture::picture(const RenderSettings& settings) const {
     image.settings = settings;
     image.keep = false;
     ++s.others;
-    const std::scoped_lock turn(s.making);
+    const std::scoped_lock turnLock(s.making);
     --s.others;
     Impl::Subject what;
     {
@@ -472,9 +472,9 @@ Result<Picture> LivePicture::picture(const RenderSettings& settings) const {
     }
     if (!what.state) return fail("nothing has been shown yet");
     RenderStats stats;
-    auto made = s.maker->next(*what.state, image, {what.eye, settings.width, settings.height}, stats);
-    if (made && stats.cancelled) return fail("given up");
-    return made;
+    auto created = s.maker->next(*what.state, image, {what.eye, settings.width, settings.height}, stats);
+    if (created && stats.cancelled) return fail("given up");
+    return created;
 }
 
 std::string LivePicture::renderer() const {

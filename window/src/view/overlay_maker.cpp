@@ -15,10 +15,10 @@ namespace {
 
 using Root = x3d::RtsgScene;
 
-constexpr std::size_t kMostRows = 2000, kMostChildren = 300, kMostRoutes = 60;
-constexpr std::size_t kLongestText = 160, kMostElements = 6;
+constexpr std::size_t kMaxRows = 2000, kMaxChildren = 300, kMaxRoutes = 60;
+constexpr std::size_t kLongestText = 160, kMaxElements = 6;
 constexpr int kDeepest = 60;  // nodes that Scripts refer to may lead round
-constexpr int kShare = 50;
+constexpr int kFraction = 50;
 
 std::string called(const Scene& scene, NodeId id) {
     const Node* node = scene.find(id);
@@ -89,12 +89,12 @@ std::string shown(const Scene& scene, const Value& value) {
         return fmt::format("{} x {}, {} components", image.width(), image.height(), image.components());
     }
     const std::size_t count = elements(value);
-    if (value.type() == FieldType::MFNode && count <= kMostElements) {
+    if (value.type() == FieldType::MFNode && count <= kMaxElements) {
         std::string names;
         for (const NodeId id : value.as<Array<NodeId>>()) names += (names.empty() ? "" : ", ") + called(scene, id);
         return clipped(names);
     }
-    if (isMF(value.type()) && count > kMostElements) return fmt::format("{} values", count);
+    if (isMF(value.type()) && count > kMaxElements) return fmt::format("{} values", count);
     if (value.type() == FieldType::MFImage) return fmt::format("{} images", count);
     if (value.type() == FieldType::SFString) return clipped(value.as<String>().str());
     return clipped(printFieldText(value));
@@ -139,7 +139,7 @@ void OverlayMaker::lookAtAll() {
     viewpoints_ = viewpoints(world_.scene());
     triangles_ = world_.rays().stats().instancedTriangles;
     const Clock::time_point end = Clock::now();
-    due_ = end + std::max<Clock::duration>(std::chrono::milliseconds(200), kShare * (end - start));
+    due_ = end + std::max<Clock::duration>(std::chrono::milliseconds(200), kFraction * (end - start));
 }
 
 void OverlayMaker::fill(OverlayContent& content) {
@@ -160,7 +160,7 @@ void OverlayMaker::addRows(const std::vector<NodeId>& nodes, int depth, std::vec
     const Scene& scene = world_.scene();
     std::size_t shownHere = 0;
     for (const NodeId id : nodes) {
-        if (shownHere == kMostChildren || rows.size() >= kMostRows) {
+        if (shownHere == kMaxChildren || rows.size() >= kMaxRows) {
             OverlayContent::Row more;
             more.depth = depth;
             more.name = fmt::format("... and {} more", nodes.size() - shownHere);
@@ -204,7 +204,7 @@ OverlayContent::Picked OverlayMaker::describe(const Node& node) const {
     std::ranges::stable_partition(picked.fields, [](const OverlayContent::Field& f) { return !f.isDefault; });
     for (const auto& routes : {scene.routesTo(node.id()), scene.routesFrom(node.id())})
         for (const Route& route : routes)
-            if (picked.routes.size() < kMostRoutes) picked.routes.push_back(routeText(scene, route));
+            if (picked.routes.size() < kMaxRoutes) picked.routes.push_back(routeText(scene, route));
     return picked;
 }
 

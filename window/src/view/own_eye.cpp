@@ -164,9 +164,10 @@ Result<> OwnEye::goTo(NodeId viewpoint) {
     const auto pose = node ? viewOf(*node) : std::nullopt;
     if (!pose) return fail("this is no viewpoint that one can go to");
     const glm::dmat4 world = worldAroundNode(scene, viewpoint);
-    glm::dmat3 turn(world);
-    for (int i = 0; i < 3; ++i) turn[i] = glm::normalize(turn[i]);
-    ViewerPose there{world * glm::dvec4(pose->position, 1), glm::normalize(glm::quat_cast(turn) * pose->orientation)};
+    glm::dmat3 rotation(world);
+    for (int i = 0; i < 3; ++i) rotation[i] = glm::normalize(rotation[i]);
+    ViewerPose there{world * glm::dvec4(pose->position, 1),
+                     glm::normalize(glm::quat_cast(rotation) * pose->orientation)};
     const glm::dquat& q = there.orientation;
     if (!std::isfinite(there.position.x + there.position.y + there.position.z + q.x + q.y + q.z + q.w))
         return fail("this viewpoint is nowhere");
@@ -179,7 +180,7 @@ void OwnEye::advance(double seconds) {
     s.time = std::max(s.time, seconds);
     if (s.own) s.own->newFrame(s.time);
     if (!s.ownScene) return;
-    const auto placed = s.ownScene->place(s.own ? std::optional(viewerPose(*s.own)) : std::nullopt);
+    const auto placed = s.ownScene->setPose(s.own ? std::optional(viewerPose(*s.own)) : std::nullopt);
     if (!placed) s.world.scene().diagnostics().error({}, placed.error().text);
 }
 

@@ -34,10 +34,10 @@ glm::dmat4 worldAroundNode(const Scene& scene, NodeId id) {
     glm::dmat4 world(1);
     for (int depth = 0; depth < kDeepest; ++depth) {
         const std::vector<ParentRef> parents = scene.parents(id);
-        const auto place = std::ranges::find_if(
-            parents, [&](const ParentRef& p) { return isPlace(scene.node(p.node).type(), p.field); });
-        if (place == parents.end()) break;
-        id = place->node;
+        const auto field = std::ranges::find_if(
+            parents, [&](const ParentRef& p) { return isTransform(scene.node(p.node).type(), p.field); });
+        if (field == parents.end()) break;
+        id = field->node;
         world = parentFromLocal(scene, scene.node(id)) * world;
     }
     return world;
@@ -93,15 +93,15 @@ void OwnScene::find() {
         if (!node.is(Sensor::type)) return;
         eachKept(shown_, node, [&](const Node& to, FieldIndex field, bool isPosition) {
             Kept one{node.id(), {0, kNoField}, {0, kNoField}};
-            Place& place = isPosition ? one.position : one.orientation;
-            place = Place(to.id().value, field);
+            FieldKey& key = isPosition ? one.position : one.orientation;
+            key = FieldKey(to.id().value, field);
             kept_.push_back(one);
         });
     });
 }
 
 /// The values that the sensor would send for this eye, which it may not detect.
-void OwnScene::want(const Kept& kept, const ViewerPose& eye, std::map<Place, Value>& wanted) const {
+void OwnScene::want(const Kept& kept, const ViewerPose& eye, std::map<FieldKey, Value>& wanted) const {
     const Node* sensor = shown_.find(kept.sensor);
     if (!sensor || !sensor->get(Sensor::enabled)) return;
     const glm::dmat4 local = glm::inverse(worldAroundNode(shown_, kept.sensor));
@@ -110,29 +110,29 @@ void OwnScene::want(const Kept& kept, const ViewerPose& eye, std::map<Place, Val
     if (!(off.x <= half.x && off.y <= half.y && off.z <= half.z) || !(half.x * half.y * half.z > 0)) return;
     if (kept.position.second != kNoField) wanted.insert_or_assign(kept.position, Value(Vec3f(at)));
     if (kept.orientation.second == kNoField) return;
-    glm::dmat3 turn(local);
-    for (int i = 0; i < 3; ++i) turn[i] = glm::normalize(turn[i]);
-    const ViewerPose seen{at, glm::normalize(glm::quat_cast(turn) * eye.orientation)};
+    glm::dmat3 rotation(local);
+    for (int i = 0; i < 3; ++i) rotation[i] = glm::normalize(rotation[i]);
+    const ViewerPose seen{at, glm::normalize(glm::quat_cast(rotation) * eye.orientation)};
     wanted.insert_or_assign(kept.orientation, Value(orientationOf(seen)));
 }
 
-Result<> OwnScene::place(const std::optional<ViewerPose>& eye) {
+Result<> OwnScene::setPose(const std::optional<ViewerPose>& eye) {
     if (!eye && ours_.empty()) return {};
     if (std::exchange(stale_, false)) find();
-    std::map<Place, Value> wanted;
+    std::map<FieldKey, Value> wanted;
     if (eye)
         for (const Kept& kept : kept_) want(kept, *eye, wanted);
     ChangeSet set;
-    const auto change = [&](const Place& place, const Value& value) {
-        const Node* node = shown_.find(NodeId{place.first});
-        if (!node || node->value(place.second) == value) return;
+    const auto change = [&](const FieldKey& field, const Value& value) {
+        const Node* node = shown_.find(NodeId{field.first});
+        if (!node || node->value(field.second) == value) return;
         Change& one = set.changes.emplace_back();
-        one.node = node->id(), one.field = place.second, one.value = value;
+        one.node = node->id(), one.field = field.second, one.value = value;
     };
-    for (const auto& [place, value] : ours_)
-        if (const Node* there = theirs_.find(NodeId{place.first}); there && !wanted.contains(place))
-            change(place, there->value(place.second));
-    for (const auto& [place, value] : wanted) change(place, value);
+    for (const auto& [field, value] : ours_)
+        if (const Node* there = theirs_.find(NodeId{field.first}); there && !wanted.contains(field))
+            change(field, there->value(field.second));
+    for (const auto& [field, value] : wanted) change(field, value);
     ours_ = std::move(wanted);
     return set.changes.empty() ? Result<>() : show(std::move(set));
 }

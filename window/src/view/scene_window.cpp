@@ -29,11 +29,11 @@ using Kind = WindowEvent::Kind;
 using Root = x3d::RtsgScene;
 
 constexpr std::size_t kIntervalsKept = 1000;
-constexpr double kSkip = 5;              // seconds
-constexpr double kLongestInterval = .5;  // seconds: longer ones are rests
-constexpr double kStickSteps = 4;        // of the wheel a second: NavigationInfo's speed
-constexpr double kStickTurn = M_PI / 2;  // radians a second
-constexpr double kStickLongest = .1;     // seconds that a stick counts for at once
+constexpr double kSkip = 5;                  // seconds
+constexpr double kLongestInterval = .5;      // seconds: longer ones are rests
+constexpr double kStickSteps = 4;            // of the wheel a second: NavigationInfo's speed
+constexpr double kStickRotation = M_PI / 2;  // radians a second
+constexpr double kStickLongest = .1;         // seconds that a stick counts for at once
 constexpr auto kStickEvery = std::chrono::milliseconds(16);
 constexpr auto kOverlayEvery = std::chrono::milliseconds(100);
 constexpr std::size_t kFrameTimes = 120;
@@ -69,7 +69,7 @@ struct SceneWindow::Impl {
     Clock::time_point presentedAt{};
     std::vector<std::string> dropped;
     Diagnostics diagnostics;
-    std::set<std::string> told;
+    std::set<std::string> reported;
     std::string failure;
     std::vector<SceneWindowRequest> requests;
     bool closed = false, paused = false, lost = false, wasMoving = false;
@@ -84,20 +84,20 @@ struct SceneWindow::Impl {
     bool overlay = false, stale = false;  // it is shown; it must be made anew
     OverlayMaker maker;
     std::shared_ptr<const OverlayContent> content;
-    Clock::time_point made{};
+    Clock::time_point created{};
     SceneWindowStatus status;
     std::shared_ptr<const std::vector<OverlayContent::Mark>> marks;
     std::optional<WorldQueries> queries;
     std::uint32_t buttons = 0;  // of the pointer, as it was last
 
-    void tell(const std::string& what) {
-        if (told.insert(what).second) diagnostics.warning({}, what);
+    void report(const std::string& what) {
+        if (reported.insert(what).second) diagnostics.warning({}, what);
     }
     void send(FieldIndex field, Value value) {
         ++statistics.events;
         const Result<> sent = options.send ? options.send(field, std::move(value))
                                            : world.scene().sendEvent(world.scene().root(), field, std::move(value));
-        if (!sent) tell(sent.error().text);
+        if (!sent) report(sent.error().text);
     }
 
     // ---- what people do ----------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ struct SceneWindow::Impl {
     /// It was of the node that was picked before.
     void forgetHistory() {
         status.history.clear();
-        if (status.tellsHistory) ask({SceneWindowRequest::Kind::history, 0, false, maker.picked(), {}});
+        if (status.showsHistory) ask({SceneWindowRequest::Kind::history, 0, false, maker.picked(), {}});
     }
 
     /// Sticks that are not in the middle move the viewer on.
@@ -142,9 +142,10 @@ struct SceneWindow::Impl {
         const Clock::time_point now = Clock::now();
         const double seconds = std::chrono::duration<double>(now - std::exchange(steered, now)).count();
         if (!isSteered()) return;
-        const double count = std::min(seconds, kStickLongest), steps = kStickSteps * count, turn = kStickTurn * count;
-        const double moves[] = {sticks.leftX * steps, sticks.leftY * steps, sticks.rightX * turn,
-                                -sticks.rightY * turn};
+        const double count = std::min(seconds, kStickLongest), steps = kStickSteps * count,
+                     poll = kStickRotation * count;
+        const double moves[] = {sticks.leftX * steps, sticks.leftY * steps, sticks.rightX * poll,
+                                -sticks.rightY * poll};
         send(Root::wheel.index, Value(Array<double>(std::span<const double>(moves))));
     }
     bool isSteered() const {
@@ -263,7 +264,7 @@ struct SceneWindow::Impl {
     // ---- the overlay -------------------------------------------------------------------------------------------
     void showOverlay(bool on) {
         if (on && !window->setOverlay(std::make_shared<const OverlayContent>()))
-            return tell("there is no overlay: Dear ImGui was not there when this was built, or RTSG_OVERLAY was off");
+            return report("there is no overlay: Dear ImGui was not there when this was built, or RTSG_OVERLAY was off");
         overlay = on;
         stale = lost = true;
         content.reset();
@@ -298,7 +299,7 @@ struct SceneWindow::Impl {
     }
     void heard(const Result<>& done) {
         ++statistics.events;
-        if (!done) tell(done.error().text);
+        if (!done) report(done.error().text);
     }
     void look(NodeId viewpoint) {
         Scene& scene = world.scene();
@@ -318,8 +319,8 @@ struct SceneWindow::Impl {
     /// Makes the overlay anew if it may have changed; equal content is not drawn again.
     void refreshOverlay() {
         const Clock::time_point now = Clock::now();
-        if (!overlay || (!std::exchange(stale, false) && now < made + kOverlayEvery)) return;
-        made = now;
+        if (!overlay || (!std::exchange(stale, false) && now < created + kOverlayEvery)) return;
+        created = now;
         auto next = std::make_shared<OverlayContent>();
         maker.fill(*next);
         addFigures(*next);
@@ -331,7 +332,7 @@ struct SceneWindow::Impl {
             next->timeline =
                 OverlayContent::Timeline{status.timeline->time, status.timeline->length, status.timeline->rate, marks};
         next->isPaused = paused;
-        next->hasHistory = status.tellsHistory;
+        next->hasHistory = status.showsHistory;
         if (content && *content == *next) return;
         content = std::move(next);
         (void)window->setOverlay(content);
@@ -372,10 +373,10 @@ struct SceneWindow::Impl {
     /// The picture with a disc and a dark rim where the probe is.
     const std::uint8_t* withProbe() {
         marked = shown->pixels;
-        const Vec2d place = shown->camera.place(*probe);
-        if (!std::isfinite(place.x) || !std::isfinite(place.y)) return marked.data();
-        const double radius = std::max(2.5, shown->height / 90.0), x = place.x * shown->width,
-                     y = place.y * shown->height;
+        const Vec2d point = shown->camera.project(*probe);
+        if (!std::isfinite(point.x) || !std::isfinite(point.y)) return marked.data();
+        const double radius = std::max(2.5, shown->height / 90.0), x = point.x * shown->width,
+                     y = point.y * shown->height;
         const int left = std::max(0, static_cast<int>(x - radius - 1)),
                   right = std::min(shown->width - 1, static_cast<int>(x + radius + 1));
         for (int row = std::max(0, static_cast<int>(y - radius - 1)),
@@ -410,7 +411,7 @@ struct SceneWindow::Impl {
         if (!shown || !std::exchange(lost, false)) return;
         const std::uint8_t* pixels = shown->pixels.data();
         if (probe) pixels = withProbe();
-        if (!window->present(pixels, shown->width, shown->height)) tell("the display takes no pictures");
+        if (!window->present(pixels, shown->width, shown->height)) report("the display takes no pictures");
     }
 
     Result<> write(const std::string& file) const {
@@ -443,7 +444,7 @@ Result<std::unique_ptr<SceneWindow>> SceneWindow::open(SharedWorld& world, Scene
     return std::unique_ptr<SceneWindow>(new SceneWindow(std::move(impl)));
 }
 
-bool SceneWindow::turn(std::chrono::milliseconds atMost) {
+bool SceneWindow::poll(std::chrono::milliseconds atMost) {
     Impl& s = *impl_;
     if (auto ok = s.picture->show(s.eye); !ok) {
         s.failure = ok.error().text;
@@ -489,10 +490,10 @@ std::vector<SceneWindowRequest> SceneWindow::takeRequests() {
 void SceneWindow::wake() {
     if (!impl_->called.exchange(true)) impl_->window->wake();
 }
-void SceneWindow::showProbe(const std::optional<Vec3d>& place, bool touches) {
+void SceneWindow::showProbe(const std::optional<Vec3d>& position, bool touches) {
     Impl& s = *impl_;
-    s.lost = s.lost || place != s.probe || touches != s.probeTouches;
-    s.probe = place;
+    s.lost = s.lost || position != s.probe || touches != s.probeTouches;
+    s.probe = position;
     s.probeTouches = touches;
 }
 bool SceneWindow::showsOverlay() const {

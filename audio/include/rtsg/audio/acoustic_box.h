@@ -33,16 +33,17 @@ struct AcousticBox {
         return glm::length(glm::max(glm::max(low - point, point - high), glm::dvec3(0)));
     }
     /// Whether the segment between two points comes nearer to the box than `margin` along every axis.
-    bool meetsWay(const glm::dvec3& from, const glm::dvec3& to, double margin) const {
+    bool meetsSegment(const glm::dvec3& from, const glm::dvec3& to, double margin) const {
         double first = 0, last = 1;
         for (int i = 0; i < 3; ++i) {
-            const double way = to[i] - from[i], below = low[i] - margin - from[i], above = high[i] + margin - from[i];
-            if (way == 0) {
+            const double distance = to[i] - from[i], below = low[i] - margin - from[i],
+                         above = high[i] + margin - from[i];
+            if (distance == 0) {
                 if (below > 0 || above < 0) return false;
                 continue;
             }
-            first = std::max(first, std::min(below / way, above / way));
-            last = std::min(last, std::max(below / way, above / way));
+            first = std::max(first, std::min(below / distance, above / distance));
+            last = std::min(last, std::max(below / distance, above / distance));
         }
         return first <= last;
     }

@@ -30,10 +30,10 @@ struct AcousticMaterial {
 
     double reflected(std::size_t band) const { return 1 - absorption[band] - transmission[band]; }
     double mirrored(std::size_t band) const { return reflected(band) * (1 - scattering[band]); }
-    double mostMirrored() const {
-        double most = 0;
-        for (std::size_t b = 0; b < kBandCount; ++b) most = std::max(most, mirrored(b));
-        return most;
+    double maxMirrored() const {
+        double maximum = 0;
+        for (std::size_t b = 0; b < kBandCount; ++b) maximum = std::max(maximum, mirrored(b));
+        return maximum;
     }
     friend bool operator==(const AcousticMaterial&, const AcousticMaterial&) = default;
 };
@@ -119,10 +119,10 @@ struct NearSurface {
 
 /// Up to sixteen rays that are traced together.
 struct AcousticRays {
-    static constexpr int kMost = 16;
+    static constexpr int kMax = 16;
     /// One vector for each ray, stored by component for vector instructions.
     struct Vectors {
-        alignas(64) double x[kMost] = {}, y[kMost] = {}, z[kMost] = {};
+        alignas(64) double x[kMax] = {}, y[kMax] = {}, z[kMax] = {};
 
         glm::dvec3 operator[](int i) const { return {x[i], y[i], z[i]}; }
         void set(int i, const glm::dvec3& v) { x[i] = v.x, y[i] = v.y, z[i] = v.z; }
@@ -131,21 +131,21 @@ struct AcousticRays {
     Vectors origin, direction;  // unit directions
     /// Unit normal of the surface that a ray starts on, on the side that the ray goes to; 0 if it starts on none.
     Vectors facing;
-    double maxDistance[kMost] = {};
-    double clear[kMost] = {};  // AcousticHit::clear of the surface that a ray starts on
-    std::uint32_t except[kMost] = {};
+    double maxDistance[kMax] = {};
+    double clear[kMax] = {};  // AcousticHit::clear of the surface that a ray starts on
+    std::uint32_t except[kMax] = {};
 
-    void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double most,
+    void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double maximum,
              std::uint32_t plane, double clearOf = 0) {
         clear[count] = clearOf;
         origin.set(count, from);
         facing.set(count, side);
         direction.set(count, towards);
-        maxDistance[count] = most;
+        maxDistance[count] = maximum;
         except[count++] = plane;
     }
 };
-using AcousticHits = std::array<AcousticHit, AcousticRays::kMost>;
+using AcousticHits = std::array<AcousticHit, AcousticRays::kMax>;
 
 /// Whether a way from one place to another was found, may exist, or cannot exist.
 enum class Passage : std::uint8_t { found, unknown, none };

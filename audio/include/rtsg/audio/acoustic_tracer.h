@@ -7,10 +7,10 @@
 // - the last reflection is diffuse, or mirrors after it lead to a known image of the listener: next-event estimation
 // - all others (more mirrors, or paths to images that are not known): track length in a ball around the listener
 // The ball gives the mean over the part of it that is seen from the listener. Rays end by Russian roulette, never by a
-// threshold. Points on walls: see response/places.h. Energy that leaves the geometry counts as escaped. Below the
-// Schroeder frequency rays are no model of a room: they have no phase. Listeners share the rays of a source: each
-// result is unbiased, but their random errors are correlated. Threading: const; the results are the same for any number
-// of threads.
+// threshold. Points on walls: see response/listening_positions.h. Energy that leaves the geometry counts as escaped.
+// Below the Schroeder frequency rays are no model of a room: they have no phase. Listeners share the rays of a source:
+// each result is unbiased, but their random errors are correlated. Threading: const; the results are the same for any
+// number of threads.
 #pragma once
 
 #include <cstdint>

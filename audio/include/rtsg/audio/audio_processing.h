@@ -112,7 +112,7 @@ class PeriodicWave {
     static PeriodicWave custom(std::span<const float> real, std::span<const float> imag);
 
     /// The value at `phase` periods, from the harmonics up to `most`.
-    double at(double phase, std::size_t most) const;
+    double at(double phase, std::size_t maximum) const;
     std::size_t harmonics() const { return cosines_.size() - 1; }
 
   private:

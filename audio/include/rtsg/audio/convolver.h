@@ -21,7 +21,7 @@ class Convolver {
     /// `turn`: which of sixteen blocks computes the long partitions, counted from the first block, whenever a response
     /// with such partitions arrives. Give convolvers that run side by side different turns, so that no block has all
     /// the work.
-    explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256, std::size_t turn = 0);
+    explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256, std::size_t round = 0);
     ~Convolver();
     Convolver(Convolver&&) noexcept;
     Convolver& operator=(Convolver&&) noexcept;

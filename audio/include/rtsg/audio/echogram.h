@@ -25,7 +25,7 @@ struct Arrival {
     glm::dvec3 direction{0};  // unit, world frame, from the listener to where the sound comes from
     std::uint32_t order = 0;  // reflections; 0 is direct sound
     /// For an image source: when the source moves by `way`, the image moves by turn * way. Otherwise 0.
-    glm::mat3 turn{0.0f};
+    glm::mat3 rotation{0.0f};
     /// If edges change this arrival: the index in EdgeField::straight of its energy without edges. Otherwise -1.
     std::int32_t straight = -1;
 };

@@ -5,8 +5,8 @@
 // its image in the wall that it touches are two. A candidate is valid if the mirror path that leaves the listener
 // towards it ends in the source after the same motion. So nothing is counted twice, and no valid path of the given
 // order is missed. Paths pass straight through walls that transmit sound; this does not count in the order. For points
-// on walls see response/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check
-// by retracing. Threading: pure function over const geometry.
+// on walls see response/listening_positions.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and
+// in the check by retracing. Threading: pure function over const geometry.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ struct ImageSourceOptions {
     /// last.
     std::size_t maxCandidates = 200'000;
     /// Paths are not followed once their walls leave less than this share of the energy.
-    double minShare = 1e-7;
+    double minFraction = 1e-7;
     /// The radius of a ball around the listener, metres. An image of second or higher order counts as the mean over
     /// places in this ball, as far as these are seen from the listener. 0: it counts at the listener only.
     double ball = 0;
@@ -80,6 +80,6 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
 
 /// The share of energy per band that is left on the straight way: 1 in the open, 0 behind a wall that transmits
 /// nothing.
-Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
+Bands directFraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener);
 
 }  // namespace rtsg

@@ -44,7 +44,7 @@ struct ImpulseResponseOptions {
     /// Arrivals below this order are left out: 1 leaves out direct sound, which is then rendered by other means.
     std::uint32_t firstOrder = 0;
     /// The response ends where less than this share of the energy is left in every band.
-    double cutShare = 1e-8;
+    double cutFraction = 1e-8;
     double speedOfSound = 343;
     double headRadius = kHeadRadius;  // of binaural sound without an HRTF, metres
     /// Binaural: sound within `hrtfSeconds` of the first arrival goes through this head. Later sound is panned as in
@@ -55,7 +55,7 @@ struct ImpulseResponseOptions {
     std::uint64_t seed = 1;
     /// Seeds only choose where it begins in noise that all responses share: for sound that is made anew all the time.
     bool sharedNoise = false;
-    /// The length of the response, which is cut or filled up with silence; 0: `cutShare` says where it ends.
+    /// The length of the response, which is cut or filled up with silence; 0: `cutFraction` says where it ends.
     double seconds = 0;
 };
 

@@ -36,7 +36,7 @@ class MaterialTable {
     const AcousticMaterial* find(std::string_view name) const;
     struct Row {
         AcousticMaterial material;
-        NodePlace place;
+        NodeLocation location;
     };
     const std::map<std::string, Row, std::less<>>& rows() const { return rows_; }
 

@@ -50,11 +50,11 @@ struct RoomOpening {
     std::vector<Beside> beside;  // largest part of the rim first, three at most
     /// The share of the emitted energy that leaves here, by band, and the 95 % half width of its mean over bands. With
     /// few rays the interval is asymmetric, and this is its wider side.
-    Bands share{};
-    double shareCi95 = 0;
+    Bands fraction{};
+    double fractionCi95 = 0;
     std::size_t rays = 0;  // number of the known rays that went through it
 
-    double meanShare() const;
+    double meanFraction() const;
 };
 
 struct RoomOpenings {

@@ -33,7 +33,7 @@ struct FloorGrid {
     std::size_t columns = 0, rows = 0;          // along x and z
     std::vector<std::size_t> inside;            // numbers of points, row by row
 
-    glm::dvec3 place(std::size_t point) const {
+    glm::dvec3 position(std::size_t point) const {
         const std::size_t column = point % columns, row = point / columns;
         return {x + step * static_cast<double>(column), height, z + step * static_cast<double>(row)};
     }

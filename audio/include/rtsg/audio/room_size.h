@@ -33,7 +33,7 @@ struct RoomSize {
     std::vector<Surface> surfaces;                             // the largest first
     AcousticBox box;                                           // of all hits
     /// Some points in the room, spread evenly.
-    std::vector<glm::dvec3> places;
+    std::vector<glm::dvec3> positions;
 
     bool known() const { return volume > 0; }
     /// Mean distance between two reflections, m.

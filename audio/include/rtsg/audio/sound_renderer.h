@@ -67,7 +67,7 @@ class SoundRenderer final : public WorldRenderer {
     Result<> measure();
     /// Traces every source to every place in the present state; without places, to those of the scene
     /// (SoundScene::places()). Places share the rays of a source. Errors: cancelled, no sources.
-    Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
+    Result<RoomReport> survey(std::vector<ListeningPosition> positions = {});
     /// The same at the points of a grid (gridIn()) in the room around the first source: only figures, without
     /// echograms.
     Result<RoomMap> map(double height, double step);
@@ -95,7 +95,7 @@ class SoundRenderer final : public WorldRenderer {
     Result<std::vector<ListenReport::Source>> measureAt(const SoundEmitter& emitter,
                                                         std::span<const glm::dvec3> listeners);
     enum class Keeps : bool { figures, echograms };
-    Result<RoomReport> surveyAt(const std::vector<ListeningPlace>& places, Keeps keeps);
+    Result<RoomReport> surveyAt(const std::vector<ListeningPosition>& positions, Keeps keeps);
     /// Describes the room around the first source that walls reflect, and its materials.
     void describeRoom(RoomReport& report);
 

@@ -35,10 +35,10 @@ class MaterialTable;
 class Walls;
 
 /// Called with a metadata node and a text that says what is wrong with it and which value is used.
-using TellMaterial = std::function<void(NodeId metadata, std::string)>;
+using ReportMaterial = std::function<void(NodeId metadata, std::string)>;
 /// A node's acoustic material; `defaults` while the node is not enabled.
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults,
-                                  const TellMaterial& tell = {});
+                                  const ReportMaterial& report = {});
 
 /// The active period of a time-dependent node (8.2.4), in seconds of scene time.
 struct SoundTimes {
@@ -58,7 +58,7 @@ struct SoundVoice : SoundTimes {
     Kind kind = Kind::clip;
     NodeId node;
     std::string name;                            // DEF, or the type
-    NodePlace place;                             // for messages
+    NodeLocation location;                       // for messages
     std::vector<std::string> urls;               // the first readable one counts; microphone: its name
     std::vector<std::filesystem::path> folders;  // for relative urls, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
@@ -190,7 +190,7 @@ struct ListenerPose {
 };
 
 /// A place for a listener.
-struct ListeningPlace {
+struct ListeningPosition {
     std::string name;
     glm::dvec3 position{0};
     /// Right, up, back; none: those of the scene's listener.
@@ -227,7 +227,7 @@ class SoundScene {
     const ListenerPose& listener() const { return listener_; }
     /// The listening places: every enabled ListenerPointSource that does not follow the view; if there is none, every
     /// viewpoint; otherwise the place of listener().
-    const std::vector<ListeningPlace>& places() const { return places_; }
+    const std::vector<ListeningPosition>& positions() const { return positions_; }
     /// Nodes that exist but cannot be heard, with the reason; each once.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     /// The node that defines the material of a shape.
@@ -243,7 +243,7 @@ class SoundScene {
     std::string_view materialName(const Scene& scene, NodeId id) const;
     void readMaterial(const Scene& scene, NodeId id);
     void readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
-    bool placeEmitters(const Scene& scene, const InstanceDelta& delta);
+    bool moveEmitters(const Scene& scene, const InstanceDelta& delta);
     void nameEmitters();
     std::vector<SoundEmitter>& ownEmitters();
     /// The lists that a branch of an audio graph adds to.
@@ -257,7 +257,7 @@ class SoundScene {
     /// The numbers in a node's fields; values that are not finite are reported.
     FieldNumbers numbersIn(const Scene& scene, const Node& node);
     /// Whether the node's pitch is allowed for a sound; otherwise this is reported.
-    bool tellPitch(const Scene& scene, const Node& node, double pitch);
+    bool reportPitch(const Scene& scene, const Node& node, double pitch);
     bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
     bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     void readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to);
@@ -266,11 +266,11 @@ class SoundScene {
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
     ListenerPose poseOf(const Scene& scene, const Placed& placed);
-    void findPlaces(const Scene& scene);
+    void findPositions(const Scene& scene);
     double earDistance(const Scene& scene, const Node& node);
     void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
-    void warnOnce(const NodePlace& place, std::string text);
+    void warnOnce(const NodeLocation& location, std::string text);
 
     Walls* walls_;
     AcousticMaterial defaults_;
@@ -286,11 +286,11 @@ class SoundScene {
     std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
     bool shared_ = false;  // whether a version shares emitters_
     ListenerPose listener_;
-    std::vector<ListeningPlace> places_;
+    std::vector<ListeningPosition> positions_;
     AirChoice air_;
     std::unordered_set<std::uint32_t> infos_;  // WorldInfo nodes, by NodeId
     Diagnostics diagnostics_;
-    std::unordered_set<std::string> told_;
+    std::unordered_set<std::string> reported_;
 };
 
 }  // namespace rtsg

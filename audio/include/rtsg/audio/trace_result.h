@@ -64,8 +64,8 @@ struct TraceResult {
     std::uint64_t rays = 0;
     /// Number of bands that were traced; the others are copies of bands with the same materials and cost nothing.
     int bandsTraced = 0;
-    int imageOrder = 0;     // the last that was complete within maxImageCandidates
-    double imageShare = 0;  // lower bound for the best share of energy that the paths of images keep
+    int imageOrder = 0;        // the last that was complete within maxImageCandidates
+    double imageFraction = 0;  // lower bound for the best share of energy that the paths of images keep
     std::size_t imageCandidates = 0;
     EdgePairCount edgePairs;
     double seconds = 0;         // length of the echogram

@@ -56,7 +56,7 @@ class Walls {
     struct Slot {
         InstanceId id;
         NodeId geometry;
-        std::uint32_t place = 0;  // index in slotsOf_ of the geometry
+        std::uint32_t userIndex = 0;  // index in slotsOf_ of the geometry
     };
     void write(std::uint32_t slot);
     void attach(const Instance& instance, NodeId material);

@@ -99,7 +99,7 @@ class Cascade {
     bool isShown(const Node& node, const Node& asker);
     /// The places of the node on its other paths from the root; most nodes have none. At most some thousand paths are
     /// looked at. The asker is called again as for worldFromLocal().
-    std::span<const Standing> otherPlaces(const Node& node, const Node& asker);
+    std::span<const Standing> otherTransforms(const Node& node, const Node& asker);
     /// The viewer; the asker is called again when it moves.
     const Viewer& viewer(const Node& asker);
     /// Behaviour::context of the node's type.

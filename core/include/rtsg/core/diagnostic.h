@@ -23,7 +23,7 @@ struct SourceLocation {
 };
 
 /// The place in a file from which a node was read.
-struct NodePlace {
+struct NodeLocation {
     std::string file;  // as messages name it; empty if the node comes from no file
     SourceLocation where;
 };
@@ -76,9 +76,10 @@ class Diagnostics {
         add(Severity::warning, where, std::move(text), code);
     }
     /// Adds a warning about a node.
-    void warningAt(const NodePlace& place, std::string text,
+    void warningAt(const NodeLocation& location, std::string text,
                    DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
-        add(Diagnostic{Severity::warning, place.file.empty() ? file_ : place.file, place.where, std::move(text), code});
+        add(Diagnostic{Severity::warning, location.file.empty() ? file_ : location.file, location.where,
+                       std::move(text), code});
     }
     /// Appends another collection unchanged, such as that of an Inline.
     void append(const Diagnostics& other);

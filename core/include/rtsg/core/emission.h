@@ -37,9 +37,9 @@ struct EmissionSpan {
 };
 
 /// The most particles that a system may have at a time; larger numbers are cut to this one.
-constexpr std::size_t kMostParticles = 1'000'000;
+constexpr std::size_t kMaxParticles = 1'000'000;
 /// The most spans that a system keeps; the oldest are dropped first.
-constexpr std::size_t kMostEmissionSpans = 4096;
+constexpr std::size_t kMaxEmissionSpans = 4096;
 
 Array<double> packEmission(std::span<const EmissionSpan> spans);
 /// Reads spans. Spans with a wrong length, or with invalid times, counts or sizes, are left out.
@@ -59,13 +59,13 @@ class KeyedNumbers {
 
 struct LivingParticle {
     const EmissionSpan* span = nullptr;
-    std::uint64_t place = 0, turn = 0;  // its place in the span, and how many came before it in that place
+    std::uint64_t slot = 0, cycle = 0;  // its place in the span, and how many came before it in that place
     double age = 0, life = 0;           // seconds
     /// Further random numbers for this particle.
     KeyedNumbers numbers(std::uint32_t system) const;
 };
 
-/// The particles that live at `now`, at most kMostParticles, ordered by span and place. `system` is the node's id.
+/// The particles that live at `now`, at most kMaxParticles, ordered by span and place. `system` is the node's id.
 std::vector<LivingParticle> livingParticles(std::span<const EmissionSpan> spans, std::uint32_t system, double now);
 
 }  // namespace rtsg

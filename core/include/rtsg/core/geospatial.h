@@ -25,22 +25,22 @@ class GeoReference {
     Vec3d toScene(const Vec3d& coordinates) const;
     Vec3d fromScene(const Vec3d& point) const;
     /// The transform from a frame at the point, whose x points east, y up and -z north.
-    glm::dmat4 placeOf(const Vec3d& coordinates) const;
+    glm::dmat4 transformAt(const Vec3d& coordinates) const;
 
   private:
     GeoSystem system_;
-    Vec3d origin_{0};     // of the scene, geocentric
-    glm::dmat3 turn_{1};  // from geocentric directions to the scene's
+    Vec3d origin_{0};         // of the scene, geocentric
+    glm::dmat3 rotation_{1};  // from geocentric directions to the scene's
 };
 
 /// Whether nodes of this type place their children by geographic coordinates (GeoLocation, GeoTransform), or themselves
 /// (GeoViewpoint).
-bool isGeoPlace(const NodeType& type);
+bool isGeoTransform(const NodeType& type);
 /// The GeoOrigin of a node of this component; null if it has none.
 const Node* geoOriginOf(const Scene& scene, const Node& node);
 /// The transform from the coordinates in such a node to those around it. The inside of a GeoViewpoint has x to the east
 /// and y up at the ground below it. Error: as for GeoReference::of().
-Result<glm::dmat4> geoPlace(const Scene& scene, const Node& node);
+Result<glm::dmat4> geoTransform(const Scene& scene, const Node& node);
 
 /// The points of a GeoCoordinate relative to an anchor, which is the first finite point, so that single precision is
 /// enough. Error: as for GeoReference::of().

@@ -21,7 +21,7 @@ namespace rtsg {
 /// The basis functions of the control points, along one parameter.
 class NurbsBasis {
   public:
-    static constexpr int kMostOrder = 16;
+    static constexpr int kMaxOrder = 16;
 
     NurbsBasis() = default;
     /// The ends of uniform knots. `clamped`: the curve ends at the outer control points (`order` equal knots at each
@@ -31,7 +31,7 @@ class NurbsBasis {
     NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced = nullptr,
                EvenEnds ends = EvenEnds::clamped);
     static bool fits(int order, std::size_t count) {
-        return order >= 2 && order <= kMostOrder && count >= static_cast<std::size_t>(order);
+        return order >= 2 && order <= kMaxOrder && count >= static_cast<std::size_t>(order);
     }
 
     int order() const { return order_; }
@@ -46,7 +46,7 @@ class NurbsBasis {
     /// derivatives of these weights.
     struct At {
         std::size_t start = 0;
-        std::array<double, kMostOrder> value{}, slope{};
+        std::array<double, kMaxOrder> value{}, slope{};
     };
     At at(double u) const;
 

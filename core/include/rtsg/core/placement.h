@@ -15,9 +15,9 @@ class Scene;
 
 /// Whether nodes in this field are below the node. Not below it are nodes that a stack points at, that a Script refers
 /// to, or that are passed to a PROTO instance, whose body then holds them by IS.
-bool isPlace(const NodeType& type, FieldIndex field);
+bool isTransform(const NodeType& type, FieldIndex field);
 /// The transform of a node. For Transform and nodes with the same fields it is T C R SR S -SR -C (10.4.4); for
-/// geospatial nodes it is geoPlace(), or the identity if that has an error.
+/// geospatial nodes it is geoTransform(), or the identity if that has an error.
 glm::dmat4 parentFromLocal(const Scene& scene, const Node& node);
 /// Whether the document of a node, or one around that, was loaded by an Inline.
 bool isInlined(const Scene& scene, const Node& node);

@@ -11,7 +11,7 @@
 namespace rtsg {
 
 /// The quaternion of a turn. `axis` has length 1.
-glm::dquat turnAbout(const glm::dvec3& axis, double angle);
+glm::dquat rotationAround(const glm::dvec3& axis, double angle);
 
 /// The axis may have any length. If it is 0, or if a number is not finite, the result is the identity.
 glm::dquat toQuaternion(const Rotation& r);
@@ -20,9 +20,9 @@ glm::dquat toQuaternion(const Rotation& r);
 Rotation toRotation(glm::dquat q);
 
 /// The matrix of a turn. `axis` may have any length but 0.
-glm::dmat3 turnMatrix(const glm::dvec3& axis, double angle);
+glm::dmat3 rotationMatrixOf(const glm::dvec3& axis, double angle);
 
 /// Interpolates along the shorter arc between two quaternions of length 1; `share` is from 0 to 1.
-glm::dquat alongShorterArc(const glm::dquat& from, glm::dquat to, double share);
+glm::dquat alongShorterArc(const glm::dquat& from, glm::dquat to, double fraction);
 
 }  // namespace rtsg

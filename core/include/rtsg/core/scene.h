@@ -131,9 +131,9 @@ class Scene {
     std::string_view name(NodeId id) const;
     /// The place in a file from which this process has read the node, for messages; the number of places is limited. It
     /// is no part of the scene's state: replicas do not know it.
-    NodePlace placeOf(NodeId id) const;
-    void setPlace(NodeId id, const NodePlace& place);
-    static constexpr std::size_t kMostPlaces = std::size_t{1} << 22;
+    NodeLocation locationOf(NodeId id) const;
+    void setLocation(NodeId id, const NodeLocation& location);
+    static constexpr std::size_t kMaxLocations = std::size_t{1} << 22;
     /// `scope`: the PROTO instance or Inline inside which the name was given; none for the document itself.
     NodeId findName(std::string_view name, NodeId scope = {}) const;
     std::vector<Route> routesFrom(NodeId id) const;

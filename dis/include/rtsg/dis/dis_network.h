@@ -44,7 +44,7 @@ class DisNetwork {
   public:
     /// The most datagrams of an address in a frame, PDUs that wait for a node's readInterval, and entities of a
     /// manager. Further ones are left out, and a diagnostic says so.
-    static constexpr std::size_t kMostDatagrams = 4096, kMostWaiting = 64, kMostEntities = 4096;
+    static constexpr std::size_t kMaxDatagrams = 4096, kMaxWaiting = 64, kMaxEntities = 4096;
     /// The longest time in seconds between two PDUs of an entity, and the time without a PDU after which an entity is
     /// gone.
     static constexpr double kHeartbeat = 5, kTimeout = 2.4 * kHeartbeat;

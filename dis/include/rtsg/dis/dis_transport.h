@@ -29,7 +29,7 @@ class DisTransport {
     virtual void stopListening(const DisAddress& address) = 0;
     /// Passes up to `most` datagrams to `take`, in order, without waiting; others stay in the queue. Returns their
     /// number.
-    virtual std::size_t receive(const DisAddress& address, std::size_t most,
+    virtual std::size_t receive(const DisAddress& address, std::size_t maximum,
                                 const std::function<void(std::span<const std::uint8_t>)>& take) = 0;
     /// Error: the system's. A datagram that finds no room is lost, as it could be on its way.
     virtual Result<> send(const DisAddress& address, const DisAddress& relay, std::span<const std::uint8_t> bytes) = 0;

@@ -23,7 +23,7 @@
 namespace rtsg {
 
 /// Records the positions at which a document names files. Put this filter before the builder of the scene.
-class UrlPlaces final : public Filter {
+class UrlLocations final : public Filter {
   public:
     using Filter::Filter;
     void setField(std::string_view name, Value value, SourceLocation where) override;
@@ -32,12 +32,12 @@ class UrlPlaces final : public Filter {
     SourceLocation next(std::string_view field, const Array<String>& urls);
 
   private:
-    std::map<std::string, std::deque<SourceLocation>, std::less<>> places_;
+    std::map<std::string, std::deque<SourceLocation>, std::less<>> locations_;
 };
 
 /// `places` are those of the document of the scene, for diagnostics with positions.
 void checkResources(const Scene& scene, const Resources& resources, Diagnostics& diagnostics,
-                    UrlPlaces* places = nullptr);
+                    UrlLocations* locations = nullptr);
 
 /// The files that urls of the scene open, which must not be overwritten while the scene is played. Each url that names
 /// an existing file counts, not just the first of a list.

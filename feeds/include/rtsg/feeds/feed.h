@@ -57,9 +57,9 @@ struct FeedCounts {
 class Feed {
   public:
     /// The most lines that wait, and the bytes that they hold. A sender that can wait then waits.
-    static constexpr std::size_t kMostWaiting = 16384, kMostBytes = std::size_t{16} << 20;
+    static constexpr std::size_t kMaxWaiting = 16384, kMaxBytes = std::size_t{16} << 20;
     /// The most events of inputOnly fields that wait for later frames.
-    static constexpr std::size_t kMostPutOff = 4096;
+    static constexpr std::size_t kMaxPutOff = 4096;
 
     /// Opens the source and begins to read. `scene` must outlive it. Errors: those of the source or the system; an
     /// address that other machines can reach, without `insecure`.

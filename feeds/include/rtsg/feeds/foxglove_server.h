@@ -2,7 +2,7 @@
 //
 // A viewer hears which topics there are, and subscribes. A message of a topic that is a state says what has changed, or
 // is whole; who subscribes anew, or has missed one, gets a whole one before it gets changes.
-// Invariant: no viewer holds up the scene: kMostQueued bytes, or one message, wait for each, and what has no room is
+// Invariant: no viewer holds up the scene: kMaxQueued bytes, or one message, wait for each, and what has no room is
 // left out and counted. Viewers change nothing. Whole messages that viewers make necessary have at most kWholeRate
 // bytes a second for each topic. Pages of other sites may not connect, unless other machines may. Threading: a thread
 // of the module sends and hears; all calls on the scene's thread. Source: the WebSocket protocol foxglove.websocket.v1
@@ -51,7 +51,7 @@ struct FoxgloveCounts {
 
 class FoxgloveServer {
   public:
-    static constexpr std::size_t kMostQueued = std::size_t{4} << 20, kWholeRate = std::size_t{16} << 20;
+    static constexpr std::size_t kMaxQueued = std::size_t{4} << 20, kWholeRate = std::size_t{16} << 20;
 
     /// Errors: no such address; one that others reach, without `insecure`; no module, in builds without browsers.
     static Result<std::unique_ptr<FoxgloveServer>> start(FoxgloveOptions options);
@@ -80,7 +80,7 @@ class FoxgloveServer {
     /// `time` in seconds, >= 0.
     void send(std::uint16_t topic, double time, std::string json, Reach reach);
     /// Tells viewers the scene's time, which they show instead of the clock's.
-    void tellTime(double time);
+    void sendTime(double time);
 
     /// "ws://127.0.0.1:8765", the port filled in.
     const std::string& address() const;

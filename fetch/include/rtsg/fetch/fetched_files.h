@@ -17,7 +17,7 @@ namespace rtsg {
 class FetchedFiles {
   public:
     /// For larger files only the hash is published.
-    static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
+    static constexpr std::size_t kMaxBytes = std::size_t{256} << 20;
     /// `withBytes`: the nodes have the bytes, too.
     FetchedFiles(WebFetcher& fetcher, bool withBytes) : fetcher_(fetcher), withBytes_(withBytes) {}
     /// Makes a node for each file that was opened since the last call, unless the scene has a node of that address.

@@ -20,7 +20,7 @@ class HapticDevice {
     virtual ~HapticDevice() = default;
     /// The present position of the hand, in metres in the device's own space. `seconds` is the time of the haptic
     /// clock. Error: it is unknown; until it is known, there is no force.
-    virtual Result<Vec3d> place(double seconds) = 0;
+    virtual Result<Vec3d> position(double seconds) = 0;
     /// Sets the force on the hand from now on, in newtons.
     virtual void push(const Vec3d& force) = 0;
     /// Whether the device has finished, such as a path at its end.
@@ -34,7 +34,7 @@ class HapticDevice {
 struct SimulatedHand {
     struct Stop {
         double seconds = 0;
-        Vec3d place{0};  // metres
+        Vec3d position{0};  // metres
     };
     std::vector<Stop> path;  // ordered by time; straight lines between the stops
     double mass = 0;         // kg; 0: the hand follows the path exactly

@@ -40,7 +40,7 @@ class HapticRenderer final : public WorldRenderer {
     using WorldRenderer::renderFrame;
     const HapticOptions& options() const;
     /// Converts a position in the device's space to the world.
-    Vec3d inWorld(const Vec3d& place) const;
+    Vec3d inWorld(const Vec3d& position) const;
     /// Brings the surfaces up to date; forces are computed on the haptic thread.
     Result<> renderFrame() override;
 

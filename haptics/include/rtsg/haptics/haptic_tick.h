@@ -28,9 +28,9 @@ struct HapticTick {
     Vec3d force{0};           // N, on the hand
     bool known = true;        // whether the hand's position is known; if not, there is no force
     bool touching = false;
-    Vec3d place{0}, normal{0, 0, 1};  // of the strongest contact: in world space; a unit vector, towards the proxy
-    Vec3d velocity{0};                // of the touched surface there, m/s
-    NodeId shape;                     // the Shape of that surface
+    Vec3d position{0}, normal{0, 0, 1};  // of the strongest contact: in world space; a unit vector, towards the proxy
+    Vec3d velocity{0};                   // of the touched surface there, m/s
+    NodeId shape;                        // the Shape of that surface
 };
 
 }  // namespace rtsg

@@ -59,7 +59,7 @@ class OgreRenderer final : public WorldRenderer {
     /// Counts of uploads to the graphics system since the start; for tests of the invariant.
     struct Counts {
         std::uint64_t bent = 0;  // meshes of which only changed vertices were uploaded; `meshes` counts whole ones
-        std::uint64_t meshes = 0, textures = 0, materials = 0, things = 0, moved = 0, tables = 0;
+        std::uint64_t meshes = 0, textures = 0, materials = 0, objects = 0, moved = 0, tables = 0;
         double handing = 0;  // CPU seconds of the calling thread for these uploads
         double tracing = 0;  // CPU seconds of the process while rays of hybrid pictures run
     };

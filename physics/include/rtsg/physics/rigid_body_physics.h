@@ -31,10 +31,10 @@ class RigidBodyPhysics {
     /// If frames are further apart than this many seconds, the rest of the time is skipped, which a diagnostic reports.
     static constexpr double kLongestFrame = 10;
     /// The most points of contact in a step, and Contact nodes of a sensor. A diagnostic reports when there were more.
-    static constexpr std::size_t kMostContacts = 50'000, kMostReported = 256;
+    static constexpr std::size_t kMaxContacts = 50'000, kMaxReported = 256;
     /// The most rows of a step with `preferAccuracy`, whose cost grows with their third power. Larger steps are solved
     /// by iteration, and a diagnostic says so.
-    static constexpr std::size_t kMostAccurateRows = 600;
+    static constexpr std::size_t kMaxAccurateRows = 600;
 
     /// `scene` must outlive it, and can have one at a time; bodies stop when it ends. A scene without such nodes pays
     /// nothing.

@@ -86,7 +86,7 @@ std::shared_ptr<const Mesh> boxEdges() {
     return edges;
 }
 
-std::optional<WorldFromLocal> placeOfEdges(const WorldBox& box) {
+std::optional<WorldFromLocal> transformOfEdges(const WorldBox& box) {
     if (box.empty()) return std::nullopt;
     Vec3d size = box.max - box.min;
     const double largest = std::max({size.x, size.y, size.z});
@@ -96,13 +96,13 @@ std::optional<WorldFromLocal> placeOfEdges(const WorldBox& box) {
                           box.min + .5 * (box.max - box.min));
 }
 
-Instance edgesInstance(const Scene& scene, NodeId owner, const WorldFromLocal& place) {
+Instance edgesInstance(const Scene& scene, NodeId owner, const WorldFromLocal& worldFromLocal) {
     Instance instance;
     instance.shape = owner;
     instance.geometry = scene.root();
     instance.castShadow = instance.heard = false;
     instance.boundingBox = true;
-    instance.worldFromLocal = place;
+    instance.worldFromLocal = worldFromLocal;
     return instance;
 }
 

@@ -41,9 +41,9 @@ WorldBox worldBox(const Bounds& box, const WorldFromLocal& worldFromLocal);
 std::shared_ptr<const Mesh> boxEdges();
 /// The transform that makes boxEdges() the edges of the box. A box without thickness gets a millionth of its size, so
 /// that the transform has an inverse. None if the box is empty or a point.
-std::optional<WorldFromLocal> placeOfEdges(const WorldBox& box);
+std::optional<WorldFromLocal> transformOfEdges(const WorldBox& box);
 
 /// The instance that shows a box of `owner` there.
-Instance edgesInstance(const Scene& scene, NodeId owner, const WorldFromLocal& place);
+Instance edgesInstance(const Scene& scene, NodeId owner, const WorldFromLocal& worldFromLocal);
 
 }  // namespace rtsg::flatten

@@ -81,7 +81,7 @@ void Flattener::Impl::followSkins() {
     std::vector<NodeId> moved;
     Diagnostics problems;
     skins.update(*scene, roles, moved, problems);
-    if (!problems.all().empty()) told.append(problems, diagnostics);
+    if (!problems.all().empty()) reportOnce.append(problems, diagnostics);
     for (const NodeId coordinate : moved) walkUp(coordinate, false, false);
 }
 
@@ -102,7 +102,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     switch (role.role) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
-                contents.push_back({node->id(), aspect == Aspect::structure || turnsClear(*node, change.field)});
+                contents.push_back({node->id(), aspect == Aspect::structure || becomesClear(*node, change.field)});
             if (node->is(x3d::GeoOrigin::type))
                 for (const ParentRef& parent : scene->parents(node->id()))
                     if (parent.node != scene->root()) transformed.push_back(parent.node);  // of that nothing is moved
@@ -152,7 +152,7 @@ void Flattener::Impl::sortOut(const Change& change) {
 }
 
 /// Whether a material that showed nothing does now, or the other way round, or may.
-bool Flattener::Impl::turnsClear(const Node& node, FieldIndex field) {
+bool Flattener::Impl::becomesClear(const Node& node, FieldIndex field) {
     if (node.is(x3d::Appearance::type))
         return field == x3d::Appearance::alphaMode.index || field == x3d::Appearance::alphaCutoff.index;
     if (node.is(x3d::FillProperties::type))
@@ -319,12 +319,12 @@ void Flattener::Impl::runViewer() {
             if (std::exchange(tree[index].isMover, viewer.has_value()) != viewer.has_value()) spreadMotion(index);
         movedLevels = levels;
         detailsDue = true;
-        turnBillboards();
+        rotateBillboards();
     }
     runLevels();
 }
 
-void Flattener::Impl::turnBillboards() {
+void Flattener::Impl::rotateBillboards() {
     // Outer ones first, so that inner ones are up to date when their turn comes.
     found = billboards;
     found.insert(found.end(), screened.begin(), screened.end());
@@ -435,7 +435,7 @@ std::shared_ptr<const Mesh> Flattener::Impl::makeMesh(NodeId geometry) {
         mesh = tessellator.mesh(*scene, geometry, &skins.points(),
                                 detail == details.end() ? std::nullopt : detail->second.level);
     }
-    if (!tessellator.diagnostics().all().empty()) told.append(tessellator.takeDiagnostics(), diagnostics);
+    if (!tessellator.diagnostics().all().empty()) reportOnce.append(tessellator.takeDiagnostics(), diagnostics);
     return mesh;
 }
 
@@ -475,7 +475,7 @@ void Flattener::Impl::finish() {
     }
     geometries.clear();
     if (!rescreened.empty()) runScreened();
-    placeBoxes();
+    updateBoxes();
     instances.report(delta.removed, delta.added, delta.moved, delta.rebound);
     placed.report(delta.placedRemoved, delta.placedAdded, delta.placedMoved, delta.placedRebound);
     scene = nullptr;
@@ -484,16 +484,16 @@ void Flattener::Impl::finish() {
 // ---- the outside --------------------------------------------------------------------------------------------------
 
 namespace {
-std::atomic<std::uint64_t> flattenersMade = 0;
+std::atomic<std::uint64_t> flattenersCreated = 0;
 }
 
 Flattener::Flattener() : Flattener(Options{}) {}
 Flattener::Flattener(Options options) : impl_(std::make_unique<Impl>()) {
     impl_->options = std::move(options);
-    flattenersMade.fetch_add(1, std::memory_order_relaxed);
+    flattenersCreated.fetch_add(1, std::memory_order_relaxed);
 }
-std::uint64_t Flattener::made() {
-    return flattenersMade.load(std::memory_order_relaxed);
+std::uint64_t Flattener::created() {
+    return flattenersCreated.load(std::memory_order_relaxed);
 }
 Flattener::~Flattener() = default;
 Flattener::Flattener(Flattener&&) noexcept = default;
@@ -540,8 +540,8 @@ void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSou
     impl_->scene = nullptr;
 }
 
-void Flattener::setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights) {
-    const std::optional<EyePlace> before = std::exchange(impl_->viewer, eye);
+void Flattener::setViewer(std::optional<EyePosition> eye, std::vector<LayerSight> sights) {
+    const std::optional<EyePosition> before = std::exchange(impl_->viewer, eye);
     // Only Billboards know of a head that leans.
     const bool isThere = before && eye && before->position == eye->position && impl_->billboards.empty();
     if ((isThere || before == eye) && sights == impl_->sights) return;
@@ -602,8 +602,8 @@ InstanceDelta Flattener::snapshot() const {
     for (const auto& [node, mesh] : impl_->meshes) all.geometries.push_back({NodeId{node}, mesh});
     for (const Instance& instance : impl_->instances.records)
         if (instance.id) all.added.push_back(instance);
-    for (const Placed& thing : impl_->placed.records)
-        if (thing.id) all.placedAdded.push_back(thing);
+    for (const Placed& item : impl_->placed.records)
+        if (item.id) all.placedAdded.push_back(item);
     return all;
 }
 

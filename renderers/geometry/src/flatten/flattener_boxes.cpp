@@ -118,17 +118,17 @@ std::uint32_t Flattener::Impl::boxAround(std::uint32_t index) const {
 
 template <class OnBox, class OnShape>
 void Flattener::Impl::visitContent(std::uint32_t top, const OnBox& onBox, const OnShape& onShape) const {
-    std::vector<std::uint32_t> way{top};
-    while (!way.empty()) {
-        const std::uint32_t index = way.back();
-        way.pop_back();
+    std::vector<std::uint32_t> path{top};
+    while (!path.empty()) {
+        const std::uint32_t index = path.back();
+        path.pop_back();
         const auto inner = index == top ? boxes.shown.end() : boxes.shown.find(index);
         if (inner != boxes.shown.end() && !inner->second.authored) {
             onBox(index);
             continue;
         }
         if (tree[index].role == Role::shape) onShape(index);
-        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) path.push_back(c);
     }
 }
 
@@ -227,7 +227,7 @@ WorldBox Flattener::Impl::boxOfContent(std::uint32_t top) const {
     return all;
 }
 
-void Flattener::Impl::placeBoxes() {
+void Flattener::Impl::updateBoxes() {
     if (boxes.shown.empty() && !boxes.geometry) return;
     for (const InstanceDelta::Geometry& geometry : delta.geometries)
         for (auto leaf = boxes.leavesOf.lower_bound({geometry.node, 0});
@@ -261,10 +261,11 @@ void Flattener::Impl::placeBoxes() {
 
 void Flattener::Impl::showBox(std::uint32_t index, DisplayedBox& box) {
     const Occurrence& o = tree[index];
-    std::optional<WorldFromLocal> place;
+    std::optional<WorldFromLocal> worldFromLocal;
     if (o.seen)
-        place = flatten::placeOfEdges(box.authored ? flatten::worldBox(*box.authored, frames[o.frame]) : box.content);
-    if (!place) {
+        worldFromLocal =
+            flatten::transformOfEdges(box.authored ? flatten::worldBox(*box.authored, frames[o.frame]) : box.content);
+    if (!worldFromLocal) {
         if (box.slot == kNone) return;
         instances.remove(std::exchange(box.slot, kNone), stamp);
         --boxes.instances;
@@ -275,14 +276,15 @@ void Flattener::Impl::showBox(std::uint32_t index, DisplayedBox& box) {
         ++boxes.instances;
         Instance& instance = instances.records[box.slot];
         const InstanceId id = instance.id;
-        instance = flatten::edgesInstance(*scene, o.node, *place);
+        instance = flatten::edgesInstance(*scene, o.node, *worldFromLocal);
         instance.id = id;
         instance.layer = o.layer;
         instance.scope = scopeOf(o.scope);
         return;
     }
     Instance& instance = instances.records[box.slot];
-    if (std::exchange(instance.worldFromLocal, *place) != *place) instances.markMoved(box.slot, stamp);
+    if (std::exchange(instance.worldFromLocal, *worldFromLocal) != *worldFromLocal)
+        instances.markMoved(box.slot, stamp);
     if (std::exchange(instance.scope, scopeOf(o.scope)) != scopeOf(o.scope)) instances.markRebound(box.slot, stamp);
 }
 

@@ -17,7 +17,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kSlack = 1.5;
 
 /// No direction grows by more than this (Gershgorin's bound of the largest singular value: exact without shear).
-double mostStretch(const WorldFromLocal& m) {
+double maxStretch(const WorldFromLocal& m) {
     const auto row = [&](int i) {
         return std::abs(glm::dot(m[i], m[0])) + std::abs(glm::dot(m[i], m[1])) + std::abs(glm::dot(m[i], m[2]));
     };
@@ -29,14 +29,14 @@ double distanceToMesh(const Vec3d& eye, const WorldFromLocal& m, const Mesh& mes
     const auto world = [&](std::uint32_t t, std::uint32_t corner) {
         return m * Vec4d(Vec3d(mesh.positions[mesh.vertexIndex(t, corner)]), 1);
     };
-    double least = kInfinity;
+    double minimum = kInfinity;
     const std::uint32_t count = mesh.strokeCount > 0 ? mesh.strokeCount : mesh.triangleCount;
     for (std::uint32_t t = 0; t < count; ++t) {
         const exact::Triangle triangle{world(t, 0), world(t, 1), world(t, 2)};
         const exact::Weights w = exact::nearest(eye, triangle);
-        least = std::min(least, glm::distance(eye, triangle.at(w.u, w.v)));
+        minimum = std::min(minimum, glm::distance(eye, triangle.at(w.u, w.v)));
     }
-    return least;
+    return minimum;
 }
 
 /// The least that a pixel covers of a surface `distance` away, wherever in the picture that is.
@@ -53,7 +53,7 @@ double pixelAcross(const LayerSight& sight, double distance) {
 
 double Flattener::Impl::levelNeeded(const Instance& instance, const Detail& detail, const Mesh& mesh) const {
     const WorldFromLocal& m = instance.worldFromLocal;
-    const double stretch = mostStretch(m);
+    const double stretch = maxStretch(m);
     if (!(stretch > 0) || !std::isfinite(stretch)) return -kInfinity;
     const auto error = [&](const TessellationOptions& cut) {
         return double{cut.chordError} * stretch * mesh.curveSize;
@@ -81,7 +81,7 @@ std::optional<int> Flattener::Impl::nextLevel(double needed, std::optional<int> 
 }
 
 std::shared_ptr<const Mesh> Flattener::Impl::atItsLevel(NodeId geometry, std::shared_ptr<const Mesh> mesh) {
-    ++detailsMade;
+    ++detailsCreated;
     if (!mesh || !(mesh->curveSize > 0) || options.meshes) {
         details.erase(geometry.value);
         return mesh;
@@ -99,7 +99,7 @@ std::shared_ptr<const Mesh> Flattener::Impl::atItsLevel(NodeId geometry, std::sh
     const std::optional<int> level = nextLevel(detail.needed, detail.level);
     if (level == detail.level) return mesh;
     detail.level = level;
-    ++detailsMade;
+    ++detailsCreated;
     return makeMesh(geometry);
 }
 
@@ -135,7 +135,7 @@ void Flattener::Impl::followDetails() {
 Flattener::Cuts Flattener::cuts() const {
     const Impl& s = *impl_;
     Cuts cuts;
-    cuts.made = s.detailsMade;
+    cuts.created = s.detailsCreated;
     for (const auto& [id, detail] : s.details) {
         const auto mesh = s.meshes.find(id);
         if (mesh == s.meshes.end() || !mesh->second) continue;

@@ -20,7 +20,7 @@
 #include "bounding_boxes.h"
 #include "flattener_roles.h"
 #include "layout.h"
-#include "mesh/told_once.h"
+#include "mesh/report_once.h"
 #include "node_states.h"
 #include "skin.h"
 
@@ -182,7 +182,7 @@ struct Flattener::Impl {
     void follow(const ChangeSet& changes);
     void sortOut(const Change& change);
     void runChildOps();
-    bool turnsClear(const Node& node, FieldIndex field);
+    bool becomesClear(const Node& node, FieldIndex field);
     void reconcileOnce(NodeId group);
     /// Processes the updates that possible changes require.
     void runMobility();
@@ -192,7 +192,7 @@ struct Flattener::Impl {
     void runLights();
     void runViewer();
     void runLevels();
-    void turnBillboards();
+    void rotateBillboards();
     void runScopes();
     /// Tells all nodes that hold `changed`, directly or through others, that its content has changed.
     void walkUp(NodeId changed, bool structural, bool marksSkins = true);
@@ -226,7 +226,7 @@ struct Flattener::Impl {
     /// lowest path counts.
     std::optional<Vec3d> eyeOf(NodeId system);
     /// The eye of a layer: its own, if the sights have one; none without a viewer.
-    std::optional<EyePlace> eyeIn(std::uint16_t layer) const;
+    std::optional<EyePosition> eyeIn(std::uint16_t layer) const;
     /// Marks those that the viewer has moved for, or that have moved.
     void followSprites();
 
@@ -251,7 +251,7 @@ struct Flattener::Impl {
     /// Finds the nodes that display a box, and the content of the box; called before meshes are made.
     void followBoxes();
     /// Sets the sizes of the boxes; called when meshes are there.
-    void placeBoxes();
+    void updateBoxes();
     bool displaysBox(std::uint32_t index);
     void makeBox(std::uint32_t index);
     void dropBox(std::uint32_t index);
@@ -341,13 +341,13 @@ struct Flattener::Impl {
         if (role.role == Role::shape)
             if (const Vec3d* anchor = anchorOf(tree[occurrence]))
                 return parentFromLocal = flatten::movedBy(*anchor), true;
-        if (role.turns || role.role == Role::shape)
+        if (role.facesViewer || role.role == Role::shape)
             return localForEye(occurrence, node, role, worldFromParent, parentFromLocal);
-        if (role.geographic) tellOfPlace(node);
+        if (role.geographic) reportPosition(node);
         return role.hasTransform && flatten::localTransform(*scene, node, role, parentFromLocal);
     }
     /// Reports a wrong geographic place once.
-    void tellOfPlace(const Node& node);
+    void reportPosition(const Node& node);
     bool deforms(NodeId geometry) const;
     /// Sets the transform that moves it; true if that has changed.
     bool setMotion(std::uint32_t occurrence);
@@ -379,13 +379,13 @@ struct Flattener::Impl {
     std::unordered_map<std::uint32_t, Vec3d> anchors;                 // of geometry nodes that have one
     std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
     std::unordered_map<std::uint32_t, Detail> details;                // by geometry node
-    std::uint64_t detailsMade = 0;
+    std::uint64_t detailsCreated = 0;
     bool detailsDue = false;  // by a new eye
     Boxes boxes;
     std::set<std::uint32_t> screenGroups;  // occurrences
     std::set<std::uint32_t> screened;      // occurrences of Shapes that have one
     std::vector<LayerSight> sights;
-    std::optional<EyePlace> viewer;
+    std::optional<EyePosition> viewer;
     bool viewerMoved = false;
     std::uint32_t stamp = 0, walk = 0;
     std::size_t live = 0;  // occurrences
@@ -394,7 +394,7 @@ struct Flattener::Impl {
     const Scene* scene = nullptr;  // during a call only
     InstanceDelta delta;
     Diagnostics diagnostics;
-    ToldOnce told;
+    ReportOnce reportOnce;
 
     // The things that the current change set touches; the lists are kept for their memory.
     std::vector<ChildOp> childOps;

@@ -50,14 +50,14 @@ bool Flattener::Impl::isSensed(const Occurrence& o, PlacedKind kind) {
 
 void Flattener::Impl::spreadSenses(std::uint32_t level) {
     const Levels shown = levelsOf(level);
-    std::vector<std::uint32_t> way;
+    std::vector<std::uint32_t> path;
     const auto below = [&](std::uint32_t index) {
-        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) way.push_back(c);
+        for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) path.push_back(c);
     };
     below(level);
-    while (!way.empty()) {
-        const std::uint32_t index = way.back();
-        way.pop_back();
+    while (!path.empty()) {
+        const std::uint32_t index = path.back();
+        path.pop_back();
         Occurrence& o = tree[index];
         const bool seen = o.seen, heard = o.heard, felt = o.felt;
         const Occurrence& parent = tree[o.parent];

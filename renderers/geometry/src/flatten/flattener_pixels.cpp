@@ -14,8 +14,8 @@ bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const T
                                   const WorldFromLocal& worldFromParent, WorldFromLocal& m) {
     const Occurrence& o = tree[index];
     if (role.axis != kNoField) {
-        const std::optional<EyePlace> eye = eyeIn(o.layer);
-        return flatten::turnTowards(node, role, worldFromParent, eye ? &*eye : nullptr, m);
+        const std::optional<EyePosition> eye = eyeIn(o.layer);
+        return flatten::rotateTowards(node, role, worldFromParent, eye ? &*eye : nullptr, m);
     }
     const LayerSight* sight = flatten::sightOf(sights, o.layer);
     const flatten::Region* around = regionAround(o.parent);
@@ -24,22 +24,22 @@ bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const T
     const bool outermost = node.is(x3d::LayoutLayer::type);
     const Node* layout = scene->find(flatten::resolve(*scene, roles, flatten::read<NodeId>(node, role.layout)));
     if (layout && !layout->is(x3d::Layout::type)) layout = nullptr;
-    const auto tell = [&](std::string_view what) {
+    const auto report = [&](std::string_view what) {
         const std::string_view name = scene->name(node.id());
-        told.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics,
-                     scene->placeOf(node.id()));
+        reportOnce.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics,
+                           scene->locationOf(node.id()));
     };
     if (!outermost && !around) {
-        if (layout) tell("is in no LayoutLayer: its layout is not used");
+        if (layout) report("is in no LayoutLayer: its layout is not used");
         if (role.viewport != kNoField && flatten::read<NodeId>(node, role.viewport))
-            tell("is in no LayoutLayer: its viewport is not used");
+            report("is in no LayoutLayer: its viewport is not used");
         return false;
     }
     flatten::Region region = outermost ? flatten::wholeRegion(sight) : *around;
     if (layout) {
         Diagnostics problems;
         const flatten::LayoutParams params = flatten::readLayout(*scene, *layout, problems);
-        if (!problems.all().empty()) told.append(problems, diagnostics);
+        if (!problems.all().empty()) reportOnce.append(problems, diagnostics);
         region = flatten::layOut(params, outermost, region, m);
     }
     flatten::Region& before = regions[index];
@@ -152,18 +152,18 @@ void Flattener::Impl::runScreened() {
 }
 
 std::optional<Vec3d> Flattener::Impl::eyeOf(NodeId system) {
-    std::uint32_t place = state(system).firstOccurrence;
-    if (!viewer || place == kNone) return std::nullopt;
-    for (std::uint32_t o = tree[place].nextOfNode; o != kNone; o = tree[o].nextOfNode)
-        if (path(o) < path(place)) place = o;
-    const WorldFromLocal& m = frames[tree[place].frame];
+    std::uint32_t occurrence = state(system).firstOccurrence;
+    if (!viewer || occurrence == kNone) return std::nullopt;
+    for (std::uint32_t o = tree[occurrence].nextOfNode; o != kNone; o = tree[o].nextOfNode)
+        if (path(o) < path(occurrence)) occurrence = o;
+    const WorldFromLocal& m = frames[tree[occurrence].frame];
     if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
-    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (eyeIn(tree[place].layer)->position - m[3]);
+    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (eyeIn(tree[occurrence].layer)->position - m[3]);
 }
 
-std::optional<EyePlace> Flattener::Impl::eyeIn(std::uint16_t layer) const {
+std::optional<EyePosition> Flattener::Impl::eyeIn(std::uint16_t layer) const {
     const LayerSight* sight = viewer && layer != 0 ? flatten::sightOf(sights, layer) : nullptr;
-    return sight ? EyePlace(sight->eye, sight->up) : viewer;
+    return sight ? EyePosition(sight->eye, sight->up) : viewer;
 }
 
 std::shared_ptr<const Mesh> Flattener::Impl::particleMesh(NodeId geometry) {

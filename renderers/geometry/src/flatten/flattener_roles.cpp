@@ -60,7 +60,7 @@ void takeRole(const NodeType& type, TypeRole& role) {
 bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
     const Vec3d axis(r.x, r.y, r.z);
     if (r.angle == 0 || glm::length(axis) == 0) return false;
-    out = turnMatrix(axis, double{r.angle});
+    out = rotationMatrixOf(axis, double{r.angle});
     return true;
 }
 
@@ -94,7 +94,7 @@ TypeRole RoleTable::work(const NodeType& type) {
     } else if (role.role == Role::layers) {
         role.order = findTyped(type, "order", FieldType::MFInt32);
     }
-    if (isGeoPlace(type)) {
+    if (isGeoTransform(type)) {
         role.hasTransform = role.geographic = true;
     } else if (role.role == Role::all && type.isA("X3DChildNode")) {
         role.translation = findTyped(type, "translation", FieldType::SFVec3f);
@@ -104,11 +104,11 @@ TypeRole RoleTable::work(const NodeType& type) {
         role.hasTransform = role.translation != kNoField && role.rotation != kNoField;
         if (role.hasTransform) role.center = findTyped(type, "center", FieldType::SFVec3f);
         if (type.isA("Billboard")) role.axis = findTyped(type, "axisOfRotation", FieldType::SFVec3f);
-        role.turns = role.axis != kNoField || type.isA("ScreenGroup");
+        role.facesViewer = role.axis != kNoField || type.isA("ScreenGroup");
     }
     if (role.role == Role::all && (type.isA("LayoutLayer") || type.isA("LayoutGroup"))) {
         role.layout = findTyped(type, "layout", FieldType::SFNode);
-        role.turns = role.layout != kNoField;
+        role.facesViewer = role.layout != kNoField;
         // A LayoutGroup's viewport is below it like its children: it cuts them.
         if (type.isA("LayoutGroup")) role.viewport = findTyped(type, "viewport", FieldType::SFNode);
         if (role.viewport != kNoField && role.childFields < role.children.size())
@@ -127,9 +127,9 @@ TypeRole RoleTable::work(const NodeType& type) {
 
 bool localTransform(const Scene& scene, const Node& node, const TypeRole& role, WorldFromLocal& m) {
     if (role.geographic) {
-        const auto place = geoPlace(scene, node);
-        if (!place || *place == glm::dmat4(1)) return false;
-        m = WorldFromLocal(*place);
+        const auto transform = geoTransform(scene, node);
+        if (!transform || *transform == glm::dmat4(1)) return false;
+        m = WorldFromLocal(*transform);
         return true;
     }
     const Vec3d translation(read<Vec3f>(node, role.translation));
@@ -224,7 +224,7 @@ NodeId appearanceOf(const Scene& scene, RoleTable& roles, const Node& shape) {
 }
 
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m,
-                          const std::optional<EyePlace>& viewer) {
+                          const std::optional<EyePosition>& viewer) {
     if (!viewer || determinantSign(m) == 0) return 0;
     const Vec3d p = glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (viewer->position - m[3]);
     const double distance = glm::length(p - Vec3d(read<Vec3f>(node, role.center)));
@@ -236,8 +236,8 @@ std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFro
     return level;
 }
 
-bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const EyePlace* viewer,
-                 WorldFromLocal& m) {
+bool rotateTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent,
+                   const EyePosition* viewer, WorldFromLocal& m) {
     if (!viewer || determinantSign(worldFromParent) == 0 || !isFinite(worldFromParent)) return false;
     const glm::dmat3 back = glm::inverse(glm::dmat3(worldFromParent[0], worldFromParent[1], worldFromParent[2]));
     const Vec3d towards = back * (viewer->position - worldFromParent[3]);
@@ -251,7 +251,7 @@ bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& w
         const Vec3d from = Vec3d(0, 0, 1) - a * a.z, to = towards - a * glm::dot(a, towards);
         if (!(glm::length(from) > 1e-9) || !(glm::length(to) > 1e-9 * distance)) return false;
         const double angle = portable::atan2(glm::dot(glm::cross(from, to), a), glm::dot(from, to));
-        const glm::dmat3 turned = turnMatrix(a, angle);
+        const glm::dmat3 turned = rotationMatrixOf(a, angle);
         x = turned[0], y = turned[1], z = turned[2];
     } else {
         // 23.4.1: towards the eye, its y axis as that of the picture, however the eye leans.
@@ -273,7 +273,7 @@ std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appear
     if (!node || !node->is(A::type)) return nullptr;
     const NodeId lineId = node->get(A::lineProperties), pointId = node->get(A::pointProperties);
     if (!lineId && !pointId) return nullptr;
-    const auto clean = [](float x, float least) { return std::isfinite(x) ? std::clamp(x, least, 1e4f) : least; };
+    const auto clean = [](float x, float minimum) { return std::isfinite(x) ? std::clamp(x, minimum, 1e4f) : minimum; };
     StrokeStyle style;
     if (const Node* line = scene.effectiveNode(lineId); line && line->is(L::type) && line->get(L::applied)) {
         style.lineWidth = clean(line->get(L::linewidthScaleFactor), 1);  // 12.4.4: from the thinnest there is
@@ -283,8 +283,8 @@ std::shared_ptr<const StrokeStyle> strokeStyle(const Scene& scene, NodeId appear
         style.pointSize = clean(point->get(P::pointSizeScaleFactor), 1);
         const Vec3f& fall = point->get(P::attenuation);
         if (std::isfinite(fall.x + fall.y + fall.z)) style.attenuation = glm::max(fall, Vec3f(0));
-        style.least = clean(point->get(P::pointSizeMinValue), 0);
-        style.most = std::max(style.least, clean(point->get(P::pointSizeMaxValue), 0));
+        style.minimum = clean(point->get(P::pointSizeMinValue), 0);
+        style.maximum = std::max(style.minimum, clean(point->get(P::pointSizeMaxValue), 0));
     }
     return std::make_shared<const StrokeStyle>(style);
 }

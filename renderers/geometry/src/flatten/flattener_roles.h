@@ -29,8 +29,8 @@ struct TypeRole {
     Role role = Role::none;
     PlacedKind kind = PlacedKind::light;
     bool hasTransform = false;
-    bool geographic = false;   // which is by geographic coordinates: geoPlace()
-    bool turns = false;        // its transform follows the picture: Billboard (`axis`), layouts (`layout`), ScreenGroup
+    bool geographic = false;   // which is by geographic coordinates: geoTransform()
+    bool facesViewer = false;  // its transform follows the picture: Billboard (`axis`), layouts (`layout`), ScreenGroup
     bool isParticles = false;  // a shape that is its own geometry
     bool isVolume = false;     // a shape that is its own geometry and appearance
     bool ownsGeometry() const { return isParticles || isVolume; }
@@ -87,8 +87,8 @@ inline WorldFromLocal movedBy(const Vec3d& by) {
 }
 
 /// Billboard: how it turns, so that its z axis points to `viewer`; the identity without one.
-bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const EyePlace* viewer,
-                 WorldFromLocal& parentFromLocal);
+bool rotateTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent,
+                   const EyePosition* viewer, WorldFromLocal& parentFromLocal);
 
 /// Appends the nodes below it that count, those without a role included.
 void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level, std::vector<NodeId>& out);
@@ -120,6 +120,6 @@ bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
 
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromLocal,
-                          const std::optional<EyePlace>& viewer);
+                          const std::optional<EyePosition>& viewer);
 
 }  // namespace rtsg::flatten

@@ -59,14 +59,14 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     o.nextOfNode = s.firstOccurrence;
     if (o.nextOfNode != kNone) tree[o.nextOfNode].previousOfNode = index;
     s.firstOccurrence = index;
-    if (role.turns) {
+    if (role.facesViewer) {
         o.slot = static_cast<std::uint32_t>(billboards.size());
         billboards.push_back(index);
         if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
     if (role.ownsGeometry()) o.turned = true;  // sound does not meet them
-    if (role.hasTransform || role.turns) {
+    if (role.hasTransform || role.facesViewer) {
         o.ownsFrame = true;
         WorldFromLocal local, world = frames[o.frame];
         if (localOf(index, node, role, world, local)) world = compose(world, local);
@@ -187,17 +187,17 @@ void Flattener::Impl::makePlaced(std::uint32_t index, const Node& node, const Ty
     if (o.hidden && role.kind == PlacedKind::light) return;
     if (!isSensed(o, role.kind)) return;
     o.slot = placed.create(index, stamp);
-    Placed& thing = placed.records[o.slot];
-    thing.node = o.node;
-    thing.kind = role.kind;
-    thing.layer = o.layer;
-    thing.motion = o.moving ? Motion::moving : Motion::unknown;
-    thing.worldFromLocal = placedFrame(index);
+    Placed& item = placed.records[o.slot];
+    item.node = o.node;
+    item.kind = role.kind;
+    item.layer = o.layer;
+    item.motion = o.moving ? Motion::moving : Motion::unknown;
+    item.worldFromLocal = placedFrame(index);
     const std::uint32_t limit = limitOf(index, node, role);
     o.isLocal = limit != kNone;
     if (!o.isLocal) return;
     o.level = limit;
-    thing.scope = scopeOf(limit);
+    item.scope = scopeOf(limit);
     changeLocalLights(index, 1);
 }
 
@@ -262,7 +262,7 @@ void Flattener::Impl::touchGeometry(NodeId geometry) {
 
 bool Flattener::Impl::isMover(const Node& node, const TypeRole& role) const {
     // The content of a switch or a level of detail comes and goes, so it must not be merged with what rests.
-    if (role.role == Role::level || role.turns) return viewer.has_value();
+    if (role.role == Role::level || role.facesViewer) return viewer.has_value();
     if (role.role == Role::choice) return mayChange(node, Aspect::structure);
     return role.hasTransform && mayChange(node, Aspect::transform);
 }
@@ -450,13 +450,13 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
     for (const NodeId child : missing) grow(index, child);
 }
 
-void Flattener::Impl::tellOfPlace(const Node& node) {
-    const auto place = geoPlace(*scene, node);
-    if (place) return;
+void Flattener::Impl::reportPosition(const Node& node) {
+    const auto transform = geoTransform(*scene, node);
+    if (transform) return;
     const std::string_view name = scene->name(node.id());
-    told.warning(fmt::format("{}{}{}: {}: it stays where it is", node.type().name, name.empty() ? "" : " ", name,
-                             place.error().text),
-                 diagnostics, scene->placeOf(node.id()));
+    reportOnce.warning(fmt::format("{}{}{}: {}: it stays where it is", node.type().name, name.empty() ? "" : " ", name,
+                                   transform.error().text),
+                       diagnostics, scene->locationOf(node.id()));
 }
 
 // ---- transforms ---------------------------------------------------------------------------------------------------

@@ -52,21 +52,21 @@ class Reader {
         numbers("size", node_.get(L::size), p.size);
         for (double& size : p.size)
             if (!(size > 0)) {
-                tell(fmt::format("size {} is not above 0: nothing in the rectangle is drawn", size));
+                report(fmt::format("size {} is not above 0: nothing in the rectangle is drawn", size));
                 size = 0;
             }
         return p;
     }
 
   private:
-    void tell(const std::string& what) {
+    void report(const std::string& what) {
         const std::string_view name = scene_.name(node_.id());
-        problems_.warningAt(scene_.placeOf(node_.id()),
+        problems_.warningAt(scene_.locationOf(node_.id()),
                             fmt::format("Layout{}{}: {}", name.empty() ? "" : " ", name, what));
     }
     void count(std::string_view field, std::size_t values) {
-        if (values == 0) tell(fmt::format("{} has no values: it is taken as the default", field));
-        if (values > 2) tell(fmt::format("{} has {} values: the first 2 count", field, values));
+        if (values == 0) report(fmt::format("{} has no values: it is taken as the default", field));
+        if (values > 2) report(fmt::format("{} has {} values: the first 2 count", field, values));
     }
     template <class T, std::size_t N>
     T word(std::string_view field, std::string_view text, const Word<T> (&table)[N]) {
@@ -74,7 +74,7 @@ class Reader {
         if (found != std::end(table)) return found->meaning;
         std::string known;
         for (const Word<T>& one : table) known += fmt::format("{}{}", known.empty() ? "" : ", ", one.text);
-        tell(fmt::format("{} \"{}\" is none of {}: taken as {}", field, text, known, table[0].text));
+        report(fmt::format("{} \"{}\" is none of {}: taken as {}", field, text, known, table[0].text));
         return table[0].meaning;
     }
     /// One value is both.
@@ -91,7 +91,7 @@ class Reader {
             if (std::isfinite(value))
                 out[axis] = value;
             else
-                tell(fmt::format("{} {} is no finite number: taken as {}", field, value, out[axis]));
+                report(fmt::format("{} {} is no finite number: taken as {}", field, value, out[axis]));
         }
     }
 
@@ -150,16 +150,16 @@ const LayerSight* sightOf(std::span<const LayerSight> sights, std::uint16_t laye
     return found == sights.end() ? nullptr : &*found;
 }
 
-double pixelAt(const LayerSight* sight, bool laidOut, const Vec3d& place) {
+double pixelAt(const LayerSight* sight, bool laidOut, const Vec3d& position) {
     if (laidOut) return wholeRegion(sight).pixel.x;
     if (!sight) return kUnknownPixel;
     switch (sight->kind) {
         case LayerSight::Kind::parallel:
             return sight->pixel();
         case LayerSight::Kind::around:
-            return sight->pixel() * glm::length(place - sight->eye);
+            return sight->pixel() * glm::length(position - sight->eye);
         default:
-            return sight->pixel() * std::abs(glm::dot(place - sight->eye, sight->forward));
+            return sight->pixel() * std::abs(glm::dot(position - sight->eye, sight->forward));
     }
 }
 

@@ -49,7 +49,7 @@ Region layOut(LayoutParams params, bool outermost, const Region& around, WorldFr
 const LayerSight* sightOf(std::span<const LayerSight> sights, std::uint16_t layer);
 
 /// Metres a pixel at a place in the world; `laidOut`: in a LayoutLayer.
-double pixelAt(const LayerSight* sight, bool laidOut, const Vec3d& place);
+double pixelAt(const LayerSight* sight, bool laidOut, const Vec3d& position);
 
 /// Scales so that one unit is `pixel` metres in every direction; false where there is no way to.
 bool scaleToPixels(const WorldFromLocal& worldFromParent, double pixel, WorldFromLocal& parentFromLocal);

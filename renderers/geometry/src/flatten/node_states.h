@@ -22,9 +22,9 @@ class NodeStates {
     /// Made when it is not there. `nodes`: how many there are in the scene. Valid until the next call.
     State& at(std::uint32_t id, std::size_t nodes) {
         if (State* state = dense(id)) return *state;
-        const std::size_t most = kDense * nodes + kAlways;
-        if (id < most) {
-            makeDense(std::min(most, std::max<std::size_t>(id + std::size_t{1}, dense_.size() * 3 / 2)));
+        const std::size_t maximum = kDense * nodes + kAlways;
+        if (id < maximum) {
+            makeDense(std::min(maximum, std::max<std::size_t>(id + std::size_t{1}, dense_.size() * 3 / 2)));
             return dense_[id];
         }
         return scattered_[id];

@@ -12,7 +12,7 @@ namespace rtsg {
 namespace {
 
 /// Calls of renderNode() from within node renderers, each on top of the other; descend() has no such limit.
-constexpr unsigned kMostNested = 500;
+constexpr unsigned kMaxNested = 500;
 
 }  // namespace
 
@@ -117,8 +117,8 @@ Result<> Renderer::renderNodes(std::span<const NodeId> nodes, Operation operatio
 
 Result<> Renderer::renderNode(NodeId node, Operation operation) {
     if (!scene_) return fail("the renderer is not attached to a scene");
-    if (nested_ >= kMostNested)
-        return fail("node renderers call renderNode() more than " + std::to_string(kMostNested) +
+    if (nested_ >= kMaxNested)
+        return fail("node renderers call renderNode() more than " + std::to_string(kMaxNested) +
                     " deep; descend() has no limit");
     ++nested_;
     const std::size_t until = waiting_.size();

@@ -16,7 +16,7 @@ namespace rtsg::flatten {
 namespace {
 
 /// More joints than any real skeleton has; one that seems to have more shares joints many times over.
-constexpr std::size_t kMostJoints = 100'000;
+constexpr std::size_t kMaxJoints = 100'000;
 
 Array<Vec3f> pointsOf(const Scene& scene, NodeId coordinate) {
     const Node* node = scene.find(coordinate);
@@ -54,17 +54,17 @@ class Blend {
     void add(const Scene& scene, const Node& joint, const WorldFromLocal& m) {
         const Array<std::int32_t>& index = joint.get(x3d::HAnimJoint::skinCoordIndex);
         const Array<float>& weight = joint.get(x3d::HAnimJoint::skinCoordWeight);
-        const glm::dmat3 turn = posedFromRestNormal(m);
+        const glm::dmat3 rotation = posedFromRestNormal(m);
         for (std::size_t i = 0; i < index.size(); ++i) {
             const auto at = static_cast<std::uint32_t>(index[i]);
             const double w = i < weight.size() ? double{weight[i]} : 1.0;
-            if (at >= rest_.size()) tellOnce(scene, joint, "skinCoordIndex", i, index[i]);
+            if (at >= rest_.size()) reportOnce(scene, joint, "skinCoordIndex", i, index[i]);
             if (at >= rest_.size() || !std::isfinite(w)) continue;
             const Vec3d p(rest_[at]);
             offset_[at] += w * (m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3] - p);
-            if (at < normals_.size()) turned_[at] += w * (turn * Vec3d(normals_[at]) - Vec3d(normals_[at]));
+            if (at < normals_.size()) turned_[at] += w * (rotation * Vec3d(normals_[at]) - Vec3d(normals_[at]));
         }
-        told_ = false;
+        reported_ = false;
         displace(scene, joint.get(x3d::HAnimJoint::displacers), m);
     }
     void displace(const Scene& scene, const Array<NodeId>& displacers, const WorldFromLocal& m) {
@@ -79,8 +79,8 @@ class Blend {
                 if (const auto at = static_cast<std::uint32_t>(points[i]); at < rest_.size())
                     offset_[at] += w * (m[0] * double{by[i].x} + m[1] * double{by[i].y} + m[2] * double{by[i].z});
                 else
-                    tellOnce(scene, *displacer, "coordIndex", i, points[i]);
-            told_ = false;
+                    reportOnce(scene, *displacer, "coordIndex", i, points[i]);
+            reported_ = false;
         }
     }
     Array<Vec3f> points() const { return sum(rest_, offset_); }
@@ -95,10 +95,10 @@ class Blend {
     }
 
     /// Reports the first index of a node that is beyond the points.
-    void tellOnce(const Scene& scene, const Node& node, const char* field, std::size_t i, std::int32_t index) {
-        if (std::exchange(told_, true)) return;
+    void reportOnce(const Scene& scene, const Node& node, const char* field, std::size_t i, std::int32_t index) {
+        if (std::exchange(reported_, true)) return;
         const std::string_view name = scene.name(node.id());
-        problems_.warningAt(scene.placeOf(node.id()),
+        problems_.warningAt(scene.locationOf(node.id()),
                             fmt::format("{}{}{}: {}[{}] is {}, but {} has {} points, counted from 0", node.type().name,
                                         name.empty() ? "" : " ", name, field, i, index, points_, rest_.size()),
                             DiagnosticCode("geometry"));
@@ -107,7 +107,7 @@ class Blend {
     const Array<Vec3f>&rest_, &normals_;
     const char* points_;
     Diagnostics& problems_;
-    bool told_ = false;
+    bool reported_ = false;
     std::vector<Vec3d> offset_, turned_;
 };
 
@@ -119,7 +119,7 @@ void addSkeleton(const Scene& scene, RoleTable& roles, const Node& humanoid, Ble
     };
     std::vector<Visit> stack;
     for (const NodeId root : humanoid.get(x3d::HAnimHumanoid::skeleton)) stack.push_back({root, identityTransform()});
-    for (std::size_t joints = 0; !stack.empty() && joints < kMostJoints; ++joints) {
+    for (std::size_t joints = 0; !stack.empty() && joints < kMaxJoints; ++joints) {
         const Visit visit = stack.back();
         stack.pop_back();
         const Node* joint = scene.find(visit.joint);
@@ -140,7 +140,7 @@ bool isBody(const Node& node) {
 
 void Skins::mark(const Scene& scene, NodeId node) {
     climbing_.assign(1, node);
-    for (std::size_t steps = 0; !climbing_.empty() && steps < kMostJoints; ++steps) {
+    for (std::size_t steps = 0; !climbing_.empty() && steps < kMaxJoints; ++steps) {
         const NodeId id = climbing_.back();
         climbing_.pop_back();
         const Node* at = scene.find(id);

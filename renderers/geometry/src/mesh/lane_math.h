@@ -20,11 +20,11 @@ __attribute__((always_inline)) inline F fill(float x) {
     return x - F{};
 }
 template <class F>
-__attribute__((always_inline)) inline F least(F a, F b) {
+__attribute__((always_inline)) inline F minimum(F a, F b) {
     return a < b ? a : b;
 }
 template <class F>
-__attribute__((always_inline)) inline F most(F a, F b) {
+__attribute__((always_inline)) inline F maximum(F a, F b) {
     return a > b ? a : b;
 }
 template <class To, class From>
@@ -51,7 +51,7 @@ RTSG_LANES F log2Of(F x) {
 
 /// Below -126 gives 0; the argument must not exceed 127.
 RTSG_LANES F exp2Of(F y) {
-    const F clamped = most(y, fill<F>(-126));
+    const F clamped = maximum(y, fill<F>(-126));
     const F half = clamped < 0.0f ? fill<F>(-0.5f) : fill<F>(0.5f);
     const I whole = __builtin_convertvector(clamped + half, I);
     const F f = (clamped - __builtin_convertvector(whole, F)) * 0.69314718056f;
@@ -63,14 +63,14 @@ RTSG_LANES F exp2Of(F y) {
 
 /// x^e for x in [0, 1], e >= 0; 0^0 is 1.
 RTSG_LANES F power(F x, F e) {
-    const F r = exp2Of<F, I>(e * log2Of<F, I>(most(x, fill<F>(1e-30f))));
+    const F r = exp2Of<F, I>(e * log2Of<F, I>(maximum(x, fill<F>(1e-30f))));
     return e <= 0.0f ? fill<F>(1) : x > 0.0f ? r : F{};
 }
 
 /// Argument in [-1, 1]. `root`: the square root of such a vector.
 template <class F, class Root>
 __attribute__((always_inline)) inline F acosOf(F x, const Root& root) {
-    const F a = least(x < 0.0f ? -x : x, fill<F>(1));
+    const F a = minimum(x < 0.0f ? -x : x, fill<F>(1));
     F p = -0.0012624911f + a * 0.0f;
     p = p * a + 0.0066700901f;
     p = p * a - 0.0170881256f;

@@ -46,10 +46,10 @@ struct Lanes16 {
     RTSG_INLINE F choose(M mask, F a, F b) {
         return static_cast<F>(_mm512_mask_blend_ps(mask, static_cast<__m512>(b), static_cast<__m512>(a)));
     }
-    RTSG_INLINE F least(F a, F b) {
+    RTSG_INLINE F minimum(F a, F b) {
         return static_cast<F>(_mm512_min_ps(static_cast<__m512>(a), static_cast<__m512>(b)));
     }
-    RTSG_INLINE F most(F a, F b) {
+    RTSG_INLINE F maximum(F a, F b) {
         return static_cast<F>(_mm512_max_ps(static_cast<__m512>(a), static_cast<__m512>(b)));
     }
     /// a * b + c, rounded once.
@@ -74,16 +74,16 @@ struct Lanes16 {
         _mm512_storeu_si512(to, _mm512_mask_loadu_epi32(all, mask, from));
     }
     /// Four floats each from four places.
-    RTSG_INLINE F quads(const float* const* places) {
+    RTSG_INLINE F quads(const float* const* positions) {
         const __m256 low =
-            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[0])), _mm_loadu_ps(places[1]), 1);
+            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(positions[0])), _mm_loadu_ps(positions[1]), 1);
         const __m256 high =
-            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])), _mm_loadu_ps(places[3]), 1);
+            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(positions[2])), _mm_loadu_ps(positions[3]), 1);
         return static_cast<F>(_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1));
     }
     /// Looks up numbers in a table of thirty-two.
-    RTSG_INLINE F lookUp(const float* table, I places) {
-        return static_cast<F>(_mm512_permutex2var_ps(_mm512_loadu_ps(table), reinterpret_cast<__m512i>(places),
+    RTSG_INLINE F lookUp(const float* table, I positions) {
+        return static_cast<F>(_mm512_permutex2var_ps(_mm512_loadu_ps(table), reinterpret_cast<__m512i>(positions),
                                                      _mm512_loadu_ps(table + 16)));
     }
     template <int j>

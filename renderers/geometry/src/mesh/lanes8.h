@@ -36,8 +36,8 @@ struct Lanes8 {
     /// Compares only the lanes in `among`.
     static M greater(M among, F a, F b) { return among & (a > b); }
     static F choose(M mask, F a, F b) { return mask ? a : b; }
-    static F least(F a, F b) { return simd::min(a, b); }
-    static F most(F a, F b) { return simd::max(a, b); }
+    static F minimum(F a, F b) { return simd::min(a, b); }
+    static F maximum(F a, F b) { return simd::max(a, b); }
     /// a * b + c, rounded once.
     static F fused(F a, F b, F c) {
 #ifdef __FMA__
@@ -79,22 +79,22 @@ struct Lanes8 {
         std::memcpy(to, &lanes, sizeof lanes);
     }
     /// Four floats each from two places.
-    static F quads(const float* const* places) {
+    static F quads(const float* const* positions) {
         F4 low, high;
-        std::memcpy(&low, places[0], sizeof low), std::memcpy(&high, places[1], sizeof high);
+        std::memcpy(&low, positions[0], sizeof low), std::memcpy(&high, positions[1], sizeof high);
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     }
     /// Looks up numbers in a table of thirty-two.
-    static F lookUp(const float* table, I places) {
+    static F lookUp(const float* table, I positions) {
 #ifdef __AVX2__
         __m256i at;
-        std::memcpy(&at, &places, sizeof at);
+        std::memcpy(&at, &positions, sizeof at);
         const __m256 found = _mm256_i32gather_ps(table, at, 4);
-        std::memcpy(&places, &found, sizeof found);
-        return simd::fromBits(places);
+        std::memcpy(&positions, &found, sizeof found);
+        return simd::fromBits(positions);
 #else
         F r{};
-        for (int i = 0; i < kLanes; ++i) r[i] = table[places[i]];
+        for (int i = 0; i < kLanes; ++i) r[i] = table[positions[i]];
         return r;
 #endif
     }

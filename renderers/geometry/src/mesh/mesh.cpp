@@ -88,8 +88,8 @@ std::string findDefect(const Mesh& mesh) {
 namespace {
 
 /// Corners with numbers that are equal where their places are.
-std::vector<std::uint32_t> placesOf(const Mesh& mesh) {
-    std::vector<std::uint32_t> order(mesh.positions.size()), place(mesh.positions.size());
+std::vector<std::uint32_t> orderOf(const Mesh& mesh) {
+    std::vector<std::uint32_t> order(mesh.positions.size()), position(mesh.positions.size());
     std::iota(order.begin(), order.end(), 0u);
     const auto key = [&](std::uint32_t i) {
         const Vec3f p = mesh.positions[i];
@@ -97,17 +97,17 @@ std::vector<std::uint32_t> placesOf(const Mesh& mesh) {
     };
     std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
     for (std::size_t i = 0; i < order.size(); ++i)
-        place[order[i]] = i > 0 && key(order[i]) == key(order[i - 1]) ? place[order[i - 1]] : order[i];
-    return place;
+        position[order[i]] = i > 0 && key(order[i]) == key(order[i - 1]) ? position[order[i - 1]] : order[i];
+    return position;
 }
 
 bool hasAllEdgesTwice(const Mesh& mesh) {
-    const std::vector<std::uint32_t> place = placesOf(mesh);
+    const std::vector<std::uint32_t> order = orderOf(mesh);
     std::vector<std::pair<std::uint64_t, int>> edges;  // which, and by one in which direction
     edges.reserve(std::size_t{3} * mesh.triangleCount);
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         for (std::uint32_t c = 0; c < 3; ++c) {
-            const std::uint64_t a = place[mesh.vertexIndex(t, c)], b = place[mesh.vertexIndex(t, (c + 1) % 3)];
+            const std::uint64_t a = order[mesh.vertexIndex(t, c)], b = order[mesh.vertexIndex(t, (c + 1) % 3)];
             if (a != b) edges.emplace_back(std::min(a, b) << 32 | std::max(a, b), a < b ? 1 : -1);
         }
     }

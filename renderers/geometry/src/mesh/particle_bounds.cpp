@@ -10,7 +10,7 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr int kMostReflections = 256;
+constexpr int kMaxReflections = 256;
 constexpr double kNotMet = std::numeric_limits<double>::infinity();
 
 /// Real roots of c + b t + a t^2, the smaller one first; infinity for those that are not.
@@ -51,15 +51,15 @@ double ParticleWalls::meeting(const Wall& wall, const Vec3d& p, const Vec3d& v, 
 }
 
 bool ParticleWalls::move(Vec3d& p, Vec3d& v, const Vec3d& a, double seconds) const {
-    for (int reflections = 0; reflections < kMostReflections; ++reflections) {
+    for (int reflections = 0; reflections < kMaxReflections; ++reflections) {
         const Vec3d end = p + v * seconds + a * (.5 * seconds * seconds);
         Vec3d low = glm::min(p, end), high = glm::max(p, end);
         for (int i = 0; i < 3; ++i) {
             // The vertex of the parabola, where it turns.
             const double t = a[i] == 0 ? -1 : -v[i] / a[i];
             if (!(t > 0 && t < seconds)) continue;
-            const double turn = p[i] + .5 * v[i] * t;
-            low[i] = std::min(low[i], turn), high[i] = std::max(high[i], turn);
+            const double angle = p[i] + .5 * v[i] * t;
+            low[i] = std::min(low[i], angle), high[i] = std::max(high[i], angle);
         }
         double first = kNotMet;
         const Wall* met = nullptr;

@@ -148,10 +148,10 @@ inline F8 acosOf(F8 x) {
 }
 
 /// Sine and cosine of so many turns, [0, 1).
-inline void sinCosTurns(F8 turns, F8& sine, F8& cosine) {
+inline void sinCosRevolutions(F8 rotations, F8& sine, F8& cosine) {
     // The rest after the nearest quarter turn, at most pi / 4 either way, goes by Taylor's series.
-    const I8 quarter = __builtin_convertvector(turns * 4.0f + 0.5f, I8);
-    const F8 x = (turns - __builtin_convertvector(quarter, F8) * 0.25f) * 6.28318530718f, q = x * x;
+    const I8 quarter = __builtin_convertvector(rotations * 4.0f + 0.5f, I8);
+    const F8 x = (rotations - __builtin_convertvector(quarter, F8) * 0.25f) * 6.28318530718f, q = x * x;
     const F8 s = x * (1.0f + q * (-1 / 6.0f + q * (1 / 120.0f + q * (-1 / 5040.0f + q * (1 / 362880.0f)))));
     const F8 c = 1.0f + q * (-0.5f + q * (1 / 24.0f + q * (-1 / 720.0f + q * (1 / 40320.0f + q * (-1 / 3628800.0f)))));
     const I8 odd = (quarter & 1) != 0, sineDown = (quarter & 2) != 0, cosineDown = ((quarter + 1) & 2) != 0;

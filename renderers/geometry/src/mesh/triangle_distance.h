@@ -45,10 +45,10 @@ inline Weights nearest(const Vec3d& p, const Triangle& t) {
     const double s = nearestOnSegment(p, t.a, t.b), r = nearestOnSegment(p, t.a, t.c),
                  q = nearestOnSegment(p, t.b, t.c);
     Weights best{s, 0};
-    double least = std::numeric_limits<double>::infinity();
+    double minimum = std::numeric_limits<double>::infinity();
     for (const Weights w : {Weights{s, 0}, Weights{0, r}, Weights{1 - q, q}}) {
         const Vec3d d = t.at(w.u, w.v) - p;
-        if (const double squared = glm::dot(d, d); squared < least) least = squared, best = w;
+        if (const double squared = glm::dot(d, d); squared < minimum) minimum = squared, best = w;
     }
     return best;
 }

@@ -11,7 +11,7 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr int kMostSegments = 64;  // of one curve
+constexpr int kMaxSegments = 64;  // of one curve
 
 /// Appends points on the curve after its start, its end included.
 void flattenCurve(const Vec2d* p, int degree, double tolerance, std::vector<Vec2d>& out) {
@@ -20,7 +20,7 @@ void flattenCurve(const Vec2d* p, int degree, double tolerance, std::vector<Vec2
     if (degree == 2) bend = 2 * glm::length(p[0] - 2.0 * p[1] + p[2]);
     if (degree == 3) bend = 6 * std::max(glm::length(p[0] - 2.0 * p[1] + p[2]), glm::length(p[1] - 2.0 * p[2] + p[3]));
     const double wanted = std::ceil(std::sqrt(bend / (8 * tolerance)));
-    const int n = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostSegments)));
+    const int n = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMaxSegments)));
     for (int i = 1; i < n; ++i) {
         const double t = static_cast<double>(i) / n, s = 1 - t;
         if (degree == 2)
@@ -85,8 +85,8 @@ GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance) {
         for (std::size_t i = 0; i < outline.size(); ++i) {
             if (outline[i] == outline[i == 0 ? outline.size() - 1 : i - 1]) continue;
             cut.points.push_back(outline[i]);
-            GLdouble place[3] = {outline[i].x, outline[i].y, 0};
-            gluTessVertex(tessellator, place, &cut.points.back());
+            GLdouble position[3] = {outline[i].x, outline[i].y, 0};
+            gluTessVertex(tessellator, position, &cut.points.back());
         }
         gluTessEndContour(tessellator);
     }

@@ -79,10 +79,10 @@ bool scanPoints(const Array<Vec3f>& points, Bounds& bounds) {
 bool isClearlyConvex(const Vec3f* p0, const Vec3f* p1, const Vec3f* p2, const Vec3f* p3) {
     const Vec3f e0 = *p1 - *p0, e1 = *p2 - *p1, e2 = *p3 - *p2, e3 = *p0 - *p3;
     const Vec3f normal = glm::cross(*p2 - *p0, *p3 - *p1);
-    const float least = 1e-3f * glm::dot(normal, normal);
-    return least > 1e-30f && glm::dot(normal, glm::cross(e0, e1)) > least &&
-           glm::dot(normal, glm::cross(e1, e2)) > least && glm::dot(normal, glm::cross(e2, e3)) > least &&
-           glm::dot(normal, glm::cross(e3, e0)) > least;
+    const float minimum = 1e-3f * glm::dot(normal, normal);
+    return minimum > 1e-30f && glm::dot(normal, glm::cross(e0, e1)) > minimum &&
+           glm::dot(normal, glm::cross(e1, e2)) > minimum && glm::dot(normal, glm::cross(e2, e3)) > minimum &&
+           glm::dot(normal, glm::cross(e3, e0)) > minimum;
 }
 
 }  // namespace
@@ -121,7 +121,7 @@ bool FacePlan::cutsAlike(const Array<Vec3f>& points, PolygonCutter& cutter) cons
 
 DeformingSurface::DeformingSurface(const ComposedParams& params)
     : params_(params), normals_(creaseAngleOf(params), true) {
-    Mesh made = std::visit(
+    Mesh created = std::visit(
         [&](const auto& p) {
             if constexpr (std::is_same_v<std::decay_t<decltype(p)>, IndexedFaceSetParams>)
                 return tessellateFaces(p, &plan_);
@@ -129,10 +129,10 @@ DeformingSurface::DeformingSurface(const ComposedParams& params)
                 return tessellateSet(p, &plan_);
         },
         params);
-    generatesNormals_ = made.normals.present() && surfaceOf(params).normal.empty();
-    usesAllPoints_ = usesAll(made);
-    made.anchor = surfaceOf(params).anchor;
-    mesh_ = std::make_shared<Mesh>(std::move(made));
+    generatesNormals_ = created.normals.present() && surfaceOf(params).normal.empty();
+    usesAllPoints_ = usesAll(created);
+    created.anchor = surfaceOf(params).anchor;
+    mesh_ = std::make_shared<Mesh>(std::move(created));
     std::visit([](auto& p) { p.coord = {}; }, params_);
 }
 

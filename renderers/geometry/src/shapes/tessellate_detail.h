@@ -22,7 +22,7 @@ namespace rtsg::detail {
 
 constexpr float kLargestCoordinate = 1e18f;  // Embree ignores triangles beyond 1.8e18
 /// More vertices than this are refused: products of dimensions in a small file must not fill the memory.
-constexpr std::size_t kMostVertices = std::size_t{1} << 27;
+constexpr std::size_t kMaxVertices = std::size_t{1} << 27;
 
 /// Finite and in range; false for NaN.
 inline bool usable(float x) {
@@ -97,7 +97,7 @@ inline bool isFlat(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
     return glm::cross(Vec3d(b) - exactly, Vec3d(c) - exactly) == Vec3d(0);
 }
 /// Says how many triangles of a mesh have none; they show nothing.
-void tellOfFlatTriangles(Mesh& mesh);
+void reportOfFlatTriangles(Mesh& mesh);
 
 /// Binds values by the corners' own index (per vertex when `index` is empty) or by faces (`index` maybe empty). Missing
 /// values and indices out of range are repaired, with a warning that names the field.

@@ -112,7 +112,7 @@ Frame rotationOf(Rotation rotation) {
     const Vec3d axis(rotation.x, rotation.y, rotation.z);
     const double length = glm::length(axis);
     if (!(length > 0) || !std::isfinite(length) || !std::isfinite(rotation.angle)) return Frame(1);
-    return turnMatrix(axis, double{rotation.angle});
+    return rotationMatrixOf(axis, double{rotation.angle});
 }
 
 /// One value holds for all points; a list that is too short goes on with its last value.
@@ -126,7 +126,7 @@ class Extruder {
     Extruder(Mesh& mesh, const ExtrusionParams& params) : mesh_(mesh), p_(params) {}
 
     void run() {
-        if (!check() || !placeRings()) return;
+        if (!check() || !layOutRings()) return;
         sides();
         const std::size_t sideCorners = out_.positionIndex.size();
         if (p_.beginCap) cap(0, false);
@@ -151,7 +151,7 @@ class Extruder {
         };
         if (points < 2 || sections < 2)
             return nothing(fmt::format("spine has {} points and crossSection {}, 2 are needed", points, sections));
-        if (points > detail::kMostVertices / sections)
+        if (points > detail::kMaxVertices / sections)
             return nothing(fmt::format("spine of {} points times crossSection of {} is too much", points, sections));
         const auto bad = [](auto point) { return !detail::usable(point); };
         if (std::any_of(p_.spine.begin(), p_.spine.end(), bad)) return nothing("spine is not finite");
@@ -172,7 +172,7 @@ class Extruder {
         return true;
     }
 
-    bool placeRings() {
+    bool layOutRings() {
         const std::vector<Frame> frames = spineFrames(p_.spine);
         for (std::size_t i = 0; i < frames.size(); ++i) {
             const Vec2f scale = valueAt(p_.scale, i, Vec2f(1));

@@ -137,7 +137,7 @@ Mesh detail::tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan)
         mesh.triangles = params.coordIndex;
         mesh.triangleStride = 4;
         mesh.triangleCount = static_cast<std::uint32_t>(count);
-        detail::tellOfFlatTriangles(mesh);
+        detail::reportOfFlatTriangles(mesh);
     } else {
         TopologyBuilder builder(params.coordIndex, params.ccw);
         const bool faceColors = !params.colorPerVertex && (!params.color.empty() || !params.colorRGBA.empty());

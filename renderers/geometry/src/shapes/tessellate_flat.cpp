@@ -96,12 +96,12 @@ Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& optio
         return mesh;
     }
     // 14.3.2: from startAngle counter-clockwise to endAngle; a full turn or equal angles give the whole circle.
-    const double turn = 2 * std::numbers::pi;
+    const double rotation = 2 * std::numbers::pi;
     const double span = double{params.endAngle} - double{params.startAngle};
-    const bool whole = span == 0 || std::abs(span) >= turn - 1e-6;
-    double angle = whole ? turn : std::fmod(span, turn);
-    if (angle < 0) angle += turn;
-    const int n = std::max(1, static_cast<int>(std::ceil(options.segmentsAround() * angle / turn - 1e-6)));
+    const bool whole = span == 0 || std::abs(span) >= rotation - 1e-6;
+    double angle = whole ? rotation : std::fmod(span, rotation);
+    if (angle < 0) angle += rotation;
+    const int n = std::max(1, static_cast<int>(std::ceil(options.segmentsAround() * angle / rotation - 1e-6)));
     CornerMesh out;
     const auto add = [&](Vec2f direction) {
         out.addPosition(Vec3f(params.radius * direction, 0));

@@ -9,7 +9,7 @@ using detail::warn;
 
 namespace {
 
-constexpr std::size_t kMostFilledHeights = std::size_t{1} << 22;
+constexpr std::size_t kMaxFilledHeights = std::size_t{1} << 22;
 
 /// Two triangles a quadrilateral; those with a point that is not finite are left out. `faces`, if it is wanted: the
 /// quadrilateral of each triangle.
@@ -50,7 +50,7 @@ void cutQuadrilaterals(Mesh& mesh, bool ccw, std::size_t columns, std::size_t ro
 
 std::size_t detail::gridRowsToDraw(Mesh& mesh, std::size_t given, std::size_t columns, std::size_t rows) {
     if (given / columns >= rows) return rows;
-    const bool fill = rows <= kMostFilledHeights / columns;
+    const bool fill = rows <= kMaxFilledHeights / columns;
     warn(mesh, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: {}", given, columns, rows,
                            fill ? "the others are 0" : "only complete rows are drawn"));
     return fill ? rows : given / columns;

@@ -19,12 +19,7 @@ double cross(Vec2d a, Vec2d b) {
 class MonotoneCutter {
   public:
     MonotoneCutter(std::span<const Vec2d> points, std::vector<std::array<int, 3>>& out)
-        : p_(points),
-          n_(static_cast<Index>(points.size())),
-          out_(out),
-          status_(LeftOf{this}),
-          place_(n_),
-          helper_(n_) {}
+        : p_(points), n_(static_cast<Index>(points.size())), out_(out), status_(LeftOf{this}), rank_(n_), helper_(n_) {}
 
     bool run() {
         sweep();
@@ -83,7 +78,7 @@ class MonotoneCutter {
             consistent_ = false;
             return;
         }
-        place_[edge] = position;
+        rank_[edge] = position;
         inStatus_[edge] = true;
         helper_[edge] = edge;
     }
@@ -95,7 +90,7 @@ class MonotoneCutter {
             return;
         }
         joinMerge(i, edge);
-        status_.erase(place_[edge]);
+        status_.erase(rank_[edge]);
         inStatus_[edge] = false;
     }
     void joinMerge(Index i, Index edge) {
@@ -153,56 +148,57 @@ class MonotoneCutter {
 
     /// Walks each face of the polygon with its diagonals: at every corner the next way out, clockwise.
     void cutPieces() {
-        struct Way {
+        struct Branch {
             Index from, to;
             bool used = false;
         };
-        std::vector<Way> ways;
-        ways.reserve(n_ + 2 * diagonals_.size());
-        for (Index i = 0; i < n_; ++i) ways.push_back({i, next(i)});
+        std::vector<Branch> branches;
+        branches.reserve(n_ + 2 * diagonals_.size());
+        for (Index i = 0; i < n_; ++i) branches.push_back({i, next(i)});
         for (const auto& [a, b] : diagonals_) {
-            ways.push_back({a, b});
-            ways.push_back({b, a});
+            branches.push_back({a, b});
+            branches.push_back({b, a});
         }
         const auto upper = [](Vec2d d) { return d.y > 0 || (d.y == 0 && d.x > 0); };
-        std::sort(ways.begin(), ways.end(), [&](const Way& a, const Way& b) {
+        std::sort(branches.begin(), branches.end(), [&](const Branch& a, const Branch& b) {
             if (a.from != b.from) return a.from < b.from;
             const Vec2d da = p_[a.to] - p_[a.from], db = p_[b.to] - p_[b.from];
             if (upper(da) != upper(db)) return upper(da);
-            const double turn = cross(da, db);
-            return turn != 0 ? turn > 0 : a.to < b.to;
+            const double angle = cross(da, db);
+            return angle != 0 ? angle > 0 : a.to < b.to;
         });
-        std::vector<std::size_t> first(n_ + 1, ways.size());
-        for (std::size_t w = ways.size(); w-- > 0;) first[ways[w].from] = w;
+        std::vector<std::size_t> first(n_ + 1, branches.size());
+        for (std::size_t w = branches.size(); w-- > 0;) first[branches[w].from] = w;
 
         std::vector<Index> piece;
-        for (std::size_t start = 0; start < ways.size(); ++start) {
-            if (ways[start].used) continue;
+        for (std::size_t start = 0; start < branches.size(); ++start) {
+            if (branches[start].used) continue;
             piece.clear();
-            for (std::size_t w = start; !ways[w].used;) {
-                ways[w].used = true;
-                piece.push_back(ways[w].from);
-                w = wayOut(ways, first, ways[w].from, ways[w].to);
+            for (std::size_t w = start; !branches[w].used;) {
+                branches[w].used = true;
+                piece.push_back(branches[w].from);
+                w = exitDistance(branches, first, branches[w].from, branches[w].to);
             }
             cutMonotone(piece);
             if (!consistent_) return;
         }
     }
-    template <class Ways>
-    std::size_t wayOut(const Ways& ways, const std::vector<std::size_t>& first, Index from, Index at) const {
+    template <class Branches>
+    std::size_t exitDistance(const Branches& branches, const std::vector<std::size_t>& first, Index from,
+                             Index at) const {
         const std::size_t begin = first[at], end = first[at + 1];
         // Few ways leave most corners; where many do, they are sorted counter-clockwise.
         if (end - begin == 1) return begin;
         const Vec2d back = p_[from] - p_[at];
         const auto upper = [](Vec2d d) { return d.y > 0 || (d.y == 0 && d.x > 0); };
         const auto position =
-            std::partition_point(ways.begin() + static_cast<std::ptrdiff_t>(begin),
-                                 ways.begin() + static_cast<std::ptrdiff_t>(end), [&](const auto& way) {
-                                     const Vec2d d = p_[way.to] - p_[at];
+            std::partition_point(branches.begin() + static_cast<std::ptrdiff_t>(begin),
+                                 branches.begin() + static_cast<std::ptrdiff_t>(end), [&](const auto& branch) {
+                                     const Vec2d d = p_[branch.to] - p_[at];
                                      if (upper(d) != upper(back)) return upper(d);
                                      return cross(d, back) > 0;
                                  });
-        const auto found = static_cast<std::size_t>(position - ways.begin());
+        const auto found = static_cast<std::size_t>(position - branches.begin());
         return found == begin ? end - 1 : found - 1;
     }
 
@@ -245,8 +241,8 @@ class MonotoneCutter {
             stack_.pop_back();
             auto last = top2;
             while (!stack_.empty()) {
-                const double turn = orientation(corner, last.first, stack_.back().first);
-                if (!(isLeft ? turn < 0 : turn > 0)) break;
+                const double angle = orientation(corner, last.first, stack_.back().first);
+                if (!(isLeft ? angle < 0 : angle > 0)) break;
                 add(corner, last.first, stack_.back().first);
                 last = stack_.back();
                 stack_.pop_back();
@@ -271,7 +267,7 @@ class MonotoneCutter {
     std::vector<std::array<int, 3>>& out_;
     bool consistent_ = true;
     Status status_;
-    std::vector<Status::iterator> place_;
+    std::vector<Status::iterator> rank_;
     std::vector<Index> helper_;
     std::vector<bool> inStatus_;
     std::vector<Kind> kinds_;

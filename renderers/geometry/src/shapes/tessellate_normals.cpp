@@ -213,7 +213,7 @@ void NormalGenerator::findGroups(const Mesh& mesh) {
     std::int32_t* out = index.mutableData();
     std::size_t values = vertices;
     CornerGroups groups;
-    std::vector<std::int32_t> placeOfRoot;
+    std::vector<std::int32_t> indexOfRoot;
     for (std::size_t v = 0; v < vertices; ++v) {
         const std::uint32_t begin = first_[v], end = first_[v + 1];
         groups.begin(end - begin);
@@ -234,12 +234,12 @@ void NormalGenerator::findGroups(const Mesh& mesh) {
             });
             if (remember_) pairEnd_.push_back(static_cast<std::uint32_t>(pairs_.size()));
         }
-        placeOfRoot.assign(end - begin, -1);
-        bool ownPlaceTaken = false;
+        indexOfRoot.assign(end - begin, -1);
+        bool ownSlotTaken = false;
         for (std::uint32_t i = begin; i < end; ++i) {
-            std::int32_t& place = placeOfRoot[groups.root(i - begin)];
-            if (place < 0) place = static_cast<std::int32_t>(std::exchange(ownPlaceTaken, true) ? values++ : v);
-            out[incident_[i]] = place;
+            std::int32_t& slot = indexOfRoot[groups.root(i - begin)];
+            if (slot < 0) slot = static_cast<std::int32_t>(std::exchange(ownSlotTaken, true) ? values++ : v);
+            out[incident_[i]] = slot;
         }
     }
     index_ = std::move(index);
@@ -254,11 +254,11 @@ MeshAttribute NormalGenerator::smoothWithinCrease(const Mesh& mesh) {
         same = isSmooth(checks_[i].a, checks_[i].b) == checks_[i].smooth;
     if (!same) findGroups(mesh);
     std::vector<Lanes> sums(values_, Lanes{});
-    const std::int32_t* place = index_.data();
+    const std::int32_t* index = index_.data();
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
         const Lanes normal{normals_[t].x, normals_[t].y, normals_[t].z, 0};
         for (std::size_t k = std::size_t{t} * 3; k < std::size_t{t} * 3 + 3; ++k)
-            sums[static_cast<std::size_t>(place[k])] += angles_[k] * normal;
+            sums[static_cast<std::size_t>(index[k])] += angles_[k] * normal;
     }
     if (values_ == mesh.positions.size())
         return MeshAttribute(directions(sums), MeshAttribute::Binding::vertex, mesh.triangles, mesh.triangleStride);

@@ -18,9 +18,9 @@ namespace rtsg::detail {
 
 namespace {
 
-constexpr int kMostPieces = 512;            // of one span between knots
-constexpr std::size_t kMostSamples = 4096;  // along one parameter
-constexpr int kProbes = 8;                  // places of a span where its bend is looked at
+constexpr int kMaxPieces = 512;            // of one span between knots
+constexpr std::size_t kMaxSamples = 4096;  // along one parameter
+constexpr int kProbes = 8;                 // places of a span where its bend is looked at
 
 std::span<const double> spanOf(const Array<double>& values) {
     return {values.data(), values.size()};
@@ -37,23 +37,23 @@ template <class At>
 double bendOf(double a, double b, const At& at) {
     const double h = (b - a) / kProbes;
     auto p0 = at(a), p1 = at(a + h);
-    double most = 0;
+    double maximum = 0;
     for (int k = 2; k <= kProbes; ++k) {
         const auto p2 = at(a + k * h);
-        most = std::max(most, glm::length(p0 - 2.0 * p1 + p2) / (h * h));
+        maximum = std::max(maximum, glm::length(p0 - 2.0 * p1 + p2) / (h * h));
         p0 = p1, p1 = p2;
     }
-    return most;
+    return maximum;
 }
 
 int piecesFor(double length, double bend, double error) {
     // A chord of length h in the parameter lies within h^2 |second derivative| / 8.
-    const double wanted = error > 0 ? std::ceil(length * std::sqrt(bend / (8 * error)) * 1.02) : kMostPieces;
-    return static_cast<int>(std::clamp(wanted, 1.0, double{kMostPieces}));
+    const double wanted = error > 0 ? std::ceil(length * std::sqrt(bend / (8 * error)) * 1.02) : kMaxPieces;
+    return static_cast<int>(std::clamp(wanted, 1.0, double{kMaxPieces}));
 }
 
 /// `pieces[i]` equal parts of each span, ends included.
-std::vector<double> places(const std::vector<double>& breaks, const std::vector<int>& pieces) {
+std::vector<double> parameters(const std::vector<double>& breaks, const std::vector<int>& pieces) {
     std::vector<double> result{breaks.front()};
     for (std::size_t i = 0; i + 1 < breaks.size(); ++i)
         for (int k = 1; k <= pieces[i]; ++k)
@@ -63,11 +63,11 @@ std::vector<double> places(const std::vector<double>& breaks, const std::vector<
 
 /// 27.2: a number above 0 is how many parts there are, one below how many for each control point. Empty: as the error
 /// says.
-std::vector<double> evenPlaces(const NurbsBasis& basis, std::int32_t tessellation) {
+std::vector<double> evenPositions(const NurbsBasis& basis, std::int32_t tessellation) {
     if (tessellation == 0) return {};
     const auto asked = static_cast<double>(tessellation);
     const double wanted = asked > 0 ? asked : -asked * static_cast<double>(basis.count());
-    const auto n = static_cast<std::size_t>(std::clamp(wanted, 1.0, static_cast<double>(kMostSamples)));
+    const auto n = static_cast<std::size_t>(std::clamp(wanted, 1.0, static_cast<double>(kMaxSamples)));
     std::vector<double> result;
     for (std::size_t i = 0; i <= n; ++i)
         result.push_back(basis.first() +
@@ -76,20 +76,20 @@ std::vector<double> evenPlaces(const NurbsBasis& basis, std::int32_t tessellatio
 }
 
 template <class Curve>
-std::vector<double> curvePlaces(const NurbsBasis& basis, std::int32_t tessellation, double error, const Curve& at) {
-    if (auto even = evenPlaces(basis, tessellation); !even.empty()) return even;
+std::vector<double> curvePositions(const NurbsBasis& basis, std::int32_t tessellation, double error, const Curve& at) {
+    if (auto even = evenPositions(basis, tessellation); !even.empty()) return even;
     const std::vector<double> breaks = basis.breaks();
     std::vector<int> pieces;
     for (std::size_t i = 0; i + 1 < breaks.size(); ++i)
         pieces.push_back(piecesFor(breaks[i + 1] - breaks[i], bendOf(breaks[i], breaks[i + 1], at), error));
-    return places(breaks, pieces);
+    return parameters(breaks, pieces);
 }
 
 /// How finely a surface is cut along both parameters.
 class Cuts {
   public:
     Cuts(const NurbsSurface& s, std::int32_t tessellationU, std::int32_t tessellationV, double error)
-        : us(evenPlaces(s.u, tessellationU)), vs(evenPlaces(s.v, tessellationV)) {
+        : us(evenPositions(s.u, tessellationU)), vs(evenPositions(s.v, tessellationV)) {
         // The bound for two triangles is h_u^2 |S_uu| + 2 h_u h_v |S_uv| + h_v^2 |S_vv| <= 8 error (Filip, Magedson and
         // Markot 1986), half of it for the twist.
         const std::vector<double> breaksU = s.u.breaks(), breaksV = s.v.breaks();
@@ -108,8 +108,8 @@ class Cuts {
             piecesV.push_back(piecesFor(breaksV[i + 1] - breaksV[i], bend, error / 4));
         }
         twist(s, breaksU, breaksV, error, piecesU, piecesV);
-        if (us.empty()) us = places(breaksU, piecesU);
-        if (vs.empty()) vs = places(breaksV, piecesV);
+        if (us.empty()) us = parameters(breaksU, piecesU);
+        if (vs.empty()) vs = parameters(breaksV, piecesV);
     }
     std::vector<double> us, vs;
 
@@ -117,27 +117,27 @@ class Cuts {
     /// Places to look at: some in each span, but not too many.
     static std::vector<double> probes(const std::vector<double>& breaks) {
         const int n = breaks.size() > 40 ? 1 : 4;
-        return places(breaks, std::vector<int>(breaks.size(), n));
+        return parameters(breaks, std::vector<int>(breaks.size(), n));
     }
     static void twist(const NurbsSurface& s, const std::vector<double>& breaksU, const std::vector<double>& breaksV,
                       double error, std::vector<int>& piecesU, std::vector<int>& piecesV) {
         for (std::size_t i = 0; i + 1 < breaksU.size(); ++i)
             for (std::size_t j = 0; j + 1 < breaksV.size(); ++j) {
                 const double a = breaksU[i], du = breaksU[i + 1] - a, b = breaksV[j], dv = breaksV[j + 1] - b;
-                double most = 0;
+                double maximum = 0;
                 constexpr int n = 3;
                 for (int x = 0; x < n; ++x)
                     for (int y = 0; y < n; ++y) {
                         const auto at = [&](int p, int q) { return s.at(a + du * p / n, b + dv * q / n); };
                         const Vec3d mixed = at(x + 1, y + 1) - at(x, y + 1) - at(x + 1, y) + at(x, y);
-                        most = std::max(most, glm::length(mixed) * n * n);
+                        maximum = std::max(maximum, glm::length(mixed) * n * n);
                     }
                 // du dv |S_uv| / (pieces u pieces v) / 4 <= error / 2
-                const double ratio = most / (2 * error * piecesU[i] * piecesV[j]);
+                const double ratio = maximum / (2 * error * piecesU[i] * piecesV[j]);
                 if (!(ratio > 1)) continue;
                 const double factor = std::sqrt(ratio);
                 for (int* p : {&piecesU[i], &piecesV[j]})
-                    *p = static_cast<int>(std::min(std::ceil(*p * factor), double{kMostPieces}));
+                    *p = static_cast<int>(std::min(std::ceil(*p * factor), double{kMaxPieces}));
             }
     }
 };
@@ -246,9 +246,9 @@ class SurfaceMesher {
     void trimmed(const Cuts& cuts, const std::vector<Contour>& contours) {
         const std::size_t nu = cuts.us.size() - 1, nv = cuts.vs.size() - 1;
         std::vector<bool> crossed(nu * nv);
-        const auto cellOf = [](const std::vector<double>& places, double x) {
-            const auto after = std::upper_bound(places.begin(), places.end(), x) - places.begin();
-            return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(after - 1, 0, std::ssize(places) - 2));
+        const auto cellOf = [](const std::vector<double>& parameters, double x) {
+            const auto after = std::upper_bound(parameters.begin(), parameters.end(), x) - parameters.begin();
+            return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(after - 1, 0, std::ssize(parameters) - 2));
         };
         for (const Contour& c : contours)
             for (std::size_t k = 0; k < c.size(); ++k) {
@@ -282,15 +282,15 @@ class SurfaceMesher {
         if (!isNew) return found->second;
         out_.addPosition(Vec3f(s_.at(at.x, at.y)));
         out_.addNormal(Vec3f(s_.normal(at.x, at.y)) * (t_.ccw ? 1.0f : -1.0f));
-        const Vec2d share((at.x - s_.u.first()) / (s_.u.last() - s_.u.first()),
-                          (at.y - s_.v.first()) / (s_.v.last() - s_.v.first()));
+        const Vec2d fraction((at.x - s_.u.first()) / (s_.u.last() - s_.u.first()),
+                             (at.y - s_.v.first()) / (s_.v.last() - s_.v.first()));
         if (t_.coordinates.points.empty()) {
-            out_.addTexCoord(Vec2f(share));
+            out_.addTexCoord(Vec2f(fraction));
         } else {
             const NurbsBasis& u = t_.coordinates.u;
             const NurbsBasis& v = t_.coordinates.v;
-            out_.addTexCoord(Vec2f(t_.coordinates.at(u.first() + share.x * (u.last() - u.first()),
-                                                     v.first() + share.y * (v.last() - v.first()))));
+            out_.addTexCoord(Vec2f(t_.coordinates.at(u.first() + fraction.x * (u.last() - u.first()),
+                                                     v.first() + fraction.y * (v.last() - v.first()))));
         }
         return found->second;
     }
@@ -315,7 +315,7 @@ class SurfaceMesher {
             triangle(add(corners[k]), add(corners[k + 1]), add(corners[k + 2]));
     }
 
-    struct PlaceHash {
+    struct UvHash {
         std::size_t operator()(const std::pair<double, double>& p) const {
             return std::hash<double>()(p.first) * 31 + std::hash<double>()(p.second);
         }
@@ -323,7 +323,7 @@ class SurfaceMesher {
     const NurbsSurface& s_;
     const SurfaceTexture& t_;
     CornerMesh out_;
-    std::unordered_map<std::pair<double, double>, int, PlaceHash> known_;
+    std::unordered_map<std::pair<double, double>, int, UvHash> known_;
 };
 
 // ---- nodes --------------------------------------------------------------------------------------------------------
@@ -392,13 +392,13 @@ class NurbsReader {
             }
         return list;
     }
-    void tellOfKnots(int order, std::size_t count, const Array<double>& knots, const char* name) {
+    void reportOfKnots(int order, std::size_t count, const Array<double>& knots, const char* name) {
         if (!knots.empty())
             warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
                                     order));
     }
     /// Warns unless there are as many weights as control points, or none, in which case all are 1.
-    void tellOfWeights(std::size_t weights, std::size_t points) {
+    void reportOfWeights(std::size_t weights, std::size_t points) {
         if (weights != 0 && weights != points)
             warn(mesh_, fmt::format("{} weights for {} control points: those that are missing are 1", weights, points));
     }
@@ -410,7 +410,7 @@ class NurbsReader {
             warn(mesh_,
                  fmt::format("{} control points{} for an order of {}: it is from 2 to {}, and there are as many points "
                              "at least; nothing is drawn",
-                             count, name, order, NurbsBasis::kMostOrder));
+                             count, name, order, NurbsBasis::kMaxOrder));
             return false;
         }
         if (even) knots = {};
@@ -426,9 +426,9 @@ class NurbsReader {
     bool make(std::vector<Vec3d> list, const Array<double>& weight, const Array<double>& knot, int order, bool closed,
               NurbsCurve& out) {
         std::vector<double> weights(weight.begin(), weight.end());
-        tellOfWeights(weights.size(), list.size());
+        reportOfWeights(weights.size(), list.size());
         const bool even = takesEvenKnots(order, list.size(), spanOf(knot));
-        if (even) tellOfKnots(order, list.size(), knot, "");
+        if (even) reportOfKnots(order, list.size(), knot, "");
         const bool around = closed && even && closeEvenly(order, list, weights);
         out.points = nurbsPoints(list, weights);
         return basis(order, list.size(), spanOf(knot), "", even, around, out.basis);
@@ -458,7 +458,7 @@ class NurbsReader {
 
     std::vector<Vec3d> sampled(const NurbsCurve& c, std::int32_t tessellation, double allowed) {
         std::vector<Vec3d> result;
-        for (const double u : curvePlaces(c.basis, tessellation, allowed, [&](double x) { return c.at(x); }))
+        for (const double u : curvePositions(c.basis, tessellation, allowed, [&](double x) { return c.at(x); }))
             result.push_back(c.at(u));
         return result;
     }
@@ -475,10 +475,10 @@ class NurbsReader {
         add(tessellate(line));
         mesh_.curveSize = static_cast<float>(halfDiagonal(c.points));
     }
-    void add(Mesh made) {
-        mesh_.diagnostics.append(made.diagnostics);
-        made.diagnostics = std::move(mesh_.diagnostics);
-        mesh_ = std::move(made);
+    void add(Mesh created) {
+        mesh_.diagnostics.append(created.diagnostics);
+        created.diagnostics = std::move(mesh_.diagnostics);
+        mesh_ = std::move(created);
     }
 
     std::vector<Contour> contours() {
@@ -512,14 +512,14 @@ class NurbsReader {
         }
         list.resize(nu * nv);
         std::vector<double> weights(node_.get(T::weight).begin(), node_.get(T::weight).end());
-        tellOfWeights(weights.size(), list.size());
+        reportOfWeights(weights.size(), list.size());
         weights.resize(list.size(), 1);
         const int orderU = node_.get(T::uOrder), orderV = node_.get(T::vOrder);
         const std::size_t plainU = nu, plainV = nv;
         const auto knotsU = spanOf(node_.get(T::uKnot)), knotsV = spanOf(node_.get(T::vKnot));
         const bool evenU = takesEvenKnots(orderU, nu, knotsU), evenV = takesEvenKnots(orderV, nv, knotsV);
-        if (evenU) tellOfKnots(orderU, nu, node_.get(T::uKnot), " along u");
-        if (evenV) tellOfKnots(orderV, nv, node_.get(T::vKnot), " along v");
+        if (evenU) reportOfKnots(orderU, nu, node_.get(T::uKnot), " along u");
+        if (evenV) reportOfKnots(orderV, nv, node_.get(T::vKnot), " along v");
         const bool aroundU = node_.get(T::uClosed) && evenU && closeU(orderU, nu, nv, list, weights);
         const bool aroundV = node_.get(T::vClosed) && evenV && closeV(orderV, nu, nv, list, weights);
         if (!basis(orderU, nu, knotsU, " along u", evenU, aroundU, s.u) ||
@@ -583,7 +583,7 @@ class NurbsReader {
             for (const Vec2f& p : node->get(T::controlPoint)) list.emplace_back(p.x, p.y, 0);
             const auto nu = static_cast<std::size_t>(std::max(node->get(T::uDimension), 0)),
                        nv = static_cast<std::size_t>(std::max(node->get(T::vDimension), 0));
-            NurbsSurface made;
+            NurbsSurface created;
             if (nu == 0 || list.size() / nu < nv) {
                 warn(mesh_, fmt::format("texCoord: {} control points for {} times {}: not used", list.size(), nu, nv));
                 return;
@@ -592,14 +592,14 @@ class NurbsReader {
             const auto alongSide = [&](int order, std::size_t count, const Array<double>& knots, const char* name,
                                        NurbsBasis& to) {
                 const bool even = takesEvenKnots(order, count, spanOf(knots));
-                if (even) tellOfKnots(order, count, knots, name);
+                if (even) reportOfKnots(order, count, knots, name);
                 return basis(order, count, spanOf(knots), name, even, false, to);
             };
-            if (!alongSide(node->get(T::uOrder), nu, node->get(T::uKnot), " of texCoord along u", made.u) ||
-                !alongSide(node->get(T::vOrder), nv, node->get(T::vKnot), " of texCoord along v", made.v))
+            if (!alongSide(node->get(T::uOrder), nu, node->get(T::uKnot), " of texCoord along u", created.u) ||
+                !alongSide(node->get(T::vOrder), nv, node->get(T::vKnot), " of texCoord along v", created.v))
                 return;
-            made.points = nurbsPoints(list, spanOf(node->get(T::weight)));
-            out.coordinates = std::move(made);
+            created.points = nurbsPoints(list, spanOf(node->get(T::weight)));
+            out.coordinates = std::move(created);
         } else {
             warn(mesh_, fmt::format("texCoord: {} is not supported here and left out", node->type().name));
         }
@@ -609,7 +609,7 @@ class NurbsReader {
                  std::int32_t tessellationV, const std::vector<Contour>& trim) {
         double allowed = error(s.points);
         Cuts cuts(s, tessellationU, tessellationV, allowed);
-        while (cuts.us.size() * cuts.vs.size() > kMostVertices / 32) {
+        while (cuts.us.size() * cuts.vs.size() > kMaxVertices / 32) {
             allowed *= 4;
             warn(mesh_,
                  fmt::format("cut less finely than asked for: {} times {} points", cuts.us.size(), cuts.vs.size()));
@@ -620,12 +620,13 @@ class NurbsReader {
             mesher.grid(cuts);
         else
             mesher.trimmed(cuts, trim);
-        Mesh made;
-        mesher.finish(made);
-        if (made.empty() && !trim.empty())
-            warn(made, fmt::format("nothing of it is within its trimming contours, over a domain from {} {} to {} {}",
-                                   s.u.first(), s.v.first(), s.u.last(), s.v.last()));
-        add(std::move(made));
+        Mesh created;
+        mesher.finish(created);
+        if (created.empty() && !trim.empty())
+            warn(created,
+                 fmt::format("nothing of it is within its trimming contours, over a domain from {} {} to {} {}",
+                             s.u.first(), s.v.first(), s.u.last(), s.v.last()));
+        add(std::move(created));
         // Twice the size, as for a Sphere, since the errors of both directions may add up.
         mesh_.curveSize = static_cast<float>(2 * halfDiagonal(s.points));
     }
@@ -633,10 +634,10 @@ class NurbsReader {
     /// The cross section along the trajectory, as an Extrusion has it along its spine (27.4.11).
     void swept() {
         using S = x3d::NurbsSweptSurface;
-        NurbsCurve section, way;
+        NurbsCurve section, curve;
         std::int32_t tessellation = 0;
         const Node* trajectory = scene_.effectiveNode(node_.get(S::trajectoryCurve));
-        if (!trajectory || !trajectory->is(x3d::NurbsCurve::type) || !readCurve(*trajectory, way) ||
+        if (!trajectory || !trajectory->is(x3d::NurbsCurve::type) || !readCurve(*trajectory, curve) ||
             !readFlat(node_.get(S::crossSectionCurve), section, tessellation)) {
             warn(mesh_, "it has no trajectory or no cross section: nothing is drawn");
             return;
@@ -645,9 +646,9 @@ class NurbsReader {
         p.crossSection = {}, p.spine = {};
         for (const Vec3d& at : sampled(section, tessellation, error(section.points)))
             p.crossSection.push_back(Vec2f(Vec2d(at)));
-        const double size = halfDiagonal(way.points) + halfDiagonal(section.points);
+        const double size = halfDiagonal(curve.points) + halfDiagonal(section.points);
         for (const Vec3d& at :
-             sampled(way, trajectory->get(x3d::NurbsCurve::tessellation), double{options_.chordError} * size))
+             sampled(curve, trajectory->get(x3d::NurbsCurve::tessellation), double{options_.chordError} * size))
             p.spine.push_back(Vec3f(at));
         p.beginCap = p.endCap = false;
         p.ccw = node_.get(S::ccw), p.solid = node_.get(S::solid);
@@ -659,15 +660,15 @@ class NurbsReader {
     /// The profile turned and stretched by the trajectory (27.4.12): (p.x t.x, p.y, p.x t.y).
     void swung() {
         using S = x3d::NurbsSwungSurface;
-        NurbsCurve profile, way;
+        NurbsCurve profile, curve;
         std::int32_t tessellationU = 0, tessellationV = 0;
         if (!readFlat(node_.get(S::profileCurve), profile, tessellationU) ||
-            !readFlat(node_.get(S::trajectoryCurve), way, tessellationV)) {
+            !readFlat(node_.get(S::trajectoryCurve), curve, tessellationV)) {
             warn(mesh_, "it has no profile or no trajectory: nothing is drawn");
             return;
         }
-        NurbsSurface s{profile.basis, way.basis, {}};
-        for (const Vec4d& t : way.points)
+        NurbsSurface s{profile.basis, curve.basis, {}};
+        for (const Vec4d& t : curve.points)
             for (const Vec4d& p : profile.points) s.points.emplace_back(p.x * t.x, p.y * t.w, p.x * t.y, p.w * t.w);
         SurfaceTexture texture;
         texture.ccw = node_.get(S::ccw), texture.solid = node_.get(S::solid);

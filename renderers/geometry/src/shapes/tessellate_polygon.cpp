@@ -19,7 +19,7 @@ Vec3d newellNormal(std::span<const Vec3f> points) {
 
 constexpr std::size_t kLongestOutlineForGlu = 30000;
 
-double turn(Vec2d a, Vec2d b, Vec2d c) {
+double orientation(Vec2d a, Vec2d b, Vec2d c) {
     return (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x);
 }
 
@@ -37,7 +37,7 @@ bool isConvex(std::span<const Vec2d> p) {
         }
     if (signChanges > 2) return false;
     for (std::size_t i = 0; i < n; ++i)
-        if (turn(p[i], p[(i + 1) % n], p[(i + 2) % n]) < -1e-9) return false;
+        if (orientation(p[i], p[(i + 1) % n], p[(i + 2) % n]) < -1e-9) return false;
     return true;
 }
 
@@ -145,8 +145,8 @@ PolygonCutter::Outcome PolygonCutter::cutFlat(std::vector<std::array<int, 3>>& t
         // One reflex corner: the diagonal from it is inside. Two: the sides cross.
         int reflex = -1, count = 0;
         for (int i = 0; i < 4; ++i)
-            if (turn(flat_[static_cast<std::size_t>((i + 3) % 4)], flat_[static_cast<std::size_t>(i)],
-                     flat_[static_cast<std::size_t>((i + 1) % 4)]) < 0) {
+            if (orientation(flat_[static_cast<std::size_t>((i + 3) % 4)], flat_[static_cast<std::size_t>(i)],
+                            flat_[static_cast<std::size_t>((i + 1) % 4)]) < 0) {
                 reflex = i;
                 ++count;
             }

@@ -26,11 +26,11 @@ namespace {
 
 /// cos and sin of k/n of a turn, seen from +Y, counted from the seam at -Z towards -X, as textures wrap.
 /// x = -sin, z = -cos. Computed in one octant's range, so that quarter turns are exact and opposite points agree.
-struct Turn {
+struct SinCos {
     float x, z;
 };
-std::vector<Turn> turns(int n) {
-    std::vector<Turn> result(static_cast<std::size_t>(n) + 1);
+std::vector<SinCos> angles(int n) {
+    std::vector<SinCos> result(static_cast<std::size_t>(n) + 1);
     for (int k = 0; k <= n; ++k) {
         const int m = k % n;
         double s = portable::sin(2.0 * std::numbers::pi * m / n), c = portable::cos(2.0 * std::numbers::pi * m / n);
@@ -43,14 +43,14 @@ std::vector<Turn> turns(int n) {
 
 /// A cap at height y, facing +Y or -Y, over ring positions ringStart ... ringStart + n - 1.
 /// Upright when the top is tilted towards +Z (top cap) or -Z (bottom cap), 13.3.2 and 13.3.3.
-void addCap(CornerMesh& out, const std::vector<Turn>& ring, int ringStart, float y, bool top) {
+void addCap(CornerMesh& out, const std::vector<SinCos>& ring, int ringStart, float y, bool top) {
     const int n = static_cast<int>(ring.size()) - 1;
     const int center = out.addPosition({0, y, 0});
     const int normal = out.addNormal({0, top ? 1.0f : -1.0f, 0});
     const int centerTexCoord = out.addTexCoord({0.5f, 0.5f});
     const int firstTexCoord = static_cast<int>(out.texCoords.size());
     for (int k = 0; k < n; ++k) {
-        const Turn t = ring[static_cast<std::size_t>(k)];
+        const SinCos t = ring[static_cast<std::size_t>(k)];
         out.addTexCoord({0.5f + 0.5f * t.x, 0.5f + (top ? -0.5f : 0.5f) * t.z});
     }
     for (int k = 0; k < n; ++k) {
@@ -106,7 +106,7 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
     mesh.curveSize = 2 * params.radius;  // across the diagonal of two triangles both directions' errors add up
     const int n = options.segmentsAround();
     const int rings = std::max(n / 2, 2);
-    const std::vector<Turn> turn = turns(n);
+    const std::vector<SinCos> angle = angles(n);
 
     // Positions: the south pole, rings - 1 circles of n, the north pole. Texture seam at the back, t from south.
     CornerMesh out;
@@ -120,7 +120,7 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
         const float y = 2 * j == rings ? 0.0f : static_cast<float>(portable::sin(latitude));
         const float r = 2 * j == rings ? 1.0f : static_cast<float>(portable::cos(latitude));
         for (int k = 0; k < n; ++k)
-            addPoint({r * turn[static_cast<std::size_t>(k)].x, y, r * turn[static_cast<std::size_t>(k)].z});
+            addPoint({r * angle[static_cast<std::size_t>(k)].x, y, r * angle[static_cast<std::size_t>(k)].z});
     }
     addPoint({0, 1, 0});
     for (int j = 0; j <= rings; ++j) {
@@ -159,23 +159,23 @@ Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
         return mesh;
     mesh.curveSize = params.bottomRadius;
     const int n = options.segmentsAround();
-    const std::vector<Turn> turn = turns(n), between = turns(2 * n);
+    const std::vector<SinCos> angle = angles(n), between = angles(2 * n);
     const float r = params.bottomRadius, y = 0.5f * params.height;
     CornerMesh out;
     for (int k = 0; k < n; ++k)
-        out.addPosition({r * turn[static_cast<std::size_t>(k)].x, -y, r * turn[static_cast<std::size_t>(k)].z});
+        out.addPosition({r * angle[static_cast<std::size_t>(k)].x, -y, r * angle[static_cast<std::size_t>(k)].z});
     if (params.side) {
         const int apex = out.addPosition({0, y, 0});
         // The normal leans by the slope; at the apex it is that of the middle of the segment.
         const double slant = portable::hypot(double{params.height}, double{r});
         const auto across = static_cast<float>(params.height / slant), up = static_cast<float>(r / slant);
-        for (const Turn t : between) out.addNormal({across * t.x, up, across * t.z});
+        for (const SinCos t : between) out.addNormal({across * t.x, up, across * t.z});
         for (int k = 0; k <= n; ++k) out.addTexCoord({static_cast<float>(k) / static_cast<float>(n), 0.0f});
         for (int k = 0; k < n; ++k) out.addTexCoord({(static_cast<float>(k) + 0.5f) / static_cast<float>(n), 1.0f});
         for (int k = 0; k < n; ++k)
             out.addTriangle({k, 2 * k, k}, {(k + 1) % n, 2 * k + 2, k + 1}, {apex, 2 * k + 1, n + 1 + k});
     }
-    if (params.bottom) addCap(out, turn, 0, -y, false);
+    if (params.bottom) addCap(out, angle, 0, -y, false);
     out.finish(mesh);
     return mesh;
 }
@@ -187,14 +187,15 @@ Mesh tessellate(const CylinderParams& params, const TessellationOptions& options
         return mesh;
     mesh.curveSize = params.radius;
     const int n = options.segmentsAround();
-    const std::vector<Turn> turn = turns(n);
+    const std::vector<SinCos> angle = angles(n);
     const float r = params.radius, y = 0.5f * params.height;
     CornerMesh out;
     for (const float level : {-y, y})
         for (int k = 0; k < n; ++k)
-            out.addPosition({r * turn[static_cast<std::size_t>(k)].x, level, r * turn[static_cast<std::size_t>(k)].z});
+            out.addPosition(
+                {r * angle[static_cast<std::size_t>(k)].x, level, r * angle[static_cast<std::size_t>(k)].z});
     if (params.side) {
-        for (const Turn t : turn) out.addNormal({t.x, 0, t.z});
+        for (const SinCos t : angle) out.addNormal({t.x, 0, t.z});
         for (const float level : {0.0f, 1.0f})
             for (int k = 0; k <= n; ++k) out.addTexCoord({static_cast<float>(k) / static_cast<float>(n), level});
         for (int k = 0; k < n; ++k) {
@@ -202,8 +203,8 @@ Mesh tessellate(const CylinderParams& params, const TessellationOptions& options
             out.addQuad({k, k, k}, {next, k + 1, k + 1}, {n + next, k + 1, n + 1 + k + 1}, {n + k, k, n + 1 + k});
         }
     }
-    if (params.top) addCap(out, turn, n, y, true);
-    if (params.bottom) addCap(out, turn, 0, -y, false);
+    if (params.top) addCap(out, angle, n, y, true);
+    if (params.bottom) addCap(out, angle, 0, -y, false);
     out.finish(mesh);
     return mesh;
 }

@@ -169,7 +169,7 @@ Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
         mesh.triangleCount = static_cast<std::uint32_t>(index.size() / 3);
         if (index.size() % 3 || (!isIndexed(params.kind) && points % 3))
             warn(mesh, "points left over, too few for a triangle");
-        detail::tellOfFlatTriangles(mesh);
+        detail::reportOfFlatTriangles(mesh);
     } else {
         TopologyBuilder builder(index, params.ccw);
         builder.reserve(index.size() / (plainTriangles ? 3 : 1), false);
@@ -188,8 +188,8 @@ Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
     detail::bindAttributes(mesh, topology, perVertex, {});
     // Without normals, normalPerVertex alone decides: smooth over the triangles that share a vertex, or faceted.
     // Points that are never shared give faceted normals anyway, so those are left out.
-    const bool canShare = params.kind != Kind::triangleSet;
-    if (!mesh.normals.present() && params.normalPerVertex && canShare)
+    const bool canReuse = params.kind != Kind::triangleSet;
+    if (!mesh.normals.present() && params.normalPerVertex && canReuse)
         mesh.normals = detail::generateNormals(mesh, std::numbers::pi_v<float>);
     return mesh;
 }

@@ -91,20 +91,20 @@ class StrokeBuilder {
         const Array<std::int32_t>* through = nullptr;
         if (lines && p_.indexed) through = !byLine ? &index : p_.colorIndex.empty() ? nullptr : &p_.colorIndex;
         std::size_t repairs = 0;
-        std::vector<std::int32_t>& places = byLine ? lines_ : corners_;
-        for (std::int32_t& place : places) {
-            std::size_t value = static_cast<std::size_t>(place);
+        std::vector<std::int32_t>& positions = byLine ? lines_ : corners_;
+        for (std::int32_t& slot : positions) {
+            std::size_t value = static_cast<std::size_t>(slot);
             if (through)
                 value = value < through->size() ? static_cast<std::uint32_t>((*through)[value]) : values.size();
             if (value >= values.size()) ++repairs, value = values.size() - 1;
-            place = static_cast<std::int32_t>(value);
+            slot = static_cast<std::int32_t>(value);
         }
         if (repairs > 0)
             warn(mesh_, fmt::format("color refers to values that do not exist: {} ends or lines use the last of the {} "
                                     "there are",
                                     repairs, values.size()));
         mesh_.colors = MeshAttribute(values, byLine ? MeshAttribute::Binding::face : MeshAttribute::Binding::corner,
-                                     detail::toArray(places), byLine ? 1 : 3);
+                                     detail::toArray(positions), byLine ? 1 : 3);
     }
 
     const StrokeParams& p_;
@@ -152,22 +152,22 @@ Mesh tessellate(const Arc2DParams& p, const TessellationOptions& options) {
                                detail::kLargestCoordinate));
         return none;
     }
-    constexpr double turn = 2 * std::numbers::pi;
+    constexpr double angle = 2 * std::numbers::pi;
     if (!usable(p.startAngle) || !usable(p.endAngle)) {
         warn(none, "startAngle and endAngle are not finite: nothing is drawn");
         return none;
     }
     // 14.3.1, as ArcClose2D: equal angles, or a whole turn between them, give the whole circle.
     const double span = double{p.endAngle} - double{p.startAngle};
-    double sweep = span == 0 || std::abs(span) >= turn - 1e-6 ? turn : std::fmod(span, turn);
-    if (sweep < 0) sweep += turn;
-    const int n = std::max(1, static_cast<int>(std::ceil(options.segmentsAround() * sweep / turn)));
+    double sweep = span == 0 || std::abs(span) >= angle - 1e-6 ? angle : std::fmod(span, angle);
+    if (sweep < 0) sweep += angle;
+    const int n = std::max(1, static_cast<int>(std::ceil(options.segmentsAround() * sweep / angle)));
     StrokeParams line;
     line.coord = Array<Vec3f>::ofSize(static_cast<std::size_t>(n) + 1);
     line.vertexCount = {n + 1};
     Vec3f* out = line.coord.mutableData();
     for (int i = 0; i <= n; ++i) {
-        const double a = p.startAngle + (sweep == turn && i == n ? 0 : sweep * i / n);
+        const double a = p.startAngle + (sweep == angle && i == n ? 0 : sweep * i / n);
         out[i] = p.radius * Vec3f(static_cast<float>(portable::cos(a)), static_cast<float>(portable::sin(a)), 0);
     }
     Mesh mesh = tessellate(line);

@@ -21,7 +21,7 @@ namespace {
 using Justify = TextParams::Justify;
 
 /// Fields of a file may ask for any number of glyphs; more triangles than this are left out, with a warning.
-constexpr std::size_t kMostTriangles = std::size_t{1} << 25;
+constexpr std::size_t kMaxTriangles = std::size_t{1} << 25;
 constexpr float kPoint = 96.0f / 72;      // pixels, of ScreenFontStyle: 96 pixels to the inch, as in CSS
 constexpr float kToleranceOfChord = .4f;  // of TessellationOptions' chord error, which is of a radius of half an em
 
@@ -124,14 +124,14 @@ std::uint32_t TextMaker::loadedFace(const Fonts& fonts, const TextParams& p, Mes
         warn(mesh, fmt::format("the font of {} is not used: {}", p.fontName, why));
         return FontRequest::kNone;
     }
-    if (faces_.size() == kMostFonts) faces_.erase(faces_.begin());
+    if (faces_.size() == kMaxFonts) faces_.erase(faces_.begin());
     faces_.emplace_back(p.font, face);
     return face;
 }
 
 /// MIDDLE puts the middle of the visible text on an axis: of each line along the lines, of all of them across. The
 /// other places are those of the font, so that lines stay where they are when their characters change.
-void TextMaker::placeLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& p) {
+void TextMaker::layOutLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& p) {
     const float down = p.topToBottom ? -p.spacing : p.spacing;
     const float last = down * static_cast<float>(lines.size() - 1);
     Extent all;
@@ -157,7 +157,7 @@ void TextMaker::placeLines(std::vector<Line>& lines, const FontChoice& font, con
 }
 
 /// By the visible shapes alone, because fonts made for lines have no metrics for columns.
-void TextMaker::placeColumns(std::vector<Line>& lines, const TextParams& p) {
+void TextMaker::layOutColumns(std::vector<Line>& lines, const TextParams& p) {
     const bool up = !p.topToBottom;
     const float right = p.leftToRight ? p.spacing : -p.spacing;
     Extent all;
@@ -224,9 +224,9 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
     if (missing > 0) warn(mesh, fmt::format("no installed font has {} of its characters", missing));
 
     if (p.horizontal)
-        placeLines(lines, font, p);
+        layOutLines(lines, font, p);
     else
-        placeColumns(lines, p);
+        layOutColumns(lines, p);
     for (Line& line : lines)
         for (PlacedGlyph& g : line.glyphs) {
             g.x = g.x * (p.horizontal ? line.stretch : 1) + line.at.x;
@@ -273,7 +273,7 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
         return mesh;
     }
     const Fonts& from = **loaded;
-    if (kept_ > kMostGlyphs) glyphs_.clear(), kept_ = 0;
+    if (kept_ > kMaxGlyphs) glyphs_.clear(), kept_ = 0;
     const std::vector<Line> lines = layOut(from, p, mesh);
 
     std::size_t points = 0, corners = 0;
@@ -285,8 +285,8 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
             points += shape.points.size(), corners += shape.triangles.size();
             shapes.push_back(&shape);
         }
-    if (corners / 3 > kMostTriangles) {
-        warn(mesh, fmt::format("its {} triangles are more than {}: it is not drawn", corners / 3, kMostTriangles));
+    if (corners / 3 > kMaxTriangles) {
+        warn(mesh, fmt::format("its {} triangles are more than {}: it is not drawn", corners / 3, kMaxTriangles));
         return mesh;
     }
     mesh.curveSize = kToleranceOfChord * p.size;
@@ -317,9 +317,9 @@ Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
         warn(none, "its size is out of range: it is not drawn");
         return none;
     }
-    TexCoords place;
-    place.sFromPosition = {1 / p.size, 0, 0, 0}, place.tFromPosition = {0, 1 / p.size, 0, 0};
-    mesh.texCoords.push_back(place);
+    TexCoords texCoords;
+    texCoords.sFromPosition = {1 / p.size, 0, 0, 0}, texCoords.tFromPosition = {0, 1 / p.size, 0, 0};
+    mesh.texCoords.push_back(texCoords);
     return mesh;
 }
 

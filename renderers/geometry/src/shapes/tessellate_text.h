@@ -1,6 +1,6 @@
 // TextMaker: Text nodes to meshes; each glyph is cut into triangles once and then copied.
 //
-// Invariant: what it makes does not depend on what it made before. Memory: at most kMostGlyphs of the last ones used.
+// Invariant: what it makes does not depend on what it made before. Memory: at most kMaxGlyphs of the last ones used.
 // Threading: one thread.
 #pragma once
 
@@ -32,7 +32,7 @@ GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance);
 
 class TextMaker {
   public:
-    static constexpr std::size_t kMostGlyphs = 16384;
+    static constexpr std::size_t kMaxGlyphs = 16384;
 
     Mesh make(const TextParams& params, const TessellationOptions& options);
     /// The measures that measureText() returns.
@@ -42,13 +42,13 @@ class TextMaker {
     struct Line;
     const GlyphMesh& glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance);
     std::uint32_t loadedFace(const Fonts& fonts, const TextParams& params, Mesh& mesh);
-    static void placeLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& params);
-    static void placeColumns(std::vector<Line>& lines, const TextParams& params);
+    static void layOutLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& params);
+    static void layOutColumns(std::vector<Line>& lines, const TextParams& params);
     std::vector<Line> layOut(const Fonts& fonts, const TextParams& params, Mesh& mesh);
 
     std::unordered_map<float, std::unordered_map<std::uint64_t, GlyphMesh>> glyphs_;  // by tolerance; face and glyph
     std::size_t kept_ = 0;
-    static constexpr std::size_t kMostFonts = 16;
+    static constexpr std::size_t kMaxFonts = 16;
     std::vector<std::pair<Array<std::int32_t>, std::uint32_t>> faces_;  // of the last fonts that were loaded
 };
 

@@ -55,7 +55,7 @@ bool scanTriangles(const Array<Vec3f>& positions, const std::int32_t* index, std
     return true;
 }
 
-void tellOfFlatTriangles(Mesh& mesh) {
+void reportOfFlatTriangles(Mesh& mesh) {
     std::size_t flat = 0;
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
         flat += isFlat(mesh.vertex(t, 0), mesh.vertex(t, 1), mesh.vertex(t, 2));

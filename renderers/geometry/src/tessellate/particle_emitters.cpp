@@ -15,18 +15,18 @@
 namespace rtsg::detail {
 
 namespace {
-constexpr int kMostTries = 256;  // to find a place in a volume
+constexpr int kMaxTries = 256;  // to find a place in a volume
 }
 
-Vec3d directionInCone(const Vec3d& axis, double least, KeyedNumbers& numbers) {
+Vec3d directionInCone(const Vec3d& axis, double minimum, KeyedNumbers& numbers) {
     const double length = glm::length(axis);
     const bool any = !(length > 0) || !std::isfinite(length);
     const Vec3d z = any ? Vec3d(0, 0, 1) : axis / length;
-    const double along = 1 - numbers.next() * (1 - (any ? -1 : least)), turn = 2 * std::numbers::pi * numbers.next();
-    if (!any && least >= 1) return z;
+    const double along = 1 - numbers.next() * (1 - (any ? -1 : minimum)), angle = 2 * std::numbers::pi * numbers.next();
+    if (!any && minimum >= 1) return z;
     const Vec3d x = glm::normalize(glm::cross(std::abs(z.x) < .5 ? Vec3d(1, 0, 0) : Vec3d(0, 1, 0), z));
     const double across = std::sqrt(std::max(0.0, 1 - along * along));
-    return z * along + (x * portable::cos(turn) + glm::cross(z, x) * portable::sin(turn)) * across;
+    return z * along + (x * portable::cos(angle) + glm::cross(z, x) * portable::sin(angle)) * across;
 }
 
 ParticleEmitter::ParticleEmitter(const Scene& scene, const Node& emitter,
@@ -103,8 +103,8 @@ Vec3d ParticleEmitter::onPolyline(KeyedNumbers& numbers) const {
     const auto found = std::ranges::upper_bound(segments_, at, {}, &Segment::until);
     const Segment& segment = found == segments_.end() ? segments_.back() : *found;
     const double length = glm::length(segment.to - segment.from);
-    const double share = length > 0 ? 1 - (segment.until - at) / length : 0;
-    return segment.from + (segment.to - segment.from) * share;
+    const double fraction = length > 0 ? 1 - (segment.until - at) / length : 0;
+    return segment.from + (segment.to - segment.from) * fraction;
 }
 
 Vec3d ParticleEmitter::onSurface(KeyedNumbers& numbers, Vec3d* normal) const {
@@ -125,7 +125,7 @@ Vec3d ParticleEmitter::onSurface(KeyedNumbers& numbers, Vec3d* normal) const {
 
 Vec3d ParticleEmitter::inVolume(KeyedNumbers& numbers) const {
     const Vec3d low(mesh_->bounds.min), size(mesh_->bounds.size());
-    for (int i = 0; i < kMostTries; ++i) {
+    for (int i = 0; i < kMaxTries; ++i) {
         const double x = numbers.next(), y = numbers.next(), z = numbers.next();
         const Vec3d point = low + size * Vec3d(x, y, z);
         if (isInside(point)) return point;
@@ -137,7 +137,7 @@ double ParticleEmitter::tests() const {
     if (kind_ != Kind::volume) return 0;
     const Vec3d size(mesh_->bounds.size());
     const double tries = size.x * size.y * size.z / std::max(std::abs(enclosedVolume(*mesh_)), 1e-300);
-    return std::clamp(tries, 1.0, double(kMostTries)) * mesh_->triangleCount;
+    return std::clamp(tries, 1.0, double(kMaxTries)) * mesh_->triangleCount;
 }
 
 bool ParticleEmitter::isInside(const Vec3d& point) const {

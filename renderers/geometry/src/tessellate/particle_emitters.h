@@ -20,7 +20,7 @@ class Scene;
 namespace rtsg::detail {
 
 /// Uniform among the directions whose cosine with `axis` is `least` at least; all directions if it has no length.
-Vec3d directionInCone(const Vec3d& axis, double least, KeyedNumbers& numbers);
+Vec3d directionInCone(const Vec3d& axis, double minimum, KeyedNumbers& numbers);
 
 class ParticleEmitter {
   public:

@@ -21,7 +21,7 @@ namespace {
 using P = x3d::ParticleSystem;
 
 /// The most tests of particles against triangles for one time.
-constexpr double kMostTests = 2e7;
+constexpr double kMaxTests = 2e7;
 
 /// How strong a wind has blown: its speed changes every `tick` seconds of the scene's clock, by numbers that follow
 /// from the wind's node and the tick's. Integrals of the pressure, as a share of that of the average speed.
@@ -29,18 +29,19 @@ class Gusts {
   public:
     /// For times from `now` - `oldest` to `now`.
     Gusts(const Node& wind, double longest, double oldest, double now) {
-        while (longest / tick_ > kMostTicks) tick_ *= 2;
+        while (longest / tick_ > kMaxTicks) tick_ *= 2;
         const double gustiness = wind.get(x3d::WindPhysicsModel::gustiness);
         if (!(gustiness > 0) || !std::isfinite(gustiness) || !(std::abs(now) / tick_ < 1e15)) return;
         first_ = std::floor((now - oldest) / tick_);
         const auto count = static_cast<std::size_t>(std::floor(now / tick_) - first_) + 1;
-        double speed = 0, way = 0;
+        double speed = 0, distance = 0;
         for (std::size_t i = 0; i < count; ++i) {
             const auto number = static_cast<std::uint64_t>(static_cast<std::int64_t>(first_) + std::int64_t(i));
-            const double share = std::max(0.0, 1 + gustiness * KeyedNumbers(wind.id().value, 1, number).nextSigned());
-            ticks_.push_back({share * share, speed, way});
-            way += (speed + .5 * share * share * tick_) * tick_;
-            speed += share * share * tick_;
+            const double fraction =
+                std::max(0.0, 1 + gustiness * KeyedNumbers(wind.id().value, 1, number).nextSigned());
+            ticks_.push_back({fraction * fraction, speed, distance});
+            distance += (speed + .5 * fraction * fraction * tick_) * tick_;
+            speed += fraction * fraction * tick_;
         }
     }
 
@@ -57,15 +58,15 @@ class Gusts {
     std::pair<double, double> effect(double from, double to) const {
         const double seconds = to - from;
         if (ticks_.empty()) return {seconds, .5 * seconds * seconds};
-        const auto [speed, way] = integrals(to);
-        const auto [speedBefore, wayBefore] = integrals(from);
-        return {speed - speedBefore, way - wayBefore - speedBefore * seconds};
+        const auto [speed, distance] = integrals(to);
+        const auto [speedBefore, pathBefore] = integrals(from);
+        return {speed - speedBefore, distance - pathBefore - speedBefore * seconds};
     }
 
   private:
-    static constexpr double kMostTicks = 65536;
+    static constexpr double kMaxTicks = 65536;
     struct Tick {
-        double pressure, speed, way;  // in it, and the integrals up to it
+        double pressure, speed, distance;  // in it, and the integrals up to it
     };
     std::size_t index(double time) const {
         return static_cast<std::size_t>(
@@ -76,7 +77,7 @@ class Gusts {
         const std::size_t i = index(time);
         const double since = time - (first_ + static_cast<double>(i)) * tick_;
         const Tick& t = ticks_[i];
-        return {t.speed + t.pressure * since, t.way + (t.speed + .5 * t.pressure * since) * since};
+        return {t.speed + t.pressure * since, t.distance + (t.speed + .5 * t.pressure * since) * since};
     }
 
     double tick_ = .1, first_ = 0;
@@ -130,8 +131,8 @@ class Physics {
             p += v * particle.age + steady * (.5 * particle.age * particle.age);
             v += steady * particle.age;
             for (std::size_t i = 0; i < winds_.size(); ++i) {
-                const auto [speed, way] = winds_[i].gusts.effect(born, now_);
-                p += blown[i] * way;
+                const auto [speed, distance] = winds_[i].gusts.effect(born, now_);
+                p += blown[i] * distance;
                 v += blown[i] * speed;
             }
             return;
@@ -181,12 +182,12 @@ std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system,
     if (living.empty() || !std::isfinite(now)) return moved;
     const ParticleEmitter emitter(scene, *node, meshOf, problems);
     if (!emitter.canEmit()) return moved;
-    double longest = 0, oldest = 0, most = 0;
+    double longest = 0, oldest = 0, maximum = 0;
     for (const EmissionSpan& span : spans) {
         longest = std::max(longest, span.lifetime * (1 + span.lifetimeVariation));
-        most = std::max(most, span.count);
+        maximum = std::max(maximum, span.count);
     }
-    if (most * emitter.tests() > kMostTests) {
+    if (maximum * emitter.tests() > kMaxTests) {
         warn(problems,
              "VolumeEmitter has too many triangles, or fills too little of its box, for so many particles: it "
              "emits nothing");
@@ -194,7 +195,7 @@ std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system,
     }
     for (const LivingParticle& particle : living) oldest = std::max(oldest, particle.age);
     Physics physics(scene, system, meshOf, longest, oldest, now);
-    if (most * physics.tests(longest) > kMostTests) {
+    if (maximum * physics.tests(longest) > kMaxTests) {
         // Words that stay the same from frame to frame are told once.
         warn(problems, fmt::format("{} triangles are too many to bound so many particles: they are not bounded",
                                    physics.wallCount()));

@@ -21,7 +21,7 @@ using P = x3d::ParticleSystem;
 enum class Look : std::uint8_t { quad, sprite, triangle, line, point, geometry };
 
 /// Copies of a geometry have no more corners together.
-constexpr std::size_t kMostCopied = std::size_t{1} << 22;
+constexpr std::size_t kMaxCopied = std::size_t{1} << 22;
 
 /// 40.2.1: a geometry that is given is used, whatever the geometryType.
 Look lookOf(const Scene& scene, const Node& system, Mesh& problems) {
@@ -206,10 +206,10 @@ Mesh copied(const Scene& scene, const Node& system, const Mesh* source, std::vec
     const bool lines = source->strokeCount > 0;
     const VertexArrays one = lines ? VertexArrays{} : vertexArrays(*source);
     const std::size_t corners = lines ? 2 * std::size_t{source->strokeCount} : one.triangles.size();
-    if (particles.size() > kMostCopied / corners) {
+    if (particles.size() > kMaxCopied / corners) {
         warn(problems, fmt::format("a geometry of {} corners is too large for so many particles: {} of them are drawn",
-                                   corners, kMostCopied / corners));
-        particles.resize(kMostCopied / corners);
+                                   corners, kMaxCopied / corners));
+        particles.resize(kMaxCopied / corners);
     }
     if (lines) return copiedStrokes(scene, system, *source, particles);
     PrimitiveSetParams set;

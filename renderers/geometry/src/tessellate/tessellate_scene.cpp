@@ -494,9 +494,9 @@ void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& me
     if (mesh.diagnostics.all().empty()) return;
     const std::string_view name = scene.name(geometry.id());
     const std::string label = name.empty() ? geometry.type().name : fmt::format("{} {}", geometry.type().name, name);
-    const NodePlace place = scene.placeOf(geometry.id());
-    Diagnostics named(place.file);
-    for (const Diagnostic& d : mesh.diagnostics.all()) named.add(d.severity, place.where, label + ": " + d.text);
+    const NodeLocation location = scene.locationOf(geometry.id());
+    Diagnostics named(location.file);
+    for (const Diagnostic& d : mesh.diagnostics.all()) named.add(d.severity, location.where, label + ": " + d.text);
     mesh.diagnostics = std::move(named);
 }
 
@@ -508,10 +508,10 @@ std::shared_ptr<const Mesh> detail::particlesNode(const Scene& scene, const Node
     const MeshOf meshOf = [&](NodeId id) -> std::shared_ptr<const Mesh> {
         const Node* node = scene.effectiveNode(id);
         if (!node || !node->type().isA("X3DGeometryNode")) return nullptr;
-        auto made = tessellateNode(scene, id, options, text);
-        if (!made) return nullptr;
-        problems.append((*made)->diagnostics);
-        return *made;
+        auto created = tessellateNode(scene, id, options, text);
+        if (!created) return nullptr;
+        problems.append((*created)->diagnostics);
+        return *created;
     };
     *mesh = tessellateParticles(scene, system, meshOf, eye);
     problems.append(mesh->diagnostics);

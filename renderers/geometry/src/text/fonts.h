@@ -58,9 +58,9 @@ class Fonts {
   public:
     virtual ~Fonts() = default;
     /// The face in a font's file; bytes that were loaded before have the face that they had. Error, in the returned
-    /// clause: no font, or one more than are kept (kMostLoaded, kMostBytes in all).
+    /// clause: no font, or one more than are kept (kMaxLoaded, kMaxBytes in all).
     virtual std::string load(std::string_view file, std::uint32_t& face) const = 0;
-    static constexpr std::size_t kMostLoaded = 256, kMostBytes = std::size_t{256} << 20;
+    static constexpr std::size_t kMaxLoaded = 256, kMaxBytes = std::size_t{256} << 20;
     /// Error, in the returned sentence: there is no font at all.
     virtual std::string choose(const FontRequest& request, FontChoice& out) const = 0;
     /// `text`: UTF-8; invalid bytes count as U+FFFD. Characters run to the right, or to the left; those of

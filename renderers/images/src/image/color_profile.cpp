@@ -16,7 +16,7 @@ namespace {
 
 using ByteSpan = std::span<const std::uint8_t>;
 
-constexpr std::size_t kMostBytes = std::size_t{1} << 24;  // of a profile
+constexpr std::size_t kMaxBytes = std::size_t{1} << 24;  // of a profile
 
 std::uint32_t big16(ByteSpan bytes, std::size_t at) {
     return std::uint32_t{bytes[at]} << 8 | bytes[at + 1];
@@ -33,7 +33,7 @@ bool begins(ByteSpan bytes, std::string_view with) {
 // ---- where the profile lies ------------------------------------------------------------------------------------
 
 std::vector<std::uint8_t> inflated(ByteSpan packed) {
-    std::vector<std::uint8_t> result(std::min(kMostBytes, 64 * packed.size() + 4096));
+    std::vector<std::uint8_t> result(std::min(kMaxBytes, 64 * packed.size() + 4096));
     uLongf length = result.size();
     if (uncompress(result.data(), &length, packed.data(), packed.size()) != Z_OK) return {};
     result.resize(length);
@@ -107,7 +107,7 @@ class Profile {
   public:
     static constexpr std::size_t kHead = 128;
     explicit Profile(ByteSpan bytes) : bytes_(bytes) {}
-    bool isWhole() const { return bytes_.size() >= kHead + 4 && begins(bytes_.subspan(36), "acsp"); }
+    bool isComplete() const { return bytes_.size() >= kHead + 4 && begins(bytes_.subspan(36), "acsp"); }
     bool isFor(std::string_view space) const { return begins(bytes_.subspan(16), space); }
     /// The data of a tag; empty if the tag is not there.
     ByteSpan tag(std::string_view name) const {
@@ -162,10 +162,10 @@ std::optional<double> lightOf(ByteSpan tag, double x) {
     if (count == 0) return x;
     if (count > (tag.size() - 12) / 2) return std::nullopt;
     if (count == 1) return std::pow(x, big16(tag, 12) / 256.0);
-    const double place = x * static_cast<double>(count - 1);
-    const std::size_t below = std::min(static_cast<std::size_t>(place), count - 2);
-    const double share = place - static_cast<double>(below);
-    return ((1 - share) * big16(tag, 12 + 2 * below) + share * big16(tag, 14 + 2 * below)) / 65535;
+    const double position = x * static_cast<double>(count - 1);
+    const std::size_t below = std::min(static_cast<std::size_t>(position), count - 2);
+    const double fraction = position - static_cast<double>(below);
+    return ((1 - fraction) * big16(tag, 12 + 2 * below) + fraction * big16(tag, 14 + 2 * below)) / 65535;
 }
 
 bool hasSrgbCurve(ByteSpan tag) {
@@ -201,8 +201,8 @@ std::string nameOf(const Profile& profile) {
     const ByteSpan tag = profile.tag("desc");
     std::string name;
     const auto add = [&](std::uint32_t letter) {
-        constexpr std::size_t kMost = 60;
-        if (letter >= ' ' && letter < 0x7F && name.size() < kMost) name += static_cast<char>(letter);
+        constexpr std::size_t kMax = 60;
+        if (letter >= ' ' && letter < 0x7F && name.size() < kMax) name += static_cast<char>(letter);
     };
     if (begins(tag, "desc") && tag.size() >= 12) {
         const std::size_t length = std::min<std::size_t>(big32(tag, 8), tag.size() - 12);
@@ -220,7 +220,7 @@ std::string nameOf(const Profile& profile) {
 std::string foreignColorProfile(ByteSpan file) {
     const std::vector<std::uint8_t> found = profileIn(file);
     const Profile profile(found);
-    if (!profile.isWhole() || isSrgb(profile)) return {};
+    if (!profile.isComplete() || isSrgb(profile)) return {};
     std::string name = nameOf(profile);
     // One with tables in place of primaries: its name is all there is to go by.
     if (profile.isFor("RGB ") && profile.tag("rXYZ").empty() && name.contains("sRGB")) return {};

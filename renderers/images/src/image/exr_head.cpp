@@ -44,14 +44,15 @@ std::uint64_t pixelBytesOf(const HeadBytes& file, std::uint64_t at, std::uint64_
 std::string whyPartIsNotWithin(const Part& part, std::uint64_t fileSize) {
     if (part.width == 0 || part.height == 0) return {};
     const bool isTiled = part.tileWidth > 0 && part.tileHeight > 0;
-    const std::uint64_t most = part.packing == 0 ? 1 : kPacked;
-    if (std::string why = whyTooLarge({part.width, part.height, 1, 8 * part.pixelBytes, most}, fileSize); !why.empty())
+    const std::uint64_t maximum = part.packing == 0 ? 1 : kPacked;
+    if (std::string why = whyTooLarge({part.width, part.height, 1, 8 * part.pixelBytes, maximum}, fileSize);
+        !why.empty())
         return why;
     const auto parts = [](std::uint64_t all, std::uint64_t one) { return (all + one - 1) / one; };
     const std::uint64_t chunks = isTiled ? parts(part.width, part.tileWidth) * parts(part.height, part.tileHeight)
                                          : parts(part.height, rowsOfChunk(part.packing));
-    constexpr std::uint64_t kPlace = 8;  // bytes of a chunk's entry in the table
-    if (chunks > fileSize / kPlace)
+    constexpr std::uint64_t kOffset = 8;  // bytes of a chunk's entry in the table
+    if (chunks > fileSize / kOffset)
         return fmt::format("the EXR file's {} parts cannot be listed in its {} bytes", chunks, fileSize);
     const long double tile = static_cast<long double>(part.tileWidth) * static_cast<long double>(part.tileHeight) *
                              static_cast<long double>(part.pixelBytes);
@@ -69,11 +70,11 @@ std::size_t nameLength(const HeadBytes& file, std::uint64_t at) {
 }
 
 /// Sides of a box of whole numbers, which may begin anywhere.
-std::uint64_t sideOf(const HeadBytes& file, std::uint64_t least, std::uint64_t most) {
-    const auto at = [&](std::uint64_t place) {
-        return std::int64_t{static_cast<std::int32_t>(static_cast<std::uint32_t>(file.little(place, 4)))};
+std::uint64_t sideOf(const HeadBytes& file, std::uint64_t minimum, std::uint64_t maximum) {
+    const auto at = [&](std::uint64_t position) {
+        return std::int64_t{static_cast<std::int32_t>(static_cast<std::uint32_t>(file.little(position, 4)))};
     };
-    return static_cast<std::uint64_t>(std::max<std::int64_t>(at(most) - at(least) + 1, 0));
+    return static_cast<std::uint64_t>(std::max<std::int64_t>(at(maximum) - at(minimum) + 1, 0));
 }
 
 /// Reads one header; leaves `at` behind it. A sentence: it is not within the file.

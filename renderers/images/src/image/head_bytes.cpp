@@ -48,8 +48,8 @@ std::string whyTooLarge(const HeadSize& size, std::uint64_t fileSize) {
     const long double pixels = static_cast<long double>(size.width) * static_cast<long double>(size.height) *
                                static_cast<long double>(size.layers);
     const long double bytes = pixels * static_cast<long double>(size.bits) / 8;
-    const long double most = static_cast<long double>(fileSize) * static_cast<long double>(size.bytesOfByte);
-    if (bytes <= static_cast<long double>(kAlwaysRead) || bytes <= most) return {};
+    const long double maximum = static_cast<long double>(fileSize) * static_cast<long double>(size.bytesOfByte);
+    if (bytes <= static_cast<long double>(kAlwaysRead) || bytes <= maximum) return {};
     return fmt::format("its head says {} x {}{} pixels, which a file of {} bytes cannot hold", size.width, size.height,
                        size.layers > 1 ? fmt::format(" x {}", size.layers) : "", fileSize);
 }

@@ -69,7 +69,7 @@ class TiledPicture {
   public:
     static constexpr std::size_t kCacheMegabytes = 256;
     /// A tile has no more bytes than this: more would not be a part of a picture.
-    static constexpr std::uint64_t kMostTileBytes = std::uint64_t{1} << 24;
+    static constexpr std::uint64_t kMaxTileBytes = std::uint64_t{1} << 24;
     struct Level {
         int width = 0, height = 0;
     };

@@ -30,10 +30,10 @@ MovieBytes bytesOf(const Resource& file) {
 
 /// Whether a PNG file says before its picture that it is animated: chunk acTL (PNG, third edition, 11.3.6.1).
 bool isAnimatedPng(const Resource& file) {
-    constexpr int kMostChunks = 64;  // of colours, sizes and texts
+    constexpr int kMaxChunks = 64;  // of colours, sizes and texts
     constexpr std::uint64_t kSignature = 8, kAround = 12;
     std::uint64_t at = kSignature;
-    for (int i = 0; i < kMostChunks; ++i) {
+    for (int i = 0; i < kMaxChunks; ++i) {
         const std::string head = file.readAt(at, 8);
         if (head.size() < 8 || head.ends_with("IDAT")) return false;
         if (head.ends_with("acTL")) return true;

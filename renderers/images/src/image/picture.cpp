@@ -66,16 +66,17 @@ void addLayers(const Picture& picture, Sheet& sheet) {
     sheet.notes = picture.notes;
 }
 
-Result<> encodeSheet(const Sheet& sheet, const std::string& extension, const std::filesystem::path& file, Bytes& made) {
+Result<> encodeSheet(const Sheet& sheet, const std::string& extension, const std::filesystem::path& file,
+                     Bytes& created) {
     const auto encode = plainEncoder(extension);
     if (!encode) return std::unexpected(encode.error());
     if (*encode) {
-        if (const char* error = (*encode)(sheet, made)) return fail(error, {}, file.string());
+        if (const char* error = (*encode)(sheet, created)) return fail(error, {}, file.string());
         return {};
     }
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
-    if (const std::string error = (*files)->encode(file.string(), sheet, made); !error.empty())
+    if (const std::string error = (*files)->encode(file.string(), sheet, created); !error.empty())
         return fail(error, {}, file.string());
     return {};
 }
@@ -208,9 +209,9 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
         for (std::size_t alpha = 3; alpha < encoded.size() && sheet.opaque; alpha += 4)
             sheet.opaque = encoded[alpha] == 255;
     }
-    Bytes made;
-    if (auto ok = encodeSheet(sheet, extension, file, made); !ok) return ok;
-    return writeBytes(made, file);
+    Bytes created;
+    if (auto ok = encodeSheet(sheet, extension, file, created); !ok) return ok;
+    return writeBytes(created, file);
 }
 
 Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::path& file, double framesPerSecond,
@@ -228,11 +229,11 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
         sheets.push_back(
             {.width = frame.width, .height = frame.height, .bytes = encoded.back().data(), .values = nullptr});
     }
-    Bytes made;
-    if (const std::string error = (*files)->encodeAnimation(file.string(), sheets, framesPerSecond, made);
+    Bytes created;
+    if (const std::string error = (*files)->encodeAnimation(file.string(), sheets, framesPerSecond, created);
         !error.empty())
         return fail(error, {}, file.string());
-    return writeBytes(made, file);
+    return writeBytes(created, file);
 }
 
 namespace {

@@ -75,27 +75,27 @@ class JpegSegments {
 };
 
 std::optional<HeadSize> jpegSize(const HeadBytes& file) {
-    constexpr int kMostSegments = 10'000;
+    constexpr int kMaxSegments = 10'000;
     JpegSegments segments(file);
     for (int i = 0; segments.next() && !segments.isScan(); ++i) {
-        if (i == kMostSegments) return kUnknown;
+        if (i == kMaxSegments) return kUnknown;
         if (!segments.isFrame()) continue;
         const std::uint64_t at = segments.at();
         // The first scan spends a bit on each block of 8 x 8, of each colour; an arithmetic coder spends less.
         const std::uint64_t colours = std::max(file.byte(at + 9), 1u);
-        const std::uint64_t most = segments.marker() >= 0xC9 ? kArithmetic : 8 * 64;
-        return HeadSize{file.big(at + 7, 2), file.big(at + 5, 2), 1, 8 * colours, most * colours};
+        const std::uint64_t maximum = segments.marker() >= 0xC9 ? kArithmetic : 8 * 64;
+        return HeadSize{file.big(at + 7, 2), file.big(at + 5, 2), 1, 8 * colours, maximum * colours};
     }
     return std::nullopt;
 }
 
 /// Each scan goes over the whole picture, however short it is.
 std::string whyJpegHasTooManyScans(const HeadBytes& file) {
-    constexpr int kMostScans = 100;  // ten are usual
+    constexpr int kMaxScans = 100;  // ten are usual
     JpegSegments segments(file);
     for (int scans = 0; segments.next();)
-        if (segments.isScan() && ++scans > kMostScans)
-            return fmt::format("the JPEG file goes over its picture more than {} times", kMostScans);
+        if (segments.isScan() && ++scans > kMaxScans)
+            return fmt::format("the JPEG file goes over its picture more than {} times", kMaxScans);
     return {};
 }
 
@@ -166,17 +166,17 @@ std::optional<HeadSize> pnmSize(const HeadBytes& file) {
 
 /// Texts of a PNG file may be packed, and its library keeps a thousand of them, of 8 MB each.
 std::string whyPngTextsAreTooLong(const HeadBytes& file) {
-    constexpr std::uint64_t kMostOfOne = 8'000'000, kMostOfAll = std::uint64_t{64} << 20;
+    constexpr std::uint64_t kMaxOfOne = 8'000'000, kMaxOfAll = std::uint64_t{64} << 20;
     std::uint64_t at = 8, all = 0;
     while (at + 12 <= file.size()) {
         const std::uint64_t length = file.big(at, 4);
         const std::string kind = file.text(at + 4, 4);
-        if (kind == "zTXt" || kind == "iTXt" || kind == "iCCP") all += std::min(length * kDeflate, kMostOfOne);
+        if (kind == "zTXt" || kind == "iTXt" || kind == "iCCP") all += std::min(length * kDeflate, kMaxOfOne);
         if (kind == "IEND" || length > file.size()) break;
         at += 12 + length;
     }
-    if (all <= kMostOfAll) return {};
-    return fmt::format("the PNG file's packed texts may take {} bytes, and {} are let", all, kMostOfAll);
+    if (all <= kMaxOfAll) return {};
+    return fmt::format("the PNG file's packed texts may take {} bytes, and {} are let", all, kMaxOfAll);
 }
 
 struct TiffTags {
@@ -207,13 +207,13 @@ std::optional<HeadSize> tiffSize(HeadBytes file) {
     const std::uint64_t count = std::min<std::uint64_t>(file.number(first, isWide ? 8 : 2), 4096);
     TiffTags tags;
     for (std::uint64_t i = 0; i < count; ++i) noteTag(file, first + (isWide ? 8 + 20 * i : 2 + 12 * i), isWide, tags);
-    std::uint64_t most = kArithmetic;
-    if (tags.packing == 1) most = 1;
+    std::uint64_t maximum = kArithmetic;
+    if (tags.packing == 1) maximum = 1;
     if (tags.packing == 2 || tags.packing == 3 || tags.packing == 4)
-        most = std::max<std::uint64_t>(tags.width, 8);  // a row like the one before takes a bit
-    if (tags.packing == 5) most = kLzw;
-    if (tags.packing == 8 || tags.packing == 32946) most = kDeflate;
-    if (tags.packing == 32773) most = kRuns;
+        maximum = std::max<std::uint64_t>(tags.width, 8);  // a row like the one before takes a bit
+    if (tags.packing == 5) maximum = kLzw;
+    if (tags.packing == 8 || tags.packing == 32946) maximum = kDeflate;
+    if (tags.packing == 32773) maximum = kRuns;
     // Tiles are whole, also where the picture ends within them.
     const auto whole = [](std::uint64_t size, std::uint64_t part) {
         return part == 0 ? size : (size + part - 1) / part * part;
@@ -222,7 +222,7 @@ std::optional<HeadSize> tiffSize(HeadBytes file) {
         tags.height > kLargestSide)
         return kUnknown;
     return HeadSize{whole(tags.width, tags.tileWidth), whole(tags.height, tags.tileHeight),
-                    std::max<std::uint64_t>(tags.depth, 1), tags.bits * tags.samples, most};
+                    std::max<std::uint64_t>(tags.depth, 1), tags.bits * tags.samples, maximum};
 }
 
 std::optional<HeadSize> sizeIn(const HeadBytes& file) {

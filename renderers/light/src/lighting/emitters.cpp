@@ -16,7 +16,7 @@ namespace rtsg::trace {
 namespace {
 
 /// Beyond this number of triangles, instances are left to bounces.
-constexpr std::size_t kMost = std::size_t{1} << 22;
+constexpr std::size_t kMax = std::size_t{1} << 22;
 
 /// The largest emission of a material, whatever its textures; 0 if it emits nothing, or is not of the kind that is
 /// looked for.
@@ -57,12 +57,13 @@ bool overlapInPlane(const Emitters::Emitter& a, const Emitters::Emitter& b, floa
     for (const Vec3f* side : {as, bs})
         for (int i = 0; i < 3; ++i) {
             const Vec3f axis = glm::cross(a.normal, side[(i + 1) % 3] - side[i]);
-            float least[2] = {INFINITY, INFINITY}, most[2] = {-INFINITY, -INFINITY};
+            float minimum[2] = {INFINITY, INFINITY}, maximum[2] = {-INFINITY, -INFINITY};
             for (int k = 0; k < 3; ++k) {
                 const float at[2] = {glm::dot(axis, as[k] - a.corner), glm::dot(axis, bs[k] - a.corner)};
-                for (int j = 0; j < 2; ++j) least[j] = std::min(least[j], at[j]), most[j] = std::max(most[j], at[j]);
+                for (int j = 0; j < 2; ++j)
+                    minimum[j] = std::min(minimum[j], at[j]), maximum[j] = std::max(maximum[j], at[j]);
             }
-            const float shared = std::min(most[0], most[1]) - std::max(least[0], least[1]);
+            const float shared = std::min(maximum[0], maximum[1]) - std::max(minimum[0], minimum[1]);
             if (!(shared > slack * glm::length(axis))) return false;
         }
     return true;
@@ -116,15 +117,15 @@ Emitters::Emitters(const std::vector<Source>& sources) {
     std::vector<LightTree::Cluster> clusters;
     std::size_t count = 0;
     for (const Source& source : sources) count += source.mesh->triangleCount;
-    clusters.reserve(std::min<std::size_t>(count, kMost)), emitters_.reserve(clusters.capacity());
+    clusters.reserve(std::min<std::size_t>(count, kMax)), emitters_.reserve(clusters.capacity());
     if (!sources.empty()) firstOf_.resize(sources.back().slot + std::size_t{1}, kNone);
     for (const Source& source : sources) add(source, clusters);
     if (emitters_.empty()) return;
     findContested();
     if (!pathParts().lightTree)
         for (LightTree::Cluster& cluster : clusters) cluster = asLikelyAsAny(cluster);
-    constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
-    tree_ = LightTree(clusters, kLeast);
+    constexpr float kMin = 1e-12f;  // m^2, so that no sum leaves the range of float
+    tree_ = LightTree(clusters, kMin);
     for (const Emitter& e : emitters_) even_ = even_ && e.even && !e.contested;
     if (tree_.empty()) emitters_.clear();
     if (!even_) return;
@@ -136,15 +137,15 @@ Emitters::Emitters(const std::vector<Source>& sources) {
 
 void Emitters::add(const Source& source, std::vector<LightTree::Cluster>& clusters) {
     const Mesh& mesh = *source.mesh;
-    if (emitters_.size() + mesh.triangleCount > kMost) return;
+    if (emitters_.size() + mesh.triangleCount > kMax) return;
     firstOf_[source.slot] = static_cast<std::uint32_t>(emitters_.size());
     const bool bothSides = !mesh.solid;
     for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle) {
         Emitter e;
-        const auto place = [&](std::uint32_t corner) {
+        const auto positionOf = [&](std::uint32_t corner) {
             return source.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1);
         };
-        e.corner = place(0), e.ab = place(1) - e.corner, e.ac = place(2) - e.corner;
+        e.corner = positionOf(0), e.ab = positionOf(1) - e.corner, e.ac = positionOf(2) - e.corner;
         const Vec3d normal = glm::cross(Vec3d(e.ab), Vec3d(e.ac));
         const double twice = glm::length(normal);
         const bool good = twice > 0 && std::isfinite(twice);
@@ -165,14 +166,14 @@ void Emitters::add(const Source& source, std::vector<LightTree::Cluster>& cluste
 }
 
 void Emitters::findContested() {
-    constexpr std::size_t kMostCompared = 4096;  // some ms a picture; beyond them all count as uncontested
-    if (emitters_.size() > kMostCompared) return;
+    constexpr std::size_t kMaxCompared = 4096;  // some ms a picture; beyond them all count as uncontested
+    if (emitters_.size() > kMaxCompared) return;
     struct Placed {
         Bounds box;
         float slack = 0;
         Emitter* emitter = nullptr;
-        bool isApart(const Placed& other, float most, int k) const {
-            return other.box.min[k] > box.max[k] + most || box.min[k] > other.box.max[k] + most;
+        bool isApart(const Placed& other, float maximum, int k) const {
+            return other.box.min[k] > box.max[k] + maximum || box.min[k] > other.box.max[k] + maximum;
         }
     };
     std::vector<Placed> placed;
@@ -202,7 +203,7 @@ void Emitters::findContested() {
 
 Emitters::Choice Emitters::sample(const Vec3f& point, const Vec3f& normal, float u) const {
     const LightTree::Choice choice = tree_.sample(point, normal, u);
-    return {choice.thing, choice.probability};
+    return {choice.emitter, choice.probability};
 }
 
 Emitters::Packed::Packed(const Emitter& e) {
@@ -223,11 +224,11 @@ Emitters::Eight Emitters::eight(const std::uint32_t* numbers) const {
         const auto three = [&](std::size_t column) { return V8{one(column), one(column + 1), one(column + 2)}; };
         return {three(0), three(4), three(8), three(12), {one(7), one(11), one(15)}, three(16), one(3), one(19) < 0.0f};
     }
-    const float* places[8];
-    for (int i = 0; i < 8; ++i) places[i] = packed_[numbers[i]].numbers;
-    const auto four = [&places](int from) {
+    const float* positions[8];
+    for (int i = 0; i < 8; ++i) positions[i] = packed_[numbers[i]].numbers;
+    const auto four = [&positions](int from) {
         const float* some[8];
-        for (int i = 0; i < 8; ++i) some[i] = places[i] + from;
+        for (int i = 0; i < 8; ++i) some[i] = positions[i] + from;
         return gather4(some);
     };
     const Q8 corner = four(0), ab = four(4), ac = four(8), normal = four(12), behind = four(16);

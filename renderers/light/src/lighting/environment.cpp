@@ -109,12 +109,12 @@ Environment::Grid::Grid(std::size_t side, const F& valueAt) : side_(side), value
 }
 
 Vec3f Environment::Grid::at(const Vec3f& direction) const {
-    const CubePlace place = cubePlace(direction);
-    const Vec2f on = glm::clamp(place.st, Vec2f(0), Vec2f(1)) * static_cast<float>(side_ - 1);
+    const CubePosition onCube = cubePosition(direction);
+    const Vec2f on = glm::clamp(onCube.st, Vec2f(0), Vec2f(1)) * static_cast<float>(side_ - 1);
     const auto x = std::min(static_cast<std::size_t>(on.x), side_ - 2),
                y = std::min(static_cast<std::size_t>(on.y), side_ - 2);
     const float fx = on.x - static_cast<float>(x), fy = on.y - static_cast<float>(y);
-    const Vec3f* row = &values_[(static_cast<std::size_t>(place.side) * side_ + y) * side_ + x];
+    const Vec3f* row = &values_[(static_cast<std::size_t>(onCube.side) * side_ + y) * side_ + x];
     return (row[0] * (1 - fx) + row[1] * fx) * (1 - fy) + (row[side_] * (1 - fx) + row[side_ + 1] * fx) * fy;
 }
 
@@ -133,17 +133,17 @@ Vec3f Environment::radiance(const Vec3f& direction, float width) const {
     return low_ ? sumOf(*low_, direction) : Vec3f(1);
 }
 
-Vec3f Environment::radianceInPicture(std::size_t side, Vec2f place, float width) const {
+Vec3f Environment::radianceInPicture(std::size_t side, Vec2f point, float width) const {
     const SpaceTexture& picture = *source_.specular;
-    return usableLight(picture.sampleSide(side, place, width / sideOf(picture), {}, ColorSpace::linear));
+    return usableLight(picture.sampleSide(side, point, width / sideOf(picture), {}, ColorSpace::linear));
 }
 
 std::size_t Environment::detail() const {
     if (!source_.specular) return low_ ? 8 : 0;
-    int most = 0;
+    int maximum = 0;
     for (const auto& layer : source_.specular->layers())
-        if (layer) most = std::max({most, layer->height(), layer->width() / 2});
-    return static_cast<std::size_t>(most);
+        if (layer) maximum = std::max({maximum, layer->height(), layer->width() / 2});
+    return static_cast<std::size_t>(maximum);
 }
 
 Environment::Grid Environment::convolved() const {
@@ -179,10 +179,11 @@ std::vector<Environment::Facet> Environment::facetsOf(float roughness) {
         const float cosine = std::sqrt((1 - u.x) / (1 + (a2 - 1) * u.x)),
                     sine = std::sqrt(std::max(1 - cosine * cosine, 0.0f)), weight = 2 * cosine * cosine - 1;
         if (!(weight > 0)) continue;
-        const float turn = 2 * kPiFloat * u.y;
+        const float angle = 2 * kPiFloat * u.y;
         const float d = cosine * cosine * (a2 - 1) + 1, density = a2 / (kPiFloat * d * d) / 4;
         const float width = std::sqrt(1 / (density * static_cast<float>(kFacets)));
-        result.push_back({sine * std::cos(turn), sine * std::sin(turn), cosine, weight, std::min(width, kPiFloat / 2)});
+        result.push_back(
+            {sine * std::cos(angle), sine * std::sin(angle), cosine, weight, std::min(width, kPiFloat / 2)});
     }
     return result;
 }
@@ -230,8 +231,8 @@ Vec3f Environment::blurred(const Vec3f& direction, float roughness) const {
     const auto of = [&](int level) {
         return level == 0 ? radiance(direction) : blurred_[static_cast<std::size_t>(level - 1)].at(direction);
     };
-    const float share = at - static_cast<float>(low);
-    return of(low) * (1 - share) + of(low + 1) * share;
+    const float fraction = at - static_cast<float>(low);
+    return of(low) * (1 - fraction) + of(low + 1) * fraction;
 }
 
 }  // namespace rtsg::trace

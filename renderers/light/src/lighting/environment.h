@@ -38,7 +38,7 @@ class Environment {
     /// The radiance from a direction, averaged over `width` radians.
     Vec3f radiance(const Vec3f& direction, float width = 0) const;
     /// The same from a place of its picture, on a side of the cube or round all. Precondition: it has one.
-    Vec3f radianceInPicture(std::size_t side, Vec2f place, float width) const;
+    Vec3f radianceInPicture(std::size_t side, Vec2f point, float width) const;
     /// The light that a white matte surface reflects: its irradiance over pi.
     Vec3f matte(const Vec3f& normal) const;
     /// The radiance around a direction, blurred as facets of this roughness (0 to 1) do for a view along their normal.

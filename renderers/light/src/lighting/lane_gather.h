@@ -27,17 +27,17 @@ inline Q8 transposed(const Q8& q) {
 }
 
 /// The four floats at each of eight places.
-inline Q8 gather4(const float* const* places) {
+inline Q8 gather4(const float* const* positions) {
     const auto pair = [&](int i) {
         F4 low, high;
-        std::memcpy(&low, places[i], sizeof low), std::memcpy(&high, places[i + 4], sizeof high);
+        std::memcpy(&low, positions[i], sizeof low), std::memcpy(&high, positions[i + 4], sizeof high);
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     };
     return transposed({pair(0), pair(1), pair(2), pair(3)});
 }
 /// The first three of them.
-inline V8 gather3(const float* const* places) {
-    const Q8 q = gather4(places);
+inline V8 gather3(const float* const* positions) {
+    const Q8 q = gather4(positions);
     return {q.x, q.y, q.z};
 }
 /// Picks one of eight numbers for each lane.
@@ -58,17 +58,17 @@ inline F8 oneEach(const float* eight, I8 which) {
 }
 
 /// Adds four numbers of each lane to those at its place, for the lanes of `lanes` (bits), one after the other.
-inline void addTo(float* const* places, std::uint32_t lanes, const Q8& values) {
+inline void addTo(float* const* positions, std::uint32_t lanes, const Q8& values) {
     const Q8 rows = transposed(values);
     alignas(32) float each[4][8];
     store(each[0], rows.x), store(each[1], rows.y), store(each[2], rows.z), store(each[3], rows.w);
     for (; lanes; lanes &= lanes - 1) {
         const int lane = __builtin_ctz(lanes);
         F4 sum, own;
-        std::memcpy(&sum, places[lane], sizeof sum);
+        std::memcpy(&sum, positions[lane], sizeof sum);
         std::memcpy(&own, &each[lane & 3][lane & 4], sizeof own);
         sum += own;
-        std::memcpy(places[lane], &sum, sizeof sum);
+        std::memcpy(positions[lane], &sum, sizeof sum);
     }
 }
 

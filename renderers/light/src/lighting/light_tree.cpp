@@ -22,17 +22,17 @@ F8 sinOf(F8 cosine) {
 
 }  // namespace
 
-LightTree::LightTree(std::span<const Cluster> things, float least) : ways_(things.size()), least_(least) {
-    for (std::uint32_t thing = 0; thing < things.size(); ++thing)
-        if (things[thing].power > 0) {
-            order_.push_back({things[thing].bounds.center(), thing});
-            const Vec3f& falloff = things[thing].falloff;
+LightTree::LightTree(std::span<const Cluster> emitters, float minimum) : branches_(emitters.size()), minimum_(minimum) {
+    for (std::uint32_t emitter = 0; emitter < emitters.size(); ++emitter)
+        if (emitters[emitter].power > 0) {
+            order_.push_back({emitters[emitter].bounds.center(), emitter});
+            const Vec3f& falloff = emitters[emitter].falloff;
             squaresOnly_ = squaresOnly_ && falloff.x == 0 && falloff.y == 0;
         }
     if (order_.empty()) return;
     nodes_.reserve(order_.size() / 4 + 1);
     nodes_.emplace_back();
-    build(things, 0, order_.size(), 0, 0, 0);
+    build(emitters, 0, order_.size(), 0, 0, 0);
     order_ = {};
 }
 
@@ -64,8 +64,8 @@ LightTree::Cluster LightTree::join(const Cluster& a, const Cluster& b) {
         result.cosCone = length > 1e-6f || glm::dot(a.axis, b.axis) < 0 ? -1.0f : std::cos(std::min(angle, pi));
         return result;
     }
-    const float turn = angle - angleA;
-    result.axis = glm::normalize(std::cos(turn) * a.axis + std::sin(turn) * (across / length));
+    const float rotation = angle - angleA;
+    result.axis = glm::normalize(std::cos(rotation) * a.axis + std::sin(rotation) * (across / length));
     result.cosCone = std::cos(angle);
     return result;
 }
@@ -91,14 +91,14 @@ std::size_t LightTree::halve(std::size_t first, std::size_t last) {
     const auto at = [&](std::size_t i) { return order_.begin() + static_cast<std::ptrdiff_t>(i); };
     std::nth_element(at(first), at(half), at(last), [axis](const Placed& a, const Placed& b) {
         const float x = a.middle[axis], y = b.middle[axis];
-        return x != y ? x < y : a.thing < b.thing;
+        return x != y ? x < y : a.emitter < b.emitter;
     });
     return half;
 }
 
 // Halves three times where there are more than eight, so that no way is longer than 21 nodes.
-LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t first, std::size_t last,
-                                    std::uint32_t node, std::uint32_t depth, std::uint64_t way) {
+LightTree::Cluster LightTree::build(std::span<const Cluster> emitters, std::size_t first, std::size_t last,
+                                    std::uint32_t node, std::uint32_t depth, std::uint64_t branches) {
     std::array<std::size_t, kWide + 1> ends{first, last};
     std::size_t parts = 1;
     if (last - first <= kWide) {
@@ -113,19 +113,19 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
     Cluster whole;
     nodes_[node].count = static_cast<std::uint8_t>(parts);
     for (std::size_t part = 0; part < parts; ++part) {
-        const std::uint64_t on = way | std::uint64_t{part} << (3 * depth);
+        const std::uint64_t on = branches | std::uint64_t{part} << (3 * depth);
         Cluster cluster;
         if (ends[part + 1] - ends[part] == 1) {
-            const std::uint32_t thing = order_[ends[part]].thing;
-            cluster = things[thing];
-            ways_[thing] = on;
-            nodes_[node].next[part] = thing;
+            const std::uint32_t emitter = order_[ends[part]].emitter;
+            cluster = emitters[emitter];
+            branches_[emitter] = on;
+            nodes_[node].next[part] = emitter;
             nodes_[node].leaves |= static_cast<std::uint8_t>(1u << part);
         } else {
             const auto below = static_cast<std::uint32_t>(nodes_.size());
             nodes_[node].next[part] = below;
             nodes_.emplace_back();
-            cluster = build(things, ends[part], ends[part + 1], below, depth + 1, on);
+            cluster = build(emitters, ends[part], ends[part + 1], below, depth + 1, on);
         }
         nodes_[node].set(part, cluster);
         whole = part == 0 ? cluster : join(whole, cluster);
@@ -137,10 +137,10 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
 /// favourable direction, after the sine of the sphere around a cluster, as the point sees it, is added: cos a + sin b
 /// is 0 where the angle a is a right one and b more, as the cosine of a - b would be, for one root less.
 [[gnu::always_inline]] inline F8 LightTree::importance(const Clusters& c, const V8& point, const V8& normal) const {
-    constexpr float kLeast = 1e-12f;  // m^2
-    constexpr float kSlack = 1e-4f;   // of the rounded cosines
+    constexpr float kMin = 1e-12f;   // m^2
+    constexpr float kSlack = 1e-4f;  // of the rounded cosines
     const V8 towards = c.center - point;
-    const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
+    const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kMin));
     const F8 perMetre = simd::sqrt(inverse), reach = c.radius * perMetre + kSlack;
     const F8 lit = dot(towards, normal) * perMetre + reach;
     const F8 cosAxis = dot(towards, c.axis) * -perMetre;
@@ -154,7 +154,7 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
     F8 falloff = c.square * farSquared;
     if (!squaresOnly_) falloff += c.constant + c.linear * simd::sqrt(farSquared);
     const F8 seen = select(distanceSquared > c.radiusSquared, cut(lit) * cut(shines), all(1));
-    return min(c.power * seen / max(falloff, all(least_)), all(1e36f));  // so that no sum is infinite
+    return min(c.power * seen / max(falloff, all(minimum_)), all(1e36f));  // so that no sum is infinite
 }
 
 inline LightTree::Clusters LightTree::allOf(const Node& node) {
@@ -222,17 +222,17 @@ I8 oneEach(const std::uint32_t* numbers, I8 which) {
 
 /// The importances of all eight, and in `before` the sums of those before each and of all; `above`: a bit for each that
 /// is not 0.
-struct LightTree::Shares {
+struct LightTree::Fractions {
     alignas(32) float each[kWide], before[kWide + 8];
     std::uint32_t above;
     float sum() const { return before[kWide]; }
 };
 
-[[gnu::always_inline]] inline LightTree::Shares LightTree::shares(const Node& node, const Vec3f& point,
-                                                                  const Vec3f& normal) const {
+[[gnu::always_inline]] inline LightTree::Fractions LightTree::fractions(const Node& node, const Vec3f& point,
+                                                                        const Vec3f& normal) const {
     const F8 result = importance(allOf(node), {all(point.x), all(point.y), all(point.z)},
                                  {all(normal.x), all(normal.y), all(normal.z)});
-    Shares s;
+    Fractions s;
     store(s.each, result);
     s.before[0] = 0;
     store(s.before + 1, sumsUpTo(result));
@@ -251,7 +251,7 @@ LightTree::Choice LightTree::sample(const Vec3f& point, const Vec3f& normal, flo
 /// One node further down, without branches on where to, which nobody could foresee. Returns whether it ends there.
 bool LightTree::descend(Step& step, const Vec3f& point, const Vec3f& normal) const {
     const Node& node = nodes_[step.next];
-    const Shares s = shares(node, point, normal);
+    const Fractions s = fractions(node, point, normal);
     if (!(s.sum() > 0)) {
         step = {kNone, 0, 0};
         return true;
@@ -269,7 +269,7 @@ bool LightTree::descend(Step& step, const Vec3f& point, const Vec3f& normal) con
 // and each goes a step in turn: none waits for the one before.
 LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, std::uint32_t lanes) const {
     Choices result;
-    std::fill(std::begin(result.thing), std::end(result.thing), kNone);
+    std::fill(std::begin(result.emitter), std::end(result.emitter), kNone);
     store(result.probability, all(0));
     if (nodes_.empty() || !lanes) return result;
     const Node& root = nodes_[0];
@@ -292,7 +292,7 @@ LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, st
     }
     const I8 found = (sum > 0.0f) & lanesOf8(lanes);
     const I8 next = found ? oneEach(root.next, child) : I8{} + static_cast<std::int32_t>(kNone);
-    std::memcpy(result.thing, &next, sizeof next);
+    std::memcpy(result.emitter, &next, sizeof next);
     store(result.probability, select(sum > 0.0f, chosen / sum, all(0)));
     const I8 isNode = (((I8{} + root.leaves) >> child) & 1) == 0;
     std::uint32_t below = laneBits(found & isNode);
@@ -305,29 +305,29 @@ LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, st
     Step steps[8];
     for (std::uint32_t some = below; some; some &= some - 1) {
         const int lane = std::countr_zero(some);
-        steps[lane] = {result.thing[lane], rest[lane], result.probability[lane]};
+        steps[lane] = {result.emitter[lane], rest[lane], result.probability[lane]};
     }
     while (below)
         for (std::uint32_t some = below; some; some &= some - 1) {
             const int lane = std::countr_zero(some);
             Step& step = steps[lane];
             if (!descend(step, {p[0][lane], p[1][lane], p[2][lane]}, {n[0][lane], n[1][lane], n[2][lane]})) continue;
-            result.thing[lane] = step.next, result.probability[lane] = step.probability;
+            result.emitter[lane] = step.next, result.probability[lane] = step.probability;
             below &= ~(1u << lane);
         }
     return result;
 }
 
-float LightTree::probability(std::uint32_t thing, const Vec3f& point, const Vec3f& normal) const {
+float LightTree::probability(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const {
     float probability = 1;
     std::uint32_t at = 0;
-    for (std::uint64_t way = ways_[thing];; way >>= 3) {
+    for (std::uint64_t branches = branches_[emitter];; branches >>= 3) {
         const Node& node = nodes_[at];
-        const Shares s = shares(node, point, normal);
+        const Fractions s = fractions(node, point, normal);
         if (!(s.sum() > 0)) return 0;
-        const std::size_t child = way & 7u;
+        const std::size_t child = branches & 7u;
         probability *= s.each[child] / s.sum();
-        if (node.leaves >> child & 1u) return node.next[child] == thing ? probability : 0.0f;
+        if (node.leaves >> child & 1u) return node.next[child] == emitter ? probability : 0.0f;
         at = node.next[child];
     }
 }

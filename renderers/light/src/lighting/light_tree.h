@@ -28,26 +28,26 @@ class LightTree {
         Vec3f falloff{0, 0, 1};
     };
     struct Choice {
-        std::uint32_t thing = kNone;
+        std::uint32_t emitter = kNone;
         float probability = 0;
     };
 
     LightTree() = default;
     /// One Cluster a thing; those without power are never chosen. `least`: of the falloff, above 0.
-    LightTree(std::span<const Cluster> things, float least);
+    LightTree(std::span<const Cluster> emitters, float minimum);
 
     bool empty() const { return nodes_.empty(); }
     /// One of them for a surface at `point` with this shading normal; none if nothing of them can be above its horizon.
     /// `u` in [0, 1).
     Choice sample(const Vec3f& point, const Vec3f& normal, float u) const;
     struct alignas(32) Choices {
-        std::uint32_t thing[8];
+        std::uint32_t emitter[8];
         float probability[8];
     };
     /// The same for eight surfaces at once; those not in `lanes` choose nothing.
     Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const;
     /// That sample() chooses this one.
-    float probability(std::uint32_t thing, const Vec3f& point, const Vec3f& normal) const;
+    float probability(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const;
 
   private:
     static constexpr std::size_t kWide = 8;
@@ -64,10 +64,10 @@ class LightTree {
     };
     static Cluster join(const Cluster& a, const Cluster& b);
     std::size_t halve(std::size_t first, std::size_t last);
-    Cluster build(std::span<const Cluster> things, std::size_t first, std::size_t last, std::uint32_t node,
-                  std::uint32_t depth, std::uint64_t way);
-    struct Shares;
-    Shares shares(const Node& node, const Vec3f& point, const Vec3f& normal) const;
+    Cluster build(std::span<const Cluster> emitters, std::size_t first, std::size_t last, std::uint32_t node,
+                  std::uint32_t depth, std::uint64_t branches);
+    struct Fractions;
+    Fractions fractions(const Node& node, const Vec3f& point, const Vec3f& normal) const;
 
     /// For one surface at each of the eight clusters, or for eight at one of them, whose numbers are given eight times.
     struct Clusters {
@@ -85,14 +85,14 @@ class LightTree {
     };
     bool descend(Step& step, const Vec3f& point, const Vec3f& normal) const;
 
-    std::vector<std::uint64_t> ways_;  // by thing: three bits a node, from the root on: which child
+    std::vector<std::uint64_t> branches_;  // by thing: three bits a node, from the root on: which child
     struct Placed {
         Vec3f middle;
-        std::uint32_t thing;
+        std::uint32_t emitter;
     };
     std::vector<Placed> order_;  // during construction; with the sort key, which is read some twenty times
     std::vector<Node> nodes_;
-    float least_ = 1e-12f;
+    float minimum_ = 1e-12f;
     bool squaresOnly_ = true;  // the light of each falls off with the square of the distance and nothing else
 };
 

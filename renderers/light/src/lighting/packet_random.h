@@ -30,7 +30,7 @@ inline void randomOfPicture(std::uint64_t seed, const int* x, const int* y, int 
             right = a ^ swapped, up = b ^ swapped;
         }
         for (int i = 0; i < 8; ++i)
-            states[at + i] = PathRandom::ofPlace(seed, x[at + i], y[at + i], index[i], sample, samples).state();
+            states[at + i] = PathRandom::ofCell(seed, x[at + i], y[at + i], index[i], sample, samples).state();
     }
 }
 

@@ -12,15 +12,15 @@
 namespace rtsg::trace {
 
 struct Probe {
-    Vec3f place{0};         // ray space
+    Vec3f position{0};      // ray space
     Vec3f normal{0, 1, 0};  // unit
 
     /// The same, as far off as a surface that goes through the place may be by its roundings: of the place's own
     /// coordinates, and less of the largest of them, as what turns a surface mixes them.
     HitPoint point() const {
         constexpr float kOwn = 0x1p-22f, kLargest = 0x1p-24f;
-        const Vec3f a = glm::abs(place), off = kOwn * a + kLargest * std::max({a.x, a.y, a.z, 1.0f});
-        return {place, off, normal};
+        const Vec3f a = glm::abs(position), off = kOwn * a + kLargest * std::max({a.x, a.y, a.z, 1.0f});
+        return {position, off, normal};
     }
 };
 

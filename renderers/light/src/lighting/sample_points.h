@@ -103,13 +103,13 @@ class PathRandom {
     /// `samples`: of the pixel; at most 2^20.
     static PathRandom ofPicture(std::uint64_t seed, int x, int y, int sample, int samples) {
         const unsigned side = sideOf(samples);
-        return ofPlace(seed, x, y, hilbertIndex(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), side),
-                       sample, samples);
+        return ofCell(seed, x, y, hilbertIndex(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), side),
+                      sample, samples);
     }
     /// The same; `place`: how far along Hilbert's curve through a square of 2^sideOf(samples) pixels the pixel is.
-    static PathRandom ofPlace(std::uint64_t seed, int x, int y, std::uint32_t place, int sample, int samples) {
+    static PathRandom ofCell(std::uint64_t seed, int x, int y, std::uint32_t cell, int sample, int samples) {
         const unsigned side = sideOf(samples);
-        return {hashOf(seed, x >> side, y >> side), place << bitsOf(samples) | static_cast<std::uint32_t>(sample)};
+        return {hashOf(seed, x >> side, y >> side), cell << bitsOf(samples) | static_cast<std::uint32_t>(sample)};
     }
     static unsigned sideOf(int samples) { return std::min(8u, (32 - bitsOf(samples)) / 2); }
     explicit PathRandom(std::uint64_t state = 0) : state_(state) {}

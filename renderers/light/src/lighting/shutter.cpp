@@ -12,9 +12,9 @@ namespace rtsg::trace {
 namespace {
 
 /// So many instants at most: what moves is seen that often, one beside the other, so its edges are smooth to 8 bits.
-constexpr std::size_t kMostInstants = 256, kLeastInstants = 32;
+constexpr std::size_t kMaxInstants = 256, kMinInstants = 32;
 /// Each instant has a tree of its own over all objects; of scenes of many, there are fewer.
-constexpr std::size_t kMostLeaves = std::size_t{1} << 18;
+constexpr std::size_t kMaxLeaves = std::size_t{1} << 18;
 /// More of them than a pixel has samples, so that neighbouring tiles' are not the same.
 constexpr std::size_t kPerSample = 16;
 constexpr std::uint64_t kInstants = 0x6a09e667f3bcc909;  // other numbers than a path's
@@ -27,8 +27,8 @@ bool areSame(const Camera& a, const Camera& b) {
 }  // namespace
 
 std::size_t Shutter::countFor(const Motions& motions, const RenderSettings& settings) {
-    const std::size_t most = std::min(kMostInstants, kPerSample * static_cast<std::size_t>(settings.samplesPerPixel));
-    return std::clamp(kMostLeaves / std::max<std::size_t>(motions.size(), 1), kLeastInstants, most);
+    const std::size_t maximum = std::min(kMaxInstants, kPerSample * static_cast<std::size_t>(settings.samplesPerPixel));
+    return std::clamp(kMaxLeaves / std::max<std::size_t>(motions.size(), 1), kMinInstants, maximum);
 }
 
 Shutter::Shutter(const RayView& world, const Camera& camera, const RenderSettings& settings, const TraceScene& scene)
@@ -60,7 +60,7 @@ void Shutter::Instant::showTo(TraceScene& scene, int height) const {
     scene.lensed = world;
     scene.world = world.get();
     scene.large = nullptr;  // of another instant
-    scene.placeInPicture(*world, camera, height);
+    scene.pixelOf(*world, camera, height);
 }
 
 void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0,
@@ -76,8 +76,8 @@ void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int
     now.coincident = nullptr;
     const int end = std::min(groups[0].lastSample, settings.samplesPerPixel);
     for (int sample = groups[0].firstSample; sample < end; ++sample) {
-        const double share = (sample + start) / settings.samplesPerPixel;
-        const Instant& instant = instants_[std::min(static_cast<std::size_t>(share * count), instants_.size() - 1)];
+        const double fraction = (sample + start) / settings.samplesPerPixel;
+        const Instant& instant = instants_[std::min(static_cast<std::size_t>(fraction * count), instants_.size() - 1)];
         instant.showTo(now, settings.height);
         for (TileResult& group : groups) group.firstSample = sample, group.lastSample = sample + 1;
         (settings.integrator == Integrator::path ? pathTile : whittedTile)(now, instant.camera, settings, x0, y0,

@@ -58,10 +58,10 @@ Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
     Vec4f rgba(inSpace(result) * alpha, alpha);
     if (std::ranges::none_of(panorama, [](const auto& picture) { return picture != nullptr; })) return rgba;
 
-    const CubePlace place = cubePlace(d);
-    if (const auto& texture = panorama[static_cast<std::size_t>(place.side)]) {
+    const CubePosition onCube = cubePosition(d);
+    if (const auto& texture = panorama[static_cast<std::size_t>(onCube.side)]) {
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        const Vec4f texel = texture->sample(place.st.x, place.st.y, 0, access, space);
+        const Vec4f texel = texture->sample(onCube.st.x, onCube.st.y, 0, access, space);
         rgba = Vec4f(Vec3f(texel) * texel.a, texel.a) + rgba * (1 - texel.a);
     }
     return rgba;

@@ -12,7 +12,7 @@ namespace rtsg::trace {
 namespace {
 
 /// Places and weights of Gauss and Legendre on [0, 1].
-constexpr double kGaussPlaces[4] = {0.069431844202974, 0.330009478207572, 0.669990521792428, 0.930568155797026};
+constexpr double kGaussPositions[4] = {0.069431844202974, 0.330009478207572, 0.669990521792428, 0.930568155797026};
 constexpr double kGaussWeights[4] = {0.173927422568727, 0.326072577431273, 0.326072577431273, 0.173927422568727};
 
 /// The angles from the zenith where colours may break, 0, pi and the horizon among them, ascending.
@@ -32,20 +32,20 @@ std::vector<double> breaksOf(const Sky& sky) {
 /// The share of the colours that shows at this angle from the zenith; pictures may hide them.
 double shownAt(const Sky& sky, double angle) {
     constexpr int kLooks = 64;
-    constexpr double kLeast = 1.0 / kLooks;  // there may be a gap between the looks
+    constexpr double kMin = 1.0 / kLooks;  // there may be a gap between the looks
     if (std::ranges::none_of(sky.panorama, [](const auto& picture) { return picture != nullptr; })) return 1;
     if (std::ranges::all_of(sky.panorama, [](const auto& picture) { return picture && !picture->hasAlpha(); }))
         return 0;
     double clear = 0;
     for (int look = 0; look < kLooks; ++look) {
-        const double turn = 2 * std::numbers::pi * look / kLooks;
-        const CubePlace place = cubePlace(
-            Vec3f(Vec3d(std::sin(angle) * std::cos(turn), std::cos(angle), std::sin(angle) * std::sin(turn))));
-        const auto& picture = sky.panorama[static_cast<std::size_t>(place.side)];
+        const double rotation = 2 * std::numbers::pi * look / kLooks;
+        const CubePosition onCube = cubePosition(
+            Vec3f(Vec3d(std::sin(angle) * std::cos(rotation), std::cos(angle), std::sin(angle) * std::sin(rotation))));
+        const auto& picture = sky.panorama[static_cast<std::size_t>(onCube.side)];
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        clear += picture ? 1 - double{picture->sample(place.st.x, place.st.y, 1.0f / kLooks, access).a} : 1;
+        clear += picture ? 1 - double{picture->sample(onCube.st.x, onCube.st.y, 1.0f / kLooks, access).a} : 1;
     }
-    return std::max(clear / kLooks, kLeast);
+    return std::max(clear / kLooks, kMin);
 }
 
 /// The colours alone, whatever hides them.
@@ -60,7 +60,7 @@ struct SkyColors {
 
 }  // namespace
 
-std::size_t pickShare(std::span<const float> sums, float u) {
+std::size_t pickFraction(std::span<const float> sums, float u) {
     const auto at = static_cast<std::size_t>(std::ranges::upper_bound(sums, u) - sums.begin());
     if (at < sums.size()) return at;
     std::size_t last = sums.size() - 1;  // rounding: the last one with a share
@@ -68,7 +68,7 @@ std::size_t pickShare(std::span<const float> sums, float u) {
     return last;
 }
 
-float insideShare(std::span<const float> sums, std::size_t at, float u) {
+float insideFraction(std::span<const float> sums, std::size_t at, float u) {
     const float before = at > 0 ? sums[at - 1] : 0.0f;
     return std::clamp((u - before) / (sums[at] - before), 0.0f, 0x1.fffffep-1f);
 }
@@ -87,7 +87,7 @@ SkyBands::SkyBands(const Sky& sky) {
     const auto addRing = [&](double from, double to) {
         double sum = 0;
         for (int i = 0; i < 4; ++i) {
-            const double angle = from + kGaussPlaces[i] * (to - from), y = colors.at(angle);
+            const double angle = from + kGaussPositions[i] * (to - from), y = colors.at(angle);
             sum += kGaussWeights[i] * y * std::sin(angle);
             peak_ = std::max(peak_, static_cast<float>(y));
         }
@@ -117,21 +117,21 @@ SkyBands::SkyBands(const Sky& sky) {
     for (std::size_t i = 0; i < rings_.size(); ++i) {
         Ring& ring = rings_[i];
         ends_.push_back(ring.to);
-        const float share = sums_[i] - (i > 0 ? sums_[i - 1] : 0);
+        const float fraction = sums_[i] - (i > 0 ? sums_[i - 1] : 0);
         // A ring's solid angle is 4 pi times the growth of the square of that sine.
         if (ring.to > ring.from)
-            ring.density = share / (4 * static_cast<float>(std::numbers::pi) * (ring.to - ring.from));
+            ring.density = fraction / (4 * static_cast<float>(std::numbers::pi) * (ring.to - ring.from));
     }
 }
 
 SkyBands::Choice SkyBands::sample(float u, float v) const {
     if (!(light_ > 0)) return {};
-    const std::size_t at = pickShare(sums_, v);
+    const std::size_t at = pickFraction(sums_, v);
     const Ring& ring = rings_[at];
-    const float squared = ring.from + (ring.to - ring.from) * insideShare(sums_, at, v);
+    const float squared = ring.from + (ring.to - ring.from) * insideFraction(sums_, at, v);
     const float sine = 2 * std::sqrt(squared * (1 - squared)), cosine = 1 - 2 * squared;
-    const float turn = 2 * static_cast<float>(std::numbers::pi) * u;
-    return {{sine * std::cos(turn), at < above_ ? cosine : -cosine, sine * std::sin(turn)}, ring.density};
+    const float angle = 2 * static_cast<float>(std::numbers::pi) * u;
+    return {{sine * std::cos(angle), at < above_ ? cosine : -cosine, sine * std::sin(angle)}, ring.density};
 }
 
 float SkyBands::density(const Vec3f& d) const {

@@ -46,9 +46,9 @@ class SkyBands {
 };
 
 /// The first entry that is above `u`; one that has a share.
-std::size_t pickShare(std::span<const float> sums, float u);
+std::size_t pickFraction(std::span<const float> sums, float u);
 /// The place of `u` between two sums, in [0, 1).
-float insideShare(std::span<const float> sums, std::size_t at, float u);
+float insideFraction(std::span<const float> sums, std::size_t at, float u);
 /// Finite, and not below 0.
 float skyLuminance(const Vec3f& color);
 

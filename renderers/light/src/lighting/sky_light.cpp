@@ -13,7 +13,7 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr std::size_t kLeastCells = 32, kMostCells = 512, kMostOfPanorama = 1024;
+constexpr std::size_t kMinCells = 32, kMaxCells = 512, kMaxOfPanorama = 1024;
 
 /// Light of a sky's pictures alone.
 FarLight ofPictures(const Sky& sky) {
@@ -23,14 +23,14 @@ FarLight ofPictures(const Sky& sky) {
             result.detail =
                 std::max(result.detail, static_cast<std::size_t>(std::max(picture->width(), picture->height())));
     result.localFromWorld = sky.localFromWorld;
-    result.inPicture = [&sky](std::size_t side, Vec2f place, float footprint) {
+    result.inPicture = [&sky](std::size_t side, Vec2f point, float footprint) {
         const auto& picture = sky.panorama[side];
         if (!picture) return Vec3f(0);
         // A texture's footprint is a share of the mean of its sides: here no pixel of the longer must be passed over.
         const auto w = static_cast<float>(picture->width()), h = static_cast<float>(picture->height());
         const float wide = footprint * std::max(w, h) / std::sqrt(w * h);
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        const Vec4f texel = picture->sample(place.x, place.y, wide, access, ColorSpace::linear);
+        const Vec4f texel = picture->sample(point.x, point.y, wide, access, ColorSpace::linear);
         return Vec3f(texel) * (texel.a);
     };
     return result;
@@ -40,7 +40,7 @@ FarLight ofPictures(const Sky& sky) {
 
 SkyCells::SkyCells(const FarLight& of) : shape_(of.shape) {
     const bool cube = shape_ == FarLight::Shape::cube;
-    down_ = std::clamp(of.detail, kLeastCells, cube ? kMostCells : kMostOfPanorama);
+    down_ = std::clamp(of.detail, kMinCells, cube ? kMaxCells : kMaxOfPanorama);
     across_ = cube ? down_ : 2 * down_;
     rows_.resize(cube ? 6 * down_ : down_);
     within_.resize(rows_.size() * across_);
@@ -94,10 +94,10 @@ std::vector<float> SkyCells::lookAround(const FarLight& of) {
 Vec3f SkyCells::directionAt(std::size_t row, Vec2f st) const {
     if (shape_ == FarLight::Shape::cube) return cubeDirection(static_cast<CubeSide>(row / down_), st);
     // From the nearer pole, so that a place beside it keeps its digits.
-    const float turn = 2 * std::numbers::pi_v<float> * (st.x - .5f);
+    const float rotation = 2 * std::numbers::pi_v<float> * (st.x - .5f);
     const bool above = st.y > .5f;
     const float angle = std::numbers::pi_v<float> * (above ? 1 - st.y : st.y), sine = std::sin(angle);
-    return {sine * std::sin(turn), above ? std::cos(angle) : -std::cos(angle), -sine * std::cos(turn)};
+    return {sine * std::sin(rotation), above ? std::cos(angle) : -std::cos(angle), -sine * std::cos(rotation)};
 }
 
 /// How large a part of the picture is, seen from its middle, for each part of it: d omega / (ds dt).
@@ -111,17 +111,17 @@ float SkyCells::spreadAt(Vec2f st) const {
 
 float SkyCells::densityOn(Vec2f st, std::size_t row, std::size_t cell) const {
     const float* within = &within_[row * across_];
-    const float share =
+    const float fraction =
         (rows_[row] - (row > 0 ? rows_[row - 1] : 0)) * (within[cell] - (cell > 0 ? within[cell - 1] : 0));
-    return share > 0 ? share * static_cast<float>(across_ * down_) / spreadAt(st) : 0;
+    return fraction > 0 ? fraction * static_cast<float>(across_ * down_) / spreadAt(st) : 0;
 }
 
 SkyBands::Choice SkyCells::sample(float u, float v) const {
-    const std::size_t row = pickShare(rows_, v);
+    const std::size_t row = pickFraction(rows_, v);
     const std::span<const float> within(&within_[row * across_], across_);
-    const std::size_t cell = pickShare(within, u);
-    const Vec2f st((static_cast<float>(cell) + insideShare(within, cell, u)) / static_cast<float>(across_),
-                   (static_cast<float>(row % down_) + insideShare(rows_, row, v)) / static_cast<float>(down_));
+    const std::size_t cell = pickFraction(within, u);
+    const Vec2f st((static_cast<float>(cell) + insideFraction(within, cell, u)) / static_cast<float>(across_),
+                   (static_cast<float>(row % down_) + insideFraction(rows_, row, v)) / static_cast<float>(down_));
     return {directionAt(row, st), densityOn(st, row, cell)};
 }
 
@@ -129,10 +129,10 @@ float SkyCells::density(const Vec3f& direction) const {
     std::size_t side = 0;
     Vec2f st;
     if (shape_ == FarLight::Shape::cube) {
-        const CubePlace place = cubePlace(direction);
-        side = static_cast<std::size_t>(place.side), st = place.st;
+        const CubePosition onCube = cubePosition(direction);
+        side = static_cast<std::size_t>(onCube.side), st = onCube.st;
     } else {
-        st = panoramaPlace(direction);
+        st = panoramaPosition(direction);
     }
     const auto at = [](float x, std::size_t cells) {
         return std::min(static_cast<std::size_t>(std::max(x, 0.0f) * static_cast<float>(cells)), cells - 1);
@@ -157,8 +157,8 @@ SkyLight::SkyLight(const Sky* sky, const std::vector<FarLight>& more) {
         light += bands_.light(), peak += bands_.peak();
     }
     if (!(light > 0)) return;
-    bandsShare_ = static_cast<float>(bands_.light() / light);
-    for (Part& part : parts_) part.share = static_cast<float>(part.cells.light() / light);
+    bandsFraction_ = static_cast<float>(bands_.light() / light);
+    for (Part& part : parts_) part.fraction = static_cast<float>(part.cells.light() / light);
     unevenness_ = static_cast<float>(double{peak} * 4 * std::numbers::pi / light);
 }
 
@@ -168,26 +168,26 @@ SkyLight::Choice SkyLight::sample(float u, float v) const {
     // The last one with a share takes what rounding leaves.
     for (std::size_t i = 0; i < parts_.size(); ++i) {
         const Part& part = parts_[i];
-        const bool last = i + 1 == parts_.size() && !(bandsShare_ > 0);
-        if (!last && v >= before + part.share) {
-            before += part.share;
+        const bool last = i + 1 == parts_.size() && !(bandsFraction_ > 0);
+        if (!last && v >= before + part.fraction) {
+            before += part.fraction;
             continue;
         }
-        const Choice choice = part.cells.sample(u, std::min((v - before) / part.share, 0x1.fffffep-1f));
+        const Choice choice = part.cells.sample(u, std::min((v - before) / part.fraction, 0x1.fffffep-1f));
         const Vec3f direction = glm::transpose(part.localFromWorld) * choice.direction;
-        if (part.share == 1) return {direction, choice.density};
+        if (part.fraction == 1) return {direction, choice.density};
         return {direction, density(direction)};
     }
-    const Choice choice = bands_.sample(u, std::min((v - before) / bandsShare_, 0x1.fffffep-1f));
+    const Choice choice = bands_.sample(u, std::min((v - before) / bandsFraction_, 0x1.fffffep-1f));
     const Vec3f direction = glm::transpose(bandsFromWorld_) * choice.direction;
-    if (bandsShare_ == 1) return {direction, choice.density};
+    if (bandsFraction_ == 1) return {direction, choice.density};
     return {direction, density(direction)};
 }
 
 float SkyLight::density(const Vec3f& direction) const {
     if (!(unevenness_ > 0)) return 0;
-    float sum = bandsShare_ > 0 ? bandsShare_ * bands_.density(bandsFromWorld_ * direction) : 0;
-    for (const Part& part : parts_) sum += part.share * part.cells.density(part.localFromWorld * direction);
+    float sum = bandsFraction_ > 0 ? bandsFraction_ * bands_.density(bandsFromWorld_ * direction) : 0;
+    for (const Part& part : parts_) sum += part.fraction * part.cells.density(part.localFromWorld * direction);
     return sum;
 }
 
@@ -206,12 +206,12 @@ std::shared_ptr<const SkyLight> SkyTable::of(SkyTable* table, const Sky* sky, st
         if (table->holds(sky, more)) return table->last_;
     }
     // Outside, as several threads make it, and one of them might come here for another picture.
-    auto made = std::make_shared<const SkyLight>(sky, more);
+    auto created = std::make_shared<const SkyLight>(sky, more);
     const std::scoped_lock lock(table->mutex_);
     table->sky_ = sky ? std::optional<Sky>(*sky) : std::nullopt;
     for (FarLight& far : more) far.radiance = nullptr, far.inPicture = nullptr;
     table->more_ = std::move(more);
-    return table->last_ = std::move(made);
+    return table->last_ = std::move(created);
 }
 
 }  // namespace rtsg::trace

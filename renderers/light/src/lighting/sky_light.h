@@ -31,7 +31,7 @@ struct FarLight {
     Environment::Source source{};  // which tells it, and in which colour
     Vec3f color{1};
     /// The same from a place in its picture, whose corners are (0, 0) and (1, 1); where there is one.
-    std::function<Vec3f(std::size_t side, Vec2f place, float footprint)> inPicture{};
+    std::function<Vec3f(std::size_t side, Vec2f point, float footprint)> inPicture{};
 };
 
 /// A cell is chosen by its light (luminance times solid angle), a direction within it evenly over its part of the
@@ -81,11 +81,11 @@ class SkyLight {
     struct Part {
         SkyCells cells;
         glm::mat3 localFromWorld{1.0f};
-        float share = 0;  // of the choices
+        float fraction = 0;  // of the choices
     };
     SkyBands bands_;
     glm::mat3 bandsFromWorld_{1.0f};
-    float bandsShare_ = 0;
+    float bandsFraction_ = 0;
     std::vector<Part> parts_;  // that give light
     float unevenness_ = 0;
 };

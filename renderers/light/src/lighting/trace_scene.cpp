@@ -17,7 +17,7 @@ PixelLens lensOf(const RayView& world, const Camera& camera, int rows) {
     return lens;
 }
 
-void TraceScene::placeInPicture(const RayView& view, const Camera& camera, int height) {
+void TraceScene::pixelOf(const RayView& view, const Camera& camera, int height) {
     eye = view.fromWorld(camera.position), forward = Vec3f(camera.forward);
     const auto pixel = static_cast<float>(camera.pixel(height));
     pixelSpread = camera.orthographic ? 0 : pixel, pixelSize = camera.orthographic ? pixel : 0;
@@ -58,11 +58,11 @@ void Fogs::setLocal(const std::vector<std::pair<std::uint32_t, Fog>>& fogs, std:
         entries_.push_back({fog, linearFromSrgb(fog.color)});
         any_ = any_ || fog.type != FogType::none;
     }
-    std::vector<std::uint32_t> way;
+    std::vector<std::uint32_t> path;
     for (std::uint32_t i = 0; i < around.size(); ++i) {
         std::uint32_t at = i;
-        for (; byScope_[at] == kUnknown; at = around[at]) way.push_back(at);
-        for (; !way.empty(); way.pop_back()) byScope_[way.back()] = byScope_[at];
+        for (; byScope_[at] == kUnknown; at = around[at]) path.push_back(at);
+        for (; !path.empty(); path.pop_back()) byScope_[path.back()] = byScope_[at];
     }
 }
 

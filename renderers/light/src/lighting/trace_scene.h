@@ -104,8 +104,8 @@ struct TraceEnvironment {
 /// A volume where a picture has it.
 struct TraceVolume {
     const Volume* volume = nullptr;
-    glm::mat4x3 placeFromRay{1.0f};   // to shares of its box
-    glm::mat3 normalFromLocal{1.0f};  // directions only
+    glm::mat4x3 positionFromRay{1.0f};  // to shares of its box
+    glm::mat3 normalFromLocal{1.0f};    // directions only
     std::uint32_t lights = 0, slot = 0;
     const RayFilter* filter = nullptr;  // that cuts it; null: none
 };
@@ -161,14 +161,14 @@ class Fogs {
         Vec3f linear{0};  // the same, decoded
         const Vec3f& color(bool asLight) const { return asLight ? linear : fog.color; }
         /// The share of its own colour that is left of a hit at a place, after `run`.
-        float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, const Vec3f& place, float run) const {
+        float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, const Vec3f& position, float run) const {
             if (fog.type == FogType::none) return 1;
             if (mesh.fogDepths.present() && triangle != kCap) [[unlikely]]  // 24.4.3: in place of the distance
                 return 1 - std::clamp(mesh.fogDepths.interpolate(triangle, u, v).x, 0.0f, 1.0f);
-            return left(place, run);
+            return left(position, run);
         }
-        float left(const Vec3f& place, float run) const {
-            return fogFactor(fog.type, fog.visibilityRange, fog.depth(place, run));
+        float left(const Vec3f& position, float run) const {
+            return fogFactor(fog.type, fog.visibilityRange, fog.depth(position, run));
         }
     };
     bool any() const { return any_; }
@@ -212,7 +212,7 @@ struct TraceScene {
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     std::optional<UnevenEye> uneven;    // lights fall on surfaces as in that space; nothing of paths
     /// All that says where in the picture something is, and how wide a pixel is there.
-    void placeInPicture(const RayView& view, const Camera& camera, int height);
+    void pixelOf(const RayView& view, const Camera& camera, int height);
     EmitterTable* emitterTable = nullptr;         // that of the scene's last picture
     SkyTable* skyTable = nullptr;                 // the same
     const Emitters* emitters = nullptr;           // of paths, where anything shines
@@ -249,9 +249,9 @@ struct TraceScene {
     float pixelSize = 0;    // metres, for an orthographic camera
     /// The share of a pixel's width for which one of its samples stands. If each sample read textures as wide as the
     /// pixel, they would be blurred twice.
-    float sampleShare = 1;
+    float sampleFraction = 1;
     /// How wide that is (metres) where rays have come `run` metres far.
-    float sampleWidth(float run) const { return sampleShare * (pixelSpread * run + pixelSize); }
+    float sampleWidth(float run) const { return sampleFraction * (pixelSpread * run + pixelSize); }
 
     /// The material and the rest with which an instance is drawn.
     const SlotShading& slot(std::uint32_t instance) const {
@@ -317,15 +317,15 @@ struct TileResult {
     std::array<Vec4f, kTilePixels> sum{};       // colour and coverage, not yet divided by the samples
     /// ColorSpace::automatic: what PhysicalMaterials add to a pixel, as light, and which share of the pixel it is. It
     /// is encoded when it is complete, and then joins `sum`, which holds display values. Empty: nothing.
-    std::vector<Vec3f> light, share;
+    std::vector<Vec3f> light, weight;
     std::vector<float> missing;  // weight of rays that were cut off, however bright they might have been; or empty
     TileReach* reach = nullptr;  // in: where whittedTile() notes its rays, of the first group; null: nobody asks
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
     std::uint64_t chanceFinds = 0;  // as TraceScene::countsFrom has it, by paths that a surface has scattered
 
-    void addLight(std::uint16_t pixel, const Vec3f& amount, const Vec3f& ofShare) {
-        if (light.empty()) light.resize(kTilePixels, Vec3f(0)), share.resize(kTilePixels, Vec3f(0));
-        light[pixel] += amount, share[pixel] += ofShare;
+    void addLight(std::uint16_t pixel, const Vec3f& amount, const Vec3f& ofFraction) {
+        if (light.empty()) light.resize(kTilePixels, Vec3f(0)), weight.resize(kTilePixels, Vec3f(0));
+        light[pixel] += amount, weight[pixel] += ofFraction;
     }
     void addMissing(std::uint16_t pixel, float weight) {
         if (missing.empty()) missing.resize(kTilePixels);

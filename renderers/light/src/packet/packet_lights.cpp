@@ -14,7 +14,7 @@
 #include "tables/left_out.h"
 #include "texture/bsdf.h"
 #include "volume_march.h"
-#include "world/clear_way.h"
+#include "world/clear_path.h"
 
 namespace rtsg::trace {
 
@@ -31,10 +31,10 @@ InProjection project(const TraceLight& light, const V8& position) {
     const V8 from = position - broadcast(light.position);
     InProjection in;
     in.depth = dot(from, broadcast(light.direction));
-    const F8 share = light.kind == Light::Kind::projector ? 1.0f / max(in.depth, all(1e-30f)) : all(1);
+    const F8 weight = light.kind == Light::Kind::projector ? 1.0f / max(in.depth, all(1e-30f)) : all(1);
     const Vec4f& e = light.extent;
-    in.s = (dot(from, broadcast(light.right)) * share - e.x) / (e.z - e.x);
-    in.t = (dot(from, broadcast(light.up)) * share - e.y) / (e.w - e.y);
+    in.s = (dot(from, broadcast(light.right)) * weight - e.x) / (e.z - e.x);
+    in.t = (dot(from, broadcast(light.up)) * weight - e.y) / (e.w - e.y);
     in.inside = (in.depth > 0.0f) & (in.depth >= light.nearDistance) & (in.depth <= light.farDistance) &
                 (in.s >= 0.0f) & (in.s <= 1.0f) & (in.t >= 0.0f) & (in.t <= 1.0f);
     return in;
@@ -83,21 +83,21 @@ bool gatherProjected(const TraceLight& light, const SurfacePacket& s, Incoming& 
 std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::uint32_t tested) {
     if (!scene.anyTransmits) return 0;
     if (scene.clearAnywhere) return tested;
-    const std::uint32_t most = meetBox(rays, scene.allClear) & tested;
-    if (!most || scene.clear.empty()) return most;
+    const std::uint32_t maximum = meetBox(rays, scene.allClear) & tested;
+    if (!maximum || scene.clear.empty()) return maximum;
     std::uint32_t met = 0;
     for (const Bounds& box : scene.clear) met |= meetBox(rays, box);
-    return met & most;
+    return met & maximum;
 }
 
 /// Smaller shares of light count as 0. The limit is this small because lights may be of any strength.
-constexpr float kLeast = 1e-9f;
+constexpr float kMin = 1e-9f;
 
 /// Multiplies `left`, for a ray that ends at `tMax`, by `through`, which its hit lets pass, and moves the ray on behind
 /// the hit. False: nothing more is in its way, or nothing is left.
 bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float tMax, Ray& ray, Vec3f& left) {
     left *= through;
-    if (!(std::max({left.x, left.y, left.z}) > kLeast)) {
+    if (!(std::max({left.x, left.y, left.z}) > kMin)) {
         left = Vec3f(0);
         return false;
     }
@@ -112,7 +112,7 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
     return true;
 }
 
-/// leftOnTheWay() side by side of those rays of a packet that have met something clear.
+/// leftAlong() side by side of those rays of a packet that have met something clear.
 void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t met, float tMax,
                RunsIn* in, Vec3f* left) {
     for (int step = 0; met; ++step) {
@@ -130,7 +130,7 @@ void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays,
             }
             rays.skip(lane);
         }
-        if (step + 1 == kMostPassed)
+        if (step + 1 == kMaxPassed)
             for (; on; on &= on - 1) left[std::countr_zero(on)] = Vec3f(0);
         met = on ? world.intersect(rays, false, RayKind::shadow) & on : 0;
     }
@@ -155,11 +155,11 @@ std::uint32_t followClear(const TraceScene& scene, const RayView& world, RayPack
 }
 
 /// The share of light that is left along a ray that nothing opaque stops.
-Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, RunsIn in, ClearWay& way) {
+Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, RunsIn in, ClearPath& clearPath) {
     Vec3f left(1);
-    way.visit(ray, lane, [&](const Hit& hit, std::span<const Hit> others) {
+    clearPath.visit(ray, lane, [&](const Hit& hit, std::span<const Hit> others) {
         left *= straightTransmittance(scene, hit, ray.direction, in.pass(scene, ray.direction, hit, others));
-        const bool isBright = std::max({left.x, left.y, left.z}) > kLeast;
+        const bool isBright = std::max({left.x, left.y, left.z}) > kMin;
         if (!isBright) left = Vec3f(0);
         return isBright;
     });
@@ -174,17 +174,17 @@ std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPack
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
     if (!near) return world.occluded(rays, coherent) & tested;
-    ClearWay way(
+    ClearPath clearPath(
         world,
         [](const void* asked, std::uint32_t slot) { return letsThrough(*static_cast<const TraceScene*>(asked), slot); },
         &scene);
     std::uint32_t unknown = 0;
-    std::uint32_t blocked = way.find(rays, coherent, RayKind::shadow, unknown) & tested;
+    std::uint32_t blocked = clearPath.find(rays, coherent, RayKind::shadow, unknown) & tested;
     for (std::uint32_t rest = tested & ~blocked & ~unknown; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (!way.passesAny(lane)) continue;
+        if (!clearPath.passesAny(lane)) continue;
         clear |= 1u << lane;
-        left[lane] = leftBehind(scene, rays.ray(lane), lane, in[lane], way);
+        left[lane] = leftBehind(scene, rays.ray(lane), lane, in[lane], clearPath);
     }
     unknown &= tested;
     if (unknown) {
@@ -219,7 +219,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         const int lane = std::countr_zero(rest);
         through[lane] = scene.anyTransmits ? throughOwn(scene, s, lane) : Vec3f(0);
         if (through[lane] != Vec3f(0)) continue;
-        if (const auto start = placeOnCurve(scene, s, lane)) {
+        if (const auto start = pointOnCurve(scene, s, lane)) {
             Ray ray = rays.ray(lane);
             if (light.kind == Light::Kind::point || light.kind == Light::Kind::spot ||
                 light.kind == Light::Kind::projector)
@@ -293,10 +293,10 @@ class InEyeSpace {
 
 }  // namespace
 
-Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind, RunsIn in) {
+Vec3f leftAlong(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind, RunsIn in) {
     Vec3f left(1);
     const float tMax = ray.tMax;
-    for (int step = 0; step < kMostPassed; ++step) {
+    for (int step = 0; step < kMaxPassed; ++step) {
         Hit hit = world.intersect(ray, kind);
         if (!hit) return left;
         if (kind == RayKind::eye) hit = frontOf(scene, world, ray, hit, kind);
@@ -308,7 +308,7 @@ Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKi
     return Vec3f(0);
 }
 
-void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays, const Shares* shares) {
+void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays, const RayWeights* weights) {
     const PacketKernels& kernels = packetKernels();
     kernels.addOwn(s);
     const LightGroups& all = scene.lightGroups;
@@ -338,8 +338,8 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
                 if (!(light.picture ? gatherProjected(light, s, in) : kernels.gather(light, s, in))) continue;
                 if (light.shadows) {
                     std::uint32_t shadowed = group;
-                    if (shares && !light.picture && !uneven)
-                        shadowed &= ~(phong & kernels.faint(light, in, shares->of, shares->least, shiny, s));
+                    if (weights && !light.picture && !uneven)
+                        shadowed &= ~(phong & kernels.faint(light, in, weights->of, weights->minimum, shiny, s));
                     if (shadowed) castShadows(scene, light, s, shadowed, in, shadowRays);
                 }
                 if (light.picture) tint(scene, light, s, in);

@@ -16,14 +16,14 @@ using namespace simd;
 
 namespace {
 
-constexpr std::uint64_t kPlacesSeed = 0xd1b54a32d192ed03,
+constexpr std::uint64_t kPositionsSeed = 0xd1b54a32d192ed03,
                         kLensSeed = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
 
 /// The places of samples in sixteen pixels, four by four; `x`, `y`: of the first.
-PairsOfSamples placesInBlock(std::uint64_t seed, int x, int y) {
+PairsOfSamples positionsInBlock(std::uint64_t seed, int x, int y) {
     PathRandom randoms[16];
     for (int lane = 0; lane < 16; ++lane)
-        randoms[lane] = PathRandom(seed ^ kPlacesSeed, x + (lane & 3), y + (lane >> 2), 0);
+        randoms[lane] = PathRandom(seed ^ kPositionsSeed, x + (lane & 3), y + (lane >> 2), 0);
     return PairsOfSamples(randoms);
 }
 
@@ -47,8 +47,8 @@ void throughLens(const TraceScene& scene, const Camera& camera, std::uint64_t se
     for (int lane = 0; lane < 16; ++lane) {
         if (!rays.active[lane]) continue;
         PathRandom random(seed ^ kLensSeed, x0 + pixels[lane] % kTileSide, y0 + pixels[lane] / kTileSide, sample);
-        const Vec2f place = radius * onDisk(random.nextPair());
-        const Vec3f offset = place.x * right + place.y * up;
+        const Vec2f point = radius * onDisk(random.nextPair());
+        const Vec3f offset = point.x * right + point.y * up;
         const Vec3f straight(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
         const Vec3f direction = glm::normalize(straight * (focus / glm::dot(straight, forward)) - offset);
         rays.set(lane, {scene.eye + offset, 0, direction, rays.tMax[lane]});
@@ -134,11 +134,11 @@ void bound(const Camera& camera, RayPacket16& rays) {
 
 }  // namespace
 
-void findPlaces(std::uint64_t seed, int x0, int y0, std::span<SamplePlaces> samples) {
+void findSpatialIndex(std::uint64_t seed, int x0, int y0, std::span<SamplePositions> samples) {
     for (int block = 0; block < kTilePixels / 16; ++block) {
-        const PairsOfSamples places = placesInBlock(seed, x0 + (block & 3) * 4, y0 + (block >> 2) * 4);
+        const PairsOfSamples positions = positionsInBlock(seed, x0 + (block & 3) * 4, y0 + (block >> 2) * 4);
         for (std::size_t s = 0; s < samples.size(); ++s)
-            places.of(static_cast<int>(s), samples[s].u[block], samples[s].v[block]);
+            positions.of(static_cast<int>(s), samples[s].u[block], samples[s].v[block]);
     }
 }
 
@@ -154,19 +154,19 @@ bvh::PixelGrid pixelGrid(const TraceScene& scene, const Camera& camera, const Re
 
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
-                          std::uint16_t* pixels, const SamplePlaces* places) {
+                          std::uint16_t* pixels, const SamplePositions* positions) {
     const int bx = (block & 3) * 4, by = (block >> 2) * 4;
     const std::uint32_t active = blockPixels(settings, x0 + bx, y0 + by, bx, by, pixels);
     if (!active) return 0;
     const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), x0 + bx, y0 + by);
     alignas(64) float ownU[16], ownV[16];
     const float *u = ownU, *v = ownV;
-    if (places)
-        u = places->u[block], v = places->v[block];
+    if (positions)
+        u = positions->u[block], v = positions->v[block];
     else if (settings.samplesPerPixel == 1)
         std::fill(ownU, ownU + 16, 0.5f), std::fill(ownV, ownV + 16, 0.5f);
     else
-        placesInBlock(seed, x0 + bx, y0 + by).of(sample, ownU, ownV);
+        positionsInBlock(seed, x0 + bx, y0 + by).of(sample, ownU, ownV);
     if (camera.orthographic || camera.panorama) {
         raysThrough(camera, settings, b, u, v, rays);
         for (int lane = 0; lane < 16; ++lane) rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);

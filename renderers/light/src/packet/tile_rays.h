@@ -15,18 +15,18 @@
 namespace rtsg::trace {
 
 /// The places of one sample in the pixels of a tile, in [0, 1)^2, by block and by pixel in the block.
-struct alignas(64) SamplePlaces {
+struct alignas(64) SamplePositions {
     float u[16][16], v[16][16];
 };
 /// Finds the places of the first samples of the tile at (x0, y0). Precondition: a pixel has more than one.
-void findPlaces(std::uint64_t seed, int x0, int y0, std::span<SamplePlaces> samples);
+void findSpatialIndex(std::uint64_t seed, int x0, int y0, std::span<SamplePositions> samples);
 
 /// Sixteen neighbouring pixels' rays (`block` 0 to 15 of the tile, four by four pixels each), and which pixels of the
 /// tile they belong to. Returns a bit per ray; lanes outside the picture are inactive. `seed`: in place of the
 /// settings'. `places`: of the sample, where they are known.
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
-                          std::uint16_t* pixels, const SamplePlaces* places = nullptr);
+                          std::uint16_t* pixels, const SamplePositions* positions = nullptr);
 
 /// How far a ray that has come straight from the eye, through clear surfaces, is followed on.
 float endOfSight(const Camera& camera, const PathTask& task);
@@ -47,7 +47,7 @@ struct TilePacket {
 /// A tile's rays: the primary ones, then those that they lead to, generation by generation.
 class TileLoop {
   public:
-    enum class Turn : std::uint8_t { none, mirrored, bent };
+    enum class Round : std::uint8_t { none, mirrored, bent };
     static constexpr std::size_t kTogether = 4;  // packets; they and what is made of them stay in the nearest cache
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
              std::span<TileResult> groups)
@@ -100,13 +100,15 @@ class TileLoop {
         drain(trace);
     }
     /// Sets the places of the samples, so that they are not computed again. They must outlive run().
-    void usePlaces(std::span<const SamplePlaces> places) { places_ = places; }
+    void usePositions(std::span<const SamplePositions> positions) { positions_ = positions; }
     void push(const PathTask& task) { next_[0].push_back(task); }
     /// Adds a ray, to be filled in. Rays that turn alike at neighbouring places go on side by side, so they wait apart
     /// from others.
-    PathTask& push(Turn turn = Turn::none) { return next_[static_cast<std::size_t>(turn)].emplace_back(); }
+    PathTask& push(Round round = Round::none) { return next_[static_cast<std::size_t>(round)].emplace_back(); }
     /// One like another, to be changed.
-    PathTask& push(Turn turn, const PathTask& like) { return next_[static_cast<std::size_t>(turn)].emplace_back(like); }
+    PathTask& push(Round round, const PathTask& like) {
+        return next_[static_cast<std::size_t>(round)].emplace_back(like);
+    }
 
     /// The pixel's coordinate in the picture.
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
@@ -134,20 +136,20 @@ class TileLoop {
         while (waiting() > 0) {
             now_.swap(next_);
             for (std::vector<PathTask>& queue : next_) queue.clear();
-            std::size_t count = 0, mixed = 0, turn = 0, at = 0;
+            std::size_t count = 0, mixed = 0, round = 0, at = 0;
             const auto pass = [&] {
                 if (count > 0) trace(std::span(packets_, count));
                 count = 0;
             };
             for (;;) {
-                while (turn < now_.size() && at == now_[turn].size()) ++turn, at = 0;
-                if (turn == now_.size()) break;
-                std::span<PathTask> tasks = std::span(now_[turn]).subspan(at);
+                while (round < now_.size() && at == now_[round].size()) ++round, at = 0;
+                if (round == now_.size()) break;
+                std::span<PathTask> tasks = std::span(now_[round]).subspan(at);
                 if (tasks.size() >= 16) {
                     tasks = tasks.first(16);
                     at += 16;
                 } else {
-                    tasks = gather(turn, at, mixed_[mixed++]);
+                    tasks = gather(round, at, mixed_[mixed++]);
                 }
                 fill(packets_[count], tasks);
                 if (++count == kTogether) pass();
@@ -156,10 +158,10 @@ class TileLoop {
         }
     }
     /// The last tasks of a turn and the first of those that follow.
-    std::span<PathTask> gather(std::size_t& turn, std::size_t& at, std::array<PathTask, 16>& to) {
+    std::span<PathTask> gather(std::size_t& round, std::size_t& at, std::array<PathTask, 16>& to) {
         std::size_t count = 0;
-        for (; turn < now_.size(); ++turn, at = 0) {
-            while (count < to.size() && at < now_[turn].size()) to[count++] = now_[turn][at++];
+        for (; round < now_.size(); ++round, at = 0) {
+            while (count < to.size() && at < now_[round].size()) to[count++] = now_[round][at++];
             if (count == to.size()) break;
         }
         return std::span(to).first(count);
@@ -169,7 +171,7 @@ class TileLoop {
         const std::uint64_t seed = groups_[group].seed;
         packet.active =
             primaryRays(scene_, camera_, settings_, seed, x0_, y0_, block, sample, packet.rays, packet.pixels,
-                        places_.empty() ? nullptr : &places_[static_cast<std::size_t>(sample)]);
+                        positions_.empty() ? nullptr : &positions_[static_cast<std::size_t>(sample)]);
         if (!packet.active) return false;
         if (group > 0)
             for (std::uint16_t& pixel : packet.pixels) pixel += static_cast<std::uint16_t>(group * kTilePixels);
@@ -200,7 +202,7 @@ class TileLoop {
     const bool isBounded_;
     int x0_, y0_;
     std::span<TileResult> groups_;
-    std::span<const SamplePlaces> places_;
+    std::span<const SamplePositions> positions_;
     Queues now_, next_;
     std::array<PathTask, 16> mixed_[3];  // packets of several turns
     TilePacket packets_[kTogether];

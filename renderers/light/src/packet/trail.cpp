@@ -19,21 +19,21 @@ using namespace simd;
 namespace {
 
 /// So many tests, of a box against a tile's rays, cost less than a twentieth of tracing the tile.
-constexpr std::size_t kMostBoxes = 64, kMostTests = 1024;
-constexpr std::size_t kWays = 6;    // tests of a box besides two for each light
-constexpr float kSlack = 0x1p-16f;  // of the coordinates: more than their roundings
+constexpr std::size_t kMaxBoxes = 64, kMaxTests = 1024;
+constexpr std::size_t kBranches = 6;  // tests of a box besides two for each light
+constexpr float kSlack = 0x1p-16f;    // of the coordinates: more than their roundings
 
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 // ---- rays ------------------------------------------------------------------------------------------------------
 
-float leastOf(F8 v) {
-    float least = v[0];
-    for (int i = 1; i < 8; ++i) least = std::min(least, v[i]);
-    return least;
+float smallestOf(F8 v) {
+    float minimum = v[0];
+    for (int i = 1; i < 8; ++i) minimum = std::min(minimum, v[i]);
+    return minimum;
 }
-float mostOf(F8 v) {
-    return -leastOf(-v);
+float greatestOf(F8 v) {
+    return -smallestOf(-v);
 }
 
 /// Extends the box by the lanes in `mask`.
@@ -45,14 +45,14 @@ void extend(Bounds& box, std::uint32_t mask, const float* x, const float* y, con
     const I8 inLow = (kBits & low) != 0, inHigh = (kBits & high) != 0;
     for (int k = 0; k < 3; ++k) {
         const F8 a = load(axes[k]), b = load(axes[k] + 8), far = all(kInfinite);
-        box.min[k] = std::min(box.min[k], leastOf(min(select(inLow, a, far), select(inHigh, b, far))));
-        box.max[k] = std::max(box.max[k], mostOf(max(select(inLow, a, -far), select(inHigh, b, -far))));
+        box.min[k] = std::min(box.min[k], smallestOf(min(select(inLow, a, far), select(inHigh, b, far))));
+        box.max[k] = std::max(box.max[k], greatestOf(max(select(inLow, a, -far), select(inHigh, b, -far))));
     }
 }
 
-/// Whether something comes into `box` that at t lies between `low` + t `lowWay` and `high` + t `highWay`, for some t
+/// Whether something comes into `box` that at t lies between `low` + t `lowSide` and `high` + t `highSide`, for some t
 /// from 0 to `end`.
-bool sweeps(const Bounds& from, const Vec3f& lowWay, const Vec3f& highWay, double end, const Bounds& box) {
+bool sweeps(const Bounds& from, const Vec3f& lowSide, const Vec3f& highSide, double end, const Bounds& box) {
     double first = 0, last = end;
     // Keeps the part where c + t v <= 0.
     const auto cut = [&](double c, double v) {
@@ -64,8 +64,8 @@ bool sweeps(const Bounds& from, const Vec3f& lowWay, const Vec3f& highWay, doubl
             last = -1;
     };
     for (int k = 0; k < 3; ++k) {
-        cut(double{from.min[k]} - box.max[k], lowWay[k]);
-        cut(double{box.min[k]} - from.max[k], -double{highWay[k]});
+        cut(double{from.min[k]} - box.max[k], lowSide[k]);
+        cut(double{box.min[k]} - from.max[k], -double{highSide[k]});
     }
     return first <= last;
 }
@@ -258,13 +258,13 @@ Untouched::Untouched(const Differences& differences, const std::vector<TraceLigh
     : differences_(differences) {
     for (const TraceLight& light : lights)
         if (light.shadows) lights_.push_back({light, reachOf(light)});
-    const std::size_t most = std::clamp<std::size_t>(kMostTests / (kWays + 2 * lights_.size()), 1, kMostBoxes);
+    const std::size_t maximum = std::clamp<std::size_t>(kMaxTests / (kBranches + 2 * lights_.size()), 1, kMaxBoxes);
     for (const Differences::Box& box : differences.boxes) {
         boxes_.push_back({loosened(box.around), box.castsShadow});
         all_.extend(boxes_.back().around.min), all_.extend(boxes_.back().around.max);
     }
     // Slots that follow each other often lie together.
-    while (boxes_.size() > most) {
+    while (boxes_.size() > maximum) {
         for (std::size_t i = 0; i + 1 < boxes_.size(); i += 2) {
             const Differences::Box other = boxes_[i + 1];
             boxes_[i / 2] = boxes_[i];

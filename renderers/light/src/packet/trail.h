@@ -79,7 +79,7 @@ class Untouched {
 struct TileStats {
     double samples = 0, unreached = 0;  // sums over pixels; of `noise` the squares
     double noise = 0, mean = 0;
-    double missing = 0, missingMost = 0;
+    double missing = 0, missingMaximum = 0;
 };
 
 class Trail {

@@ -33,12 +33,18 @@ void findVolumes(const LightState& state, const RayView& world, const std::vecto
                  std::shared_ptr<const RayFilter> filter, TraceScene& scene);
 
 /// A place in a volume as a style shows it.
-class StyledPlace {
+class StyledPoint {
   public:
     /// `at` in ray space, `view` towards the eye. Without `colors`, only the opacity counts.
-    StyledPlace(const TraceScene& scene, const TraceVolume& volume, const Vec3f& place, const Vec3f& at,
+    StyledPoint(const TraceScene& scene, const TraceVolume& volume, const Vec3f& position, const Vec3f& at,
                 const Vec3f& view, bool asLight, bool colors)
-        : scene_(scene), volume_(volume), place_(place), at_(at), view_(view), asLight_(asLight), colors_(colors) {}
+        : scene_(scene),
+          volume_(volume),
+          position_(position),
+          at_(at),
+          view_(view),
+          asLight_(asLight),
+          colors_(colors) {}
 
     /// Colour, and opacity of one voxel.
     Vec4f operator()(const VolumeStyle& style);
@@ -60,7 +66,7 @@ class StyledPlace {
 
     const TraceScene& scene_;
     const TraceVolume& volume_;
-    Vec3f place_, at_, view_;
+    Vec3f position_, at_, view_;
     bool asLight_, colors_, onSurface_ = false;
 };
 

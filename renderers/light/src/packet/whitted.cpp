@@ -19,11 +19,11 @@ namespace {
 
 /// Shadows that are left out add up to the cutoff at most, of however many lights; of few each to a fourth of it.
 constexpr std::size_t kFewLights = 4;
-constexpr float kSmallShare = .1f;     // of a pixel
-constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
+constexpr float kSmallWeight = .1f;  // of a pixel
+constexpr float kMinCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
 
 class Tile {
-    using Turn = TileLoop::Turn;
+    using Round = TileLoop::Round;
 
   public:
     Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
@@ -42,7 +42,7 @@ class Tile {
 
     void run() {
         if (scene_.primary) find();
-        if (scene_.seen) lookThrough(scene_.seen->sight().place);
+        if (scene_.seen) lookThrough(scene_.seen->sight().position);
         loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
     }
 
@@ -52,31 +52,31 @@ class Tile {
         static_assert(kTileSide == bvh::kTilePixelsAside);
         const int samples = settings_.samplesPerPixel;
         known_.resize(static_cast<std::size_t>(samples));
-        std::vector<bvh::TilePlaces> inTile;
+        std::vector<bvh::TilePositions> inTile;
         if (samples > 1) {
-            places_.resize(known_.size()), inTile.resize(known_.size());
-            findPlaces(counts_.seed, x0_, y0_, places_);
+            positions_.resize(known_.size()), inTile.resize(known_.size());
+            findSpatialIndex(counts_.seed, x0_, y0_, positions_);
             for (std::size_t s = 0; s < known_.size(); ++s)
                 for (int block = 0; block < kTilePixels / 16; ++block)
                     for (int i = 0; i < 16; ++i) {
                         const int x = block % 4 * 4 + i % 4 - kTileSide / 2, y = block / 4 * 4 + i / 4 - kTileSide / 2;
-                        inTile[s].x[block][i] = places_[s].u[block][i] + static_cast<float>(x);
-                        inTile[s].y[block][i] = places_[s].v[block][i] + static_cast<float>(y);
+                        inTile[s].x[block][i] = positions_[s].u[block][i] + static_cast<float>(x);
+                        inTile[s].y[block][i] = positions_[s].v[block][i] + static_cast<float>(y);
                     }
-            loop_.usePlaces(places_);
+            loop_.usePositions(positions_);
         }
         isKnown_ =
             scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_, samples > 1 ? inTile.data() : nullptr);
     }
 
     /// Sends the primary rays through one place of all pixels, from the left and the top.
-    void lookThrough(const Vec2d& place) {
-        places_.resize(1);
+    void lookThrough(const Vec2d& position) {
+        positions_.resize(1);
         for (int block = 0; block < kTilePixels / 16; ++block) {
-            std::fill_n(places_[0].u[block], 16, static_cast<float>(place.x));
-            std::fill_n(places_[0].v[block], 16, static_cast<float>(place.y));
+            std::fill_n(positions_[0].u[block], 16, static_cast<float>(position.x));
+            std::fill_n(positions_[0].v[block], 16, static_cast<float>(position.y));
         }
-        loop_.usePlaces(places_);
+        loop_.usePositions(positions_);
     }
     /// Finds the hits of a packet's primary rays where a rasteriser has looked before. Pixels whose colour stays are
     /// done, and become inactive. Rays are traced near the known depth; those that hit nothing there, at edges that the
@@ -120,7 +120,7 @@ class Tile {
         }
         for (std::uint32_t rest = near & ~hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
-            PathTask& task = loop_.push(Turn::none, fromEye_);
+            PathTask& task = loop_.push(Round::none, fromEye_);
             task.origin = rays.at(lane, rays.tMin[lane]), task.direction = rays.ray(lane).direction;
             task.travelled = task.line = rays.tMin[lane], task.pixel = packet.pixels[lane];
             packet.active &= ~(std::uint32_t{1} << lane);
@@ -172,27 +172,29 @@ class Tile {
     }
 
     void light(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
-        Shares shares;
-        addLights(scene_, surfaces, counts_.shadowRays, findShares(packet, hits, surfaces, shares) ? &shares : nullptr);
+        RayWeights weights;
+        addLights(scene_, surfaces, counts_.shadowRays,
+                  findFractions(packet, hits, surfaces, weights) ? &weights : nullptr);
     }
     /// False: no share is small enough for a closer look to pay; the others count as whole. So do linear ones, because
     /// encoding them for display enlarges small values.
-    bool findShares(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s, Shares& shares) const {
+    bool findFractions(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s,
+                       RayWeights& weights) const {
         if (scene_.space == ColorSpace::linear || (!packet.tasks && !s.special)) return false;
         bool anySmall = false;
-        shares.least = cutoff_ / static_cast<float>(std::max(kFewLights, scene_.lightGroups.lights.size()));
-        std::fill(std::begin(shares.of), std::end(shares.of), Shares::kWhole);
+        weights.minimum = cutoff_ / static_cast<float>(std::max(kFewLights, scene_.lightGroups.lights.size()));
+        std::fill(std::begin(weights.of), std::end(weights.of), RayWeights::kWhole);
         for (std::uint32_t rest = hits & ~s.linear; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
-            float share = 1;
+            float weight = 1;
             if (packet.tasks) {
                 const PathTask& task = packet.tasks[lane];
                 if (task.linear) continue;
-                share = std::max({task.weight.x, task.weight.y, task.weight.z});
+                weight = std::max({task.weight.x, task.weight.y, task.weight.z});
             }
-            if (s.special >> lane & 1u) share *= s.coverage[lane] * s.opacity[lane];
-            if (!(share < kSmallShare)) continue;
-            shares.of[lane] = share;
+            if (s.special >> lane & 1u) weight *= s.coverage[lane] * s.opacity[lane];
+            if (!(weight < kSmallWeight)) continue;
+            weights.of[lane] = weight;
             anySmall = true;
         }
         return anySmall;
@@ -281,10 +283,10 @@ class Tile {
         branch(packet, s, lane, weight, fog);
     }
     /// The share that absorption leaves. Absorbed light is dark, not transparent.
-    Vec3f darkened(std::uint16_t pixel, const Vec3f& share, const Vec3f& left) {
-        const Vec3f lost = share * (Vec3f(1) - left);
+    Vec3f darkened(std::uint16_t pixel, const Vec3f& weight, const Vec3f& left) {
+        const Vec3f lost = weight * (Vec3f(1) - left);
         loop_.sumOf(pixel).a += (lost.x + lost.y + lost.z) / 3;
-        return share * left;
+        return weight * left;
     }
     void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, std::uint32_t scope) {
         if (!(fog < 1)) return;
@@ -319,16 +321,16 @@ class Tile {
         const PathTask& from = task ? *task : fromEye_;
         // Rays are filled in directly in the queue, because copying recently written parts takes as long as many
         // additions.
-        const auto queue = [&](Turn how, const Vec3f& share, const Lanes3& start, const Vec3f& towards,
+        const auto queue = [&](Round how, const Vec3f& fraction, const Lanes3& start, const Vec3f& towards,
                                const auto& fill) {
-            if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
+            if (!(std::max({fraction.x, fraction.y, fraction.z}) >= cutoff_)) return;
             PathTask& next = loop_.push(how, from);
-            next.origin = start.get(lane), next.direction = towards, next.weight = share;
+            next.origin = start.get(lane), next.direction = towards, next.weight = fraction;
             next.travelled = from.travelled + s.distance[lane];
             next.pixel = pixel;
             fill(next);
         };
-        const auto turn = [&](PathTask& next) {
+        const auto round = [&](PathTask& next) {
             next.depth = static_cast<std::uint16_t>(from.depth + 1);
             next.line = 0;
             next.lights = s.lights[lane];
@@ -336,15 +338,15 @@ class Tile {
         };
 
         const bool deeper = from.depth < settings_.maxDepth;
-        const auto cut = [&](const Vec3f& share) {
-            const float most = std::max({share.x, share.y, share.z});
-            loop_.sumOf(pixel).a += (share.x + share.y + share.z) / 3;  // dark, and not clear
-            if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
+        const auto cut = [&](const Vec3f& fraction) {
+            const float maximum = std::max({fraction.x, fraction.y, fraction.z});
+            loop_.sumOf(pixel).a += (fraction.x + fraction.y + fraction.z) / 3;  // dark, and not clear
+            if (maximum >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, maximum);
         };
         const Vec3f mirrored = weight * coverage * branches_.mirror.get(lane);
         if (mirrored != Vec3f(0)) {
             if (deeper)
-                queue(Turn::mirrored, mirrored * fog, branches_.before, branches_.mirrored.get(lane), turn);
+                queue(Round::mirrored, mirrored * fog, branches_.before, branches_.mirrored.get(lane), round);
             else
                 cut(mirrored * fog);
         }
@@ -354,16 +356,16 @@ class Tile {
             if (!deeper)
                 cut(entering * fog);
             else if (branches_.refracts >> lane & 1u)
-                queue(Turn::bent, entering * fog, branches_.behind, branches_.bent.get(lane), [&](PathTask& next) {
-                    turn(next);
+                queue(Round::bent, entering * fog, branches_.behind, branches_.bent.get(lane), [&](PathTask& next) {
+                    round(next);
                     next.media = s.beyond[lane];
                 });
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
-        if (straight != Vec3f(0) && from.passes >= kMostPassed) {
+        if (straight != Vec3f(0) && from.passes >= kMaxPassed) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
-            queue(Turn::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {
+            queue(Round::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {
                 next.passes = static_cast<std::uint16_t>(from.passes + 1);
                 next.line = from.line + s.distance[lane];
                 if (glass) next.media = s.beyond[lane];
@@ -373,7 +375,7 @@ class Tile {
 
     const TraceScene& scene_;
     const RenderSettings& settings_;
-    const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
+    const float cutoff_ = std::max(settings_.cutoff, kMinCutoff);
     const int x0_, y0_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;
@@ -382,10 +384,10 @@ class Tile {
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
     SurfaceBranches branches_;                       // of the packet at hand
     bool isKnown_ = false;
-    std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
-    std::vector<SamplePlaces> places_;  // of more than one
-    bool marched_ = false;              // volumes are near the packet at hand:
-    float left_[16] = {};               // share of light that they leave
+    std::vector<bvh::TileHits> known_;        // by sample: what primary rays meet of what rests
+    std::vector<SamplePositions> positions_;  // of more than one
+    bool marched_ = false;                    // volumes are near the packet at hand:
+    float left_[16] = {};                     // share of light that they leave
 };
 
 }  // namespace

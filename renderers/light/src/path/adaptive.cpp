@@ -16,7 +16,7 @@ namespace rtsg::trace {
 namespace {
 
 /// The share that the mean variance of a block of four by four pixels has in a pixel's.
-constexpr double kOthersShare = 0.2;
+constexpr double kOthersFraction = 0.2;
 
 void addRays(const TileResult& round, TileResult& all) {
     all.primaryRays += round.primaryRays, all.shadowRays += round.shadowRays;
@@ -25,7 +25,7 @@ void addRays(const TileResult& round, TileResult& all) {
 void addSums(const TileResult& from, TileResult& to) {
     for (std::size_t i = 0; i < kTilePixels; ++i) to.sum[i] += from.sum[i];
     for (std::size_t i = 0; i < from.light.size(); ++i)
-        to.addLight(static_cast<std::uint16_t>(i), from.light[i], from.share[i]);
+        to.addLight(static_cast<std::uint16_t>(i), from.light[i], from.weight[i]);
     for (std::size_t i = 0; i < from.missing.size(); ++i) to.addMissing(static_cast<std::uint16_t>(i), from.missing[i]);
     addRays(from, to);
 }
@@ -40,7 +40,7 @@ int brightest(const Vec3d& v) {
 
 /// What the parts of a pixel's samples tell, each the mean of as many samples.
 struct PixelParts {
-    std::array<Vec3d, kMostParts> means{};
+    std::array<Vec3d, kMaxParts> means{};
     std::size_t count = 0;
 
     Vec3d sum() const {
@@ -98,10 +98,10 @@ void traceRounds(const TraceScene& scene, const Camera& camera, const RenderSett
 
 void addLight(TileResult& tile) {
     for (std::size_t i = 0; i < tile.light.size(); ++i) {
-        const Vec3f& share = tile.share[i];
-        if (share == Vec3f(0)) continue;
+        const Vec3f& weight = tile.weight[i];
+        if (weight == Vec3f(0)) continue;
         for (int c = 0; c < 3; ++c)
-            if (share[c] > 0) tile.sum[i][c] += share[c] * srgbFromLinear(tile.light[i][c] / share[c]);
+            if (weight[c] > 0) tile.sum[i][c] += weight[c] * srgbFromLinear(tile.light[i][c] / weight[c]);
     }
 }
 
@@ -140,7 +140,7 @@ struct AdaptivePicture::Tile {
             for (std::size_t part = 0; part < now.size(); ++part) addSums(now[part], added[part]);
         }
         for (TileResult& part : added) parts.push_back(std::move(part));
-        if (parts.size() <= kMostParts) return;
+        if (parts.size() <= kMaxParts) return;
         for (std::size_t part = 0; part < kParts; ++part) {
             if (part > 0) parts[part] = std::move(parts[2 * part]);
             addSums(parts[2 * part + 1], parts[part]);
@@ -199,7 +199,7 @@ AdaptivePicture::AdaptivePicture(const TraceScene& scene, const Camera& camera, 
       size_(scene.shutter                           ? 3
             : settings.samplesPerPixel < kParts * 2 ? 1
                                                     : 2),
-      most_(mostOf(settings.samplesPerPixel, size_)) {
+      maximum_(greatestOf(settings.samplesPerPixel, size_)) {
     if (!(settings.error > 0)) return;
     for (int y = 0; y < drawn.height; y += kTileSide)
         for (int x = 0; x < drawn.width; x += kTileSide) {
@@ -212,13 +212,13 @@ AdaptivePicture::AdaptivePicture(const TraceScene& scene, const Camera& camera, 
 AdaptivePicture::~AdaptivePicture() = default;
 
 /// The most samples up to this number, or the fewest: four to seven times `size`, doubled as often.
-int AdaptivePicture::mostOf(int samples, int size) {
+int AdaptivePicture::greatestOf(int samples, int size) {
     while (2 * kParts * size <= samples) size *= 2;
     return std::max(samples / size, kParts) * size;
 }
 
 bool AdaptivePicture::run(const std::function<bool(double)>& goesOn) {
-    while (!reached_ && samples_ < most_) {
+    while (!reached_ && samples_ < maximum_) {
         if (!sample(goesOn)) return false;
         judge();
     }
@@ -229,21 +229,21 @@ bool AdaptivePicture::sample(const std::function<bool(double)>& goesOn) {
     if (samples_ == 2 * kParts * size_) size_ *= 2;
     const int count = samples_ == 0 ? kParts : 1, next = samples_ + count * size_;
     RenderSettings own = settings_;
-    own.samplesPerPixel = most_;
+    own.samplesPerPixel = maximum_;
     std::atomic<bool> cancelled = false;
     std::atomic<int> finished = 0;
     std::mutex mutex;
     // So many samples are needed if the error goes on to fall as their root.
     const double beyond = samples_ > 0 ? error_ / double{settings_.error} : 2;
-    const double expected = std::clamp(samples_ * beyond * beyond, double{1} * next, double{1} * most_);
+    const double expected = std::clamp(samples_ * beyond * beyond, double{1} * next, double{1} * maximum_);
     withThreads(settings_.threads, [&] {
         parallelFor(tiles_.size(), [&](std::size_t i) {
             if (cancelled.load(std::memory_order_relaxed)) return;
             tiles_[i].add(scene_, camera_, own, samples_, size_, count);
-            const double share = ++finished / static_cast<double>(tiles_.size());
+            const double weight = ++finished / static_cast<double>(tiles_.size());
             if (!goesOn || !mutex.try_lock()) return;
             const std::lock_guard lock(mutex, std::adopt_lock);
-            done_ = std::max(done_, std::lerp(double{1} * samples_, double{1} * next, share) / expected);
+            done_ = std::max(done_, std::lerp(double{1} * samples_, double{1} * next, weight) / expected);
             if (!goesOn(std::min(done_, 1.0))) cancelled = true;
         });
     });
@@ -285,8 +285,8 @@ void AdaptivePicture::judge() {
     // The rule of three, for as much light as the picture has, and for what only bounces find.
     const double three = 3 / (pixels * samples_ * samples_), floor = double{kErrorFloor};
     double unseen = dark * three / (floor * floor);
-    if (hidden_.most > 0 && finds < kEnoughFinds && own > 0) {
-        const double times = double{hidden_.most} / (own + floor_);
+    if (hidden_.maximum > 0 && finds < kEnoughFinds && own > 0) {
+        const double times = double{hidden_.maximum} / (own + floor_);
         unseen += three * times * times;
     }
     error_ = own > 0 ? std::sqrt(mean + spread + unseen) : dark > 0 ? 1 : 0;
@@ -316,7 +316,7 @@ void AdaptivePicture::finish(int number, AdaptiveTile& to) const {
     for (std::size_t i = 0; i < parts.size(); ++i) {
         const auto block = static_cast<std::size_t>(blockOf(i));
         const Vec3d others = sums[block] / double(std::max(pixels[block], 1));
-        to.interval[i] = Vec3f(glm::sqrt(glm::mix(variances[i], others, kOthersShare)) * quantile);
+        to.interval[i] = Vec3f(glm::sqrt(glm::mix(variances[i], others, kOthersFraction)) * quantile);
     }
 }
 

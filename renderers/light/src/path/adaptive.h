@@ -18,8 +18,8 @@
 
 namespace rtsg::trace {
 
-constexpr std::size_t kMostParts = 7;  // of a pixel's samples, of one size; one more, and pairs are joined:
-constexpr int kParts = 4;              // so many at first
+constexpr std::size_t kMaxParts = 7;  // of a pixel's samples, of one size; one more, and pairs are joined:
+constexpr int kParts = 4;             // so many at first
 
 /// 97.5 % quantile of Student's distribution.
 double studentQuantile(int degreesOfFreedom);
@@ -64,7 +64,7 @@ class AdaptivePicture {
 
   private:
     struct Tile;
-    static int mostOf(int samples, int size);
+    static int greatestOf(int samples, int size);
     bool sample(const std::function<bool(double)>& goesOn);
     void judge();
 
@@ -74,7 +74,7 @@ class AdaptivePicture {
     const PixelRegion drawn_;
     const HiddenLight hidden_;
     int size_;  // of a part, in samples
-    const int most_;
+    const int maximum_;
     std::vector<Tile> tiles_;
     int samples_ = 0;
     double error_ = 0, floor_ = 0, done_ = 0;

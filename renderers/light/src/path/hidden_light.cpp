@@ -35,23 +35,23 @@ float glowOf(const Material& material) {
     return material.back ? std::max(own, glowOf(*material.back)) : own;
 }
 /// Whether light goes on from it in ways that no other than a bounce takes.
-bool turnsLight(const Material& material) {
+bool rotationsLight(const Material& material) {
     return material.refractiveIndex > 0 || material.reflectivity != Vec3f(0) ||
-           (material.back && turnsLight(*material.back));
+           (material.back && rotationsLight(*material.back));
 }
 
 /// The largest radiance of the sky and of what else is infinitely far.
 float brightestSky(const TraceScene& scene) {
-    float most = 0;
+    float maximum = 0;
     for (int ray = 0; ray < kRays; ++ray) {
         Vec3f direction = directionOf(ray);
         if (scene.skyLight) direction = scene.skyLight->sample(numberOf(ray, 6), numberOf(ray, 7)).direction;
         const std::size_t groups = scene.environments.lights.empty() ? 1 : scene.environments.groups.size();
         for (std::uint32_t group = 0; group < groups; ++group)
-            most = std::max(most, largest(Vec3f(scene.fromFar(direction, group, true))));
+            maximum = std::max(maximum, largest(Vec3f(scene.fromFar(direction, group, true))));
         if (scene.evenSky && scene.environments.lights.empty()) break;
     }
-    return most;
+    return maximum;
 }
 
 const Material& materialOf(const TraceScene& scene, std::uint32_t slot) {
@@ -75,11 +75,11 @@ class Rays {
         const Emitters::Emitter& e = (*scene_.emitters)[static_cast<std::uint32_t>(found - upTo_.begin())];
         from = e.instance;
         const float side = std::sqrt(numberOf(ray, 0));
-        const Vec3f place = e.corner + e.ab * (1 - side) + e.ac * (numberOf(ray, 1) * side);
+        const Vec3f position = e.corner + e.ab * (1 - side) + e.ac * (numberOf(ray, 1) * side);
         const Vec3f normal = e.bothSides && (ray & 1) ? -e.normal : e.normal;
         // A point of a sphere that touches the surface: the cosine's distribution.
         const Vec3f direction = glm::normalize(normal * 1.00001f + directionOf(ray));
-        const Vec3f start = RayView::leave(Probe{place, normal}.point(), direction);
+        const Vec3f start = RayView::leave(Probe{position, normal}.point(), direction);
         const Hit hit = scene_.world->intersect({start, kLeave, direction, std::numeric_limits<float>::infinity()});
         return hit.instance;
     }
@@ -93,7 +93,7 @@ class Rays {
 
 HiddenLight findHiddenLight(const TraceScene& scene) {
     HiddenLight result;
-    bool turns = false;
+    bool rotations = false;
     const RayInstances& instances = scene.world->instances();
     for (std::uint32_t slot = 0; slot < instances.size() && slot < scene.slots.size(); ++slot) {
         const RayInstance& instance = instances[slot];
@@ -102,27 +102,27 @@ HiddenLight findHiddenLight(const TraceScene& scene) {
         // The colours of vertices are at most 1.
         const bool coloured = instance.mesh->colors.present() && material.model == ShadingModel::unlit;
         const float glow = coloured ? std::max(glowOf(material), 1.0f) : glowOf(material);
-        turns = turns || turnsLight(material);
+        rotations = rotations || rotationsLight(material);
         result.brightest = std::max(result.brightest, glow);
         const bool sampled = scene.emitters && scene.emitters->find(slot, 0) != Emitters::kNone;
-        if (!sampled) result.most = std::max(result.most, glow);
+        if (!sampled) result.maximum = std::max(result.maximum, glow);
     }
     const float sky = brightestSky(scene);
-    if (turns) result.most = std::max(result.most, sky);
+    if (rotations) result.maximum = std::max(result.maximum, sky);
     result.brightest = std::max(result.brightest, sky);
     for (const TraceLight& light : scene.lightGroups.lights)
         result.brightest = std::max(result.brightest, largest(light.color));
     result.any = result.brightest > 0 || !scene.volumes.empty();
-    if (!turns || !scene.emitters) return result;
+    if (!rotations || !scene.emitters) return result;
     const Rays rays(scene);
     int hidden = 0;
     for (int ray = 0; ray < kRays; ++ray) {
         std::uint32_t from = 0;
         const std::uint32_t met = rays.follow(ray, from);
-        if (met >= scene.slots.size() || !turnsLight(materialOf(scene, met))) continue;
-        ++hidden, result.most = std::max(result.most, glowOf(materialOf(scene, from)));
+        if (met >= scene.slots.size() || !rotationsLight(materialOf(scene, met))) continue;
+        ++hidden, result.maximum = std::max(result.maximum, glowOf(materialOf(scene, from)));
     }
-    result.share = double{1} * hidden / kRays;
+    result.fraction = double{1} * hidden / kRays;
     return result;
 }
 

@@ -15,11 +15,11 @@ struct HiddenLight {
     bool any = false;     // whether the scene has any light
     float brightest = 0;  // the largest radiance of anything, or intensity of a light
     /// The largest radiance that may arrive where nothing but bounces finds it; 0: none.
-    float most = 0;
-    double share = 0;  // of the light of shining surfaces, what meets clear or mirroring surfaces first
+    float maximum = 0;
+    double fraction = 0;  // of the light of shining surfaces, what meets clear or mirroring surfaces first
 
     /// TraceScene::countsFrom: the brightest of it counts, as only that bounds what is missing.
-    float countsFrom() const { return most > 0 ? most / 4 : std::numeric_limits<float>::infinity(); }
+    float countsFrom() const { return maximum > 0 ? maximum / 4 : std::numeric_limits<float>::infinity(); }
 };
 
 /// From so many finds on, their spread tells what they are worth.

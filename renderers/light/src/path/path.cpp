@@ -47,13 +47,13 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
 
 /// The random numbers of sixteen paths at a surface, besides those that look for light.
 struct alignas(64) Draws {
-    float way[16]{}, lobe[16]{}, u[16]{}, v[16]{}, fate[16]{};
+    float lobePick[16]{}, lobe[16]{}, u[16]{}, v[16]{}, fate[16]{};
     std::uint64_t next[16]{};  // PathRandom's state behind it
 
     /// `choose`: `way` and `lobe` are wanted. `redraw`: `fate` is.
     void draw(PacketRandom& random, std::uint32_t mask, bool choose, bool redraw) {
         if (choose)
-            random.next(way), random.next(lobe);
+            random.next(lobePick), random.next(lobe);
         else
             random.skip(), random.skip();
         random.nextPair(u, v);
@@ -128,7 +128,7 @@ class Paths {
         for (std::uint16_t first = 0; first < kTilePixels; first += 16) {
             for (int sample = 0; sample < settings_.samplesPerPixel; ++sample) {
                 PathTask tasks[16];
-                place(probe, white);
+                addProbe(probe, white);
                 for (int lane = 0; lane < 16; ++lane) {
                     tasks[lane].pixel = static_cast<std::uint16_t>(first + lane);
                     tasks[lane].random =
@@ -165,7 +165,7 @@ class Paths {
     }
 
     /// Fills the packet with the probe.
-    void place(const Probe& probe, const Material& white) {
+    void addProbe(const Probe& probe, const Material& white) {
         const HitPoint point = probe.point();
         SurfacePacket& s = surfaces_;
         s.mask = s.linear = 0xFFFF;
@@ -175,7 +175,7 @@ class Paths {
             s.hits.normalX[lane] = probe.normal.x, s.hits.normalY[lane] = probe.normal.y;
             s.hits.normalZ[lane] = probe.normal.z;
             s.hits.instance[lane] = kNoInstance, s.hits.triangle[lane] = 0;
-            s.position.set(lane, probe.place), s.exact.set(lane, probe.place), s.error.set(lane, point.error);
+            s.position.set(lane, probe.position), s.exact.set(lane, probe.position), s.error.set(lane, point.error);
             s.view.set(lane, probe.normal), s.normal.set(lane, probe.normal);
             s.base.set(lane, Vec3f(1));
             for (Lanes3* nothing : {&s.specular, &s.emissive, &s.ambient}) nothing->set(lane, Vec3f(0));
@@ -205,7 +205,7 @@ class Paths {
                       std::numeric_limits<float>::infinity()};
         RunsIn in;
         if (surfaces_.media) in = {surfaces_.media, surfaces_.beyond[lane]};
-        const float left = clear * largest(leftOnTheWay(scene_, *scene_.world, ray, RayKind::eye, in));
+        const float left = clear * largest(leftAlong(scene_, *scene_.world, ray, RayKind::eye, in));
         return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
     }
 
@@ -345,7 +345,7 @@ class Paths {
                 const Scattered other = this->glossy(at, normal, facing);
                 const I8 which = lanesFrom(glossy, at);
                 own = {select(which, other.lit, own.lit),
-                       {select(which, other.on.out, own.on.out), select(which, other.on.share, own.on.share),
+                       {select(which, other.on.out, own.on.out), select(which, other.on.weight, own.on.weight),
                         select(which, other.on.density, own.on.density)}};
             }
             storeV(onward_.shown, at, before * (loadV(s.radiance, at) + own.lit));
@@ -353,7 +353,7 @@ class Paths {
             storeV(onward_.direction, at, out);
             storeV(onward_.start, at, leave8(s, at, out));
             store(onward_.density + at, own.on.density);
-            survive(at, before * own.on.share);
+            survive(at, before * own.on.weight);
         }
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1)
             goOn(tasks[std::countr_zero(rest)], std::countr_zero(rest));
@@ -397,11 +397,11 @@ class Paths {
     }
 
     /// The ways on from a surface, of which one is taken.
-    enum Way { mirror, enter, straight, surface, kWays };
-    struct Ways {
-        Vec3f share[kWays] = {};  // of the light from there
-        Vec3f solid{0};           // of the surface's own light
-        float chance[kWays] = {};
+    enum Path { mirror, enter, straight, surface, kLobes };
+    struct Lobes {
+        Vec3f weight[kLobes] = {};  // of the light from there
+        Vec3f solid{0};             // of the surface's own light
+        float chance[kLobes] = {};
         float total = 0, eta = 1;
     };
 
@@ -419,11 +419,11 @@ class Paths {
         return Bsdf::phong(Vec3f(0), Vec3f(0), 0);
     }
 
-    Ways ways(int lane, float cosine, const Bsdf& own) const {
+    Lobes lobes(int lane, float cosine, const Bsdf& own) const {
         const SurfacePacket& s = surfaces_;
         const Material& material = *s.material[lane];
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
-        Ways result;
+        Lobes result;
         Vec3f mirrored = material.reflectivity, body = Vec3f(1) - mirrored;
         const bool glass = material.refractiveIndex > 0;
         if (glass) {
@@ -434,11 +434,11 @@ class Paths {
         }
         const Vec3f entering = coverage * body * (1 - opacity) * leftBySheet(material);
         result.solid = coverage * body * opacity;
-        result.share[mirror] = coverage * mirrored;
-        result.share[enter] = glass ? entering : Vec3f(0);
-        result.share[straight] = Vec3f(1 - coverage) + (glass ? Vec3f(0) : entering);
-        result.share[surface] = result.solid * own.albedo(cosine);
-        for (int i = 0; i < kWays; ++i) result.total += result.chance[i] = largest(result.share[i]);
+        result.weight[mirror] = coverage * mirrored;
+        result.weight[enter] = glass ? entering : Vec3f(0);
+        result.weight[straight] = Vec3f(1 - coverage) + (glass ? Vec3f(0) : entering);
+        result.weight[surface] = result.solid * own.albedo(cosine);
+        for (int i = 0; i < kLobes; ++i) result.total += result.chance[i] = largest(result.weight[i]);
         return result;
     }
 
@@ -451,9 +451,9 @@ class Paths {
         if (task.media) task.weight *= glm::exp(-media_.absorption(task.media) * t);
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
         const Bsdf own = bsdf(lane);
-        const Ways w = ways(lane, cosine, own);
+        const Lobes w = lobes(lane, cosine, own);
         if (isFirst(task)) {
-            const float left = largest(w.share[straight]);
+            const float left = largest(w.weight[straight]);
             cover(task, left > 0 ? 1 - left * backgroundBehind(direction, lane) : 1);
         }
         // Light that goes straight on is fogged where its line ends, for the whole line.
@@ -461,7 +461,7 @@ class Paths {
         if (scene_.fogs.any() && t + task.line > 0) {
             fog = s.fogLeft(scene_, lane, s.exact.get(lane), t + task.line);
             PathTask hazy = task;
-            hazy.weight *= (Vec3f(1) - w.share[straight]) * (1 - fog);
+            hazy.weight *= (Vec3f(1) - w.weight[straight]) * (1 - fog);
             add(hazy, scene_.fogs.of(s.lights[lane]).linear);
         }
         PathTask lit = task;
@@ -475,30 +475,30 @@ class Paths {
         if (lamp_.mask >> lane & 1u)
             add(lit, found(lamp_, lane, own, frame, chance) * (s.physical >> lane & 1u ? kPhysicalLight : 1.0f));
         if (sky_.mask >> lane & 1u) add(lit, found(sky_, lane, own, frame, chance));
-        float pick = draws_.way[lane] * w.total;
-        int way = 0;
-        while (way < kWays - 1 && pick >= w.chance[way]) pick -= w.chance[way++];
-        if (!(w.chance[way] > 0)) return;
-        Vec3f share = w.share[way] * (w.total / w.chance[way]), out = direction;
-        if (way == mirror) {
+        float pick = draws_.lobePick[lane] * w.total;
+        int lobe = 0;
+        while (lobe < kLobes - 1 && pick >= w.chance[lobe]) pick -= w.chance[lobe++];
+        if (!(w.chance[lobe] > 0)) return;
+        Vec3f weight = w.weight[lobe] * (w.total / w.chance[lobe]), out = direction;
+        if (lobe == mirror) {
             out = reflectDirection(direction, normal);
             if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-        } else if (way == enter) {
+        } else if (lobe == enter) {
             auto bent = refractDirection(direction, normal, w.eta);
             if (bent && glm::dot(*bent, facing) >= 0) bent = refractDirection(direction, facing, w.eta);
             if (!bent) return;
             out = *bent;
-        } else if (way == surface) {
+        } else if (lobe == surface) {
             const BsdfSample sample = scatter(own, frame, lane, out);
-            share = w.solid * (w.total / w.chance[way]) * sample.weight;
+            weight = w.solid * (w.total / w.chance[lobe]) * sample.weight;
             task.normal = normal, task.density = chance * sample.density;
         }
-        const bool bends = material.refractiveIndex > 0, passes = way == enter || way == straight;
+        const bool bends = material.refractiveIndex > 0, passes = lobe == enter || lobe == straight;
         if (passes && bends) task.media = s.beyond[lane];
         // Surfaces that bend light, or would without another body around them, are only reached by bounces.
-        if (way == mirror || (passes && bends)) task.density = 0;
-        task.weight *= way == straight ? share : fog * share;
-        follow(task, way == straight, t, out, lane);
+        if (lobe == mirror || (passes && bends)) task.density = 0;
+        task.weight *= lobe == straight ? weight : fog * weight;
+        follow(task, lobe == straight, t, out, lane);
     }
 
     /// The directions around a surface's shading normal, and the view in them.
@@ -528,9 +528,9 @@ class Paths {
         const Vec3f direction = from.direction.get(lane);
         Vec3f result(0);
         // A bounce comes to this direction in two ways where the normal is smooth.
-        for (const Vec3f& way : {direction, frame.mirrored(direction)}) {
-            if (std::isinf(from.density[lane]) && way != direction) break;  // no bounce, so there is one way
-            const Vec3f light = frame.local(way);
+        for (const Vec3f& displacement : {direction, frame.mirrored(direction)}) {
+            if (std::isinf(from.density[lane]) && displacement != direction) break;  // no bounce, so there is one way
+            const Vec3f light = frame.local(displacement);
             if (!(light.z > 0)) continue;
             const float weight = powerHeuristic(from.density[lane], chance * own.density(frame.view, light));
             result += own.value(frame.view, light) * (weight / std::numbers::pi_v<float>);
@@ -568,7 +568,7 @@ class Paths {
             if (!(task.fate < task.odds)) return;
             task.weight /= survival;
         }
-        const bool enough = straightOn ? task.passes >= kMostPassed : task.depth >= kMaxBounces;
+        const bool enough = straightOn ? task.passes >= kMaxPassed : task.depth >= kMaxBounces;
         if (enough) {
             loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(task.weight));
             return;

@@ -35,11 +35,11 @@ Vec3f behind(const TraceScene& scene, const Hit& hit, const Ray& ray) {
 }
 
 /// Follows a ray, which has made this hit, through transparent surfaces to its emitter; false: something blocks it.
-bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit& hit,
+bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& position, Ray ray, Hit& hit,
              Vec3f& left) {
     const Vec3f direction = glm::normalize(ray.direction);
     left = Vec3f(1);
-    for (int step = 0; step < kMostPassed; ++step) {
+    for (int step = 0; step < kMaxPassed; ++step) {
         if (!hit) return false;
         if (hit.instance >= scene.slots.size()) return false;
         hit = frontOf(scene, *scene.world, ray, hit);
@@ -47,7 +47,7 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
         left *= passes(scene, hit, direction);
         if (left == Vec3f(0)) return false;
         ray.origin = behind(scene, hit, ray), ray.tMin = kLeave, ray.tMax = kReach;
-        ray.direction = place - ray.origin;
+        ray.direction = position - ray.origin;
         if (!(glm::dot(ray.direction, direction) > 0)) return false;
         hit = scene.world->intersect(ray);
     }
@@ -57,7 +57,7 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
 /// The same to the sky.
 bool escapes(const TraceScene& scene, Ray ray, Hit hit, Vec3f& left) {
     left = Vec3f(1);
-    for (int step = 0; step < kMostPassed; ++step) {
+    for (int step = 0; step < kMaxPassed; ++step) {
         if (!hit) return true;
         if (hit.instance >= scene.slots.size()) return false;
         hit = frontOf(scene, *scene.world, ray, hit);
@@ -99,7 +99,7 @@ struct ChosenEmitters {
     alignas(64) float area[16], probability[16];  // of the emitter, m^2; of choosing it
     std::uint32_t emitter[16];
     std::uint32_t mask = 0, bothSides = 0, even = 0;
-    Lanes3 place;
+    Lanes3 position;
 
     void set(int lane, std::uint32_t number, const Emitters::Emitter& e) {
         corner.set(lane, e.corner), ab.set(lane, e.ab), ac.set(lane, e.ac), normal.set(lane, e.normal);
@@ -116,22 +116,23 @@ void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const f
          EmitterLight& out) {
     for (int at = 0; at < 16; at += 8) {
         const F8 side = simd::sqrt(load(u + at));
-        const V8 place =
+        const V8 position =
             loadV(chosen.corner, at) + loadV(chosen.ab, at) * (1 - side) + loadV(chosen.ac, at) * (load(v + at) * side);
-        const V8 start = leave8(s, at, place - loadV(s.position, at)), way = place - start;
-        const F8 squared = dot(way, way), distance = simd::sqrt(squared);
-        const V8 direction = way * (1 / max(distance, all(1e-30f)));
+        const V8 start = leave8(s, at, position - loadV(s.position, at)), length = position - start;
+        const F8 squared = dot(length, length), distance = simd::sqrt(squared);
+        const V8 direction = length * (1 / max(distance, all(1e-30f)));
         const F8 cosine = -dot(loadV(chosen.normal, at), direction);
         const F8 density = load(chosen.probability + at) / load(chosen.area + at) * squared / absolute(cosine);
         const I8 good = lanesFrom(chosen.mask, at) & (distance > 1e-12f) & (dot(direction, facing8(s, at)) > 0.0f) &
                         (dot(direction, loadV(s.normal, at)) > 0.0f) &
                         ((cosine > 0.0f) | lanesFrom(chosen.bothSides, at)) & (density > 0.0f) &
                         (density <= std::numeric_limits<float>::max());
-        storeV(chosen.place, at, place);
+        storeV(chosen.position, at, position);
         storeV(out.direction, at, direction);
         store(out.density + at, density);
         store(rays.originX + at, start.x), store(rays.originY + at, start.y), store(rays.originZ + at, start.z);
-        store(rays.directionX + at, way.x), store(rays.directionY + at, way.y), store(rays.directionZ + at, way.z);
+        store(rays.directionX + at, length.x), store(rays.directionY + at, length.y),
+            store(rays.directionZ + at, length.z);
         store(rays.tMin + at, all(kLeave)), store(rays.tMax + at, all(kReach));
         std::memcpy(rays.active + at, &good, sizeof good);
         out.mask |= laneBits(good) << at;
@@ -158,21 +159,21 @@ std::uint32_t findFree(const TraceScene& scene, RayPacket16& rays, std::uint32_t
 /// The light that reaches a lane from its emitter, if any, by the slow way: through clear surfaces, from textures, in
 /// haze.
 bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task,
-             const Emitters::Emitter& target, const Vec3f& place, const RayPacket16& rays, const Vec3f& direction,
+             const Emitters::Emitter& target, const Vec3f& position, const RayPacket16& rays, const Vec3f& direction,
              Vec3f& light) {
     const Vec3f from = s.position.get(lane);
     Hit hit = scene.world->hit(rays, lane);
     Vec3f left;
-    if (!reaches(scene, target, place, rays.ray(lane), hit, left)) return false;
-    const float distance = glm::length(place - from), run = task.travelled + s.distance[lane] + distance;
-    left *= volumesLeft(scene, {from, kLeave, place - from, 1});
+    if (!reaches(scene, target, position, rays.ray(lane), hit, left)) return false;
+    const float distance = glm::length(position - from), run = task.travelled + s.distance[lane] + distance;
+    left *= volumesLeft(scene, {from, kLeave, position - from, 1});
     const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
     const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
     left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
     if (task.media) left *= glm::exp(-s.media->absorption(task.media) * distance);
     if (scene.fogs.any())
         left *= scene.fogs.of(scene.slots[hit.instance].lights)
-                    .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, place, distance);
+                    .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, position, distance);
     light = left;
     return true;
 }
@@ -195,7 +196,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const Path
         store(chosen.probability + at, load(choices.probability));
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
-            const std::uint32_t emitter = choices.thing[lane];
+            const std::uint32_t emitter = choices.emitter[lane];
             if (emitter != Emitters::kNone) chosen.set(at + lane, emitter, emitters[emitter]);
         }
     }
@@ -227,7 +228,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const Path
         if ((free >> lane & 1u) ||
             ((even >> lane & 1u) && met.instance[lane] == e.instance && met.triangle[lane] == e.triangle)) {
             light = glm::dot(direction, e.normal) > 0 ? e.behind : e.front;
-        } else if (!arrives(scene, s, lane, tasks[lane], e, chosen.place.get(lane), rays, direction, light)) {
+        } else if (!arrives(scene, s, lane, tasks[lane], e, chosen.position.get(lane), rays, direction, light)) {
             out.mask &= ~(1u << lane);
             continue;
         }
@@ -303,14 +304,14 @@ float factorOf(const TraceLight& light, float distance, const Vec3f& direction) 
 /// Has a lane ask a lamp that was chosen with a probability.
 void askLamp(const TraceScene& scene, const SurfacePacket& s, int lane, const TraceLight& light, float probability,
              AskedLamps& asked, EmitterLight& out) {
-    const Vec3f way = light.position - s.position.get(lane);
-    const float distance = glm::length(way);
-    const Vec3f direction = way / distance;
+    const Vec3f displacement = light.position - s.position.get(lane);
+    const float distance = glm::length(displacement);
+    const Vec3f direction = displacement / distance;
     const float factor = factorOf(light, distance, direction);
     if (!(factor > 0)) return;
     std::optional<Vec3f> onCurve;
     if (!isAbove(s, lane, direction)) {
-        if (glm::dot(direction, s.normal.get(lane)) > 0) onCurve = placeOnCurve(scene, s, lane);
+        if (glm::dot(direction, s.normal.get(lane)) > 0) onCurve = pointOnCurve(scene, s, lane);
         if (!onCurve) return;
     }
     out.direction.set(lane, direction);
@@ -340,8 +341,8 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
             scene.lamps->sample(loadV(s.position, at), loadV(s.normal, at), load(which + at), lanes);
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
-            if (choices.thing[lane] != LightTree::kNone)
-                askLamp(scene, s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked,
+            if (choices.emitter[lane] != LightTree::kNone)
+                askLamp(scene, s, at + lane, (*scene.lamps)[choices.emitter[lane]], choices.probability[lane], asked,
                         out);
         }
     }
@@ -360,8 +361,8 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
             const Ray ray = asked.rays.ray(lane);
             Vec3f left(blocked >> lane & 1u ? 0.0f : 1.0f);
             if ((blocked >> lane & 1u) && scene.anyTransmits)
-                left = leftOnTheWay(scene, *scene.world, ray, RayKind::shadow,
-                                    s.media ? RunsIn{s.media, s.within[lane]} : RunsIn());
+                left = leftAlong(scene, *scene.world, ray, RayKind::shadow,
+                                 s.media ? RunsIn{s.media, s.within[lane]} : RunsIn());
             left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }
@@ -369,9 +370,9 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
     }
 }
 
-bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit hit,
+bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& position, Ray ray, Hit hit,
                     Vec3f& left) {
-    return reaches(scene, target, place, ray, hit, left);
+    return reaches(scene, target, position, ray, hit, left);
 }
 
 float emitterDensity(const TraceScene& scene, std::uint32_t instance, std::uint32_t triangle, const Vec3f& from,

@@ -29,7 +29,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& surfaces, con
 
 /// Whether light from a point on an emitter reaches the start of a ray, which has made this hit; `left`: the share that
 /// transparent surfaces on the way leave.
-bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit hit,
+bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& position, Ray ray, Hit hit,
                     Vec3f& left);
 
 /// How likely an emitter's triangle, `distance` away from a surface at `from` of this shading normal, would have been

@@ -57,32 +57,32 @@ inline simd::F8 shownMatte(const simd::V8& direction, simd::F8 density, const si
     constexpr float kPerPi = 1 / std::numbers::pi_v<float>;
     const F8 straight = dot(direction, normal);
     const F8 mirrored = straight - 2 * dot(direction, facing) * dot(facing, normal);
-    const auto share = [&](F8 cosine) {
+    const auto weight = [&](F8 cosine) {
         const F8 shows = max(cosine, all(0)) * kPerPi, ratio = shows / density;
         return shows / (1 + ratio * ratio);
     };
-    const F8 sum = share(straight);
+    const F8 sum = weight(straight);
     // Nothing comes from below a flat surface, and most are.
     const I8 fromBelow = (density < std::numeric_limits<float>::infinity()) & (mirrored > 0.0f);
-    return any(fromBelow) ? sum + select(fromBelow, share(mirrored), all(0)) : sum;
+    return any(fromBelow) ? sum + select(fromBelow, weight(mirrored), all(0)) : sum;
 }
 
 /// The same of any surface's own colours.
 inline simd::V8 shownGlossy(const simd::V8& direction, simd::F8 density, const Bsdf8& own, const Frame8& frame) {
     using namespace simd;
-    const auto share = [&](const V8& way) {
-        const auto [value, likely] = own.evaluate(frame.view, frame.local(way));
+    const auto weight = [&](const V8& distance) {
+        const auto [value, likely] = own.evaluate(frame.view, frame.local(distance));
         const F8 ratio = likely / density;
         return value * (1 / (std::numbers::pi_v<float> * (1 + ratio * ratio)));
     };
     const I8 findable = density < std::numeric_limits<float>::infinity();
-    return share(direction) + select(findable, share(frame.mirrored(direction)), V8{});
+    return weight(direction) + select(findable, weight(frame.mirrored(direction)), V8{});
 }
 
 /// A way on.
 struct Scattered8 {
-    simd::V8 out, share;  // the direction, not always above the true surface; of the light from there
-    simd::F8 density;     // per steradian
+    simd::V8 out, weight;  // the direction, not always above the true surface; of the light from there
+    simd::F8 density;      // per steradian
 };
 
 /// Scatters at matte surfaces; `u` and `v` are in [0, 1).
@@ -90,7 +90,7 @@ inline Scattered8 scatterMatte(const simd::V8& base, const simd::V8& normal, sim
     using namespace simd;
     const F8 radius = simd::sqrt(u), height = simd::sqrt(1 - u);
     F8 sine, cosine;
-    sinCosTurns(v, sine, cosine);
+    sinCosRevolutions(v, sine, cosine);
     V8 x, y;
     basis(normal, x, y);
     return {x * (radius * cosine) + y * (radius * sine) + normal * height, base,
@@ -124,12 +124,12 @@ struct Roulette8 {
     /// continue.
     simd::I8 survive(simd::V8& after, simd::F8 drawn) {
         using namespace simd;
-        const F8 most = max(max(after.x, after.y), after.z), survival = min(most / first, all(1));
+        const F8 maximum = max(max(after.x, after.y), after.z), survival = min(maximum / first, all(1));
         const I8 draw = odds <= kRedraw;
         odds = select(draw, all(1), odds) * survival;
         fate = select(draw, drawn, fate);
         after = after * (1 / survival);
-        return (most > 0.0f) & (fate < odds);
+        return (maximum > 0.0f) & (fate < odds);
     }
 };
 

@@ -54,7 +54,7 @@ enum HitColumn : std::size_t {
 enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedFront, kAskedColumns };
 constexpr std::uint32_t kNoFront = bvh::LargeTable::kNone;
 
-constexpr std::uint32_t kCallBits = 12, kMostCalls = (1u << kCallBits) - 16, kMostDepth = 9'999;
+constexpr std::uint32_t kCallBits = 12, kMaxCalls = (1u << kCallBits) - 16, kMaxDepth = 9'999;
 constexpr std::size_t kTogether = 2048;  // primary rays; their data fit into the second-level cache
 
 using U8 = std::uint32_t __attribute__((vector_size(32)));
@@ -131,7 +131,7 @@ bool goesInWavefronts(const TraceScene& scene, const Camera& camera) {
     const bool clearAir = scene.volumes.empty() && !scene.fogs.any() && !scene.filter && !scene.shutter;
     const bool plainLight = !scene.lamps && !scene.skyLight && scene.lightGroups.lights.empty() &&
                             scene.environments.lights.empty() && (!scene.emitters || scene.emitters->even());
-    return pathParts().wavefronts && clearAir && plainLight && scene.plain && scene.plain->most() &&
+    return pathParts().wavefronts && clearAir && plainLight && scene.plain && scene.plain->maximum() &&
            scene.energyLimited;
 }
 
@@ -309,8 +309,8 @@ std::uint32_t Wavefront::lanesOfOthers(const LaneQueue& from, std::size_t row) {
     for (std::size_t at = 0; at < 16; at += 8) {
         const I8 calls = bits(from.load(kCalls, row + at)) & ((1 << kCallBits) - 1),
                  depth = bits(from.load(kPixel, row + at)) >> 16;
-        result |= laneBits((bits(from.load(kOther, row + at)) != 0) | (calls > static_cast<std::int32_t>(kMostCalls)) |
-                           (depth >= static_cast<std::int32_t>(kMostDepth)))
+        result |= laneBits((bits(from.load(kOther, row + at)) != 0) | (calls > static_cast<std::int32_t>(kMaxCalls)) |
+                           (depth >= static_cast<std::int32_t>(kMaxDepth)))
                   << at;
     }
     return result;
@@ -342,12 +342,12 @@ void Wavefront::trace(const LaneQueue& from, std::size_t row, std::uint32_t lane
 /// Traces against the large triangles alone; rays that stay open wait until there are sixteen.
 void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     RayPacket16 rays;
-    bvh::LargeHits told;
+    bvh::LargeHits reported;
     std::uint32_t open = 0;
     const std::uint32_t hits =
-        scene_.large->intersect(rowsOf(now_, kFront, row, lanes, nearest(), farthest()), rays, told, open);
+        scene_.large->intersect(rowsOf(now_, kFront, row, lanes, nearest(), farthest()), rays, reported, open);
     if (const std::uint32_t missed = lanes & ~(hits | open)) miss(now_, row, rays, missed);
-    if (hits) sort(now_, row, rays, hits, told.hits, told.label, &told.faces);
+    if (hits) sort(now_, row, rays, hits, reported.hits, reported.label, &reported.faces);
     if (open) moveOn(now_, row, open, open_);
 }
 
@@ -570,17 +570,17 @@ void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s,
     std::uint32_t chosen = 0;
     alignas(32) std::uint32_t number[8];
     for (int lane = 0; lane < 8; ++lane) {
-        const bool any = choices.thing[lane] != Emitters::kNone;
+        const bool any = choices.emitter[lane] != Emitters::kNone;
         chosen |= static_cast<std::uint32_t>(any) << lane;
-        number[lane] = any ? choices.thing[lane] : 0;
+        number[lane] = any ? choices.emitter[lane] : 0;
     }
     if (!chosen) return;
     const Emitters::Eight e = emitters.eight(number);
     const F8 side = simd::sqrt(u);
-    const V8 place = e.corner + e.ab * (1 - side) + e.ac * (v * side);
-    const V8 start = s.leave(place - s.exact), way = place - start;
-    const F8 squared = dot(way, way), distance = simd::sqrt(squared);
-    const V8 direction = way * (1 / max(distance, all(1e-30f)));
+    const V8 position = e.corner + e.ab * (1 - side) + e.ac * (v * side);
+    const V8 start = s.leave(position - s.exact), length = position - start;
+    const F8 squared = dot(length, length), distance = simd::sqrt(squared);
+    const V8 direction = length * (1 / max(distance, all(1e-30f)));
     const F8 cosine = -dot(e.normal, direction);
     const F8 density = load(choices.probability) / e.area * squared / absolute(cosine);
     const V8 arriving = select(cosine < 0.0f, e.behind, e.front) * (1 / density);
@@ -593,7 +593,7 @@ void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s,
     groups_[0].shadowRays += static_cast<std::uint64_t>(std::popcount(lanes));
     asked_.reserve(8);
     const auto rows = asked_.add(lanes);
-    rows.put(kOrigin, start), rows.put(kDirection, way), rows.put(kLight, light);
+    rows.put(kOrigin, start), rows.put(kDirection, length), rows.put(kLight, light);
     const auto bitsAt = [](const std::uint32_t* numbers) {
         F8 r;
         std::memcpy(&r, numbers, sizeof r);
@@ -605,7 +605,7 @@ void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s,
 
 /// Roulette, and the rays of those that are left.
 void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const Scattered8& on) {
-    V8 after = hits.weight * on.share;
+    V8 after = hits.weight * on.weight;
     Roulette8 roulette{hits.first, hits.odds, hits.fate};
     U8 pixel;
     std::memcpy(&pixel, hits.pixel, sizeof pixel);
@@ -686,9 +686,9 @@ void Wavefront::addLight(const LaneQueue& from, std::size_t row, std::uint32_t l
 }
 
 void Wavefront::add(const V8& light, F8 alpha, const std::uint32_t* pixels, std::uint32_t lanes) {
-    float* places[8];
-    for (int lane = 0; lane < 8; ++lane) places[lane] = lanes >> lane & 1u ? &sumOf(pixels[lane]).x : nullptr;
-    addTo(places, lanes, {light.x, light.y, light.z, alpha});
+    float* positions[8];
+    for (int lane = 0; lane < 8; ++lane) positions[lane] = lanes >> lane & 1u ? &sumOf(pixels[lane]).x : nullptr;
+    addTo(positions, lanes, {light.x, light.y, light.z, alpha});
 }
 
 }  // namespace rtsg::trace

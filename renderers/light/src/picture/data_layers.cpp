@@ -26,7 +26,7 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMostSamples = 64;  // for layers that hold a mean
+constexpr int kMaxSamples = 64;  // for layers that hold a mean
 constexpr std::size_t kRanks = 6;
 
 struct Kind {
@@ -151,15 +151,15 @@ class LayerTiles {
         RenderSettings middle = settings_;
         middle.samplesPerPixel = 1;
         RenderSettings several = settings_;
-        several.samplesPerPixel = std::min(settings_.samplesPerPixel, kMostSamples);
+        several.samplesPerPixel = std::min(settings_.samplesPerPixel, kMaxSamples);
         const bool means = layers_[kMean] || !objects_.empty() || !materials_.empty();
         for (int block = 0; block < kTilePixels / 16; ++block) {
             std::array<Seen, 16> seen;
-            std::array<std::size_t, 16> places{};
-            const std::uint32_t active = look(middle, x0, y0, block, 0, seen, places);
+            std::array<std::size_t, 16> positions{};
+            const std::uint32_t active = look(middle, x0, y0, block, 0, seen, positions);
             for (int lane = 0; lane < 16; ++lane)
                 if (active >> lane & 1u)
-                    writeMiddle(seen[static_cast<std::size_t>(lane)], places[static_cast<std::size_t>(lane)]);
+                    writeMiddle(seen[static_cast<std::size_t>(lane)], positions[static_cast<std::size_t>(lane)]);
             if (means && active) mean(several, x0, y0, block);
         }
     }
@@ -176,7 +176,7 @@ class LayerTiles {
 
     /// Returns the lanes that are in the picture.
     std::uint32_t look(const RenderSettings& settings, int x0, int y0, int block, int sample,
-                       std::array<Seen, 16>& seen, std::array<std::size_t, 16>& places) const {
+                       std::array<Seen, 16>& seen, std::array<std::size_t, 16>& positions) const {
         RayPacket16 rays;
         std::uint16_t pixels[16];
         PathTask tasks[16];
@@ -186,12 +186,12 @@ class LayerTiles {
         for (std::size_t lane = 0; lane < 16; ++lane) {
             seen[lane] = {};
             seen[lane].direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
-            places[lane] = static_cast<std::size_t>(y0 - drawn_.top + pixels[lane] / kTileSide) *
-                               static_cast<std::size_t>(drawn_.width) +
-                           static_cast<std::size_t>(x0 - drawn_.left + pixels[lane] % kTileSide);
+            positions[lane] = static_cast<std::size_t>(y0 - drawn_.top + pixels[lane] / kTileSide) *
+                                  static_cast<std::size_t>(drawn_.width) +
+                              static_cast<std::size_t>(x0 - drawn_.left + pixels[lane] % kTileSide);
         }
         std::uint32_t going = active;
-        for (int pass = 0; going && pass < kMostPassed; ++pass) {
+        for (int pass = 0; going && pass < kMaxPassed; ++pass) {
             const std::uint32_t hits = scene_.world->intersect(rays, pass == 0) & going;
             going = 0;
             if (!hits) break;
@@ -235,23 +235,23 @@ class LayerTiles {
         return s.coverage[lane] * (mirrored + (1 - mirrored) * s.opacity[lane]) >= .5f;
     }
 
-    float* place(std::size_t kind, std::size_t pixel) const {
+    float* valueOf(std::size_t kind, std::size_t pixel) const {
         PictureLayer* layer = layers_[kind];
         return layer ? &layer->values[pixel * layer->channels.size()] : nullptr;
     }
     void writeMiddle(const Seen& seen, std::size_t pixel) const {
-        if (float* motion = place(7, pixel); motion && settings_.before) writeMotion(seen, motion);
+        if (float* motion = valueOf(7, pixel); motion && settings_.before) writeMotion(seen, motion);
         if (seen.slot == kNoInstance) return;
-        if (float* z = place(0, pixel))
+        if (float* z = valueOf(0, pixel))
             *z = camera_.panorama ? glm::length(seen.position - scene_.eye)
                                   : glm::dot(seen.position - scene_.eye, scene_.forward);
         const auto three = [&](std::size_t kind, const Vec3f& value) {
-            if (float* at = place(kind, pixel))
+            if (float* at = valueOf(kind, pixel))
                 for (int c = 0; c < 3; ++c) at[c] = value[c];
         };
         three(1, Vec3f(scene_.world->toWorld(seen.position)));
         three(2, seen.normal);
-        if (float* node = place(4, pixel))
+        if (float* node = valueOf(4, pixel))
             *node = std::bit_cast<float>(scene_.world->instance(seen.slot).info.shape.value);
     }
     void lookBack(const PictureBefore& before) {
@@ -275,27 +275,27 @@ class LayerTiles {
         if (seen.slot == kNoInstance)
             now += camera_.position, then += eyeBefore_.position;
         else
-            std::tie(now, then) = wayOf(seen);
-        Vec2d way = eyeBefore_.place(then) - camera_.place(now);
-        if (camera_.panorama) way.x -= std::round(way.x);
-        if (!std::isfinite(way.x) || !std::isfinite(way.y)) return;
-        motion[0] = static_cast<float>(way.x * settings_.width);
-        motion[1] = static_cast<float>(-way.y * settings_.height);
+            std::tie(now, then) = motionOf(seen);
+        Vec2d displacement = eyeBefore_.project(then) - camera_.project(now);
+        if (camera_.panorama) displacement.x -= std::round(displacement.x);
+        if (!std::isfinite(displacement.x) || !std::isfinite(displacement.y)) return;
+        motion[0] = static_cast<float>(displacement.x * settings_.width);
+        motion[1] = static_cast<float>(-displacement.y * settings_.height);
     }
     /// The present and the previous position of a surface's place, in world space.
-    std::pair<Vec3d, Vec3d> wayOf(const Seen& seen) const {
+    std::pair<Vec3d, Vec3d> motionOf(const Seen& seen) const {
         const RayInstance& now = scene_.world->instance(seen.slot);
-        const Vec3d place = scene_.world->toWorld(seen.position);
+        const Vec3d position = scene_.world->toWorld(seen.position);
         const RayView& before = *settings_.before->world;
-        if (!wasThere(before, now)) return {place, place};
+        if (!wasThere(before, now)) return {position, position};
         const RayInstance& then = before.instance(seen.slot);
         const WorldFromLocal &m = now.info.worldFromLocal, &was = then.info.worldFromLocal;
         const auto applied = [](const WorldFromLocal& t, const Vec3d& p) {
             return t[0] * p.x + t[1] * p.y + t[2] * p.z + t[3];
         };
         if (now.mesh->strokeCount > 0 || seen.triangle == kCap) {
-            if (m == was || now.sign == 0) return {place, place};
-            return {place, applied(was, glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (place - m[3]))};
+            if (m == was || now.sign == 0) return {position, position};
+            return {position, applied(was, glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (position - m[3]))};
         }
         const auto local = [&](const Mesh& mesh) {
             return double{1 - seen.u - seen.v} * Vec3d(mesh.vertex(seen.triangle, 0)) +
@@ -309,10 +309,10 @@ class LayerTiles {
         std::array<Vec3f, 16> albedo{};
         std::array<Counts, 16> objects, materials;
         std::array<Seen, 16> seen;
-        std::array<std::size_t, 16> places{};
+        std::array<std::size_t, 16> positions{};
         std::uint32_t active = 0;
         for (int sample = 0; sample < settings.samplesPerPixel; ++sample) {
-            active = look(settings, x0, y0, block, sample, seen, places);
+            active = look(settings, x0, y0, block, sample, seen, positions);
             for (std::size_t lane = 0; lane < 16; ++lane) {
                 if (!(active >> lane & 1u) || seen[lane].slot == kNoInstance) continue;
                 albedo[lane] += seen[lane].albedo;
@@ -322,10 +322,10 @@ class LayerTiles {
         }
         for (std::size_t lane = 0; lane < 16; ++lane) {
             if (!(active >> lane & 1u)) continue;
-            if (float* at = place(kMean, places[lane]))
+            if (float* at = valueOf(kMean, positions[lane]))
                 for (int c = 0; c < 3; ++c) at[c] = albedo[lane][c] / static_cast<float>(settings.samplesPerPixel);
-            if (!objects_.empty()) writeRanks(objects[lane], settings.samplesPerPixel, place(5, places[lane]));
-            if (!materials_.empty()) writeRanks(materials[lane], settings.samplesPerPixel, place(6, places[lane]));
+            if (!objects_.empty()) writeRanks(objects[lane], settings.samplesPerPixel, valueOf(5, positions[lane]));
+            if (!materials_.empty()) writeRanks(materials[lane], settings.samplesPerPixel, valueOf(6, positions[lane]));
         }
     }
 
@@ -364,10 +364,10 @@ void drawLayerData(const TraceScene& scene, const Camera& camera, const RenderSe
     });
 }
 
-void copyLayerData(const Picture& from, std::size_t pixel, Picture& to, std::size_t place) {
+void copyLayerData(const Picture& from, std::size_t pixel, Picture& to, std::size_t index) {
     for (std::size_t i = 0; i < std::min(from.layers.size(), to.layers.size()); ++i) {
         const std::size_t n = from.layers[i].channels.size();
-        std::memcpy(&to.layers[i].values[place * n], &from.layers[i].values[pixel * n], n * sizeof(float));
+        std::memcpy(&to.layers[i].values[index * n], &from.layers[i].values[pixel * n], n * sizeof(float));
     }
 }
 

@@ -21,7 +21,7 @@ void addLayers(const RayView& world, const RenderSettings& settings, Picture& pi
 void drawLayerData(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, Picture& picture);
 
 /// All that a pixel's layers hold, into the same layers of another picture.
-void copyLayerData(const Picture& from, std::size_t pixel, Picture& to, std::size_t place);
+void copyLayerData(const Picture& from, std::size_t pixel, Picture& to, std::size_t index);
 
 /// MurmurHash3 of 32 bits, seed 0 (Appleby 2011), and the float by which Cryptomatte stores it: never 0, a denormal, an
 /// infinity or a NaN.

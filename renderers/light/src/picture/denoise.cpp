@@ -30,11 +30,11 @@ using simd::store;
 
 constexpr int kRounds = 5, kLanes = 8;
 constexpr int kBeside = 2 << (kRounds - 1);  // pixels that the last round looks to either side
-constexpr float kLeastAlbedo = 0.02f;
+constexpr float kMinAlbedo = 0.02f;
 // From Schied et al.: how far light may differ, in standard deviations of its noise; normals go by the 64th power of
 // their cosine.
 constexpr float kLightRange = 4;
-constexpr float kMostLight = 1e15f;  // its square is a number, too
+constexpr float kMaxLight = 1e15f;  // its square is a number, too
 constexpr float kLog2E = 1.44269504f;
 
 // The kind of a pixel's content, as a number for comparisons in lanes: no surface, a lit surface, a black one, or a
@@ -133,10 +133,10 @@ class Filter {
     bool inside(int x, int y) const { return x >= 0 && y >= 0 && x < width_ && y < height_; }
     bool isSurface(std::size_t pixel) const { return std::isfinite(depthOf_[pixel]) && depthOf_[pixel] > 0; }
     Vec3f colorOf(std::size_t i) const {
-        return glm::max(Vec3f(albedoOf_[0][i], albedoOf_[1][i], albedoOf_[2][i]), Vec3f(kLeastAlbedo));
+        return glm::max(Vec3f(albedoOf_[0][i], albedoOf_[1][i], albedoOf_[2][i]), Vec3f(kMinAlbedo));
     }
     bool isDark(std::size_t i) const {
-        return isSurface(i) && std::max({albedoOf_[0][i], albedoOf_[1][i], albedoOf_[2][i]}) < kLeastAlbedo;
+        return isSurface(i) && std::max({albedoOf_[0][i], albedoOf_[1][i], albedoOf_[2][i]}) < kMinAlbedo;
     }
     float shownAt(std::size_t pixel) const {
         float sum = 0;
@@ -174,17 +174,17 @@ class Filter {
                 const Vec3f value(pictures_[k]->pixels[i]);
                 Plane* const to[] = {&light_[k].r, &light_[k].g, &light_[k].b};
                 for (int c = 0; c < 3; ++c)
-                    (*to[c])[p] = std::isfinite(value[c]) ? std::min(value[c] / color[c], kMostLight) : 0.0f;
+                    (*to[c])[p] = std::isfinite(value[c]) ? std::min(value[c] / color[c], kMaxLight) : 0.0f;
             }
             if (kind_[p] == kNone) continue;
             for (int axis = 0; axis < 2; ++axis) {
-                float least = INFINITY;  // an edge is on one side of a pixel only
+                float minimum = INFINITY;  // an edge is on one side of a pixel only
                 for (const int step : {-1, 1}) {
                     const int nx = x + (axis == 0 ? step : 0), ny = y + (axis == 1 ? step : 0);
                     if (inside(nx, ny) && kind_[at(nx, ny)] != kNone)
-                        least = std::min(least, std::abs(depth_[at(nx, ny)] - depth_[p]));
+                        minimum = std::min(minimum, std::abs(depth_[at(nx, ny)] - depth_[p]));
                 }
-                if (std::isfinite(least)) slope_[axis][p] = least;
+                if (std::isfinite(minimum)) slope_[axis][p] = minimum;
             }
         }
     }
@@ -202,7 +202,7 @@ class Filter {
     };
     /// Whether those from q on, `away` pixels from p, are of the same surface: 2 to the power of -`far`, by `share`.
     struct Alike {
-        F8 far, share;
+        F8 far, fraction;
     };
     Alike alike(const Own& own, std::size_t q, int awayX, int awayY) const {
         const F8 kind = load(&kind_[q]);
@@ -227,7 +227,7 @@ class Filter {
             for (int dx = -3; dx <= 3; ++dx) {
                 const std::size_t q = at(x + dx, y + dy);
                 const Alike like = alike(own, q, dx, dy);
-                const F8 w = like.share * simd::exp2Of(-like.far), l = light_[0].luminanceAt(q);
+                const F8 w = like.fraction * simd::exp2Of(-like.far), l = light_[0].luminanceAt(q);
                 weights += w;
                 if (pictures_.size() > 1) {
                     const F8 difference = l - light_[1].luminanceAt(q);
@@ -263,7 +263,7 @@ class Filter {
 
     void smooth(int x, int y, int step) {
         // In proportion to the light, and above 0 where there is none.
-        constexpr float kRounding = 1e-6f, kLeast = 1e-30f;
+        constexpr float kRounding = 1e-6f, kMin = 1e-30f;
         constexpr float kKernel[5] = {1 / 16.0f, 1 / 4.0f, 3 / 8.0f, 1 / 4.0f, 1 / 16.0f};
         struct Sum {
             F8 r = all(0), g = all(0), b = all(0), weights = all(0), variance = all(0);
@@ -276,19 +276,19 @@ class Filter {
         F8 narrow[2], shown[2];
         for (std::size_t k = 0; k < pictures_.size(); ++k) {
             shown[k] = light_[k].luminanceAt(p);
-            narrow[k] = kLog2E / (kLightRange * deviationAt(light_[k].variance, x, y) + kRounding * shown[k] + kLeast);
+            narrow[k] = kLog2E / (kLightRange * deviationAt(light_[k].variance, x, y) + kRounding * shown[k] + kMin);
         }
         for (int j = -2; j <= 2; ++j) {
             if (y + j * step < 0 || y + j * step >= height_) continue;
             for (int i = -2; i <= 2; ++i) {
                 const std::size_t q = at(x + i * step, y + j * step);
                 const Alike like = alike(own, q, i * step, j * step);
-                const F8 share = kKernel[i + 2] * kKernel[j + 2] * like.share;
+                const F8 fraction = kKernel[i + 2] * kKernel[j + 2] * like.fraction;
                 for (std::size_t k = 0; k < pictures_.size(); ++k) {
                     const F8 r = load(&light_[k].r[q]), g = load(&light_[k].g[q]), b = load(&light_[k].b[q]);
                     F8 far = like.far;
                     if (byLight) far += simd::absolute(luminance(r, g, b) - shown[k]) * narrow[k];
-                    const F8 w = share * simd::exp2Of(-far);
+                    const F8 w = fraction * simd::exp2Of(-far);
                     Sum& sum = sums[k];
                     sum.r += w * r, sum.g += w * g, sum.b += w * b, sum.weights += w;
                     sum.variance += w * w * load(&light_[k].variance[q]);

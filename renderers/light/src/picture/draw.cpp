@@ -64,12 +64,12 @@ class Drawing {
         });
     }
 
-    void tell(RenderStats& stats) const {
+    void addTo(RenderStats& stats) const {
         const double pixels = double{1} * drawn_.width * drawn_.height;
         stats.primaryRays = sum_.primaryRays, stats.shadowRays = sum_.shadowRays;
         stats.secondaryRays = sum_.secondaryRays;
         stats.cancelled = cancelled_;
-        stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
+        stats.missing = sum_.missing / pixels, stats.missingMaximum = sum_.missingMaximum;
         stats.error = sampling_.error();
         stats.unreached =
             settings_.error > 0 && !sampling_.reached() && !(sum_.unreached > 0) ? 1 : sum_.unreached / pixels;
@@ -130,7 +130,7 @@ class Drawing {
     void addUp(const TileStats& own) {
         sum_.samples += own.samples, sum_.unreached += own.unreached;
         sum_.noise += own.noise, sum_.mean += own.mean;
-        sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
+        sum_.missing += own.missing, sum_.missingMaximum = std::max(sum_.missingMaximum, own.missingMaximum);
     }
 
     TileStats take(const AdaptiveTile& tile, int x0, int y0) {
@@ -147,7 +147,7 @@ class Drawing {
         if (!tile.result.missing.empty() || !picture_.interval.empty())
             for (int y = 0; y < below; ++y)
                 for (int x = 0; x < right; ++x)
-                    tell(tile, y * kTileSide + x, x0 - drawn_.left + x, y0 - drawn_.top + y, own);
+                    addTo(tile, y * kTileSide + x, x0 - drawn_.left + x, y0 - drawn_.top + y, own);
         const std::lock_guard lock(sumMutex_);
         addUp(own);
         sum_.primaryRays += tile.result.primaryRays, sum_.shadowRays += tile.result.shadowRays;
@@ -170,11 +170,11 @@ class Drawing {
         }
     }
     /// Stores the data of a pixel besides its colour.
-    void tell(const AdaptiveTile& tile, int pixel, int x, int y, TileStats& own) {
+    void addTo(const AdaptiveTile& tile, int pixel, int x, int y, TileStats& own) {
         const auto at = static_cast<std::size_t>(pixel);
         if (!tile.result.missing.empty()) {
             const double missing = double{tile.result.missing[at]} * (1.0f / static_cast<float>(tile.samples));
-            own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
+            own.missing += missing, own.missingMaximum = std::max(own.missingMaximum, missing);
         }
         if (picture_.interval.empty()) return;
         picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
@@ -218,8 +218,8 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
                        },
                        from.source(), light.color});
         if (!from.source().specular) continue;
-        far.back().inPicture = [&light, sideAngle](std::size_t side, Vec2f place, float footprint) {
-            return light.color * light.from->radianceInPicture(side, place, sideAngle * footprint);
+        far.back().inPicture = [&light, sideAngle](std::size_t side, Vec2f point, float footprint) {
+            return light.color * light.from->radianceInPicture(side, point, sideAngle * footprint);
         };
     }
     sources.sky = SkyTable::of(scene.skyTable, all ? nullptr : scene.sky, std::move(far));
@@ -230,7 +230,7 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
 void lookForLight(TraceScene& scene, Sources& sources) {
     const PlainSurfaces& plain = sources.plain.emplace(scene);
     scene.plain = &plain;
-    if (pathParts().largeFirst && plain.most())
+    if (pathParts().largeFirst && plain.maximum())
         if (sources.large.emplace(*scene.world, [&](std::uint32_t slot) { return plain.about(slot); }))
             scene.large = &*sources.large;
     sources.emitters = scene.emitterTable ? scene.emitterTable->of(scene) : std::make_shared<const Emitters>(scene);
@@ -254,7 +254,7 @@ Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderS
     if (settings.error > 0) picture.interval.resize(picture.pixels.size(), Vec3f(0));
     Drawing drawing(scene, camera, settings, picture, kept, hidden);
     drawing.run();
-    if (stats) drawing.tell(*stats);
+    if (stats) drawing.addTo(*stats);
     return picture;
 }
 
@@ -288,7 +288,7 @@ void findKept(const TraceScene& scene, const RenderSettings& settings, const Dif
 namespace {
 
 /// Samples of a pixel, after which a picture of what rests is as it is.
-constexpr double kMostRefined = 16384;
+constexpr double kMaxRefined = 16384;
 
 Picture drawTiles(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                   const Part& part, RenderStats& stats, Trail* trail);
@@ -297,17 +297,17 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
 Picture refine(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const Part& part, RenderStats& stats, Trail::Part& last) {
     RenderSettings own = settings;
-    const double before = last.stats.samples, share = settings.samplesPerPixel / (before + settings.samplesPerPixel);
+    const double before = last.stats.samples, fraction = settings.samplesPerPixel / (before + settings.samplesPerPixel);
     own.seed = mixBits(settings.seed + static_cast<std::uint64_t>(before) * 0x9e3779b97f4a7c15ull);
     own.layers = 0;
     const Picture more = drawTiles(state, world, camera, own, part, stats, nullptr);
     stats.kept = 1;
     if (stats.cancelled) return last.picture;
     for (std::size_t i = 0; i < more.pixels.size(); ++i)
-        last.picture.pixels[i] += static_cast<float>(share) * (more.pixels[i] - last.picture.pixels[i]);
+        last.picture.pixels[i] += static_cast<float>(fraction) * (more.pixels[i] - last.picture.pixels[i]);
     stats.samples += before;
-    stats.missing = (1 - share) * last.stats.missing + share * stats.missing;
-    stats.missingMost = std::max(stats.missingMost, last.stats.missingMost);
+    stats.missing = (1 - fraction) * last.stats.missing + fraction * stats.missing;
+    stats.missingMaximum = std::max(stats.missingMaximum, last.stats.missingMaximum);
     last.stats = stats;
     return last.picture;
 }
@@ -318,7 +318,7 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
     Kept kept;
     if (trail) kept.last = &trail->next(camera);
     if (trail && trail->isSame()) {
-        if (trail->refines() && kept.last->stats.samples < kMostRefined)
+        if (trail->refines() && kept.last->stats.samples < kMaxRefined)
             return refine(state, world, camera, settings, part, stats, *kept.last);
         stats = kept.last->stats;
         stats.primaryRays = stats.shadowRays = stats.secondaryRays = 0, stats.kept = 1;
@@ -354,7 +354,7 @@ Picture drawTiles(const LightState& state, const RayView& world, const Camera& c
         if (*primary) scene.primary = &*primary;
     }
     Picture picture = drawPicture(scene, camera, settings, &stats, tileByTile ? &kept : nullptr, hidden);
-    stats.hiddenLight = hidden.share;
+    stats.hiddenLight = hidden.fraction;
     if (settings.layers != 0) {
         addLayers(world, settings, picture);
         if (!stats.cancelled) drawLayerData(scene, camera, settings, picture);
@@ -378,7 +378,7 @@ PixelRegion tilesAround(const RenderSettings& settings) {
     const PixelRegion& region = settings.region;
     if (region.empty()) return {0, 0, settings.width, settings.height};
     const auto down = [](int pixel) { return pixel / kTileSide * kTileSide; };
-    const auto up = [](int pixel, int most) { return std::min(tilesAside(pixel) * kTileSide, most); };
+    const auto up = [](int pixel, int maximum) { return std::min(tilesAside(pixel) * kTileSide, maximum); };
     const int left = down(region.left), top = down(region.top);
     return {left, top, up(region.left + region.width, settings.width) - left,
             up(region.top + region.height, settings.height) - top};

@@ -79,7 +79,7 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
     if (settings.integrator == Integrator::path) own.colorSpace = ColorSpace::linear;
     own.samplesPerPixel = 1, own.error = 0, own.layers = 0;
     own.progress = {}, own.region = {};
-    std::vector<std::pair<NodeId, SpaceTexture>> made;
+    std::vector<std::pair<NodeId, SpaceTexture>> created;
     for (const CubeUsers& users : findCubes(scene, world)) {
         const GeneratedCube& cube = *users.cube;
         own.width = cube.size, own.height = cube.isFlat() ? cube.height : cube.size;
@@ -88,13 +88,13 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
             hidden[slot] = hidden[slot] || part[slot];
         const CubeDrawing drawing{state, world, camera, own};
         if (!cube.isFlat()) {
-            made.emplace_back(cube.node, drawing.sides(users, hidden));
+            created.emplace_back(cube.node, drawing.sides(users, hidden));
         } else if (auto block = SpaceTexture::block(
                        {drawing.draw(camera.shaped(double(own.width) / own.height), hidden, true)})) {
-            made.emplace_back(cube.node, std::move(*block));
+            created.emplace_back(cube.node, std::move(*block));
         }
     }
-    scene.generated = std::move(made);
+    scene.generated = std::move(created);
 }
 
 }  // namespace rtsg::trace

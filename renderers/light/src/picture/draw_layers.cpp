@@ -61,12 +61,13 @@ void passOver(const LayerView& view, Trail& trail) {
     part = {part.camera, Picture(), {}, {}, {}};
 }
 
-void addStats(const RenderStats& part, double share, RenderStats& sum) {
+void addStats(const RenderStats& part, double fraction, RenderStats& sum) {
     sum.primaryRays += part.primaryRays, sum.shadowRays += part.shadowRays, sum.secondaryRays += part.secondaryRays;
-    sum.missing += part.missing * share, sum.missingMost = std::max(sum.missingMost, part.missingMost);
-    sum.error = std::hypot(sum.error, part.error * std::sqrt(share));
-    sum.noise = std::hypot(sum.noise, part.noise * std::sqrt(share)), sum.mean += part.mean * share;
-    sum.unreached += part.unreached * share, sum.samples += part.samples * share, sum.kept += part.kept * share;
+    sum.missing += part.missing * fraction, sum.missingMaximum = std::max(sum.missingMaximum, part.missingMaximum);
+    sum.error = std::hypot(sum.error, part.error * std::sqrt(fraction));
+    sum.noise = std::hypot(sum.noise, part.noise * std::sqrt(fraction)), sum.mean += part.mean * fraction;
+    sum.unreached += part.unreached * fraction, sum.samples += part.samples * fraction,
+        sum.kept += part.kept * fraction;
     sum.hiddenLight = std::max(sum.hiddenLight, part.hiddenLight);
     sum.cancelled = sum.cancelled || part.cancelled;
 }
@@ -111,8 +112,8 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
                         .sight = seen.empty() ? nullptr : &seen[i]};
         RenderStats drawn;
         const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
-        const double share = double{1} * shown.width * shown.height / (double{1} * region.width * region.height);
-        addStats(drawn, share, stats);
+        const double fraction = double{1} * shown.width * shown.height / (double{1} * region.width * region.height);
+        addStats(drawn, fraction, stats);
         layOver(layer, view.left + shown.left - region.left, view.top + shown.top - region.top, picture);
     }
     return picture;
@@ -128,8 +129,8 @@ std::vector<LayerView> trace::findLayers(const LightState& state, const BoxOfLay
     if (!state.layers) return {{camera, 0, 0, width, height}};
     std::vector<LayerView> result;
     for (const LayerList::Layer& layer : state.layers->order) {
-        const auto at = [](float share, int size) {
-            return static_cast<int>(std::lround(share * static_cast<float>(size)));
+        const auto at = [](float fraction, int size) {
+            return static_cast<int>(std::lround(fraction * static_cast<float>(size)));
         };
         LayerView view;
         view.left = at(layer.clip[0], width), view.width = at(layer.clip[1], width) - view.left;

@@ -43,7 +43,7 @@ class CurvedLamps {
     CurvedLamps(const TraceScene& scene, const Probe& probe, double chordError) {
         if (!(chordError > 0) || !anyShines(scene)) return;
         constexpr double kOfChord = 8.0 / 3;
-        share_ = kOfChord * chordError;
+        fraction_ = kOfChord * chordError;
         for (const Emitters::Source& source : Emitters::sourcesIn(scene))
             if (source.mesh->curveSize > 0 && sees(scene, source, probe)) direct_ += directly(source, probe);
     }
@@ -52,7 +52,7 @@ class CurvedLamps {
         constexpr double kRounding = 0x1p-21;  // of single floats that are added
         // Behind walls no part of a lamp is missed.
         if (irradiance == glm::dvec4(0)) return irradiance;
-        return share_ * (glm::dvec4(direct_, glm::dot(direct_, kLuminance)) + irradiance) + kRounding * irradiance;
+        return fraction_ * (glm::dvec4(direct_, glm::dot(direct_, kLuminance)) + irradiance) + kRounding * irradiance;
     }
 
   private:
@@ -72,8 +72,8 @@ class CurvedLamps {
     /// Whether any light comes from a lamp to a place directly: rays to places all over it tell, at least one to each
     /// triangle of all but the finest.
     static bool sees(const TraceScene& scene, const Emitters::Source& source, const Probe& probe) {
-        constexpr std::uint64_t kLeast = 1 << 12, kMost = 1 << 16;
-        const std::uint64_t triangles = source.mesh->triangleCount, rays = std::clamp(4 * triangles, kLeast, kMost);
+        constexpr std::uint64_t kMin = 1 << 12, kMax = 1 << 16;
+        const std::uint64_t triangles = source.mesh->triangleCount, rays = std::clamp(4 * triangles, kMin, kMax);
         Emitters::Emitter target;
         target.instance = source.slot;
         for (std::uint64_t i = 0; i < rays; ++i) {
@@ -85,13 +85,13 @@ class CurvedLamps {
             Vec3f at[3];
             for (std::uint32_t corner = 0; corner < 3; ++corner)
                 at[corner] = source.rayFromLocal * Vec4f(source.mesh->vertex(target.triangle, corner), 1);
-            const Vec3f place =
+            const Vec3f position =
                 at[0] + static_cast<float>(u) * (at[1] - at[0]) + static_cast<float>(v) * (at[2] - at[0]);
-            const Vec3f start = RayView::leave(probe.point(), place - probe.place);
-            const Ray ray{start, kLeave, place - start, kReach};
+            const Vec3f start = RayView::leave(probe.point(), position - probe.position);
+            const Ray ray{start, kLeave, position - start, kReach};
             Vec3f left;
-            if (glm::dot(place - probe.place, probe.normal) > 0 &&
-                reachesEmitter(scene, target, place, ray, scene.world->intersect(ray), left))
+            if (glm::dot(position - probe.position, probe.normal) > 0 &&
+                reachesEmitter(scene, target, position, ray, scene.world->intersect(ray), left))
                 return true;
         }
         return triangles == 0;
@@ -102,7 +102,8 @@ class CurvedLamps {
         for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle) {
             Vec3d at[3];
             for (std::uint32_t corner = 0; corner < 3; ++corner)
-                at[corner] = Vec3d(source.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1)) - Vec3d(probe.place);
+                at[corner] =
+                    Vec3d(source.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1)) - Vec3d(probe.position);
             if (std::ranges::none_of(at, [&](const Vec3d& p) { return glm::dot(p, Vec3d(probe.normal)) > 0; }))
                 continue;
             const bool front = source.sign * glm::dot(glm::cross(at[1] - at[0], at[2] - at[0]), at[0]) < 0;
@@ -113,7 +114,7 @@ class CurvedLamps {
         return sum;
     }
 
-    double share_ = 0;
+    double fraction_ = 0;
     Vec3d direct_{0};
 };
 
@@ -145,9 +146,9 @@ struct Sums {
     /// The most light that may come without a sample having met it, by the rule of three: what none of n has met has a
     /// probability of at most 3/n, at 95 %.
     double unseen(const HiddenLight& hidden) const {
-        float most = chanceFinds < kEnoughFinds ? hidden.most : 0;
-        if (sum == glm::dvec4(0) && !isDark(hidden)) most = hidden.brightest;
-        return 3 * std::numbers::pi * double{most} / static_cast<double>(samples());
+        float maximum = chanceFinds < kEnoughFinds ? hidden.maximum : 0;
+        if (sum == glm::dvec4(0) && !isDark(hidden)) maximum = hidden.brightest;
+        return 3 * std::numbers::pi * double{maximum} / static_cast<double>(samples());
     }
     Irradiance irradiance(const CurvedLamps& curved, const HiddenLight& hidden) const {
         constexpr double kQuantile = 1.959963985, kPi = std::numbers::pi;
@@ -156,7 +157,7 @@ struct Sums {
         const glm::dvec4 half = kPi * kQuantile * glm::sqrt(variance);
         const glm::dvec4 value = kPi * mean, cut = curved.lack(value), whole = half + cut + unseen(hidden);
         Irradiance result{Vec3d(value), Vec3d(whole), value.w, whole.w, cut.w, samples()};
-        result.missing = missing / static_cast<double>(samples()), result.hiddenLight = hidden.share;
+        result.missing = missing / static_cast<double>(samples()), result.hiddenLight = hidden.fraction;
         return result;
     }
 };
@@ -193,18 +194,18 @@ std::vector<NodeId> lightsLeftOut(const LightState& state) {
     return result;
 }
 
-Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
+Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& position,
                                      const Vec3d& normal, const IrradianceSettings& settings) {
     const double length = glm::length(normal);
     if (!(length > 0) || !std::isfinite(length)) return fail("a place to measure at needs a normal with a length");
-    if (!std::isfinite(place.x + place.y + place.z)) return fail("a place to measure at must be finite");
+    if (!std::isfinite(position.x + position.y + position.z)) return fail("a place to measure at must be finite");
     if (!(settings.error > 0)) return fail("the error to reach must be above 0");
     RenderSettings rendering;
     rendering.integrator = Integrator::path, rendering.colorSpace = ColorSpace::linear;
     rendering.samplesPerPixel = kGroupSamples, rendering.seed = settings.seed;
     rendering.shadows = settings.shadows;
     const ProbeScene probed(state, world, rendering);
-    const Probe probe{world.fromWorld(place), Vec3f(normal / length)};
+    const Probe probe{world.fromWorld(position), Vec3f(normal / length)};
     const CurvedLamps curved(probed.scene, probe, settings.chordError);
     Sums sums;
     Irradiance result;

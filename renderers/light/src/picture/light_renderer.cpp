@@ -43,7 +43,7 @@ struct LightRenderer::Impl {
                                                   // threads
     Diagnostics lacks;                            // of pictures, not yet in `said`
     double named = 0;                             // share of missing light that has been reported
-    bool toldOfEye = false;                       // that sees nothing of the scene where it is
+    bool reportedOfEye = false;                   // that sees nothing of the scene where it is
     std::optional<PictureSight> looked;           // by whoever looks on, last
 
     /// Whether the pictures of a series may leave a trail. Layers of paths are kept with them, but for what hangs on
@@ -73,8 +73,8 @@ struct LightRenderer::Impl {
         const bool tooFar = std::max({from.x, from.y, from.z}) > double{RayView::kMaxCoordinate};
         const std::lock_guard lock(mutex);
         if (!camera.nowhere && !tooFar) {
-            toldOfEye = false;
-        } else if (!std::exchange(toldOfEye, true)) {
+            reportedOfEye = false;
+        } else if (!std::exchange(reportedOfEye, true)) {
             lacks.warning({}, camera.nowhere
                                   ? "the viewpoint's place is no number, or more than 1e18 m away: the picture is seen "
                                     "from 0 0 10"
@@ -83,21 +83,21 @@ struct LightRenderer::Impl {
         }
     }
     /// Two digits, but of 100 all three.
-    static std::string percent(double share) {
-        return share < .1 ? fmt::format("{:.2g}", 100 * share) : fmt::format("{:.0f}", 100 * share);
+    static std::string percent(double fraction) {
+        return fraction < .1 ? fmt::format("{:.2g}", 100 * fraction) : fmt::format("{:.0f}", 100 * fraction);
     }
     /// Light that is missing is named; again only once it has doubled, or a film would repeat it frame by frame.
     void nameMissing(const RenderSettings& settings) {
         constexpr double kVisible = 2 / 255.0;
         const std::lock_guard lock(mutex);
-        if (!(stats.missingMost > std::max(kVisible, 2 * named))) return;
-        named = stats.missingMost;
+        if (!(stats.missingMaximum > std::max(kVisible, 2 * named))) return;
+        named = stats.missingMaximum;
         const bool path = settings.integrator == Integrator::path;
         lacks.warning({},
                       fmt::format("rays were cut off after {} {}: up to {} % of a pixel's light is missing, {} "
                                   "% of the picture's{}",
                                   path ? 10'000 : settings.maxDepth, path ? "bounces" : "mirrorings and refractions",
-                                  percent(stats.missingMost), percent(stats.missing),
+                                  percent(stats.missingMaximum), percent(stats.missing),
                                   path || settings.maxDepth >= 250 ? "" : "; --depth raises the limit"));
     }
 };
@@ -188,7 +188,8 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     const double before = sum.samples > 0 ? .5 : 0, now = 1 - before;
     sum.primaryRays += of.primaryRays, sum.shadowRays += of.shadowRays, sum.secondaryRays += of.secondaryRays;
     sum.seconds += of.seconds;
-    sum.missing = before * sum.missing + now * of.missing, sum.missingMost = std::max(sum.missingMost, of.missingMost);
+    sum.missing = before * sum.missing + now * of.missing,
+    sum.missingMaximum = std::max(sum.missingMaximum, of.missingMaximum);
     sum.error = std::sqrt(before * sum.error * sum.error + now * of.error * of.error);
     sum.unreached = before * sum.unreached + now * of.unreached, sum.kept = before * sum.kept + now * of.kept;
     sum.noise = std::sqrt(before * sum.noise * sum.noise + now * of.noise * of.noise);
@@ -201,12 +202,12 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
 /// By which files name things: a node's DEF name; else of an Appearance that of its material, of all else that of the
 /// nearest one around it.
 std::string authorsName(const Scene& scene, NodeId id) {
-    constexpr int kMostLevels = 1000;
+    constexpr int kMaxLevels = 1000;
     if (const Node* node = scene.effectiveNode(id); node && node->is(x3d::Appearance::type)) {
         const std::string_view own = scene.name(id);
         return std::string(own.empty() ? scene.name(node->get(x3d::Appearance::material)) : own);
     }
-    for (int level = 0; id && level < kMostLevels; ++level) {
+    for (int level = 0; id && level < kMaxLevels; ++level) {
         if (const std::string_view name = scene.name(id); !name.empty()) return std::string(name);
         const auto parents = scene.parents(id);
         id = parents.empty() ? NodeId() : parents.front().node;
@@ -240,7 +241,7 @@ std::optional<PictureSight> LightRenderer::looksFrom() {
     const auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::nullopt;
     const Camera eye = equipped(*camera, options);
-    return PictureSight{EyePlace(eye.position, eye.up), sightsOf(s.tracer, s.rays, eye, options.settings)};
+    return PictureSight{EyePosition(eye.position, eye.up), sightsOf(s.tracer, s.rays, eye, options.settings)};
 }
 
 Result<Camera> LightRenderer::look(const ImageOptions& options) {
@@ -252,7 +253,7 @@ Result<Camera> LightRenderer::look(const ImageOptions& options) {
     *camera = equipped(*camera, options);
     std::vector<LayerSight> sights;
     if (world().flattener().usesPixels()) sights = sightsOf(s.tracer, s.rays, *camera, options.settings);
-    if (auto ok = world().setViewer(EyePlace(camera->position, camera->up), std::move(sights)); !ok)
+    if (auto ok = world().setViewer(EyePosition(camera->position, camera->up), std::move(sights)); !ok)
         return std::unexpected(ok.error());
     return camera;
 }
@@ -339,15 +340,16 @@ Result<> LightRenderer::makeOf(const WorldState& state, const ImageOptions& opti
         camera->layer = layer;
     }
     s.camera = equipped(*camera, options);
-    const EyePlace place(s.camera.position, s.camera.up);
+    const EyePosition eyePosition(s.camera.position, s.camera.up);
     std::vector<LayerSight> sights;
     if (state.sights)
         sights = LightTracer::sights(LightTracer::layers(*tables, *state.rays, s.camera, whole.width, whole.height),
                                      whole.width, whole.height);
     // The world looks from here anyway when it lays a state out for this size.
     const bool fits = !state.sights || areOfOneSize(*state.sights, sights);
-    if (look && state.sights) s.look(PictureSight{place, sights});
-    if (look || !fits || (!state.sights && state.moment != s.prepared)) world().lookFrom(place, std::move(sights));
+    if (look && state.sights) s.look(PictureSight{eyePosition, sights});
+    if (look || !fits || (!state.sights && state.moment != s.prepared))
+        world().lookFrom(eyePosition, std::move(sights));
     if (!look && !fits) return fail("light renderer: this state is laid out for a picture of another size");
     s.nameFarEye(*state.rays);
     s.stats = {};

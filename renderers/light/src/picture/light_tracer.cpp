@@ -92,7 +92,7 @@ Result<> checkSights(const Camera& camera, const RenderSettings& settings, const
             sight.depths.size() != pixels || sight.colors.size() != pixels)
             return fail(
                 fmt::format("what was seen of a layer is not of its {} x {} pixels", views[i].width, views[i].height));
-        if (!(sight.place.x >= 0 && sight.place.x <= 1 && sight.place.y >= 0 && sight.place.y <= 1) ||
+        if (!(sight.position.x >= 0 && sight.position.x <= 1 && sight.position.y >= 0 && sight.position.y <= 1) ||
             sight.samples < 1)
             return fail("what was seen lies at no place of its pixels");
     }
@@ -189,9 +189,9 @@ class SeenInView final : public SurfacesInPicture {
         return {std::shared_ptr<const Material>(entry, &entry->material), slot};
     }
     bool mayBeClear(const RayInstance& instance) const override { return drawn(instance).material->transmits(); }
-    TraceScene place(const RayView& view, const Ray&) const override {
+    TraceScene sceneFor(const RayView& view, const Ray&) const override {
         TraceScene scene;
-        scene.placeInPicture(view, view_.camera, view_.height);
+        scene.pixelOf(view, view_.camera, view_.height);
         return scene;
     }
 
@@ -224,7 +224,7 @@ LightTracer::Counts LightTracer::counts() const {
     return impl_->tables.counts();
 }
 const Diagnostics& LightTracer::diagnostics() const {
-    impl_->tables.tellOfDamage();
+    impl_->tables.reportOfDamage();
     return impl_->tables.diagnostics();
 }
 

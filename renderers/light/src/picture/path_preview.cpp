@@ -19,7 +19,7 @@ namespace {
 constexpr int kTile = 16;
 constexpr double kAnew = 1.5;  // the filter runs again once there are so many times the samples
 /// The filter is trusted to lower the squared error so far, however well it looks.
-constexpr double kMostGain = 16;
+constexpr double kMaxGain = 16;
 
 struct Half {
     Picture mean;
@@ -110,13 +110,13 @@ struct PathPreview::Impl {
                 for (int dy = -1; dy <= 1; ++dy)
                     for (int dx = -1; dx <= 1; ++dx) {
                         if (x + dx < 0 || y + dy < 0 || x + dx >= tilesX || y + dy >= tilesY) continue;
-                        const double share = (2 - std::abs(dx)) * (2 - std::abs(dy)) / 16.0;
+                        const double fraction = (2 - std::abs(dx)) * (2 - std::abs(dy)) / 16.0;
                         const TileErrors& from =
                             own[static_cast<std::size_t>(y + dy) * static_cast<std::size_t>(tilesX) +
                                 static_cast<std::size_t>(x + dx)];
                         TileErrors& to = errors[static_cast<std::size_t>(y) * static_cast<std::size_t>(tilesX) +
                                                 static_cast<std::size_t>(x)];
-                        to.plain += share * from.plain, to.denoised += share * from.denoised;
+                        to.plain += fraction * from.plain, to.denoised += fraction * from.denoised;
                     }
     }
 
@@ -125,7 +125,7 @@ struct PathPreview::Impl {
         const double since = static_cast<double>(filteredAt) / samples();
         std::vector<float> all;
         for (const TileErrors& one : errors)
-            all.push_back(std::max(one.denoised, one.plain / kMostGain) < one.plain * since ? 1.0f : 0.0f);
+            all.push_back(std::max(one.denoised, one.plain / kMaxGain) < one.plain * since ? 1.0f : 0.0f);
         return all;
     }
     void putIn(Picture& picture) {
@@ -134,21 +134,21 @@ struct PathPreview::Impl {
             return choice[static_cast<std::size_t>(std::clamp(ty, 0, tilesY - 1)) * static_cast<std::size_t>(tilesX) +
                           static_cast<std::size_t>(std::clamp(tx, 0, tilesX - 1))];
         };
-        std::vector<double> shares(static_cast<std::size_t>(picture.height));
-        parallelFor(shares.size(), [&](std::size_t row) {
+        std::vector<double> fractions(static_cast<std::size_t>(picture.height));
+        parallelFor(fractions.size(), [&](std::size_t row) {
             const int y = static_cast<int>(row);
             const float v = (static_cast<float>(y) + .5f) / kTile - .5f, down = v - std::floor(v);
             const int ty = static_cast<int>(std::floor(v));
             for (int x = 0; x < picture.width; ++x) {
                 const float u = (static_cast<float>(x) + .5f) / kTile - .5f, right = u - std::floor(u);
                 const int tx = static_cast<int>(std::floor(u));
-                const float share = std::lerp(std::lerp(of(tx, ty), of(tx + 1, ty), right),
-                                              std::lerp(of(tx, ty + 1), of(tx + 1, ty + 1), right), down);
-                picture.at(x, y) += share * (filtered.at(x, y) - picture.at(x, y));
-                shares[row] += double{share};
+                const float fraction = std::lerp(std::lerp(of(tx, ty), of(tx + 1, ty), right),
+                                                 std::lerp(of(tx, ty + 1), of(tx + 1, ty + 1), right), down);
+                picture.at(x, y) += fraction * (filtered.at(x, y) - picture.at(x, y));
+                fractions[row] += double{fraction};
             }
         });
-        for (const double share : shares) denoised += share / static_cast<double>(picture.pixels.size());
+        for (const double fraction : fractions) denoised += fraction / static_cast<double>(picture.pixels.size());
     }
 };
 
@@ -179,11 +179,11 @@ Result<> PathPreview::add(Picture picture, int samples) {
 int PathPreview::samples() const {
     return impl_->samples();
 }
-int PathPreview::wanted(int most) const {
+int PathPreview::wanted(int maximum) const {
     const int a = impl_->halves[0].samples, b = impl_->halves[1].samples;
     // A picture of one sample takes the middle of each pixel, so only the first ones do.
     const int next = a != b ? std::abs(a - b) : a == 0 ? 1 : std::max(2, a + b);
-    return std::clamp(next, 1, std::max(1, most));
+    return std::clamp(next, 1, std::max(1, maximum));
 }
 Picture PathPreview::mean() const {
     return impl_->mean();
@@ -205,7 +205,7 @@ double PathPreview::noise() const {
     const Impl& s = *impl_;
     if (s.halves[1].samples == 0) return 0;
     // The variance of a mean whose weights follow the numbers of samples.
-    const double a = s.halves[0].samples, b = s.halves[1].samples, share = a * b / ((a + b) * (a + b));
+    const double a = s.halves[0].samples, b = s.halves[1].samples, fraction = a * b / ((a + b) * (a + b));
     double squares = 0, sum = 0;
     for (std::size_t i = 0; i < s.halves[0].mean.pixels.size(); ++i) {
         const Vec3f one = s.shown(s.halves[0].mean.pixels[i]), two = s.shown(s.halves[1].mean.pixels[i]);
@@ -213,7 +213,7 @@ double PathPreview::noise() const {
         sum += (a * (double{one.r} + one.g + one.b) + b * (double{two.r} + two.g + two.b)) / (a + b);
     }
     const auto count = 3.0 * static_cast<double>(s.halves[0].mean.pixels.size());
-    return sum > 0 ? std::sqrt(share * squares / count) / (sum / count) : 0;
+    return sum > 0 ? std::sqrt(fraction * squares / count) / (sum / count) : 0;
 }
 
 }  // namespace rtsg

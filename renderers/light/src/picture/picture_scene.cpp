@@ -37,18 +37,18 @@ GroupsOf<L> groupLights(const LightState& state, std::uint16_t layer, const ToTr
     }
     // Each looks outwards until it meets one that knows.
     std::vector<bool> known(count);
-    std::vector<std::uint32_t> way;
+    std::vector<std::uint32_t> path;
     known[0] = true;
     for (std::uint32_t i = 1; i < count; ++i) {
         std::uint32_t at = i;
         for (; !known[at]; at = state.scopes[at].around) {
             known[at] = true;
-            way.push_back(at);
+            path.push_back(at);
         }
-        for (; !way.empty(); way.pop_back()) {
-            typename GroupsOf<L>::Group& group = result.groups[way.back()];
-            const std::uint32_t outwards = result.groups[state.scopes[way.back()].around].start;
-            group.start = group.count > 0 ? way.back() : outwards;
+        for (; !path.empty(); path.pop_back()) {
+            typename GroupsOf<L>::Group& group = result.groups[path.back()];
+            const std::uint32_t outwards = result.groups[state.scopes[path.back()].around].start;
+            group.start = group.count > 0 ? path.back() : outwards;
             group.around = outwards;
         }
     }
@@ -99,7 +99,7 @@ void findLocalFogs(const LightState& state, Fogs& fogs) {
 
 std::optional<TraceEnvironment> traceEnvironment(const Light& light) {
     if (light.kind != Light::Kind::environment) return std::nullopt;
-    return TraceEnvironment{light.environment.get(), light.color, light.ambient, light.localFromWorldTurn};
+    return TraceEnvironment{light.environment.get(), light.color, light.ambient, light.localFromWorldRotation};
 }
 
 /// How a Light looks to the rays of a picture.
@@ -176,14 +176,14 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     const std::uint16_t layer = camera.layer;
     TraceScene scene;
     scene.coincident = std::make_shared<CoincidentFaces>();
-    scene.placeInPicture(world, camera, settings.height);
+    scene.pixelOf(world, camera, settings.height);
     if (settings.integrator == Integrator::whitted && !camera.isEven()) {
         const glm::dmat3 square = toSquare(camera);
         scene.uneven = UnevenEye{glm::mat3(square), glm::mat3(glm::transpose(glm::inverse(square)))};
     }
-    constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
+    constexpr int kMaxSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
     const int samples = part.sight ? part.sight->samples : settings.samplesPerPixel;
-    scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(samples, 1, kMostSharing)));
+    scene.sampleFraction = 1 / std::sqrt(static_cast<float>(std::clamp(samples, 1, kMaxSharing)));
     scene.filter = clipFilter(state, world, settings, part.windows ? &camera : nullptr);
     if (state.volumeSlots) {
         findVolumes(state, world, part.hidden, scene.filter, scene);

@@ -15,18 +15,18 @@ bool hasAlphaColors(const Mesh& mesh) {
 }
 
 /// Whether a hatch tells that something, or nothing, is there.
-std::optional<bool> sayOf(const Hatching& hatching, const TraceScene& place, const Vec3f& at) {
+std::optional<bool> sayOf(const Hatching& hatching, const TraceScene& scene, const Vec3f& at) {
     if (!hatching.present) return std::nullopt;
-    const bool known = place.pixelSpread > 0 || place.pixelSize > 0;
-    if (known && hatching.isLine(pixelOf(place, at))) return true;
+    const bool known = scene.pixelSpread > 0 || scene.pixelSize > 0;
+    if (known && hatching.isLine(pixelOf(scene, at))) return true;
     if (hatching.filled) return std::nullopt;
     return !known && hatching.style != 0;  // there may be a line anywhere
 }
 
 /// Metres, of a pixel on the surface.
-float footprintOf(const TraceScene& place, const Ray& ray, const Hit& hit, const Vec3f& at) {
+float footprintOf(const TraceScene& scene, const Ray& ray, const Hit& hit, const Vec3f& at) {
     const float cosine = std::max(std::abs(glm::dot(ray.direction, hit.normal)), 0.05f);
-    return place.sampleWidth(glm::distance(at, place.eye)) / std::sqrt(cosine);
+    return scene.sampleWidth(glm::distance(at, scene.eye)) / std::sqrt(cosine);
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ Hit SurfacesInPicture::seen(const RayView& view, const Ray& ray, const Hit& met)
         const RayInstance& instance = view.instance(hit.instance);
         // The backs of glass are there, so that light finds its way out.
         if (instance.mesh->solid && drawn(instance).material->refractiveIndex == 0) {
-            hit = view.frontInPlace(ray, met);
+            hit = view.frontOfCoincident(ray, met);
             if (!hit) return {};
             behind = isBehind();
         }
@@ -64,7 +64,7 @@ bool SurfacesInPicture::isThere(const RayView& view, const Ray& ray, const Hit& 
     }
     if (colored) opacity = mesh.color(hit.triangle, hit.u, hit.v).a;
     if (material.hatching.present || material.texture(TextureRole::base) || !material.stages.empty()) {
-        const TraceScene inPicture = place(view, ray);
+        const TraceScene inPicture = sceneFor(view, ray);
         const Vec3f at = view.point(hit, ray).position;
         if (const auto said = sayOf(material.hatching, inPicture, at)) return *said;
         findAlpha(

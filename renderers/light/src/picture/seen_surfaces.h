@@ -28,7 +28,7 @@ class SurfacesInPicture : public SeenSurfaces {
     /// False: nothing of its front is clear, unless the mesh's own colours say so.
     virtual bool mayBeClear(const RayInstance& instance) const = 0;
     /// All that says where in a picture something is; pixels of no size: that is not known.
-    virtual TraceScene place(const RayView& view, const Ray& ray) const = 0;
+    virtual TraceScene sceneFor(const RayView& view, const Ray& ray) const = 0;
 
   private:
     bool isThere(const RayView& view, const Ray& ray, const Hit& hit, bool behind) const;

@@ -31,10 +31,10 @@ std::vector<SurfaceState::Surroundings> SurfaceState::surroundings(const Camera&
     eachCut(state, &eye, [&](const ClipEntry& clip, const std::vector<CutPlane>& planes) {
         cuts[clip.scope].insert(cuts[clip.scope].end(), planes.begin(), planes.end());
     });
-    for (std::uint32_t place = 0; place < all.size(); ++place) {
-        Surroundings& found = all[place];
-        found.fog = fogs.of(place).fog;
-        for (std::uint32_t scope = place;; scope = state.scopes[scope].around) {
+    for (std::uint32_t surroundings = 0; surroundings < all.size(); ++surroundings) {
+        Surroundings& found = all[surroundings];
+        found.fog = fogs.of(surroundings).fog;
+        for (std::uint32_t scope = surroundings;; scope = state.scopes[scope].around) {
             eachLight(state, scope, eye.layer, [&](const Light& light) { found.lights.push_back(&light); });
             found.cuts.insert(found.cuts.end(), cuts[scope].begin(), cuts[scope].end());
             if (scope == 0) break;
@@ -68,7 +68,7 @@ std::array<Vec3f, 9> matteHarmonics(const Light& environment) {
         const float z = 1 - (2 * static_cast<float>(i) + 1) / kDirections, across = std::sqrt(1 - z * z);
         const float angle = std::numbers::pi_v<float> * (3 - std::sqrt(5.0f)) * static_cast<float>(i);
         const Vec3f d(across * std::cos(angle), across * std::sin(angle), z);
-        const Vec3f light = environment.environment->matte(environment.localFromWorldTurn * d);
+        const Vec3f light = environment.environment->matte(environment.localFromWorldRotation * d);
         const float y[] = {0.282095f,
                            0.488603f * d.y,
                            0.488603f * d.z,
@@ -113,7 +113,7 @@ LightCounts SurfaceTables::counts() const {
 }
 
 const Diagnostics& SurfaceTables::diagnostics() const {
-    impl_->tables.tellOfDamage();
+    impl_->tables.reportOfDamage();
     return impl_->tables.diagnostics();
 }
 

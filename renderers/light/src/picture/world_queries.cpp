@@ -82,15 +82,15 @@ class WorldQueries::Seen final : public trace::SurfacesInPicture {
     bool mayBeClear(const RayInstance& instance) const override {
         return rtsg::mayBeClear(world_.scene(), instance.info.appearance);
     }
-    trace::TraceScene place(const RayView& view, const Ray& ray) const override {
+    trace::TraceScene sceneFor(const RayView& view, const Ray& ray) const override {
         trace::TraceScene scene;
         if (sight_) {
-            scene.placeInPicture(view, cameraOf(*sight_), sight_->height);
+            scene.pixelOf(view, cameraOf(*sight_), sight_->height);
             return scene;
         }
-        const glm::dquat turn = viewerPose(world_.scene()).orientation;
-        scene.eye = ray.origin, scene.forward = Vec3f(turn * Vec3d(0, 0, -1));
-        scene.right = Vec3f(turn * Vec3d(1, 0, 0)), scene.up = Vec3f(turn * Vec3d(0, 1, 0));
+        const glm::dquat rotation = viewerPose(world_.scene()).orientation;
+        scene.eye = ray.origin, scene.forward = Vec3f(rotation * Vec3d(0, 0, -1));
+        scene.right = Vec3f(rotation * Vec3d(1, 0, 0)), scene.up = Vec3f(rotation * Vec3d(0, 1, 0));
         return scene;
     }
 
@@ -113,7 +113,7 @@ bool WorldQueries::follow() {
         seen_ = std::make_unique<Seen>(*world_, resources_);
     }
     const auto updated = world_->update();
-    if (!updated && !std::exchange(told_, true))
+    if (!updated && !std::exchange(reported_, true))
         world_->scene().diagnostics().error({}, "pointers meet nothing: " + updated.error().text);
     return updated.has_value();
 }

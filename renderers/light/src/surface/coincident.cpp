@@ -32,7 +32,7 @@ struct FaceInPlane {
 
 /// A part of a triangle: u and v from these on, `share` of its sides wide.
 struct TrianglePart {
-    double u = 0, v = 0, share = 1;
+    double u = 0, v = 0, fraction = 1;
 };
 
 /// Along an axis square to an edge of `a` in its plane: whether `b` lies on the edge's outer side, or on it.
@@ -43,9 +43,9 @@ bool isApart(const FaceInPlane& a, const FaceInPlane& b, double margin) {
         if (glm::dot(inwards, a.corner[(i + 2) % 3] - a.corner[i]) < 0) inwards = -inwards;
         const double length = glm::length(inwards);
         if (!(length > 0)) continue;
-        double most = -std::numeric_limits<double>::infinity();
-        for (const Vec3d& p : b.corner) most = std::max(most, glm::dot(inwards, p - a.corner[i]) / length);
-        if (most <= margin) return true;
+        double maximum = -std::numeric_limits<double>::infinity();
+        for (const Vec3d& p : b.corner) maximum = std::max(maximum, glm::dot(inwards, p - a.corner[i]) / length);
+        if (maximum <= margin) return true;
     }
     return false;
 }
@@ -64,20 +64,20 @@ enum State : std::uint64_t { unknown, alone, inCompany, tooMuch };
 
 /// tooMuch: more than `most` triangles lie around this part.
 template <class Counts>
-State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangle, const TrianglePart& part, int most,
-                 const Counts& counts) {
+State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangle, const TrianglePart& part,
+                 int maximum, const Counts& counts) {
     const FaceInPlane face(world.instance(slot), triangle);
     if (face.normal == Vec3d(0)) return inCompany;
-    const double half = part.share / 2;
-    const Vec3d middle = part.share < 1 ? face.at(part.u + half, part.v + half) : face.at(1.0 / 3, 1.0 / 3);
+    const double half = part.fraction / 2;
+    const Vec3d middle = part.fraction < 1 ? face.at(part.u + half, part.v + half) : face.at(1.0 / 3, 1.0 / 3);
     double radius = 0, size = 0;
     for (const Vec3d& p : face.corner) {
         radius = std::max(radius, glm::distance(p, middle));
         size = std::max({size, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
     }
-    if (part.share < 1) {
-        const Vec3d across = part.share * (face.corner[1] - face.corner[0]),
-                    along = part.share * (face.corner[2] - face.corner[0]);
+    if (part.fraction < 1) {
+        const Vec3d across = part.fraction * (face.corner[1] - face.corner[0]),
+                    along = part.fraction * (face.corner[2] - face.corner[0]);
         radius = std::max(glm::length(across + along), glm::length(across - along)) / 2;
     }
     const double margin = 0x1p-18 * size + 1e-30;  // some times the rounding of a hit
@@ -86,7 +86,7 @@ State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangl
     world.visitNear(Vec3f(middle), reach, [&](std::uint32_t otherSlot, std::uint32_t otherTriangle) {
         if (state != alone) return 0.0f;
         if (otherSlot == slot && otherTriangle == triangle) return reach;
-        if (--most < 0) state = tooMuch;
+        if (--maximum < 0) state = tooMuch;
         const RayInstance& instance = world.instance(otherSlot);
         const FaceInPlane other(instance, otherTriangle);
         const double cosine = glm::dot(face.normal, other.normal);
@@ -104,13 +104,13 @@ template <class Counts>
 bool CoincidentFaces::ask(Answers& known, const RayView& world, const Hit& hit, const Counts& counts) {
     constexpr std::uint64_t kSlots = std::uint64_t{1} << 21;
     if (hit.instance >= kSlots) return true;
-    const auto stateOf = [&](std::uint64_t number, const TrianglePart& part, int most) {
+    const auto stateOf = [&](std::uint64_t number, const TrianglePart& part, int maximum) {
         const std::uint64_t key = std::uint64_t{hit.instance} << 43 | std::uint64_t{hit.triangle} << 11 | number << 2;
-        std::atomic<std::uint64_t>& place = known[(key * 0x9E3779B97F4A7C15u) >> 52];
-        const std::uint64_t last = place.load(std::memory_order_relaxed);
+        std::atomic<std::uint64_t>& slot = known[(key * 0x9E3779B97F4A7C15u) >> 52];
+        const std::uint64_t last = slot.load(std::memory_order_relaxed);
         if ((last & ~std::uint64_t{3}) == key && (last & 3u) != unknown) return static_cast<State>(last & 3u);
-        const State state = lookAround(world, hit.instance, hit.triangle, part, most, counts);
-        place.store(key | state, std::memory_order_relaxed);
+        const State state = lookAround(world, hit.instance, hit.triangle, part, maximum, counts);
+        slot.store(key | state, std::memory_order_relaxed);
         return state;
     };
     constexpr int kFew = 256, kMany = 1 << 14;
@@ -121,9 +121,9 @@ bool CoincidentFaces::ask(Answers& known, const RayView& world, const Hit& hit, 
         // about.
         const auto i = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.u * kParts), kParts - 1),
                    j = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.v * kParts), kParts - 1);
-        constexpr double kShare = 1.0 / kParts;
-        state =
-            stateOf(i * kParts + j, {static_cast<double>(i) * kShare, static_cast<double>(j) * kShare, kShare}, kMany);
+        constexpr double kFraction = 1.0 / kParts;
+        state = stateOf(i * kParts + j,
+                        {static_cast<double>(i) * kFraction, static_cast<double>(j) * kFraction, kFraction}, kMany);
     }
     return state != alone;
 }
@@ -147,11 +147,11 @@ bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& directi
 Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit, RayKind kind) {
     if (!isBackOfSolid(scene, hit, ray.direction)) return hit;
     if (scene.coincident && !scene.coincident->mayHide(*scene.world, hit)) return hit;
-    const Hit front = world.frontInPlace(ray, hit, kind);
+    const Hit front = world.frontOfCoincident(ray, hit, kind);
     return front ? front : hit;
 }
 
-void turnToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& out) {
+void flipToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& out) {
     using namespace simd;
     if (out.oneInstance && !hidesBacks(scene, out.hits.instance[0])) return;
     std::uint32_t behind = 0;

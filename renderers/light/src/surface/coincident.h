@@ -50,6 +50,6 @@ Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const
             RayKind kind = RayKind::view);
 
 /// Puts fronts of solids in the place of backs that rays met.
-void turnToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& surfaces);
+void flipToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

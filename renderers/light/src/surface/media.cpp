@@ -9,7 +9,7 @@
 
 #include "coincident.h"
 #include "surface_packet.h"
-#include "world/faces_in_place.h"
+#include "world/coincident_faces.h"
 #include "world/ray_boxes.h"
 
 namespace rtsg::trace {
@@ -17,8 +17,8 @@ namespace rtsg::trace {
 namespace {
 
 /// A ray that lies in more bodies does not notice the next one.
-constexpr std::uint32_t kMostBodies = 64;
-constexpr std::size_t kMostSets = std::size_t{1} << 20;
+constexpr std::uint32_t kMaxBodies = 64;
+constexpr std::size_t kMaxSets = std::size_t{1} << 20;
 
 bool isBack(const Hit& hit, const Vec3f& direction) {
     return glm::dot(direction, hit.normal) > 0;
@@ -31,8 +31,9 @@ float diagonalOf(const RayInstance& instance) {
 
 /// Calls `tell(hit)` for the surfaces of bodies that the ray meets where it met this one, up to rounding, which is
 /// `apart`.
-template <class Tell>
-void visitBodiesInPlace(const TraceScene& scene, const Ray& ray, const Hit& hit, float& apart, const Tell& tell) {
+template <class Visitor>
+void visitCoincidentBodies(const TraceScene& scene, const Ray& ray, const Hit& hit, float& apart,
+                           const Visitor& report) {
     const RayView& world = *scene.world;
     apart = roundingAt(ray.origin, ray.origin + hit.t * ray.direction) + 2 * glm::length(world.point(hit).error);
     const auto near = [&](const Vec3f& center, float radius, const NearVisitor& visit) {
@@ -40,10 +41,10 @@ void visitBodiesInPlace(const TraceScene& scene, const Ray& ray, const Hit& hit,
             return Media::isBody(scene, slot) ? visit(slot, triangle) : radius;
         });
     };
-    visitPlace(world, near, ray, hit.t, apart, [&](const Hit& found) {
+    visitCoincident(world, near, ray, hit.t, apart, [&](const Hit& found) {
         const bool leftOut = scene.filter && scene.filter->concerns(found.instance) &&
                              scene.filter->leavesOutAlong(found.instance, ray.origin, ray.direction, found.t);
-        if (!leftOut) tell(found);
+        if (!leftOut) report(found);
     });
 }
 
@@ -62,26 +63,28 @@ Media::Set Media::with(Set set, std::uint32_t slot) {
     const std::uint64_t key = std::uint64_t{set} << 32 | slot;
     if (const auto found = known_.find(key); found != known_.end()) return found->second;
     const Material& material = scene_.materials[scene_.slot(slot).material].material;
-    Node made;
-    made.slot = made.shown = slot, made.rest = set;
-    made.index = material.refractiveIndex, made.priority = material.priority, made.absorption = material.absorption;
-    made.size = diagonalOf(scene_.world->instance(slot));
+    Node created;
+    created.slot = created.shown = slot, created.rest = set;
+    created.index = material.refractiveIndex, created.priority = material.priority,
+    created.absorption = material.absorption;
+    created.size = diagonalOf(scene_.world->instance(slot));
     if (set) {
         const Node& rest = node(set);
-        if (rest.count >= kMostBodies || nodes_.size() >= kMostSets) return set;
-        made.count = rest.count + 1;
+        if (rest.count >= kMaxBodies || nodes_.size() >= kMaxSets) return set;
+        created.count = rest.count + 1;
         const auto rank = [](const Node& of) { return std::tuple(of.priority, -of.size, of.shown); };
-        if (rank(rest) > rank(made)) {
-            made.shown = rest.shown, made.index = rest.index, made.priority = rest.priority, made.size = rest.size;
-            made.absorption = rest.absorption;
+        if (rank(rest) > rank(created)) {
+            created.shown = rest.shown, created.index = rest.index, created.priority = rest.priority,
+            created.size = rest.size;
+            created.absorption = rest.absorption;
         }
     }
-    nodes_.push_back(made);
+    nodes_.push_back(created);
     return known_[key] = static_cast<Set>(nodes_.size());
 }
 
 Media::Set Media::without(Set set, std::uint32_t slot) {
-    std::uint32_t before[kMostBodies];
+    std::uint32_t before[kMaxBodies];
     std::size_t count = 0;
     Set at = set;
     for (; at && node(at).slot != slot; at = node(at).rest) before[count++] = node(at).slot;
@@ -100,7 +103,7 @@ bool Media::has(Set set, std::uint32_t slot) const {
 std::vector<Hit> Media::inPlace(const Ray& ray, const Hit& hit, float& apart) const {
     std::vector<Hit> others;
     if (hit.isCap() || (scene_.coincident && !scene_.coincident->mayTouchBodies(scene_, hit))) return others;
-    visitBodiesInPlace(scene_, ray, hit, apart, [&](const Hit& found) {
+    visitCoincidentBodies(scene_, ray, hit, apart, [&](const Hit& found) {
         if (found.instance != hit.instance || found.triangle != hit.triangle) others.push_back(found);
     });
     if (others.empty()) apart = 0;
@@ -161,7 +164,7 @@ std::optional<float> RunsIn::pass(const TraceScene& scene, const Vec3f& directio
     return at.eta;
 }
 
-std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& place) {
+std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& position) {
     std::vector<std::uint32_t> possible, open, result;
     const RayInstances& instances = scene.world->instances();
     for (std::uint32_t slot = 0; slot < instances.size(); ++slot) {
@@ -169,20 +172,20 @@ std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& pl
         if (!instance.info.id || !instance.mesh || !Media::isBody(scene, slot)) continue;
         const Bounds box = boxAround(instance);
         const bool within =
-            glm::all(glm::lessThanEqual(box.min, place)) && glm::all(glm::greaterThanEqual(box.max, place));
+            glm::all(glm::lessThanEqual(box.min, position)) && glm::all(glm::greaterThanEqual(box.max, position));
         if (within && instance.mesh->isClosed()) possible.push_back(slot);
     }
     if (possible.empty()) return result;
     // A ray to anywhere leaves those that it has not come into on its way.
-    constexpr int kMost = 10'000;
+    constexpr int kMax = 10'000;
     const auto find = [](std::vector<std::uint32_t>& in, std::uint32_t slot) { return std::ranges::find(in, slot); };
-    Ray ray{place, 0, glm::normalize(Vec3f(.361f, .218f, .907f)), std::numeric_limits<float>::infinity()};
-    for (int i = 0; i < kMost; ++i) {
+    Ray ray{position, 0, glm::normalize(Vec3f(.361f, .218f, .907f)), std::numeric_limits<float>::infinity()};
+    for (int i = 0; i < kMax; ++i) {
         const Hit met = scene.world->intersect(ray);
         if (!met) break;
         std::vector<Hit> all{met};
         float apart = 0;
-        if (!met.isCap()) visitBodiesInPlace(scene, ray, met, apart, [&](const Hit& hit) { all.push_back(hit); });
+        if (!met.isCap()) visitCoincidentBodies(scene, ray, met, apart, [&](const Hit& hit) { all.push_back(hit); });
         for (const bool back : {false, true})
             for (std::size_t k = 0; k < all.size(); ++k) {
                 const std::uint32_t slot = all[k].instance;

@@ -66,7 +66,7 @@ class Media {
 };
 
 /// The closed bodies that a place lies in.
-std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& place);
+std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& position);
 
 /// The bodies around a ray that passes straight through several surfaces.
 struct RunsIn {

@@ -63,7 +63,7 @@ struct PacketKernels {
     bool (*gather)(const TraceLight& light, const SurfacePacket& surfaces, Incoming& in);
     /// The lanes whose pixel the light's shadow would change by less than `least`. `shares`: the weight of a lane's
     /// colour in its pixel.
-    std::uint32_t (*faint)(const TraceLight& light, const Incoming& in, const float* shares, float least, bool shiny,
+    std::uint32_t (*faint)(const TraceLight& light, const Incoming& in, const float* weights, float minimum, bool shiny,
                            const SurfacePacket& surfaces);
     /// Rays from the lanes of `mask` that the light may reach to it; `behind`: of these the ones whose own true surface
     /// lies between. Returns the lanes.

@@ -29,8 +29,8 @@ struct KernelsOf {
 
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
     RTSG_INLINE V all(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
-    RTSG_INLINE F less(F a, F b) { return simd::lanes::least(a, b); }
-    RTSG_INLINE F more(F a, F b) { return simd::lanes::most(a, b); }
+    RTSG_INLINE F less(F a, F b) { return simd::lanes::minimum(a, b); }
+    RTSG_INLINE F more(F a, F b) { return simd::lanes::maximum(a, b); }
     RTSG_INLINE F absolute(F x) { return more(x, -x); }
     RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     RTSG_INLINE V times(const V& a, F s) { return {a.x * s, a.y * s, a.z * s}; }
@@ -188,8 +188,8 @@ struct KernelsOf {
                 const float* corner[3][kLanes];  // every fourth lane's next to each other
                 for (int lane = 0; lane < kLanes; ++lane) {
                     const std::int32_t* triangle = triangles + std::size_t{hit[lane]} * stride;
-                    const int place = lane % 4 * (kLanes / 4) + lane / 4;
-                    for (int c = 0; c < 3; ++c) corner[c][place] = &positions[triangle[c]].x;
+                    const int slot = lane % 4 * (kLanes / 4) + lane / 4;
+                    for (int c = 0; c < 3; ++c) corner[c][slot] = &positions[triangle[c]].x;
                 }
                 for (int c = 0; c < 3; ++c) corners[c] = gathered(corner[c]);
             }
@@ -217,10 +217,10 @@ struct KernelsOf {
     }
 
     /// The three numbers at each of these places.
-    RTSG_INLINE V gathered(const float* const* places) {
+    RTSG_INLINE V gathered(const float* const* positions) {
         constexpr int kNext = kLanes / 4;
-        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext),
-                  W::quads(places + 3 * kNext)};
+        F q[4] = {W::quads(positions), W::quads(positions + kNext), W::quads(positions + 2 * kNext),
+                  W::quads(positions + 3 * kNext)};
         W::transpose(q[0], q[1], q[2], q[3]);
         return {q[0], q[1], q[2]};
     }
@@ -335,15 +335,15 @@ struct KernelsOf {
         return plus(direct, times(loadV(s.specular, at), shine));
     }
 
-    static std::uint32_t faint(const TraceLight& light, const Incoming& in, const float* shares, float least,
+    static std::uint32_t faint(const TraceLight& light, const Incoming& in, const float* weights, float minimum,
                                bool shiny, const SurfacePacket& s) {
         std::uint32_t found = 0;
         for (int at = 0; at < 16; at += kLanes) {
             const V direct = reflected(loadV(in.direction, at), W::load(in.cosine + at), shiny, at, s);
             const F red = absolute(light.color.x * direct.x), green = absolute(light.color.y * direct.y),
                     blue = absolute(light.color.z * direct.z);
-            const F most = W::load(in.factor + at) * more(more(red, green), blue) * W::load(shares + at);
-            found |= W::bits(most < least) << at;
+            const F maximum = W::load(in.factor + at) * more(more(red, green), blue) * W::load(weights + at);
+            found |= W::bits(maximum < minimum) << at;
         }
         return found;
     }

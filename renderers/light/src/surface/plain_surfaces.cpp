@@ -30,10 +30,10 @@ std::uint8_t kindOf(const MaterialEntry& entry) {
 }  // namespace
 
 PlainSurfaces::Colors::Colors(const Material& material) : unused{} {
-    const Vec3f most = glm::min(material.linear.base, Vec3f(1));
+    const Vec3f maximum = glm::min(material.linear.base, Vec3f(1));
     const bool isPhysical = material.model == ShadingModel::physical;
-    const Vec3f shine = isPhysical ? Vec3f(0) : energyLimited(most, material.linear.specular, material.exponent);
-    for (int c = 0; c < 3; ++c) base[c] = most[c], specular[c] = shine[c], emissive[c] = material.linear.emissive[c];
+    const Vec3f shine = isPhysical ? Vec3f(0) : energyLimited(maximum, material.linear.specular, material.exponent);
+    for (int c = 0; c < 3; ++c) base[c] = maximum[c], specular[c] = shine[c], emissive[c] = material.linear.emissive[c];
     exponent = material.exponent, metallic = material.metallic, roughness = material.roughness;
     physical = isPhysical ? 1.0f : 0.0f;
 }
@@ -58,7 +58,7 @@ PlainSurfaces::PlainSurfaces(const TraceScene& scene) : world_(scene.world) {
         kinds_[slot] = kind, numbers_[slot] = at->second;
         plain += mesh.triangleCount;
     }
-    most_ = plain > all / 2;
+    maximum_ = plain > all / 2;
 }
 
 V8 PlainSurfaces::Surfaces::leave(const V8& towards) const {
@@ -94,9 +94,9 @@ struct Matrix8 {
     }
     explicit Matrix8(const RayInstance* const* each) {
         for (int part = 0; part < 3; ++part) {
-            const float* places[8];
-            for (int i = 0; i < 8; ++i) places[i] = &each[i]->rayFromLocal[0].x + 4 * part;
-            const Q8 q = gather4(places);
+            const float* positions[8];
+            for (int i = 0; i < 8; ++i) positions[i] = &each[i]->rayFromLocal[0].x + 4 * part;
+            const Q8 q = gather4(positions);
             m[4 * part] = q.x, m[4 * part + 1] = q.y, m[4 * part + 2] = q.z, m[4 * part + 3] = q.w;
         }
     }
@@ -153,10 +153,10 @@ void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
 }
 
 void PlainSurfaces::fetchFaces(const bvh::LargeTable& table, const Hits& hits, Surfaces& out) {
-    const float* place[8];
+    const float* positions[8];
     const auto read = [&](int from) {
-        for (int i = 0; i < 8; ++i) place[i] = table.spots[hits.triangle[i]].corner + from;
-        return gather4(place);
+        for (int i = 0; i < 8; ++i) positions[i] = table.spots[hits.triangle[i]].corner + from;
+        return gather4(positions);
     };
     const Q8 corner = read(0), second = read(4), third = read(8), error = read(12);
     const auto vector = [](const Q8& q) { return V8{q.x, q.y, q.z}; };
@@ -201,10 +201,10 @@ void PlainSurfaces::normals(const Hits& hits, const RayInstance* const* each, bo
 }
 
 Bsdf8 PlainSurfaces::bsdf(const Hits& hits, const Surfaces& surfaces, const V8& back, F8 cosView) const {
-    const float* place[8];
+    const float* positions[8];
     const auto read = [&](int from) {
-        for (int i = 0; i < 8; ++i) place[i] = colors_[numbers_[hits.instance[i]]].base + from;
-        return gather4(place);
+        for (int i = 0; i < 8; ++i) positions[i] = colors_[numbers_[hits.instance[i]]].base + from;
+        return gather4(positions);
     };
     const Q8 own = read(0), shine = read(4), rest = read(8), model = read(12);
     const I8 physical = model.x > 0.0f;

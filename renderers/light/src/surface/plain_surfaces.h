@@ -28,7 +28,7 @@ class PlainSurfaces {
     explicit PlainSurfaces(const TraceScene& scene);
 
     /// Whether most triangles are.
-    bool most() const { return most_; }
+    bool maximum() const { return maximum_; }
     /// A Kind with additional flags.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
     /// Added to a label's kind: a matte surface without normals of its own, which fetchFaces() can read.
@@ -87,7 +87,7 @@ class PlainSurfaces {
     std::vector<std::uint8_t> kinds_;     // by slot
     std::vector<std::uint32_t> numbers_;  // by slot: of its colours
     std::vector<Colors> colors_;
-    bool most_ = false;
+    bool maximum_ = false;
 };
 
 }  // namespace rtsg::trace

@@ -84,9 +84,9 @@ void SurfaceBranches::find(const SurfacePacket& s, std::uint32_t lanes) {
         V8 straight = own.reflectivity * (1.0f - opacity) + V8{opacity, opacity, opacity};
         if (anyGlass) {
             const F8 eta = select(isGlass, load(s.eta + at), all(1));
-            const F8 share = select(isGlass, reflectance(cosine, eta), all(0));
-            ofMirror = ofMirror + rest * share;
-            ofBody = hides = rest * (1.0f - share);
+            const F8 fraction = select(isGlass, reflectance(cosine, eta), all(0));
+            ofMirror = ofMirror + rest * fraction;
+            ofBody = hides = rest * (1.0f - fraction);
             straight = select(isGlass, one, straight);
             I8 possible, again;
             const V8 out = refracted(direction, normal, eta, possible);

@@ -33,26 +33,26 @@ Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec
     return current;
 }
 
-void splitAlpha(const Material& material, float made, float& coverage, float& opacity) {
+void splitAlpha(const Material& material, float created, float& coverage, float& opacity) {
     if (opacity >= 1 && !material.stagesHaveAlpha()) return;
-    if (made < opacity) {
-        coverage = made / opacity;
+    if (created < opacity) {
+        coverage = created / opacity;
     } else {
         coverage = 1;
-        opacity = made;
+        opacity = created;
     }
 }
 
 void findAlpha(const TextureLookup& look, const Material& material, float& alpha, float& opacity) {
     if (material.texture(TextureRole::base)) alpha = look.sample(material, TextureRole::base).a;
     if (material.stages.empty()) return;
-    opacity = share(opacity);
-    const float made = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
-    splitAlpha(material, made, alpha, opacity);
+    opacity = fraction(opacity);
+    const float created = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
+    splitAlpha(material, created, alpha, opacity);
 }
 
-Vec2f pixelOf(const TraceScene& scene, const Vec3f& place) {
-    const Vec3f from = place - scene.eye;
+Vec2f pixelOf(const TraceScene& scene, const Vec3f& position) {
+    const Vec3f from = position - scene.eye;
     const float depth = glm::dot(from, scene.forward);
     const float size = scene.pixelSize > 0 ? scene.pixelSize : scene.pixelSpread * std::max(std::abs(depth), 1e-20f);
     return Vec2f(glm::dot(from, scene.right), glm::dot(from, scene.up)) / size;
@@ -61,14 +61,14 @@ Vec2f pixelOf(const TraceScene& scene, const Vec3f& place) {
 namespace {
 
 /// Two directions in a surface and how (s, t) before the texture's transform (r and q too) change along them.
-struct Ways {
+struct Axes {
     std::array<Vec3f, 2> along;  // ray space
     std::array<Vec4f, 2> change;
 };
 
 /// The directions of the mesh's Tangent, which are those of its own coordinates, perpendicular to `normal`. False if
 /// they have no direction.
-bool givenWays(const TextureLookup& look, const Vec3f& normal, bool isBack, Ways& ways) {
+bool givenAxes(const TextureLookup& look, const Vec3f& normal, bool isBack, Axes& axes) {
     const Vec4f given = look.instance.mesh->tangents.interpolate(look.hit.triangle, look.hit.u, look.hit.v);
     Vec3f s = glm::mat3(look.instance.rayFromLocal) * Vec3f(given);
     s -= glm::dot(s, normal) * normal;
@@ -79,17 +79,17 @@ bool givenWays(const TextureLookup& look, const Vec3f& normal, bool isBack, Ways
     // from behind, where the normal is turned about, it lies where it did.
     Vec3f t = glm::cross(normal, s);
     if ((given.w < 0) != ((look.instance.sign < 0) != isBack)) t = -t;
-    ways = {{s, t}, {Vec4f(1, 0, 0, 0), Vec4f(0, 1, 0, 0)}};
+    axes = {{s, t}, {Vec4f(1, 0, 0, 0), Vec4f(0, 1, 0, 0)}};
     return true;
 }
 
 /// Along the edges of the triangle that was hit.
-Ways triangleWays(const TextureLookup& look, std::size_t channel, const TextureUse& use) {
+Axes triangleAxes(const TextureLookup& look, std::size_t channel, const TextureUse& use) {
     const Mesh& mesh = *look.instance.mesh;
     const glm::mat3 rayFromLocal(look.instance.rayFromLocal);
     const Vec3f from = mesh.vertex(look.hit.triangle, 0);
-    Ways ways;
-    for (std::uint32_t i = 0; i < 2; ++i) ways.along[i] = rayFromLocal * (mesh.vertex(look.hit.triangle, i + 1) - from);
+    Axes axes;
+    for (std::uint32_t i = 0; i < 2; ++i) axes.along[i] = rayFromLocal * (mesh.vertex(look.hit.triangle, i + 1) - from);
     const TexCoords* own = look.coordsOf(channel);
     if (own && own->generator != TexCoords::Generator::none) {
         // Coordinates that are generated from normals and views are not linear, so their directions come from
@@ -101,8 +101,8 @@ Ways triangleWays(const TextureLookup& look, std::size_t channel, const TextureU
                                      look.at(u - du, v - dv).untransformed(channel, use);
             return glm::length(difference) > kRounding ? difference / (2 * kPart) : Vec4f(0);
         };
-        ways.change = {across(kPart, 0), across(0, kPart)};
-        return ways;
+        axes.change = {across(kPart, 0), across(0, kPart)};
+        return axes;
     }
     TextureLookup corner = look;
     const auto there = [&](float u, float v) {
@@ -110,8 +110,8 @@ Ways triangleWays(const TextureLookup& look, std::size_t channel, const TextureU
         return corner.untransformed(channel, use);
     };
     const Vec4f first = there(0, 0);
-    ways.change = {there(1, 0) - first, there(0, 1) - first};
-    return ways;
+    axes.change = {there(1, 0) - first, there(0, 1) - first};
+    return axes;
 }
 
 /// How the (s, t) that look a texture up change where its coordinates change by `change`, from `here` on.
@@ -131,14 +131,14 @@ Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Ve
                    bool isBack) {
     const TextureUse& use = material.texture(TextureRole::normal);
     const std::size_t channel = look.channelOf(TextureRole::normal);
-    Ways ways;
-    if (!look.instance.mesh->tangents.present() || !givenWays(look, normal, isBack, ways))
-        ways = triangleWays(look, channel, use);
+    Axes axes;
+    if (!look.instance.mesh->tangents.present() || !givenAxes(look, normal, isBack, axes))
+        axes = triangleAxes(look, channel, use);
     const Vec4f here = look.untransformed(channel, use);
     std::array<Vec2f, 2> st;
-    for (std::size_t i = 0; i < 2; ++i) st[i] = transformedChange(use, here, ways.change[i]);
+    for (std::size_t i = 0; i < 2; ++i) st[i] = transformedChange(use, here, axes.change[i]);
     Vec3f s, t;
-    if (!textureTangents(ways.along, st, s, t)) return normal;
+    if (!textureTangents(axes.along, st, s, t)) return normal;
     s -= glm::dot(s, normal) * normal;
     t -= glm::dot(t, normal) * normal;
     const float sLength = glm::length(s), tLength = glm::length(t);
@@ -184,10 +184,10 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         ambientBase = base;
     }
     if (!material.stages.empty()) {
-        opacity = share(opacity);
-        const Vec4f made = applyStages(look, material, base, specular, opacity);
-        base = ambientBase = Vec3f(made);
-        splitAlpha(material, made.a, alpha, opacity);
+        opacity = fraction(opacity);
+        const Vec4f created = applyStages(look, material, base, specular, opacity);
+        base = ambientBase = Vec3f(created);
+        splitAlpha(material, created.a, alpha, opacity);
     }
     if (material.texture(TextureRole::emissive)) emissive *= Vec3f(look.sample(material, TextureRole::emissive));
     if (material.texture(TextureRole::specular)) specular *= Vec3f(look.sample(material, TextureRole::specular));

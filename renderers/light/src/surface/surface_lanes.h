@@ -54,9 +54,9 @@ struct alignas(64) SurfacePacket {
     }
     Vec3f outside(int lane) const { return {hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane]}; }
     /// The share of the lane's own colour that its fog leaves. `place` is that of the hit.
-    float fogLeft(const TraceScene& scene, int lane, const Vec3f& place, float run) const {
+    float fogLeft(const TraceScene& scene, int lane, const Vec3f& position, float run) const {
         const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
-        return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], place, run);
+        return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], position, run);
     }
     /// The share of light that a PhysicalMaterial reflects along one ray, without its diffuse part.
     Vec3f gloss(int lane, float cosView) const {

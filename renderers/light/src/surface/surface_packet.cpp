@@ -283,7 +283,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         for (int lane = 0; lane < 16; ++lane)
             if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
     out.pointsFound = false;
-    turnToFronts(scene, rays, out);
+    flipToFronts(scene, rays, out);
     Common common;
     common.find(scene, out.hits.instance[std::countr_zero(mask)]);
     if (!out.oneInstance || out.caps || !common.mesh->normals.present() || std::popcount(mask) <= kFewLanes)
@@ -308,8 +308,8 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     if (!scene.energyLimited) return;
     out.filled = nullptr;
     for (int at = 0; at < 16; at += 8) {
-        const V8 base = loadV(out.base, at), most{min(base.x, all(1)), min(base.y, all(1)), min(base.z, all(1))};
-        storeV(out.base, at, select(lanesFrom(out.unlit, at), base, most));
+        const V8 base = loadV(out.base, at), maximum{min(base.x, all(1)), min(base.y, all(1)), min(base.z, all(1))};
+        storeV(out.base, at, select(lanesFrom(out.unlit, at), base, maximum));
     }
     for (int at = 0; at < 16; at += 8) {
         if (!(mask & out.physical & 0xFFu << at)) continue;
@@ -369,13 +369,13 @@ HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& s, int lane) 
     return scene.world->point(hit, rayTo(s, lane));
 }
 
-std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& s, int lane) {
+std::optional<Vec3f> pointOnCurve(const TraceScene& scene, const SurfacePacket& s, int lane) {
     const std::uint32_t triangle = s.hits.triangle[lane];
     if ((s.thin | s.caps) >> lane & 1u) return std::nullopt;
     const RayInstance& instance = scene.world->instance(s.hits.instance[lane]);
     const MeshAttribute& normals = instance.mesh->normals;
     if (!normals.present() || normals.binding() == MeshAttribute::Binding::face) return std::nullopt;
-    const Vec3f place = s.exact.get(lane), facing = (s.back >> lane & 1u ? -1.0f : 1.0f) * s.outside(lane);
+    const Vec3f position = s.exact.get(lane), facing = (s.back >> lane & 1u ? -1.0f : 1.0f) * s.outside(lane);
     const float u = s.hits.u[lane], v = s.hits.v[lane], weights[] = {1 - u - v, u, v};
     std::array<Vec3f, 3> at;
     Vec3f mean(0), off(0);
@@ -391,13 +391,13 @@ std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& 
         // Normals that all lean the same way bend no surface: their common part is the triangle's own.
         const Vec3f normal = glm::normalize(at[corner] - mean + facing);
         const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
-        off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;
+        off -= weights[corner] * std::min(glm::dot(position - from, normal), 0.0f) * normal;
     }
     // A ray that leaves the triangle itself may start as far as this from it; within that distance the curve does not
     // matter.
     const float error = glm::dot(glm::abs(facing), s.error.get(lane));
     if (!(glm::dot(off, facing) > 2 * error)) return std::nullopt;
-    return place + off;
+    return position + off;
 }
 
 bool letsThrough(const TraceScene& scene, std::uint32_t instance) {

@@ -21,7 +21,7 @@ void TextureLanes::findFootprints(const PathTask* tasks) {
         const F8 steep = absolute(dot(loadV(s_.view, at), outside));
         const F8 cosine = select(steep < 0.05f, all(0.05f), steep);
         const F8 far = load(run + at) + load(s_.distance + at);
-        const F8 width = scene_.sampleShare * (scene_.pixelSpread * far + scene_.pixelSize);
+        const F8 width = scene_.sampleFraction * (scene_.pixelSpread * far + scene_.pixelSize);
         store(footprint_ + at, width / sqrt(cosine));
     }
 }
@@ -54,18 +54,18 @@ TextureLanes::Corners TextureLanes::corners(std::size_t channel, int at) const {
         if (isOne) {
             const float* const st = value(first, c);
             r.s[c] = all(st[0]), r.t[c] = all(st[1]);
-            r.place[c] = broadcast(mesh.vertex(first, c));
+            r.positions[c] = broadcast(mesh.vertex(first, c));
             continue;
         }
         alignas(32) float number[5][8];
         for (int i = 0; i < 8; ++i) {
             const float* const st = value(triangles[i], c);
-            const Vec3f place = mesh.vertex(triangles[i], c);
+            const Vec3f position = mesh.vertex(triangles[i], c);
             number[0][i] = st[0], number[1][i] = st[1];
-            number[2][i] = place.x, number[3][i] = place.y, number[4][i] = place.z;
+            number[2][i] = position.x, number[3][i] = position.y, number[4][i] = position.z;
         }
         r.s[c] = load(number[0]), r.t[c] = load(number[1]);
-        r.place[c] = {load(number[2]), load(number[3]), load(number[4])};
+        r.positions[c] = {load(number[2]), load(number[3]), load(number[4])};
     }
     return r;
 }
@@ -89,7 +89,8 @@ void TextureLanes::findCoordinates(std::size_t channel) {
         store(divisor_ + at, select(fourth == 0.0f, all(1), fourth));
         const F8 across = (c.s[1] - c.s[0]) * (c.t[2] - c.t[0]) - (c.s[2] - c.s[0]) * (c.t[1] - c.t[0]);
         const F8 inTexture = sqrt(across * across);
-        const V8 origin = turned(c.place[0]), a = turned(c.place[1]) - origin, b = turned(c.place[2]) - origin;
+        const V8 origin = turned(c.positions[0]), a = turned(c.positions[1]) - origin,
+                 b = turned(c.positions[2]) - origin;
         const F8 inSpace = length({a.y * b.z - b.y * a.z, a.z * b.x - b.z * a.x, a.x * b.y - b.x * a.y});
         const I8 sound = (inSpace > 0.0f) & (inTexture > 0.0f);
         store(size_ + at, select(sound, sqrt(inTexture / inSpace), all(0)));

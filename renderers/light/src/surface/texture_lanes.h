@@ -35,7 +35,7 @@ class TextureLanes {
     /// Corners of the triangles of eight lanes.
     struct Corners {
         simd::F8 s[3], t[3];
-        simd::V8 place[3];  // in the mesh's frame
+        simd::V8 positions[3];  // in the mesh's frame
     };
     void findFootprints(const PathTask* tasks);
     /// Whether the mesh has numbers for (s, t) of this channel at its vertices or corners.

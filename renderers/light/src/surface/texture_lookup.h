@@ -46,8 +46,8 @@ struct TextureLookup {
         const Mesh& mesh = *instance.mesh;
         in.localPosition = mesh.position(hit.triangle, hit.u, hit.v);
         in.localNormal = mesh.shadingNormal(hit.triangle, hit.u, hit.v);
-        const Vec3f made = generatedCoordinates(channel, in);
-        return isInWorld(channel.generator) ? fromCamera(made) : made;
+        const Vec3f created = generatedCoordinates(channel, in);
+        return isInWorld(channel.generator) ? fromCamera(created) : created;
     }
     static bool isInWorld(TexCoords::Generator generator) {
         return generator == TexCoords::Generator::worldSpaceNormal ||
@@ -58,11 +58,11 @@ struct TextureLookup {
     /// in the box around the shape, with r from its front to its back.
     Vec4f solid(const TextureUse& use) const {
         const Mesh& mesh = *instance.mesh;
-        const Vec3f place = mesh.position(hit.triangle, hit.u, hit.v);
-        if (use.generated || use.space->isCube()) return {place, 1};
-        const Vec3f size = mesh.bounds.size(), within = place - mesh.bounds.min;
-        const auto share = [](float x, float of) { return of > 0 ? x / of : 0.0f; };
-        return {share(within.x, size.x), share(within.y, size.y), 1 - share(within.z, size.z), 1};
+        const Vec3f position = mesh.position(hit.triangle, hit.u, hit.v);
+        if (use.generated || use.space->isCube()) return {position, 1};
+        const Vec3f size = mesh.bounds.size(), within = position - mesh.bounds.min;
+        const auto fraction = [](float x, float of) { return of > 0 ? x / of : 0.0f; };
+        return {fraction(within.x, size.x), fraction(within.y, size.y), 1 - fraction(within.z, size.z), 1};
     }
     /// The direction in the world by which a GeneratedCubeMapTexture is looked up, whatever frame it was found in.
     Vec3f inWorld(const TexCoords* own, const Vec3f& v) const {

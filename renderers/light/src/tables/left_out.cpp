@@ -17,9 +17,9 @@ std::vector<CutPlane> planesOf(const std::array<float, 4>& window, const Camera&
     std::vector<CutPlane> planes;
     if (eye.panorama) return planes;
     const glm::dmat3 rows = glm::transpose(eye.steps());
-    const auto add = [&](float share, double low, double high, const Vec3d& across, double side) {
-        if (!(share > 0 && share < 1)) return;
-        const double at = low + double{share} * (high - low);
+    const auto add = [&](float fraction, double low, double high, const Vec3d& across, double side) {
+        if (!(fraction > 0 && fraction < 1)) return;
+        const double at = low + double{fraction} * (high - low);
         Vec3d normal = side * (eye.orthographic ? across : across - at * rows[2]);
         double offset = -glm::dot(normal, eye.position) - (eye.orthographic ? side * at : 0);
         const double length = glm::length(normal);
@@ -251,8 +251,8 @@ std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters(std::span<const std
     if (scopes.empty()) return filters;
     const auto tree = std::make_shared<const ScopeTree>(state);
     constexpr std::uint32_t kNone = 0xFFFFFFFF;
-    std::vector<std::uint32_t> placeOf(tree->around.size(), kNone);
-    for (std::uint32_t i = 0; i < scopes.size(); ++i) placeOf[scopes[i]] = i;
+    std::vector<std::uint32_t> indexOf(tree->around.size(), kNone);
+    for (std::uint32_t i = 0; i < scopes.size(); ++i) indexOf[scopes[i]] = i;
     std::vector<Extent> inside(scopes.size());
     std::size_t casters = 0;
     for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
@@ -260,7 +260,7 @@ std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters(std::span<const std
         if (!instance.info.id || !instance.mesh) continue;
         casters += mayShade(instance);
         for (std::uint32_t at = tree->of(slot); at != 0; at = tree->around[at])
-            if (placeOf[at] != kNone) inside[placeOf[at]].add(instance);
+            if (indexOf[at] != kNone) inside[indexOf[at]].add(instance);
     }
     for (std::size_t i = 0; i < scopes.size(); ++i) {
         if (inside[i].casters == casters) continue;

@@ -73,7 +73,7 @@ struct LightFields {
         glm::dmat3 turned = turningOf(worldFromLocal);
         if (length > 0 && std::isfinite(length + rotation.angle))
             turned *= glm::dmat3(glm::rotate(glm::dmat4(1), double{rotation.angle}, axis / length));
-        light.localFromWorldTurn = glm::mat3(glm::transpose(turned));
+        light.localFromWorldRotation = glm::mat3(glm::transpose(turned));
     }
     template <class L>
     void projecting() {

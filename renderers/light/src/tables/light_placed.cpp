@@ -70,7 +70,7 @@ void checkColors(const Scene& scene, const Node& node, const Sky& sky, Diagnosti
     const auto check = [&](const char* kind, std::size_t colors, std::size_t angles) {
         if (colors == angles + 1 || (colors == 0 && angles == 0)) return;
         const std::string_view name = scene.name(node.id());
-        diagnostics.warningAt(scene.placeOf(node.id()),
+        diagnostics.warningAt(scene.locationOf(node.id()),
                               fmt::format("{}{}{}: {}Color has {} colours, which is not one more than the {} of "
                                           "{}Angle: those without a partner are left out",
                                           node.type().name, name.empty() ? "" : " ", name, kind, colors, angles, kind));
@@ -143,7 +143,7 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
     if (!node) return entry;
     switch (placed.kind) {
         case PlacedKind::light:
-            entry->what = readLitPlace(scene, *node, placed);
+            entry->what = readLights(scene, *node, placed);
             ++counts_.lightsRead;
             break;
         case PlacedKind::view:
@@ -181,7 +181,7 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
     return entry;
 }
 
-Light LightTables::readLitPlace(const Scene& scene, const Node& node, const Placed& placed) {
+Light LightTables::readLights(const Scene& scene, const Node& node, const Placed& placed) {
     Light light = readLight(scene, placed.node, placed.worldFromLocal, placed.scope);
     NodeId picture;
     if (light.kind == Light::Kind::environment) {
@@ -203,7 +203,7 @@ std::shared_ptr<const Environment> LightTables::environmentOf(const Scene& scene
     using E = x3d::EnvironmentLight;
     const auto say = [&](const std::string& what) {
         const std::string_view name = scene.name(node.id());
-        diagnostics_.warningAt(scene.placeOf(node.id()),
+        diagnostics_.warningAt(scene.locationOf(node.id()),
                                fmt::format("EnvironmentLight{}{}: {}", name.empty() ? "" : " ", name, what));
     };
     const auto cube = [&](NodeId id) -> std::shared_ptr<const SpaceTexture> {
@@ -226,9 +226,9 @@ std::shared_ptr<const Environment> LightTables::environmentOf(const Scene& scene
     std::erase_if(environments_, [](const auto& known) { return known.expired(); });
     for (const auto& known : environments_)
         if (auto same = known.lock(); same && same->source() == source) return same;
-    auto made = std::make_shared<const Environment>(std::move(source));
-    environments_.emplace_back(made);
-    return made;
+    auto created = std::make_shared<const Environment>(std::move(source));
+    environments_.emplace_back(created);
+    return created;
 }
 
 SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldFromLocal& worldFromLocal) {

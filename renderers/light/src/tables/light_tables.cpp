@@ -36,12 +36,12 @@ bool isStrokes(const Node& geometry) {
            geometry.is(x3d::Polyline2D::type) || geometry.is(x3d::Arc2D::type) || geometry.is(x3d::Circle2D::type);
 }
 
-void tellOfTextures(const Scene& scene, NodeId geometry, const Material& material, Diagnostics& diagnostics) {
+void reportOfTextures(const Scene& scene, NodeId geometry, const Material& material, Diagnostics& diagnostics) {
     if (!material.textured()) return;
     const Node* node = scene.effectiveNode(geometry);
     if (!node || !isStrokes(*node)) return;
     const std::string_view name = scene.name(node->id());
-    diagnostics.warningAt(scene.placeOf(node->id()),
+    diagnostics.warningAt(scene.locationOf(node->id()),
                           fmt::format("{}{}{}: lines and points have no textures, so those of its Appearance change "
                                       "nothing",
                                       node->type().name, name.empty() ? "" : " ", name));
@@ -54,8 +54,8 @@ std::shared_ptr<TextureStore> sharedTextures(SharedWorld& world, const Resources
     return std::static_pointer_cast<TextureStore>(world.shared(TextureStore::nameOf(resources), make));
 }
 
-void LightTables::tellOfDamage() {
-    textures_->tellOfDamage(said_);
+void LightTables::reportOfDamage() {
+    textures_->reportOfDamage(said_);
 }
 
 LightTables::LightTables(std::shared_ptr<TextureStore> textures)
@@ -90,8 +90,8 @@ void LightTables::apply(const Scene& scene, const ChangeSet& changes, const Inst
     if (!delta.removed.empty() || !delta.rebound.empty() || !delta.appearanceChanged.empty()) textures_->collect();
     followPlaced(scene, delta);
     followLights();
-    tellOfMappings(scene);
-    if (!diagnostics_.all().empty()) told_.append(std::exchange(diagnostics_, Diagnostics()), said_);
+    reportOfMappings(scene);
+    if (!diagnostics_.all().empty()) reported_.append(std::exchange(diagnostics_, Diagnostics()), said_);
 }
 
 LightState LightTables::now() const {
@@ -101,12 +101,11 @@ LightState LightTables::now() const {
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
     // If any geometry has colours with an alpha there is no list, since it is not known which instances use it.
-    if (transmitting_.empty() || !alphaColored_.empty() || transmitting_.size() > LightState::kMostClear)
-        return nullptr;
+    if (transmitting_.empty() || !alphaColored_.empty() || transmitting_.size() > LightState::kMaxClear) return nullptr;
     auto list = std::make_shared<std::vector<std::uint32_t>>();
     for (const std::uint32_t material : transmitting_)
         for (std::uint32_t slot = uses_[material].first; slot != kNone; slot = slots_[slot].next) {
-            if (list->size() == LightState::kMostClear) return nullptr;
+            if (list->size() == LightState::kMaxClear) return nullptr;
             list->push_back(slot);
         }
     return list;
@@ -214,12 +213,12 @@ void LightTables::loadMaterial(const Scene& scene, std::uint32_t index) {
     entry->finish();
     uses_[index].isMapped =
         std::ranges::any_of(entry->material.textures, [](const TextureUse& use) { return !use.mapping.empty(); });
-    std::shared_ptr<const MaterialEntry>& place = materials_.change(index);
+    std::shared_ptr<const MaterialEntry>& record = materials_.change(index);
     if (entry->transmits)
         transmitting_.insert(index);
     else
         transmitting_.erase(index);
-    place = std::move(entry);
+    record = std::move(entry);
     ++counts_.materialsRead;
     counts_.materials = materialOf_.size();
 }
@@ -228,10 +227,10 @@ void LightTables::dropMaterial(std::uint32_t index) {
     if (index == 0 || --uses_[index].users > 0) return;
     materialOf_.erase(uses_[index].appearance.value);
     uses_[index] = Use();
-    std::shared_ptr<const MaterialEntry>& place = materials_.change(index);
+    std::shared_ptr<const MaterialEntry>& record = materials_.change(index);
     transmitting_.erase(index);
     volumes_.erase(index);
-    place.reset();
+    record.reset();
     freeMaterials_.push_back(index);
     counts_.materials = materialOf_.size();
 }
@@ -264,7 +263,7 @@ void LightTables::bind(const Scene& scene, const Instance& instance) {
     shading.material = material;
     shading.lights = lights;
     shading.channels = {};
-    tellOfTextures(scene, slot.geometry, materials_[material]->material, diagnostics_);
+    reportOfTextures(scene, slot.geometry, materials_[material]->material, diagnostics_);
     if (!uses_[material].isMapped) return;
     setMapped(at, true);
     findChannels(at);
@@ -323,7 +322,7 @@ void LightTables::findChannels(std::uint32_t slot) {
     if (shading_[slot].channels != channels) shading_.change(slot).channels = channels;
 }
 
-void LightTables::tellOfMappings(const Scene& scene) {
+void LightTables::reportOfMappings(const Scene& scene) {
     for (const std::uint32_t at : lookedUp_) {
         const Slot& slot = slots_[at];
         const Node* geometry = slot.used ? scene.effectiveNode(slot.geometry) : nullptr;
@@ -343,7 +342,7 @@ void LightTables::tellOfMappings(const Scene& scene) {
                 const std::string_view name = scene.name(of.id());
                 return fmt::format("{}{}{}", of.type().name, name.empty() ? "" : " ", name);
             };
-            diagnostics_.warningAt(scene.placeOf(material->id()),
+            diagnostics_.warningAt(scene.locationOf(material->id()),
                                    fmt::format("{}: {} has no texture coordinates of the mapping \"{}\": the texture "
                                                "is shown by its first ones",
                                                named(*material), named(*geometry), use.mapping.view()));
@@ -379,7 +378,7 @@ void LightTables::followMaterials(const Scene& scene, const InstanceDelta& delta
         loadMaterial(scene, found->second);
         if (const Material& now = materials_[found->second]->material; !wasTextured && now.textured())
             for (std::uint32_t slot = use.first; slot != kNone; slot = slots_[slot].next)
-                tellOfTextures(scene, slots_[slot].geometry, now, diagnostics_);
+                reportOfTextures(scene, slots_[slot].geometry, now, diagnostics_);
         if (!was && !use.isMapped) continue;
         for (std::uint32_t slot = use.first; slot != kNone; slot = slots_[slot].next) {
             setMapped(slot, use.isMapped);
@@ -439,9 +438,9 @@ void LightTables::followLights() {
 
 void LightTables::setPlaced(std::uint32_t slot, std::shared_ptr<const PlacedEntry> entry) {
     if (slot >= placed_.size()) placed_.resize(slot + 1);
-    std::shared_ptr<const PlacedEntry>& place = placed_.change(slot);
+    std::shared_ptr<const PlacedEntry>& record = placed_.change(slot);
     const auto lightOf = [](const PlacedEntry* e) { return e ? std::get_if<Light>(&e->what) : nullptr; };
-    const Light* before = lightOf(place.get());
+    const Light* before = lightOf(record.get());
     const Light* now = lightOf(entry.get());
     if (!before || !now || before->on != now->on || before->scope != now->scope) {
         if (before) noteLight(before->scope, slot);
@@ -449,7 +448,7 @@ void LightTables::setPlaced(std::uint32_t slot, std::shared_ptr<const PlacedEntr
     }
     counts_.lights += now != nullptr;
     counts_.lights -= before != nullptr;
-    place = std::move(entry);
+    record = std::move(entry);
 }
 
 void LightTables::unplace(std::uint32_t slot) {
@@ -463,7 +462,7 @@ void LightTables::unplace(std::uint32_t slot) {
     setPlaced(slot, nullptr);
 }
 
-void LightTables::place(const Scene& scene, const Placed& what) {
+void LightTables::putPlaced(const Scene& scene, const Placed& what) {
     unplace(what.id.slot);
     placedOf_.emplace(what.node.value, what.id.slot);
     setPlaced(what.id.slot, readPlaced(scene, what));
@@ -471,8 +470,8 @@ void LightTables::place(const Scene& scene, const Placed& what) {
 
 void LightTables::followPlaced(const Scene& scene, const InstanceDelta& delta) {
     for (const InstanceId& id : delta.placedRemoved) unplace(id.slot);
-    for (const Placed& added : delta.placedAdded) place(scene, added);
-    for (const Placed& rebound : delta.placedRebound) place(scene, rebound);
+    for (const Placed& added : delta.placedAdded) putPlaced(scene, added);
+    for (const Placed& rebound : delta.placedRebound) putPlaced(scene, rebound);
     for (const InstanceDelta::Moved& moved : delta.placedMoved) {
         if (moved.id.slot >= placed_.size() || !placed_[moved.id.slot]) continue;
         Placed placed = placed_[moved.id.slot]->placed;

@@ -22,7 +22,7 @@
 #include <rtsg/renderers/render_settings.h>
 
 #include "lighting/trace_scene.h"
-#include "mesh/told_once.h"
+#include "mesh/report_once.h"
 #include "texture/texture_store.h"
 
 namespace rtsg {
@@ -116,7 +116,7 @@ struct LightState {
     bool anyTransmits = false;                                     // some material or mesh lets light through
     /// The slots of all that does, where these are few enough to be listed; null: they are not.
     std::shared_ptr<const std::vector<std::uint32_t>> clearSlots;
-    static constexpr std::size_t kMostClear = 256;
+    static constexpr std::size_t kMaxClear = 256;
     std::shared_ptr<const trace::LayerList> layers;                 // null: all is in one
     std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots;  // null: there are none
     std::shared_ptr<trace::EmitterTable> emitterTable;              // of all versions; may be null
@@ -139,7 +139,7 @@ class LightTables {
 
     const LightCounts& counts() const { return counts_; }
     const Diagnostics& diagnostics() const { return said_; }
-    void tellOfDamage();
+    void reportOfDamage();
 
   private:
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
@@ -171,14 +171,14 @@ class LightTables {
     void release(std::uint32_t slot);
     void findChannels(std::uint32_t slot);
     /// Reports those in lookedUp_ whose textures ask for coordinates that their geometry does not have.
-    void tellOfMappings(const Scene& scene);
+    void reportOfMappings(const Scene& scene);
     void setMapped(std::uint32_t slot, bool mapped);
     std::uint32_t scopeNumber(ScopeId scope);
     /// A light of this scope comes or goes.
     void noteLight(ScopeId scope, std::uint32_t placed);
     bool shinesIn(std::uint32_t scopeNumber, std::uint32_t placed);
     void followLights();
-    void place(const Scene& scene, const Placed& what);
+    void putPlaced(const Scene& scene, const Placed& what);
     void unplace(std::uint32_t slot);
     void setPlaced(std::uint32_t slot, std::shared_ptr<const trace::PlacedEntry> entry);
 
@@ -191,14 +191,14 @@ class LightTables {
     /// One for all lights that describe the same.
     std::shared_ptr<const trace::Environment> environmentOf(const Scene& scene, const Node& node);
     /// With the picture of a projector, and the environment of an EnvironmentLight.
-    Light readLitPlace(const Scene& scene, const Node& node, const Placed& placed);
+    Light readLights(const Scene& scene, const Node& node, const Placed& placed);
 
     std::shared_ptr<TextureStore> textures_;
     std::shared_ptr<trace::EmitterTable> emitterTable_;
     std::shared_ptr<trace::SkyTable> skyTable_;
     Diagnostics diagnostics_;  // of this apply() so far
     Diagnostics said_;         // since the start, each once
-    ToldOnce told_;
+    ReportOnce reported_;
     LightCounts counts_;
 
     PagedArrayWriter<trace::SlotShading, trace::kSlotBits> shading_;

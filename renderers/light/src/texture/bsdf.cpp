@@ -85,7 +85,7 @@ Vec3f Bsdf::albedo(float cosView) const {
     return (Vec3f(1) - fresnel) * (1 - metallic_) * base_ + fresnel;
 }
 
-float Bsdf::diffuseShare(float cosView) const {
+float Bsdf::diffuseFraction(float cosView) const {
     if (isMatte()) return 1;
     float diffuse, glossy;
     if (physical_) {
@@ -100,7 +100,7 @@ float Bsdf::diffuseShare(float cosView) const {
 }
 
 float Bsdf::density(const Vec3f& view, const Vec3f& light) const {
-    const float diffuse = diffuseShare(view.z);
+    const float diffuse = diffuseFraction(view.z);
     const float result = diffuse * std::max(light.z, 0.0f) / kPi;
     if (diffuse >= 1) return result;
     const Vec3f h = halfway(view, light);
@@ -118,7 +118,7 @@ float Bsdf::density(const Vec3f& view, const Vec3f& light) const {
 
 BsdfSample Bsdf::sample(const Vec3f& view, float choice, float u, float v) const {
     BsdfSample result;
-    if (choice < diffuseShare(view.z)) {
+    if (choice < diffuseFraction(view.z)) {
         result.direction = cosineSample(u, v);
     } else {
         Vec3f h;
@@ -268,7 +268,7 @@ Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float co
 simd::V8 energyLimited(const simd::V8& base, simd::F8 metallic, simd::F8 roughness, simd::F8 cosView) {
     using namespace simd;
     const Albedos& table = albedos();
-    const auto step = [](F8 share) { return min(max(share, all(0)), all(1)) * (Albedos::kSteps - 1); };
+    const auto step = [](F8 fraction) { return min(max(fraction, all(0)), all(1)) * (Albedos::kSteps - 1); };
     const F8 x = step(cosView), y = step(roughness);
     alignas(32) float mirrored[4][8], grazing[4][8], lost[2][8], fx[8], fy[8];
     for (int lane = 0; lane < 8; ++lane) {

@@ -49,7 +49,7 @@ class Bsdf {
     /// Nothing but diffuse: most surfaces, at a fraction of the cost.
     bool isMatte() const { return !physical_ && specular_ == Vec3f(0); }
     /// Probability of sampling the diffuse lobe.
-    float diffuseShare(float cosView) const;
+    float diffuseFraction(float cosView) const;
 
     bool physical_ = false;
     Vec3f base_{0}, specular_{0};

@@ -41,7 +41,7 @@ class Bsdf8 {
         }
         const F8 sum = diffuse + glossy;
         sends_ = sum > 0.0f;
-        diffuseShare_ = select(sends_, diffuse / sum, all(1));
+        diffuseFraction_ = select(sends_, diffuse / sum, all(1));
     }
 
     /// All ones in the lanes that send on any light.
@@ -62,7 +62,7 @@ class Bsdf8 {
         F8 glossy{};
         if (anyPhong_) phong(view, light, half, value, glossy);
         if (anyPhysical_) physical(view, light, half, value, glossy);
-        const F8 density = diffuseShare_ * light.z * (1 / kPi) + (1 - diffuseShare_) * glossy;
+        const F8 density = diffuseFraction_ * light.z * (1 / kPi) + (1 - diffuseFraction_) * glossy;
         return {select(above, value, V8{}), select(above, density, all(0))};
     }
 
@@ -70,8 +70,8 @@ class Bsdf8 {
     V8 sample(const V8& view, F8 choice, F8 u, F8 v) const {
         using namespace simd;
         F8 sine, cosine;
-        sinCosTurns(v, sine, cosine);
-        const I8 scatters = choice < diffuseShare_;
+        sinCosRevolutions(v, sine, cosine);
+        const I8 scatters = choice < diffuseFraction_;
         const F8 radius = sqrt(u);
         const V8 diffuse{radius * cosine, radius * sine, sqrt(1 - u)};
         if (!any(~scatters)) return diffuse;
@@ -138,7 +138,7 @@ class Bsdf8 {
     I8 physical_, sends_;
     bool anyPhysical_, anyPhong_;
     V8 base_, specular_, headOn_;
-    F8 exponent_, metallic_, alpha_, diffuseShare_;
+    F8 exponent_, metallic_, alpha_, diffuseFraction_;
 };
 
 /// energyLimited() of PhysicalMaterials, bit for bit.

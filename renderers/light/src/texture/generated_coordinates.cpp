@@ -76,10 +76,10 @@ float noiseAt(const Vec3f& at) {
 
 Vec3f generatedCoordinates(const TexCoords& channel, const GeneratorInput& in) {
     using G = TexCoords::Generator;
-    const auto noise = [&](const Vec3f& place) {
+    const auto noise = [&](const Vec3f& position) {
         const Vec3f scale(parameterAt(channel, 0, 1), parameterAt(channel, 1, 1), parameterAt(channel, 2, 1));
         const Vec3f shift(parameterAt(channel, 3, 0), parameterAt(channel, 4, 0), parameterAt(channel, 5, 0));
-        const Vec3f at = place * scale + shift;
+        const Vec3f at = position * scale + shift;
         // Three places of one noise, far apart.
         return onSphere({noiseAt(at), noiseAt(at + Vec3f(37.5f, 0, 0)), noiseAt(at + Vec3f(0, 91.5f, 0))});
     };

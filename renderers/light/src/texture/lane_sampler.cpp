@@ -52,9 +52,9 @@ I8 wrapped(I8 i, I8 size, TextureWrap wrap) {
 struct Colors {
     F8 c[4];
 };
-Colors mixed(const Colors& a, const Colors& b, F8 share) {
+Colors mixed(const Colors& a, const Colors& b, F8 fraction) {
     Colors r;
-    for (int k = 0; k < 4; ++k) r.c[k] = a.c[k] * (1.0f - share) + b.c[k] * share;
+    for (int k = 0; k < 4; ++k) r.c[k] = a.c[k] * (1.0f - fraction) + b.c[k] * fraction;
     return r;
 }
 
@@ -82,7 +82,7 @@ class LaneSampler {
         const F8 deeper = anyFar && access_.levels != TextureLevels::finest ? chooseLevels(pixels, far) : F8{};
         // Pixels that are smaller than the texture's may be read otherwise than those that are larger.
         const bool same = access_.smooth == access_.smoothFar;
-        const Colors fine = !anyFar || same ? atLevels(s, t, access_.smooth) : eitherWay(s, t, far);
+        const Colors fine = !anyFar || same ? atLevels(s, t, access_.smooth) : eitherPath(s, t, far);
         const I8 between = deeper != 0.0f;
         if (!any(between)) return fine;
         const std::vector<Texture::Level>& coarse = texture_.coarse(decode_);
@@ -109,7 +109,7 @@ class LaneSampler {
             if (fine_[i] > 0) levels_[i] = &coarse[static_cast<std::size_t>(fine_[i] - 1)];
         return depth - floats(fine_);
     }
-    Colors eitherWay(F8 s, F8 t, I8 far) const {
+    Colors eitherPath(F8 s, F8 t, I8 far) const {
         const Colors near = atLevels(s, t, access_.smooth), away = atLevels(s, t, access_.smoothFar);
         Colors r;
         for (int k = 0; k < 4; ++k) r.c[k] = select(far, away.c[k], near.c[k]);

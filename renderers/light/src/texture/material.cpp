@@ -18,7 +18,7 @@ namespace {
 
 /// Pixels a side, of the longer one. Authors of a PixelTexture of a few pixels mean these pixels, and browsers show
 /// them. Without TextureProperties the standard leaves interpolation open (18.4.6).
-constexpr int kLeastSmoothed = 16;
+constexpr int kMinSmoothed = 16;
 
 Vec3f rgb(const Color& c) {
     return {c.r, c.g, c.b};
@@ -119,12 +119,12 @@ struct Reader {
             return m;
         }
         const Vec3f center = node.get(T::center), scale = node.get(T::scale), moved = node.get(T::translation) + center;
-        const Rotation& turn = node.get(T::rotation);
+        const Rotation& rotation = node.get(T::rotation);
         glm::mat4 m(1);
         m = glm::translate(m, -center);
         m = glm::scale(m, scale);
-        const Vec3f axis(turn.x, turn.y, turn.z);
-        if (glm::length(axis) > 0) m = glm::rotate(m, turn.angle, glm::normalize(axis));
+        const Vec3f axis(rotation.x, rotation.y, rotation.z);
+        if (glm::length(axis) > 0) m = glm::rotate(m, rotation.angle, glm::normalize(axis));
         return glm::translate(m, moved);
     }
     static bool isTransform(const Node& node) { return node.is(x3d::TextureTransform::type) || is3d(node); }
@@ -225,24 +225,25 @@ struct Reader {
     std::shared_ptr<const GeneratedCube> drawnFor(const Node& node) {
         const std::string_view update = node.get(N::update).view();
         if (update != "ALWAYS" && update != "NEXT_FRAME_ONLY") return nullptr;
-        constexpr int kMostPixels = 4096;
+        constexpr int kMaxPixels = 4096;
         GeneratedCube cube{node.id()};
         if constexpr (requires { N::size; }) {
-            cube.size = std::clamp(node.get(N::size), 1, kMostPixels);
+            cube.size = std::clamp(node.get(N::size), 1, kMaxPixels);
         } else {
             if (!node.get(N::url).empty())
-                diagnostics.warningAt(scene.placeOf(node.id()),
+                diagnostics.warningAt(scene.locationOf(node.id()),
                                       "RenderedTexture.url: a scene writes no files: it is shown, and not saved");
             if (node.get(N::depthMap))
-                diagnostics.warningAt(scene.placeOf(node.id()),
+                diagnostics.warningAt(scene.locationOf(node.id()),
                                       "RenderedTexture.depthMap: its depths are not shown, but its colours");
-            cube.size = std::clamp(node.get(N::width), 1, kMostPixels);
-            cube.height = std::clamp(node.get(N::height), 1, kMostPixels);
+            cube.size = std::clamp(node.get(N::width), 1, kMaxPixels);
+            cube.height = std::clamp(node.get(N::height), 1, kMaxPixels);
         }
         std::string why;
         auto drawn = store.drawn(cube, why);
         if (!drawn)
-            diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("{} shows nothing: {}", node.type().name, why));
+            diagnostics.warningAt(scene.locationOf(node.id()),
+                                  fmt::format("{} shows nothing: {}", node.type().name, why));
         return drawn;
     }
 
@@ -269,7 +270,7 @@ struct Reader {
         result.access = readAccess(*node);
         if (result.generated && result.generated->isFlat()) result.access.wrapR = TextureWrap::clamp;
         if (node->is(x3d::PixelTexture::type) && result.texture && !node->get(x3d::PixelTexture::textureProperties))
-            result.access.smooth = std::max(result.texture->width(), result.texture->height()) >= kLeastSmoothed;
+            result.access.smooth = std::max(result.texture->width(), result.texture->height()) >= kMinSmoothed;
         result.mapping = mapping;
         const Node* moved = transformFor(mapping);
         result.namesTransform = moved && mappingOf(*moved) == mapping;
@@ -335,7 +336,7 @@ struct Reader {
                 if (name == known) return mode;
             if (!name.empty())
                 diagnostics.warningAt(
-                    scene.placeOf(multi.id()),  // in the words of who read the file
+                    scene.locationOf(multi.id()),  // in the words of who read the file
                     fmt::format("MultiTexture.mode: '{}' is no mode of a MultiTexture: taken as MODULATE", name));
             return M::modulate;
         };
@@ -592,7 +593,7 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
 
     const Node* front = scene.effectiveNode(node->get(A::material));
     if (front && !reader.read(*front, material)) {
-        diagnostics.warningAt(scene.placeOf(front->id()),
+        diagnostics.warningAt(scene.locationOf(front->id()),
                               "the light tracer has no " + front->type().name + "; drawn unlit");
         material = defaultMaterial();
     }
@@ -610,7 +611,7 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
         line && line->is(x3d::LineProperties::type) && line->get(x3d::LineProperties::applied)) {
         const std::int32_t type = line->get(x3d::LineProperties::linetype);
         if (type < 1 || type > 5)
-            diagnostics.warningAt(scene.placeOf(line->id()),
+            diagnostics.warningAt(scene.locationOf(line->id()),
                                   "linetype " + std::to_string(type) + " is none of 1 to 5: drawn as a solid line");
     }
     if (const Node* fill = scene.effectiveNode(node->get(A::fillProperties));
@@ -621,7 +622,7 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
         if (fill->get(F::hatched)) hatching.style = fill->get(F::hatchStyle);
         hatching.color = rgb(fill->get(F::hatchColor));
         if (hatching.style < 0 || hatching.style > 6) {
-            diagnostics.warningAt(scene.placeOf(fill->id()),
+            diagnostics.warningAt(scene.locationOf(fill->id()),
                                   "hatchStyle " + std::to_string(hatching.style) + " is none of 1 to 6: taken as 1");
             hatching.style = 1;
         }

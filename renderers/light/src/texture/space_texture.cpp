@@ -39,9 +39,9 @@ int wrapLayer(int i, int count, TextureWrap wrap) {
 
 }  // namespace
 
-CubePlace cubePlace(const Vec3f& d) {
+CubePosition cubePosition(const Vec3f& d) {
     const Vec3f a = glm::abs(d);
-    CubePlace result;
+    CubePosition result;
     if (a.z >= a.x && a.z >= a.y)
         result.side = d.z > 0 ? CubeSide::back : CubeSide::front;
     else if (a.x >= a.y)
@@ -60,7 +60,7 @@ Vec3f cubeDirection(CubeSide side, Vec2f st) {
     return glm::normalize(frame.middle + (2 * st.x - 1) * frame.right + (2 * st.y - 1) * frame.up);
 }
 
-Vec2f panoramaPlace(const Vec3f& d) {
+Vec2f panoramaPosition(const Vec3f& d) {
     constexpr float kPi = std::numbers::pi_v<float>;
     // Near the axis an arc sine of d.y knows no angles below a three-thousandth.
     const float across = std::sqrt(d.x * d.x + d.z * d.z);
@@ -83,13 +83,13 @@ Result<SpaceTexture> SpaceTexture::ofPicture(const std::shared_ptr<const Texture
         return result;
     }
     // The place of front, back, left, right, top or bottom: column and row from the top, and whether it is upside down.
-    struct Place {
+    struct CubeFace {
         int column, row;
         bool turned = false;
     };
     struct Shape {
         int columns, rows;
-        Place sides[6];
+        CubeFace sides[6];
     };
     constexpr Shape kShapes[] = {
         {3, 2, {{2, 0}, {2, 1}, {0, 1}, {0, 0}, {1, 0}, {1, 1}}},
@@ -102,9 +102,9 @@ Result<SpaceTexture> SpaceTexture::ofPicture(const std::shared_ptr<const Texture
         const int side = w / shape.columns;
         if (side == 0 || w != side * shape.columns || h != side * shape.rows) continue;
         if (picture->inTiles()) return fail("a picture of the sides of a cube has to be small enough to be kept");
-        for (const Place& place : shape.sides)
+        for (const CubeFace& part : shape.sides)
             result.layers_.push_back(std::make_shared<const Texture>(
-                picture->part(place.column * side, (shape.rows - 1 - place.row) * side, side, side, place.turned)));
+                picture->part(part.column * side, (shape.rows - 1 - part.row) * side, side, side, part.turned)));
         return result;
     }
     return fail(fmt::format("a picture of {} x {} pixels does not hold six sides of a cube", w, h));
@@ -132,23 +132,23 @@ std::size_t SpaceTexture::bytes() const {
     return sum;
 }
 
-Vec4f SpaceTexture::sampleSide(std::size_t side, Vec2f place, float footprint, const TextureAccess& access,
+Vec4f SpaceTexture::sampleSide(std::size_t side, Vec2f point, float footprint, const TextureAccess& access,
                                ColorSpace space) const {
     if (!layers_[side]) return Vec4f(0);
     TextureAccess own = access;
     own.wrapS = kind_ == Kind::panorama ? TextureWrap::repeat : TextureWrap::clamp, own.wrapT = TextureWrap::clamp;
-    return layers_[side]->sample(place.x, place.y, footprint, own, space);
+    return layers_[side]->sample(point.x, point.y, footprint, own, space);
 }
 
 Vec4f SpaceTexture::sample(const Vec3f& str, float footprint, const TextureAccess& access, ColorSpace space) const {
     if (kind_ == Kind::cube) {
-        const CubePlace place = cubePlace(str);
-        return sampleSide(static_cast<std::size_t>(place.side), place.st, footprint, access, space);
+        const CubePosition onCube = cubePosition(str);
+        return sampleSide(static_cast<std::size_t>(onCube.side), onCube.st, footprint, access, space);
     }
     if (kind_ == Kind::panorama) {
         const float length = glm::length(str);
         const Vec3f d = length > 0 && std::isfinite(length) ? str / length : Vec3f(0, 0, -1);
-        return sampleSide(0, panoramaPlace(d), footprint, access, space);
+        return sampleSide(0, panoramaPosition(d), footprint, access, space);
     }
     const auto count = static_cast<int>(layers_.size());
     const auto of = [&](int i) {

@@ -310,12 +310,12 @@ Result<Texture> Texture::fromTiles(std::shared_ptr<const Resource> file, const s
         if (level.width > kMaxTiledSide || level.height > kMaxTiledSide)
             return fail("the texture is larger than 131072 pixels a side", {}, file->name());
         const auto number = static_cast<int>(&level - picture->levels.data());
-        const Level made{level.width, level.height, number, {}, {}};
+        const Level created{level.width, level.height, number, {}, {}};
         if (number == 0) {
-            texture.finest_ = made;
+            texture.finest_ = created;
             continue;
         }
-        for (Coarse& coarse : *texture.coarse_) coarse.levels.push_back(made);
+        for (Coarse& coarse : *texture.coarse_) coarse.levels.push_back(created);
     }
     for (Coarse& coarse : *texture.coarse_) coarse.built = true;
     texture.tiles_ = std::move(picture);

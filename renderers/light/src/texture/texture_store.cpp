@@ -101,12 +101,12 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource opened, Texture
     if (content == Texture::Content::color)
         if (std::string profile = foreignColorProfile(file->view()); !profile.empty())
             profiles_[resource.name()] = std::move(profile);
-    auto made = std::make_shared<const Texture>(std::move(*texture));
-    if (isFile) files_[key] = made;
-    return made;
+    auto created = std::make_shared<const Texture>(std::move(*texture));
+    if (isFile) files_[key] = created;
+    return created;
 }
 
-void TextureStore::tellOfDamage(Diagnostics& diagnostics) {
+void TextureStore::reportOfDamage(Diagnostics& diagnostics) {
     for (const auto& [key, texture] : files_) {
         std::string why = texture->inTiles() ? texture->damage() : std::string();
         if (why.empty() || !damaged_.insert(key).second) continue;
@@ -139,9 +139,9 @@ std::shared_ptr<const GeneratedCube> TextureStore::drawn(const GeneratedCube& cu
         drawn_.erase(found);
     }
     if (!countPixels(pixels, why)) return nullptr;
-    auto made = std::make_shared<const GeneratedCube>(cube);
-    drawn_[cube.node.value] = {made, pixels};
-    return made;
+    auto created = std::make_shared<const GeneratedCube>(cube);
+    drawn_[cube.node.value] = {created, pixels};
+    return created;
 }
 
 std::string TextureStore::listName(const Scene& scene, const Node& node, const Array<String>& urls,
@@ -171,10 +171,10 @@ std::string TextureStore::tryUrls(const Scene& scene, const Node& node, const Ar
 
 namespace {
 
-void tellOfNone(const Scene& scene, const Node& node, const std::string& why, Diagnostics& diagnostics) {
+void reportOfNone(const Scene& scene, const Node& node, const std::string& why, Diagnostics& diagnostics) {
     const std::string name(scene.name(node.id()));
-    diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("{}{} shows no picture: {}", node.type().name,
-                                                                name.empty() ? "" : " " + name, why));
+    diagnostics.warningAt(scene.locationOf(node.id()), fmt::format("{}{} shows no picture: {}", node.type().name,
+                                                                   name.empty() ? "" : " " + name, why));
 }
 
 }  // namespace
@@ -190,8 +190,8 @@ bool TextureStore::mayComeLater(const Scene& scene, const Node& node, const Arra
 std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const Node& node, const Array<String>& urls,
                                                     Texture::Content content, Diagnostics& diagnostics) {
     if (urls.empty()) return nullptr;
-    const auto [place, isNew] = lists_.try_emplace(listName(scene, node, urls, content));
-    List& list = place->second;
+    const auto [entry, isNew] = lists_.try_emplace(listName(scene, node, urls, content));
+    List& list = entry->second;
     if (isNew)
         list.why = tryUrls(scene, node, urls, [&](Resource resource, std::string& why) {
             const std::string name = resource.name();
@@ -202,17 +202,17 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
                 list.profile = fmt::format("{}: {}", name, found->second);
             return list.texture != nullptr;
         });
-    const auto tell = [&](std::string_view of, std::string_view what) {
+    const auto report = [&](std::string_view of, std::string_view what) {
         if (what.empty()) return;
         const std::string_view name = scene.name(node.id());
-        diagnostics.warningAt(scene.placeOf(node.id()),
+        diagnostics.warningAt(scene.locationOf(node.id()),
                               fmt::format("{}{}{} {}: {}", node.type().name, name.empty() ? "" : " ", name, of, what));
     };
-    tell("shows as much of its picture as can be read, which is damaged", list.damage);
-    tell("takes the colours of its picture for those of sRGB, though they are of another profile", list.profile);
+    report("shows as much of its picture as can be read, which is damaged", list.damage);
+    report("takes the colours of its picture for those of sRGB, though they are of another profile", list.profile);
     if (list.texture) return list.texture;
-    tellOfNone(scene, node, list.why, diagnostics);
-    if (mayComeLater(scene, node, urls)) lists_.erase(place);
+    reportOfNone(scene, node, list.why, diagnostics);
+    if (mayComeLater(scene, node, urls)) lists_.erase(entry);
     return nullptr;
 }
 
@@ -248,8 +248,8 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
         });
     }
     if (film.movie) {
-        const double told = node.get(M::_duration).seconds;
-        const double length = told > 0 && std::isfinite(told) ? told : film.movie->seconds();
+        const double reported = node.get(M::_duration).seconds;
+        const double length = reported > 0 && std::isfinite(reported) ? reported : film.movie->seconds();
         auto frame = film.movie->frameAt(movieTime(node, length), content);
         // If a picture cannot be decoded, the last one stays.
         if (!frame)
@@ -257,7 +257,7 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
         else if (*frame && (film.shown || countPixels(pixelsOf(**frame), film.why)))
             film.shown = std::make_shared<const Texture>(std::move(**frame));
     }
-    if (!film.why.empty()) tellOfNone(scene, node, film.why, diagnostics);
+    if (!film.why.empty()) reportOfNone(scene, node, film.why, diagnostics);
     return film.shown;
 }
 
@@ -312,10 +312,10 @@ std::optional<Texture> combined(const Material& material, const CombinedSize& si
             for (int c = 0; c < 4; ++c)
                 bytes.push_back(static_cast<std::uint8_t>(std::lround(255 * std::clamp(current[c], 0.0f, 1.0f))));
     }
-    auto made = wide ? Texture::fromFloats(std::move(light), width, height, 4, content)
-                     : Texture::fromBytes(bytes, width, height, 4, content);
-    if (!made) return std::nullopt;
-    return std::move(*made);
+    auto created = wide ? Texture::fromFloats(std::move(light), width, height, 4, content)
+                        : Texture::fromBytes(bytes, width, height, 4, content);
+    if (!created) return std::nullopt;
+    return std::move(*created);
 }
 
 }  // namespace
@@ -325,18 +325,18 @@ std::shared_ptr<const Texture> TextureStore::ofMulti(const Scene& scene, const N
     const Material stages = readMultiTexture(scene, node, *this, diagnostics);
     for (const TextureStage& stage : stages.stages)
         if (!stage.use.texture)
-            diagnostics.warningAt(scene.placeOf(node.id()),
+            diagnostics.warningAt(scene.locationOf(node.id()),
                                   "MultiTexture: what is looked up by three coordinates is left out here");
     const CombinedSize size(stages);
     Film& entry = films_[nameOfNode(node, content)];
     if (entry.shown) pixelsInUse_ -= std::min(pixelsInUse_, pixelsOf(*entry.shown));  // it is made anew
     entry.shown = nullptr;
     if (!countPixels(size.pixels(), entry.why)) {
-        tellOfNone(scene, node, entry.why, diagnostics);
+        reportOfNone(scene, node, entry.why, diagnostics);
         return nullptr;
     }
-    auto made = combined(stages, size, content);
-    entry.shown = made ? std::make_shared<const Texture>(std::move(*made)) : nullptr;
+    auto created = combined(stages, size, content);
+    entry.shown = created ? std::make_shared<const Texture>(std::move(*created)) : nullptr;
     return entry.shown;
 }
 
@@ -357,12 +357,12 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
         if (texture)
             entry.texture = std::make_shared<const Texture>(std::move(*texture));
         else
-            tellOfNone(scene, node, texture.error().text, diagnostics);
+            reportOfNone(scene, node, texture.error().text, diagnostics);
         return entry.texture;
     }
     if (node.is(x3d::MultiTexture::type)) return ofMulti(scene, node, content, diagnostics);
     diagnostics.warningAt(
-        scene.placeOf(node.id()),
+        scene.locationOf(node.id()),
         fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
     return nullptr;
 }
@@ -401,7 +401,7 @@ std::shared_ptr<const SpaceTexture> TextureStore::composed(const Scene& scene, c
                 missing.append(missing.empty() ? "" : ", ").append(kNames[i]).append("Texture");
             }
         if (any && !missing.empty())
-            diagnostics.warningAt(scene.placeOf(node.id()),
+            diagnostics.warningAt(scene.locationOf(node.id()),
                                   "ComposedCubeMapTexture has no " + missing + ": nothing is shown on these sides");
         return any ? std::make_shared<const SpaceTexture>(SpaceTexture::cube(sides)) : nullptr;
     }
@@ -411,7 +411,7 @@ std::shared_ptr<const SpaceTexture> TextureStore::composed(const Scene& scene, c
     if (layers.empty()) return nullptr;
     auto block = SpaceTexture::block(std::move(layers));
     if (block) return std::make_shared<const SpaceTexture>(std::move(*block));
-    tellOfNone(scene, node, block.error().text, diagnostics);
+    reportOfNone(scene, node, block.error().text, diagnostics);
     return nullptr;
 }
 
@@ -428,7 +428,7 @@ std::shared_ptr<const SpaceTexture> TextureStore::cubeOfUrls(const Scene& scene,
         // The sides are copies.
         if (!cube || !countPixels(pixelsOf(*picture), why)) {
             cubes_.erase(picture.get());
-            tellOfNone(scene, node, why, diagnostics);
+            reportOfNone(scene, node, why, diagnostics);
             return nullptr;
         }
         entry = {picture, std::make_shared<const SpaceTexture>(std::move(*cube))};
@@ -459,14 +459,14 @@ std::shared_ptr<const SpaceTexture> TextureStore::blockOfUrls(const Scene& scene
     using I = x3d::ImageTexture3D;
     const Array<String>& urls = node.get(I::url);
     if (!node.get(I::load) || urls.empty()) return nullptr;
-    const auto [place, isNew] = blocks_.try_emplace(listName(scene, node, urls, content));
-    Block& block = place->second;
+    const auto [entry, isNew] = blocks_.try_emplace(listName(scene, node, urls, content));
+    Block& block = entry->second;
     if (isNew)
         block.why = tryUrls(scene, node, urls, [&](Resource resource, std::string& why) {
             block.texture = blockOfResource(std::move(resource), content, why);
             return block.texture != nullptr;
         });
-    if (!block.texture) tellOfNone(scene, node, block.why, diagnostics);
+    if (!block.texture) reportOfNone(scene, node, block.why, diagnostics);
     return block.texture;
 }
 
@@ -504,10 +504,10 @@ std::shared_ptr<const SpaceTexture> TextureStore::blockOfPixels(const Scene& sce
         }
     }
     if (block.why.empty()) {
-        auto made = SpaceTexture::block(std::move(layers));
-        if (made) block.texture = std::make_shared<const SpaceTexture>(std::move(*made));
+        auto created = SpaceTexture::block(std::move(layers));
+        if (created) block.texture = std::make_shared<const SpaceTexture>(std::move(*created));
     }
-    if (!block.texture) tellOfNone(scene, node, block.why, diagnostics);
+    if (!block.texture) reportOfNone(scene, node, block.why, diagnostics);
     return block.texture;
 }
 

@@ -42,7 +42,7 @@ class TextureStore {
     /// A picture that is drawn for a node, as it counts among the others; null, with the reason: there are too many.
     std::shared_ptr<const GeneratedCube> drawn(const GeneratedCube& cube, std::string& why);
     /// Reports parts of pictures in files that could not be read, once each.
-    void tellOfDamage(Diagnostics& diagnostics);
+    void reportOfDamage(Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();
     /// A name for these resources: stores with the same name can be shared.

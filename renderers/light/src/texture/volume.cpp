@@ -15,9 +15,9 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMostNested = 16;
+constexpr int kMaxNested = 16;
 constexpr std::string_view kVoxels = "voxels";
-constexpr std::size_t kMostSteps = 64, kMostSurfaces = 256;
+constexpr std::size_t kMaxSteps = 64, kMaxSurfaces = 256;
 
 class VolumeReader {
   public:
@@ -57,15 +57,15 @@ class VolumeReader {
             }
         }
     }
-    void tell(const std::string& what) {
+    void report(const std::string& what) {
         const std::string name(scene_.name(node_.id()));
-        diagnostics_.warningAt(scene_.placeOf(node_.id()),
+        diagnostics_.warningAt(scene_.locationOf(node_.id()),
                                fmt::format("{}{}{} {}", node_.type().name, name.empty() ? "" : " ", name, what));
     }
     /// A number within a range; where it is none, `otherwise`.
-    float number(float value, float least, float most, float otherwise, const char* field) {
-        if (std::isfinite(value)) return std::clamp(value, least, most);
-        tell(fmt::format("has a style whose {} is no number: taken as {}", field, otherwise));
+    float number(float value, float minimum, float maximum, float otherwise, const char* field) {
+        if (std::isfinite(value)) return std::clamp(value, minimum, maximum);
+        report(fmt::format("has a style whose {} is no number: taken as {}", field, otherwise));
         return otherwise;
     }
     Vec3f color(const ColorRGBA& from) const { return glm::max(Vec3f(from.r, from.g, from.b), Vec3f(0)); }
@@ -76,7 +76,7 @@ class VolumeReader {
         volume_->voxels = grid(node_.get(V::voxels), kVoxels);
         volume_->segments = grid(node_.get(V::segmentIdentifiers), "segmentIdentifiers");
         if (volume_->segments && volume_->voxels && volume_->segments->size() != volume_->voxels->size())
-            tell("has segmentIdentifiers of another size than its voxels: each place has that of the nearest one");
+            report("has segmentIdentifiers of another size than its voxels: each place has that of the nearest one");
         for (const NodeId id : node_.get(V::renderStyle)) volume_->styles.push_back(style(id, false));
         for (const bool on : node_.get(V::segmentEnabled)) volume_->segmentEnabled.push_back(on);
     }
@@ -93,10 +93,10 @@ class VolumeReader {
         const float step = std::abs(number(node_.get(V::contourStepSize), -1e9f, 1e9f, 0, "contourStepSize"));
         std::uint32_t next = 0;
         for (const float value : values) {
-            if (std::isfinite(value) && volume_->surfaces.size() < kMostSurfaces)
+            if (std::isfinite(value) && volume_->surfaces.size() < kMaxSurfaces)
                 volume_->surfaces.emplace_back(value, next);
             else
-                tell("has surfaceValues that are no numbers, or over 256: they are left out");
+                report("has surfaceValues that are no numbers, or over 256: they are left out");
             ++next;
         }
         if (values.size() == 1 && step > 0 && !volume_->surfaces.empty()) addContours(values[0], step);
@@ -108,17 +108,17 @@ class VolumeReader {
         std::uint32_t next = 1;
         for (double k = from; k <= to; ++k) {
             if (k == 0) continue;
-            if (volume_->surfaces.size() >= kMostSurfaces) return tell("has contours beyond 256: they are left out");
+            if (volume_->surfaces.size() >= kMaxSurfaces) return report("has contours beyond 256: they are left out");
             volume_->surfaces.emplace_back(static_cast<float>(first + k * step), next++);
         }
     }
 
     std::shared_ptr<const VoxelGrid> grid(NodeId id, std::string_view field) {
         const Node* node = scene_.effectiveNode(id);
-        if (!node && field == kVoxels) tell("has no voxels: it is not drawn");
+        if (!node && field == kVoxels) report("has no voxels: it is not drawn");
         if (!node) return nullptr;
         if (!TextureStore::isSpace(*node)) {
-            tell(fmt::format("has {} that are no three-dimensional texture", field));
+            report(fmt::format("has {} that are no three-dimensional texture", field));
             return nullptr;
         }
         const auto texture = textures_.spaceOfNode(scene_, *node, Texture::Content::data, diagnostics_);
@@ -126,20 +126,20 @@ class VolumeReader {
         for (const auto& known : known_)
             if (known->isOf(*texture)) return known;
         std::string problem;
-        auto made = VoxelGrid::of(texture, problem);
-        if (made)
-            known_.push_back(made);
+        auto created = VoxelGrid::of(texture, problem);
+        if (created)
+            known_.push_back(created);
         else
-            tell(fmt::format("has {} that cannot be used: {}", field, problem));
-        return made;
+            report(fmt::format("has {} that cannot be used: {}", field, problem));
+        return created;
     }
     /// 41.3.1: normals of another size than the voxels are warned of and not used.
     std::shared_ptr<const VoxelGrid> matching(std::shared_ptr<const VoxelGrid> normals, const char* field) {
         if (!normals) return nullptr;
         const bool fits = volume_->voxels && normals->size() == volume_->voxels->size();
         if (fits && normals->components() >= 3) return normals;
-        tell(fmt::format("has {} of another size than its voxels, or of less than 3 components: they are not used",
-                         field));
+        report(fmt::format("has {} of another size than its voxels, or of less than 3 components: they are not used",
+                           field));
         return nullptr;
     }
 
@@ -151,7 +151,7 @@ class VolumeReader {
         using P = x3d::ProjectionVolumeStyle;
         if (node->is(P::type)) {
             if (!whole) {
-                tell("has a ProjectionVolumeStyle for a part of it, which is drawn without a style");
+                report("has a ProjectionVolumeStyle for a part of it, which is drawn without a style");
                 return result;
             }
             using Projection = VolumeStyle::Projection;
@@ -160,7 +160,7 @@ class VolumeReader {
                                 : type == "AVERAGE" ? Projection::mean
                                                     : Projection::largest;
             if (type != "MIN" && type != "MAX" && type != "AVERAGE")
-                tell(fmt::format("has a ProjectionVolumeStyle of type \"{}\": taken as MAX", type));
+                report(fmt::format("has a ProjectionVolumeStyle of type \"{}\": taken as MAX", type));
             result.threshold = number(node->get(P::intensityThreshold), 0, 1, 0, "intensityThreshold");
             return result;
         }
@@ -173,14 +173,14 @@ class VolumeReader {
     }
 
     void addSteps(const Node& node, std::vector<StyleStep>& steps, int depth) {
-        if (steps.size() >= kMostSteps || depth >= kMostNested)
-            return tell("has over 64 render styles, or nests them over 16 deep: the rest is left out");
+        if (steps.size() >= kMaxSteps || depth >= kMaxNested)
+            return report("has over 64 render styles, or nests them over 16 deep: the rest is left out");
         using C = x3d::ComposedVolumeStyle;
         if (node.is(C::type)) {
             for (const NodeId id : node.get(C::renderStyle))
                 if (const Node* part = scene_.effectiveNode(id); part && isEnabled(*part)) {
                     if (part->is(x3d::ProjectionVolumeStyle::type))
-                        tell("has a ProjectionVolumeStyle in a ComposedVolumeStyle, which is left out");
+                        report("has a ProjectionVolumeStyle in a ComposedVolumeStyle, which is left out");
                     else
                         addSteps(*part, steps, depth + 1);
                 }
@@ -229,7 +229,7 @@ class VolumeReader {
         }
         if (node.is(x3d::ShadedVolumeStyle::type)) return shaded(node);
         if (node.is(x3d::BlendedVolumeStyle::type)) return blended(node, depth);
-        tell(fmt::format("has a {}, which is no style that is drawn", node.type().name));
+        report(fmt::format("has a {}, which is no style that is drawn", node.type().name));
         return std::nullopt;
     }
 
@@ -245,7 +245,7 @@ class VolumeReader {
         if (TextureStore::isSpace(*node)) {
             map.block = textures_.spaceOfNode(scene_, *node, Texture::Content::color, diagnostics_);
             if (map.block && map.block->isCube()) {
-                tell("has a cube map for a transferFunction, which is not used");
+                report("has a cube map for a transferFunction, which is not used");
                 map.block = nullptr;
             }
             return map;
@@ -268,7 +268,7 @@ class VolumeReader {
         result.lighting = node.get(S::lighting), result.shadows = node.get(S::shadows);
         if (const std::string_view phase = node.get(S::phaseFunction).view();
             phase != "Henyey-Greenstein" && phase != "NONE")
-            tell(fmt::format("has a phaseFunction \"{}\", which is neither Henyey-Greenstein nor NONE", phase));
+            report(fmt::format("has a phaseFunction \"{}\", which is neither Henyey-Greenstein nor NONE", phase));
         if (const Node* material = scene_.effectiveNode(node.get(S::material)))
             result.hasMaterial = readShade(*material, result.material);
         return {std::move(result), normals(node.get(S::surfaceNormals))};
@@ -294,7 +294,7 @@ class VolumeReader {
             m.emissive = vec(node.get(M::emissiveColor));
             m.opacity = 1 - number(node.get(M::transparency), 0, 1, 0, "transparency");
         } else {
-            tell(fmt::format("has a {} for a material, which is not used", node.type().name));
+            report(fmt::format("has a {} for a material, which is not used", node.type().name));
             return false;
         }
         m.decodeColors();
@@ -306,20 +306,20 @@ class VolumeReader {
         auto result = std::make_shared<Blended>();
         result->voxels = grid(node.get(B::voxels), "voxels to blend");
         if (!result->voxels) {
-            tell("has a BlendedVolumeStyle without voxels, which is left out");
+            report("has a BlendedVolumeStyle without voxels, which is left out");
             return std::nullopt;
         }
         if (const Node* style = scene_.effectiveNode(node.get(B::renderStyle))) {
             result->style.drawn = isEnabled(*style);
             addSteps(*style, result->style.steps, depth + 1);
         }
-        result->first = share(node.get(B::weightFunction1).view(), node.get(B::weightConstant1),
-                              node.get(B::weightTransferFunction1));
-        result->second = share(node.get(B::weightFunction2).view(), node.get(B::weightConstant2),
-                               node.get(B::weightTransferFunction2));
+        result->first = weight(node.get(B::weightFunction1).view(), node.get(B::weightConstant1),
+                               node.get(B::weightTransferFunction1));
+        result->second = weight(node.get(B::weightFunction2).view(), node.get(B::weightConstant2),
+                                node.get(B::weightTransferFunction2));
         return StyleStep{std::shared_ptr<const Blended>(std::move(result)), nullptr};
     }
-    Blended::Share share(std::string_view function, float constant, NodeId table) {
+    Blended::Weight weight(std::string_view function, float constant, NodeId table) {
         using Weight = Blended::Weight;
         constexpr std::pair<std::string_view, Weight> kNames[] = {
             {"CONSTANT", Weight::constant},
@@ -329,18 +329,18 @@ class VolumeReader {
             {"ONE_MINUS_ALPHA2", Weight::oneMinusAlpha2},
             {"TABLE", Weight::table},
         };
-        Blended::Share result;
+        Blended::Weight result;
         result.constant = number(constant, 0, 1, .5f, "weightConstant");
         const auto* named = std::ranges::find(kNames, function, &std::pair<std::string_view, Weight>::first);
         if (named != std::end(kNames))
             result.weight = named->second;
         else
-            tell(fmt::format("has a weightFunction \"{}\": taken as CONSTANT", function));
+            report(fmt::format("has a weightFunction \"{}\": taken as CONSTANT", function));
         if (result.weight != Weight::table) return result;
         if (const Node* node = scene_.effectiveNode(table))
             result.table = textures_.ofNode(scene_, *node, Texture::Content::data, diagnostics_);
         if (!result.table) {
-            tell("has a weightFunction TABLE without a weightTransferFunction: taken as CONSTANT");
+            report("has a weightFunction TABLE without a weightTransferFunction: taken as CONSTANT");
             result.weight = Weight::constant;
         }
         return result;

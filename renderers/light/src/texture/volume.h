@@ -71,7 +71,7 @@ struct VolumeStyle {
 /// 41.4.1: a second volume in the same box.
 struct Blended {
     enum class Weight : std::uint8_t { constant, alpha1, alpha2, oneMinusAlpha1, oneMinusAlpha2, table };
-    struct Share {
+    struct Weight {
         Weight weight = Weight::constant;
         float constant = .5f;
         std::shared_ptr<const Texture> table;
@@ -79,7 +79,7 @@ struct Blended {
     };
     std::shared_ptr<const VoxelGrid> voxels;
     VolumeStyle style;
-    Share first, second;
+    Weight first, second;
 };
 
 struct Volume {

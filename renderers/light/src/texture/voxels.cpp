@@ -78,21 +78,21 @@ std::shared_ptr<const VoxelGrid> VoxelGrid::of(std::shared_ptr<const SpaceTextur
     return grid;
 }
 
-VoxelGrid::Cell VoxelGrid::cellOf(const Vec3f& place) const {
+VoxelGrid::Cell VoxelGrid::cellOf(const Vec3f& position) const {
     int low[3], high[3];
-    float share[3];
+    float fraction[3];
     for (int k = 0; k < 3; ++k) {
         const float at =
-            std::clamp(place[k] * static_cast<float>(size_[k]) - .5f, 0.0f, static_cast<float>(size_[k] - 1));
+            std::clamp(position[k] * static_cast<float>(size_[k]) - .5f, 0.0f, static_cast<float>(size_[k] - 1));
         low[k] = static_cast<int>(at);
         high[k] = std::min(low[k] + 1, size_[k] - 1);
-        share[k] = at - static_cast<float>(low[k]);
+        fraction[k] = at - static_cast<float>(low[k]);
     }
     Cell cell;
     for (int i = 0; i < 8; ++i) {
         cell.offset[i] = offset(i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]);
-        cell.weight[i] =
-            (i & 1 ? share[0] : 1 - share[0]) * (i & 2 ? share[1] : 1 - share[1]) * (i & 4 ? share[2] : 1 - share[2]);
+        cell.weight[i] = (i & 1 ? fraction[0] : 1 - fraction[0]) * (i & 2 ? fraction[1] : 1 - fraction[1]) *
+                         (i & 4 ? fraction[2] : 1 - fraction[2]);
     }
     return cell;
 }
@@ -119,33 +119,33 @@ float VoxelGrid::mixValues(const std::vector<Number>& from, const Cell& cell) co
     return sum * scaleOf(from);
 }
 
-Vec4f VoxelGrid::at(const Vec3f& place) const {
-    const Cell cell = cellOf(place);
+Vec4f VoxelGrid::at(const Vec3f& position) const {
+    const Cell cell = cellOf(position);
     return bytes_.empty() ? mix(numbers_, cell) : mix(bytes_, cell);
 }
 
-Vec4f VoxelGrid::nearest(const Vec3f& place) const {
+Vec4f VoxelGrid::nearest(const Vec3f& position) const {
     const auto of = [&](int k) {
-        return std::clamp(static_cast<int>(std::floor(place[k] * static_cast<float>(size_[k]))), 0, size_[k] - 1);
+        return std::clamp(static_cast<int>(std::floor(position[k] * static_cast<float>(size_[k]))), 0, size_[k] - 1);
     };
     const std::size_t at = offset(of(0), of(1), of(2));
     return bytes_.empty() ? expand(numbers_.data() + at, components_, 1)
                           : expand(bytes_.data() + at, components_, kByte);
 }
 
-float VoxelGrid::value(const Vec3f& place) const {
-    const Cell cell = cellOf(place);
+float VoxelGrid::value(const Vec3f& position) const {
+    const Cell cell = cellOf(position);
     return bytes_.empty() ? mixValues(numbers_, cell) : mixValues(bytes_, cell);
 }
 
-Vec3f VoxelGrid::gradient(const Vec3f& place) const {
+Vec3f VoxelGrid::gradient(const Vec3f& position) const {
     Vec3f result(0);
     for (int k = 0; k < 3; ++k) {
         // Half a voxel's middle from the edge the difference is one to the inside.
-        const float n = static_cast<float>(size_[k]), at = place[k] * n;
+        const float n = static_cast<float>(size_[k]), at = position[k] * n;
         const float before = std::clamp(at - 1, .5f, n - .5f), after = std::clamp(at + 1, .5f, n - .5f);
         if (!(after > before)) continue;
-        Vec3f a = place, b = place;
+        Vec3f a = position, b = position;
         a[k] = before / n, b[k] = after / n;
         result[k] = (value(b) - value(a)) / (after - before);
     }

@@ -25,16 +25,16 @@ class VoxelGrid {
 
     int components() const { return components_; }
     const glm::ivec3& size() const { return size_; }
-    Vec4f at(const Vec3f& place) const;
-    Vec4f nearest(const Vec3f& place) const;
+    Vec4f at(const Vec3f& position) const;
+    Vec4f nearest(const Vec3f& position) const;
     /// The mean of the colours, what counts as a voxel's value.
-    float value(const Vec3f& place) const;
+    float value(const Vec3f& position) const;
     /// How the value changes from one voxel to the next along each axis, by central differences.
-    Vec3f gradient(const Vec3f& place) const;
+    Vec3f gradient(const Vec3f& position) const;
 
   private:
     struct Cell;
-    Cell cellOf(const Vec3f& place) const;
+    Cell cellOf(const Vec3f& position) const;
     template <class Number>
     Vec4f mix(const std::vector<Number>& from, const Cell& cell) const;
     template <class Number>

@@ -81,7 +81,7 @@ GlbWriter::GlbWriter(const Scene& scene, const Shapes& shapes, const Resources& 
     for (const Placed& placed : shapes.flattener.placed())
         if (placed.id) addPlaced(placed);
     addClips();
-    tellLeftOut();
+    reportLeftOut();
 }
 
 bool GlbWriter::fits() const {
@@ -125,16 +125,16 @@ std::size_t GlbWriter::moverNode(std::size_t parent, const Node& transform, cons
     const auto [found, isNew] = moverNodes_.try_emplace(path, 0);
     if (!isNew) return found->second;
     using T = x3d::Transform;
-    const glm::dvec3 place = glm::dvec3(transform.get(T::translation)) + glm::dvec3(transform.get(T::center));
+    const glm::dvec3 position = glm::dvec3(transform.get(T::translation)) + glm::dvec3(transform.get(T::center));
     const glm::dquat q = quaternionOf(transform.get(T::rotation));
     found->second = addNode(
-        parent, fmt::format(R"("translation":{},"rotation":[{},{},{},{}],"scale":{}{})", numbersOf(place), q.x, q.y,
+        parent, fmt::format(R"("translation":{},"rotation":[{},{},{},{}],"scale":{}{})", numbersOf(position), q.x, q.y,
                             q.z, q.w, numbersOf(glm::dvec3(transform.get(T::scale))), nameOf(transform.id())));
     nodesOfMover_.emplace(transform.id(), found->second);
     return found->second;
 }
 
-std::size_t GlbWriter::placeOf(const std::vector<NodeId>& path, const WorldFromLocal& worldFromLocal,
+std::size_t GlbWriter::nodeFor(const std::vector<NodeId>& path, const WorldFromLocal& worldFromLocal,
                                glm::dmat4& matrix) {
     const glm::dmat4 world = matrixOf(worldFromLocal);
     matrix = world;
@@ -161,7 +161,7 @@ std::size_t GlbWriter::placeOf(const std::vector<NodeId>& path, const WorldFromL
 
 void GlbWriter::addShape(const Instance& instance) {
     glm::dmat4 matrix(1);
-    const std::size_t parent = placeOf(shapes_.flattener.path(instance.id), instance.worldFromLocal, matrix);
+    const std::size_t parent = nodeFor(shapes_.flattener.path(instance.id), instance.worldFromLocal, matrix);
     const std::size_t mesh = meshNumber(shapes_.meshOf(instance), instance);
     addNode(parent, fmt::format(R"("mesh":{},{}{})", mesh, matrixMember(matrix), nameOf(instance.shape)));
 }
@@ -177,7 +177,7 @@ void GlbWriter::addPlaced(const Placed& placed) {
 
 void GlbWriter::addPlacedNode(const Placed& placed, const glm::dmat4& local, const std::string& members) {
     glm::dmat4 matrix(1);
-    const std::size_t parent = placeOf(shapes_.flattener.placedPath(placed.id), placed.worldFromLocal, matrix);
+    const std::size_t parent = nodeFor(shapes_.flattener.placedPath(placed.id), placed.worldFromLocal, matrix);
     addNode(parent, members + "," + matrixMember(matrix * local) + nameOf(placed.node));
 }
 
@@ -222,13 +222,13 @@ void GlbWriter::addLight(const Placed& placed, const Node& node) {
     const std::size_t number = lights_.add(text + "}");
     extensions_.insert("KHR_lights_punctual");
     // It shines along -z of its node.
-    const glm::dvec3 way(fieldOf(&node, "direction", Vec3f(0, 0, -1)));
-    const glm::dvec3 z = glm::length(way) > 0 ? -glm::normalize(way) : glm::dvec3(0, 0, 1);
+    const glm::dvec3 displacement(fieldOf(&node, "direction", Vec3f(0, 0, -1)));
+    const glm::dvec3 z = glm::length(displacement) > 0 ? -glm::normalize(displacement) : glm::dvec3(0, 0, 1);
     const glm::dvec3 x = glm::normalize(glm::cross(std::abs(z.y) < .9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0), z));
     const glm::dmat4 turned(glm::dvec4(x, 0), glm::dvec4(glm::cross(z, x), 0), glm::dvec4(z, 0),
                             glm::dvec4(0, 0, 0, 1));
-    const glm::dvec3 place(fieldOf(&node, "location", Vec3f(0)));
-    addPlacedNode(placed, glm::translate(glm::dmat4(1), place) * turned,
+    const glm::dvec3 position(fieldOf(&node, "location", Vec3f(0)));
+    addPlacedNode(placed, glm::translate(glm::dmat4(1), position) * turned,
                   fmt::format(R"("extensions":{{"KHR_lights_punctual":{{"light":{}}}}})", number));
 }
 
@@ -478,7 +478,7 @@ std::size_t GlbWriter::materialNumber(NodeId appearanceId, const Mesh& mesh) {
     return found->second;
 }
 
-void GlbWriter::tellLeftOut() {
+void GlbWriter::reportLeftOut() {
     std::string all;
     for (const auto& [what, count] : leftOut_)
         all += fmt::format("{}{}{}", all.empty() ? "" : ", ", what, count > 1 ? fmt::format(" ({})", count) : "");

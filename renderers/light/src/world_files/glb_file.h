@@ -52,7 +52,7 @@ class GlbWriter {
     void addClips();
 
     /// The node below which something is that stands at the end of a path, with its matrix there.
-    std::size_t placeOf(const std::vector<NodeId>& path, const WorldFromLocal& worldFromLocal, glm::dmat4& matrix);
+    std::size_t nodeFor(const std::vector<NodeId>& path, const WorldFromLocal& worldFromLocal, glm::dmat4& matrix);
     std::size_t moverNode(std::size_t parent, const Node& transform, const std::vector<NodeId>& path);
     std::size_t addNode(std::size_t parent, std::string members);
     void addPlacedNode(const Placed& placed, const glm::dmat4& local, const std::string& members);
@@ -74,7 +74,7 @@ class GlbWriter {
     std::string texture(const Node* node, const TextureUse& use, const char* name);
     std::string image(const Node& node);
     std::string sampler(const TextureAccess& access);
-    void tellLeftOut();
+    void reportLeftOut();
     void leaveOut(const std::string& what) { ++leftOut_[what]; }
     const Node* childOf(const Node* node, std::string_view name) const;
     std::string nameOf(NodeId node) const;

@@ -7,7 +7,7 @@
 
 namespace rtsg::mesh_files {
 
-void tellLeftOut(const Scene& scene, const Shapes& shapes, bool isGlb, Diagnostics& diagnostics) {
+void reportLeftOut(const Scene& scene, const Shapes& shapes, bool isGlb, Diagnostics& diagnostics) {
     std::map<std::string, std::size_t> counts;
     for (const Instance& instance : shapes.flattener.instances()) {
         if (!instance.id || !instance.seen || instance.boundingBox) continue;

@@ -8,6 +8,6 @@
 namespace rtsg::mesh_files {
 
 /// One warning names what no mesh file has, or, if `isGlb`, what a GLB has not.
-void tellLeftOut(const Scene& scene, const Shapes& shapes, bool isGlb, Diagnostics& diagnostics);
+void reportLeftOut(const Scene& scene, const Shapes& shapes, bool isGlb, Diagnostics& diagnostics);
 
 }  // namespace rtsg::mesh_files

@@ -138,7 +138,7 @@ Result<MeshFileContent> writeMeshFile(const Scene& scene, const std::filesystem:
     diagnostics.append(shapes.flattener.diagnostics());
     if (shapes.content.triangles == 0) return fail("the scene shows no triangles", {}, file.string());
     if (shapes.content.triangles > 0x7FFFFFFF / 3) return fail("the scene has too many triangles", {}, file.string());
-    mesh_files::tellLeftOut(scene, shapes, format == MeshFormat::glb, diagnostics);
+    mesh_files::reportLeftOut(scene, shapes, format == MeshFormat::glb, diagnostics);
     auto created = OutputFile::create(file, existing);
     if (!created) return std::unexpected(created.error());
     Output out(*created);

@@ -128,10 +128,10 @@ BvhWatch::BvhWatch(RTCDevice device, const Mesh& mesh) {
     vertices_.shrink_to_fit();
     area_.resize(children_.size());
     const double rootArea = findAreas(mesh.positions);
-    share_.resize(children_.size());
-    for (std::size_t i = 0; i < share_.size(); ++i) {
-        share_[i] = rootArea > kNoArea ? static_cast<float>(double{area_[i]} / rootArea) : 0;
-        builtCost_ += double{share_[i]};
+    fraction_.resize(children_.size());
+    for (std::size_t i = 0; i < fraction_.size(); ++i) {
+        fraction_[i] = rootArea > kNoArea ? static_cast<float>(double{area_[i]} / rootArea) : 0;
+        builtCost_ += double{fraction_[i]};
     }
 }
 
@@ -167,16 +167,16 @@ BvhWatch::Look BvhWatch::look(const Array<Vec3f>& positions) const {
     // In eight sums, which the compiler may keep in registers side by side.
     std::array<float, 8> cost{}, change{};
     std::size_t i = 0;
-    for (; i + 8 <= share_.size(); i += 8)
+    for (; i + 8 <= fraction_.size(); i += 8)
         for (std::size_t k = 0; k < 8; ++k) {
-            const float share = area_[i + k] * scale;
-            cost[k] += share;
-            change[k] += std::abs(share - share_[i + k]);
+            const float fraction = area_[i + k] * scale;
+            cost[k] += fraction;
+            change[k] += std::abs(fraction - fraction_[i + k]);
         }
     Look result;
-    for (; i < share_.size(); ++i) {
+    for (; i < fraction_.size(); ++i) {
         cost[0] += area_[i] * scale;
-        change[0] += std::abs(area_[i] * scale - share_[i]);
+        change[0] += std::abs(area_[i] * scale - fraction_[i]);
     }
     for (std::size_t k = 0; k < 8; ++k) result.cost += double{cost[k]}, result.change += double{change[k]};
     result.change /= std::min(result.cost, builtCost_);

@@ -45,7 +45,7 @@ class BvhWatch {
     std::vector<std::uint8_t> children_;  // per node; 0: a leaf
     std::vector<std::uint32_t> leafEnd_;  // per leaf, in vertices_
     std::vector<std::uint32_t> vertices_;
-    std::vector<float> share_;         // per node: of the root's area, when built
+    std::vector<float> fraction_;      // per node: of the root's area, when built
     mutable std::vector<float> area_;  // per node, of the last look
     double builtCost_ = 0;
 };

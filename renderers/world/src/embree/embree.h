@@ -133,7 +133,9 @@ class RayCast {
 #endif
         context_.what = what;
     }
-    static void* told(const RTCFilterFunctionNArguments& asked) { return static_cast<Context*>(asked.context)->what; }
+    static void* contextOf(const RTCFilterFunctionNArguments& asked) {
+        return static_cast<Context*>(asked.context)->what;
+    }
     /// Sets the instance that Embree notes in the hits that it finds from now on.
     void setInstance(unsigned instance) { context_.instID[0] = instance; }
 

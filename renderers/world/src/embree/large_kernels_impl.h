@@ -27,7 +27,7 @@ struct LargeKernelsOf {
         F x, y, z;
     };
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
-    RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
+    RTSG_INLINE F absolute(F x) { return W::maximum(x, -x); }
     RTSG_INLINE F dot(const V& a, const V& b) { return W::fused(a.x, b.x, W::fused(a.y, b.y, a.z * b.z)); }
     RTSG_INLINE F dot(const V& a, const float* b) { return dot(a, {all(b[0]), all(b[1]), all(b[2])}); }
     RTSG_INLINE V loadV(const float* const* rows, int at) {
@@ -69,16 +69,16 @@ struct LargeKernelsOf {
         F x, y;  // as LargeTable::Face has places
         F edge;  // up to where roundings may decide
         __attribute__((always_inline)) Meeting(const Rays& rays, const Plane& p, const LargeTable::Face& face) {
-            const V place{W::fused(rays.direction.x, p.t, p.from.x), W::fused(rays.direction.y, p.t, p.from.y),
-                          W::fused(rays.direction.z, p.t, p.from.z)};
-            x = dot(place, face.x), y = dot(place, face.y);
+            const V position{W::fused(rays.direction.x, p.t, p.from.x), W::fused(rays.direction.y, p.t, p.from.y),
+                             W::fused(rays.direction.z, p.t, p.from.z)};
+            x = dot(position, face.x), y = dot(position, face.y);
             edge = rays.spread * face.steepest * absolute(p.inverse);
         }
         /// How far the place is within the face.
         template <bool isPair>
         __attribute__((always_inline)) F depth() const {
-            const F least = W::least(x, y);
-            return W::least(least, isPair ? 1.0f - W::most(x, y) : (1.0f - x) - y);
+            const F minimum = W::minimum(x, y);
+            return W::minimum(minimum, isPair ? 1.0f - W::maximum(x, y) : (1.0f - x) - y);
         }
     };
 
@@ -106,7 +106,7 @@ struct LargeKernelsOf {
             F near = rays.tMin, far = end;
             const auto clip = [&](F origin, F step, float lower, float upper) __attribute__((always_inline)) {
                 const F x = (lower - origin) * step, y = (upper - origin) * step;
-                near = W::most(near, W::least(x, y)), far = W::least(far, W::most(x, y));
+                near = W::maximum(near, W::minimum(x, y)), far = W::minimum(far, W::maximum(x, y));
             };
             const float *const lower = table.lower[b], *const upper = table.upper[b];
             clip(rays.origin.x, inverse.x, lower[0], upper[0]);
@@ -147,19 +147,20 @@ struct LargeKernelsOf {
     }
 
     /// The weights of the second and the third corner of the triangles, from places on faces.
-    RTSG_INLINE void weigh(const LargeTable& table, const Nearest& best, int at, RayPacket16& rays, LargeHits& told) {
-        PacketHits16& hits = told.hits;
+    RTSG_INLINE void weigh(const LargeTable& table, const Nearest& best, int at, RayPacket16& rays,
+                           LargeHits& reported) {
+        PacketHits16& hits = reported.hits;
         const I which = __builtin_convertvector(best.which, I);
         const M beyond = W::greater(best.x + best.y, all(1));
         const F x = W::choose(beyond, 1.0f - best.x, best.x), y = W::choose(beyond, 1.0f - best.y, best.y);
-        const F own = W::most((1.0f - x) - y, F{});
-        const F turn = W::choose(beyond, W::lookUp(table.turn[1], which), W::lookUp(table.turn[0], which));
-        const M first = W::greater(all(.5f), turn), last = W::greater(turn, all(1.5f));
+        const F own = W::maximum((1.0f - x) - y, F{});
+        const F corner = W::choose(beyond, W::lookUp(table.corner[1], which), W::lookUp(table.corner[0], which));
+        const M first = W::greater(all(.5f), corner), last = W::greater(corner, all(1.5f));
         const F u = W::choose(first, x, W::choose(last, y, own)), v = W::choose(first, y, W::choose(last, own, x));
         W::store(rays.u_ + at, u), W::store(hits.u + at, u);
         W::store(rays.v_ + at, v), W::store(hits.v + at, v);
-        W::store(told.faces.u + at, best.x), W::store(told.faces.v + at, best.y);
-        __builtin_memcpy(told.faces.triangle + at, &which, sizeof which);
+        W::store(reported.faces.u + at, best.x), W::store(reported.faces.v + at, best.y);
+        __builtin_memcpy(reported.faces.triangle + at, &which, sizeof which);
         const F number = W::choose(beyond, W::lookUp(table.number[1], which), W::lookUp(table.number[0], which));
         bitsTo(rays.prim_ + at, number), bitsTo(hits.triangle + at, number);
     }
@@ -168,7 +169,7 @@ struct LargeKernelsOf {
         __builtin_memcpy(to, &numbers, sizeof numbers);
     }
 
-    static std::uint32_t intersect(const LargeTable& table, const RayRows& rows, RayPacket16& rays, LargeHits& told,
+    static std::uint32_t intersect(const LargeTable& table, const RayRows& rows, RayPacket16& rays, LargeHits& reported,
                                    std::uint32_t& open) {
         std::uint32_t met = 0;
         open = 0;
@@ -188,21 +189,21 @@ struct LargeKernelsOf {
             W::store(rays.directionZ + at, own.direction.z);
             W::store(rays.tMax + at, W::choose(W::maskOf(found), best.t, own.tMax));
             W::store(rays.active + at, W::lanesOf(lanes));
-            weigh(table, best, at, rays, told);
+            weigh(table, best, at, rays, reported);
             const I which = __builtin_convertvector(best.which, I);
             const V normal{W::lookUp(table.normal[0], which), W::lookUp(table.normal[1], which),
                            W::lookUp(table.normal[2], which)};
             const F side = W::lookUp(table.mirrored, which);
-            W::store(told.hits.normalX + at, normal.x), W::store(told.faces.normalX + at, normal.x),
+            W::store(reported.hits.normalX + at, normal.x), W::store(reported.faces.normalX + at, normal.x),
                 W::store(rays.normalX_ + at, normal.x * side);
-            W::store(told.hits.normalY + at, normal.y), W::store(told.faces.normalY + at, normal.y),
+            W::store(reported.hits.normalY + at, normal.y), W::store(reported.faces.normalY + at, normal.y),
                 W::store(rays.normalY_ + at, normal.y * side);
-            W::store(told.hits.normalZ + at, normal.z), W::store(told.faces.normalZ + at, normal.z),
+            W::store(reported.hits.normalZ + at, normal.z), W::store(reported.faces.normalZ + at, normal.z),
                 W::store(rays.normalZ_ + at, normal.z * side);
             bitsTo(rays.geom_ + at, W::lookUp(table.geometry, which));
-            bitsTo(told.hits.instance + at, W::lookUp(table.instance, which));
-            bitsTo(told.faces.instance + at, W::lookUp(table.instance, which));
-            bitsTo(told.label + at, W::lookUp(table.label, which));
+            bitsTo(reported.hits.instance + at, W::lookUp(table.instance, which));
+            bitsTo(reported.faces.instance + at, W::lookUp(table.instance, which));
+            bitsTo(reported.label + at, W::lookUp(table.label, which));
             const I none = I{} - 1;
             __builtin_memcpy(rays.inst_ + at, &none, sizeof none);
         }

@@ -26,7 +26,7 @@ const LargeKernels& largeKernels() {
 }
 
 /// The largest share that the boxes' surface may have of the whole: beyond it more rays stay open than are saved.
-constexpr float kMostOpen = .5f;
+constexpr float kMaxOpen = .5f;
 
 struct Corners {
     Vec3d at[3];
@@ -44,15 +44,16 @@ struct Corners {
 struct Face {
     Corners first;
     std::optional<Corners> other;
-    int turn[2] = {0, 0};
+    int corner[2] = {0, 0};
 };
 
 /// Whether the two make a parallelogram, as nearly as its corners can tell.
-bool isPair(const Corners& a, const Corners& b, int& turnA, int& turnB) {
-    for (turnA = 0; turnA < 3; ++turnA)
-        for (turnB = 0; turnB < 3; ++turnB) {
-            const Vec3d &one = a[turnA], &second = a[turnA + 1], &third = a[turnA + 2], &opposite = b[turnB];
-            if (b[turnB + 1] != third || b[turnB + 2] != second) continue;
+bool isPair(const Corners& a, const Corners& b, int& rotationA, int& rotationB) {
+    for (rotationA = 0; rotationA < 3; ++rotationA)
+        for (rotationB = 0; rotationB < 3; ++rotationB) {
+            const Vec3d &one = a[rotationA], &second = a[rotationA + 1], &third = a[rotationA + 2],
+                        &opposite = b[rotationB];
+            if (b[rotationB + 1] != third || b[rotationB + 2] != second) continue;
             const Vec3d off = glm::abs(one + opposite - second - third), size = glm::abs(second) + glm::abs(third);
             return std::max({off.x, off.y, off.z}) <= 0x1p-22 * (size.x + size.y + size.z);
         }
@@ -70,11 +71,11 @@ std::vector<Face> facesOf(const Triangles& triangles) {
     for (std::size_t i = 0; i < rest.size(); ++i) {
         Face& face = faces.emplace_back(Face{rest[i], {}});
         for (std::size_t k = i + 1; k < rest.size() && !face.other; ++k) {
-            if (!isPair(rest[i], rest[k], face.turn[0], face.turn[1])) continue;
+            if (!isPair(rest[i], rest[k], face.corner[0], face.corner[1])) continue;
             face.other = rest[k];
             rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(k));
         }
-        if (!face.other) face.turn[0] = 0;
+        if (!face.other) face.corner[0] = 0;
     }
     return faces;
 }
@@ -82,14 +83,14 @@ std::vector<Face> facesOf(const Triangles& triangles) {
 /// Whether all of a mesh lies behind each of its triangles, as nearly as its corners can tell.
 bool isConvex(const Triangles& triangles) {
     using namespace simd;
-    constexpr std::size_t kMost = 4096;  // the time of the search grows with the square
-    const Array<Vec3f>& places = triangles.positions;
+    constexpr std::size_t kMax = 4096;  // the time of the search grows with the square
+    const Array<Vec3f>& positions = triangles.positions;
     const std::uint32_t count = triangles.mesh->triangleCount;
-    if (count > kMost || places.size() > kMost || places.empty()) return false;
+    if (count > kMax || positions.size() > kMax || positions.empty()) return false;
     std::vector<float> columns[3];
     for (int k = 0; k < 3; ++k) {
-        for (const Vec3f& place : places) columns[k].push_back(place[k]);
-        columns[k].resize((places.size() + 7) / 8 * 8, places[0][k]);
+        for (const Vec3f& position : positions) columns[k].push_back(position[k]);
+        columns[k].resize((positions.size() + 7) / 8 * 8, positions[0][k]);
     }
     for (std::uint32_t t = 0; t < count; ++t) {
         const Corners corners(triangles, t);
@@ -98,11 +99,11 @@ bool isConvex(const Triangles& triangles) {
         if (!(length > 0)) continue;
         const Vec3f normal(across / length), at(corners[0]), size = glm::abs(at);
         const float slack = 0x1p-20f * (size.x + size.y + size.z + std::sqrt(static_cast<float>(length)));
-        F8 most{};
+        F8 maximum{};
         for (std::size_t i = 0; i < columns[0].size(); i += 8)
-            most = max(most, (load(&columns[0][i]) - at.x) * normal.x + (load(&columns[1][i]) - at.y) * normal.y +
-                                 (load(&columns[2][i]) - at.z) * normal.z);
-        if (any(most > slack)) return false;
+            maximum = max(maximum, (load(&columns[0][i]) - at.x) * normal.x + (load(&columns[1][i]) - at.y) * normal.y +
+                                       (load(&columns[2][i]) - at.z) * normal.z);
+        if (any(maximum > slack)) return false;
     }
     return true;
 }
@@ -115,10 +116,10 @@ struct Around {
     std::uint32_t slot = LargeTable::kNone;  // theirs
     explicit Around(const TreeView::Box& whole) : box(whole), radius(glm::length(whole.upper - middle())) {}
     Around(const Triangles& triangles, std::uint32_t slotOfAll) : all(&triangles), slot(slotOfAll) {
-        for (const Vec3f& place : triangles.positions) box.extend({place, place});
+        for (const Vec3f& position : triangles.positions) box.extend({position, position});
         float squared = 0;
-        for (const Vec3f& place : triangles.positions) {
-            const Vec3f off = place - middle();
+        for (const Vec3f& position : triangles.positions) {
+            const Vec3f off = position - middle();
             squared = std::max(squared, glm::dot(off, off));
         }
         radius = std::sqrt(squared);
@@ -184,8 +185,8 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
          LargeTable& table) {
     const std::uint32_t i = table.faceCount++;
     table.pairCount += face.other.has_value();
-    const Vec3d &corner = face.first[face.turn[0]], second = face.first[face.turn[0] + 1] - corner,
-                third = face.first[face.turn[0] + 2] - corner, normal = face.first.normal();
+    const Vec3d &corner = face.first[face.corner[0]], second = face.first[face.corner[0] + 1] - corner,
+                third = face.first[face.corner[0] + 2] - corner, normal = face.first.normal();
     const double squared = glm::dot(normal, normal);
     const Vec3d x = glm::cross(third, normal) / squared, y = glm::cross(normal, second) / squared,
                 unit = normal / std::sqrt(squared);
@@ -200,7 +201,7 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
     for (int k = 0; k < 3; ++k) table.normal[k][i] = own.normal[k] * table.mirrored[i];
     const Corners& other = face.other ? *face.other : face.first;
     for (int k = 0; k < 2; ++k) {
-        table.turn[k][i] = static_cast<float>(face.turn[k]);
+        table.corner[k][i] = static_cast<float>(face.corner[k]);
         table.number[k][i] = std::bit_cast<float>(k == 0 ? face.first.number : other.number);
     }
     table.geometry[i] = std::bit_cast<float>(local), table.instance[i] = std::bit_cast<float>(slot);
@@ -237,7 +238,7 @@ float add(std::vector<Around> boxes, LargeTable& table) {
 }  // namespace
 
 std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, const TreeView& others,
-                                                           std::uint32_t mask, const Tell& tell) {
+                                                           std::uint32_t mask, const Visitor& report) {
     std::vector<const Member*> chosen;
     std::vector<Around> rest;
     TreeView::Box whole;
@@ -258,11 +259,11 @@ std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, c
     }
     std::unique_ptr<LargeTriangles> large(new LargeTriangles);
     LargeTable& table = large->table_;
-    if (!(add(std::move(rest), table) <= kMostOpen * whole.area())) return nullptr;
+    if (!(add(std::move(rest), table) <= kMaxOpen * whole.area())) return nullptr;
     for (const bool pairs : {true, false})
         for (const Member* member : chosen) {
             const std::uint32_t slot = group.slots()[member->local];
-            const About about = tell(slot);
+            const About about = report(slot);
             for (const Face& face : member->faces)
                 if (face.other.has_value() == pairs) add(face, member->local, slot, about, table);
         }

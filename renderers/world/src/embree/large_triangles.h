@@ -48,7 +48,7 @@ struct LargeTable {
     // The data that a hit reports.
     alignas(64) float normal[3][kFaces];  // as Hit::normal
     float mirrored[kFaces];               // -1: merged triangles are inside out there
-    float turn[2][kFaces];                // of each of the two: the place of `corner`, or of the one opposite, in it
+    float corner[2][kFaces];              // of each of the two: the place of `corner`, or of the one opposite, in it
     float number[2][kFaces];              // bits of integers, like the members below
     float geometry[kFaces], instance[kFaces], label[kFaces];
 };
@@ -77,10 +77,10 @@ class LargeTriangles {
         std::int32_t label = 0;
         Vec3f color{0};
     };
-    using Tell = std::function<About(std::uint32_t slot)>;
+    using Visitor = std::function<About(std::uint32_t slot)>;
     /// Null: a tree is quicker. `others`: the rest of the world; `mask`: of the rays.
     static std::unique_ptr<const LargeTriangles> make(const Group& group, const TreeView& others, std::uint32_t mask,
-                                                      const Tell& tell);
+                                                      const Visitor& report);
 
     /// A bit for each ray that meets one of these first; of the others those of `open` are to be traced, and the rest
     /// meet nothing. `rays` becomes a packet of them, with their hits as Embree sets them.

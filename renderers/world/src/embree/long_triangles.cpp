@@ -19,9 +19,9 @@ constexpr double kFewEmpty = 2, kManyEmpty = 6;
 /// The largest share of the boxes' surface that cutting may leave to be worth its memory.
 constexpr double kCutPays = .7;
 /// Pieces for each triangle, and for each with an empty box (of all of them: the last), at most.
-constexpr double kMostPieces = 1, kMostPiecesOfLong = 64, kMostPiecesOfAllLong = 1 << 20;
+constexpr double kMaxPieces = 1, kMaxPiecesOfLong = 64, kMaxPiecesOfAllLong = 1 << 20;
 /// An edge becomes 2 to this many parts at most.
-constexpr int kMostLevels = 8;
+constexpr int kMaxLevels = 8;
 constexpr std::uint32_t kNowhere = 0xFFFFFFFF;
 
 /// Half the surface of the box of an edge.
@@ -66,17 +66,17 @@ class EdgeTable {
 
     std::uint32_t find(std::uint32_t a, std::uint32_t b) const {
         const std::uint64_t key = keyOf(a, b);
-        if (places_.empty()) return kNowhere;
+        if (slots_.empty()) return kNowhere;
         for (std::size_t i = scattered(key);; ++i) {
-            const std::uint32_t at = places_[i & (places_.size() - 1)];
+            const std::uint32_t at = slots_[i & (slots_.size() - 1)];
             if (at == kNowhere || edges[at].key == key) return at;
         }
     }
     std::uint32_t findOrAdd(std::uint32_t a, std::uint32_t b) {
         if (const std::uint32_t at = find(a, b); at != kNowhere) return at;
         edges.push_back({keyOf(a, b)});
-        if (2 * edges.size() > places_.size()) {
-            places_.assign(std::max<std::size_t>(64, 4 * std::bit_ceil(edges.size())), kNowhere);
+        if (2 * edges.size() > slots_.size()) {
+            slots_.assign(std::max<std::size_t>(64, 4 * std::bit_ceil(edges.size())), kNowhere);
             for (std::uint32_t i = 0; i < edges.size(); ++i) put(i);
         } else {
             put(static_cast<std::uint32_t>(edges.size() - 1));
@@ -90,10 +90,10 @@ class EdgeTable {
     }
     void put(std::uint32_t edge) {
         std::size_t i = scattered(edges[edge].key);
-        while (places_[i & (places_.size() - 1)] != kNowhere) ++i;
-        places_[i & (places_.size() - 1)] = edge;
+        while (slots_[i & (slots_.size() - 1)] != kNowhere) ++i;
+        slots_[i & (slots_.size() - 1)] = edge;
     }
-    std::vector<std::uint32_t> places_;
+    std::vector<std::uint32_t> slots_;
 };
 
 class Cutter {
@@ -112,9 +112,9 @@ class Cutter {
         std::array<std::uint32_t, 3> corner, edge;
     };
     /// On the triangle that is being cut.
-    struct Place {
+    struct Uv {
         float u, v;
-        friend auto operator<=>(const Place&, const Place&) = default;
+        friend auto operator<=>(const Uv&, const Uv&) = default;
     };
 
     Vec3d at(std::uint32_t corner) const {
@@ -127,17 +127,17 @@ class Cutter {
         return {at(corner(triangle, 0)), at(corner(triangle, 1)), at(corner(triangle, 2))};
     }
     void findSame();
-    int wantedLevel(const TriangleSize& size, double edge, double least) const;
-    double chooseLeast() const;
-    void touch(std::uint32_t triangle, double least, bool isEmpty);
+    int wantedLevel(const TriangleSize& size, double edge, double minimum) const;
+    double chooseSmallest() const;
+    void touch(std::uint32_t triangle, double minimum, bool isEmpty);
     void killEdges();
     void cutEdges();
     void cutTriangle(const Touched& touched);
 
-    std::uint32_t numberOf(const Place& place);
-    void divide(const std::array<Place, 3>& p, const std::array<int, 3>& levels);
-    void zip(const Place& apex, const Place& b, const Place& c, int levelB, int levelC);
-    void emit(const Place& a, const Place& b, const Place& c);
+    std::uint32_t numberOf(const Uv& uv);
+    void divide(const std::array<Uv, 3>& p, const std::array<int, 3>& levels);
+    void zip(const Uv& apex, const Uv& b, const Uv& c, int levelB, int levelC);
+    void emit(const Uv& a, const Uv& b, const Uv& c);
 
     const Mesh& mesh_;
     const Array<Vec3f>& positions_;
@@ -147,7 +147,7 @@ class Cutter {
     std::vector<Touched> touched_;
     std::vector<Vec3d> added_;
     const Touched* now_ = nullptr;
-    std::map<Place, std::uint32_t> inside_;  // of the triangle that is being cut
+    std::map<Uv, std::uint32_t> inside_;  // of the triangle that is being cut
     std::vector<LongTriangles::Piece> pieces_;
     std::vector<std::int32_t> pieceCorners_;
     double meshBox_ = 0, longestBox_ = 0, boxes_ = 0, emptyBoxes_ = 0, replaced_ = 0, replacing_ = 0;
@@ -173,73 +173,73 @@ bool Cutter::measure() {
 
 /// Meshes often have a point once for each triangle; points at the same place are the same here.
 void Cutter::findSame() {
-    const std::size_t count = positions_.size(), places = 2 * std::bit_ceil(count + 1);
-    std::vector<std::uint32_t> table(places, kNowhere);
+    const std::size_t count = positions_.size(), positions = 2 * std::bit_ceil(count + 1);
+    std::vector<std::uint32_t> table(positions, kNowhere);
     same_.resize(count);
     for (std::uint32_t i = 0; i < count; ++i) {
         const Vec3f p = positions_[i] + Vec3f(0);  // -0 is 0
         const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
         std::size_t k = scattered(bits(p.x) ^ scattered(bits(p.y) ^ scattered(bits(p.z))));
-        while (table[k & (places - 1)] != kNowhere && positions_[table[k & (places - 1)]] != p) ++k;
-        std::uint32_t& place = table[k & (places - 1)];
-        if (place == kNowhere) place = i;
-        same_[i] = place;
+        while (table[k & (positions - 1)] != kNowhere && positions_[table[k & (positions - 1)]] != p) ++k;
+        std::uint32_t& slot = table[k & (positions - 1)];
+        if (slot == kNowhere) slot = i;
+        same_[i] = slot;
     }
 }
 
 /// Parts of an edge have boxes of `least` at most, and no more parts than fill the triangle's box: n pieces along it
 /// have an n-th of the emptiness, doubled.
-int Cutter::wantedLevel(const TriangleSize& size, double edge, double least) const {
-    const double parts = std::min(std::sqrt(edge / least), 2 * size.box / (kEmptyBox * size.covered));
-    return parts > 1 ? std::min(static_cast<int>(std::ceil(std::log2(parts))), kMostLevels) : 0;
+int Cutter::wantedLevel(const TriangleSize& size, double edge, double minimum) const {
+    const double parts = std::min(std::sqrt(edge / minimum), 2 * size.box / (kEmptyBox * size.covered));
+    return parts > 1 ? std::min(static_cast<int>(std::ceil(std::log2(parts))), kMaxLevels) : 0;
 }
 
 /// The greatest box of an edge's part that leaves few empty boxes, or as many pieces as there may be.
-double Cutter::chooseLeast() const {
-    const double most = kMostPieces * mesh_.triangleCount +
-                        std::min(kMostPiecesOfLong * static_cast<double>(long_.size()), kMostPiecesOfAllLong);
+double Cutter::chooseSmallest() const {
+    const double maximum = kMaxPieces * mesh_.triangleCount +
+                           std::min(kMaxPiecesOfLong * static_cast<double>(long_.size()), kMaxPiecesOfAllLong);
     double chosen = longestBox_;
-    for (double least = longestBox_ / 4; least > 0; least /= 4) {
+    for (double minimum = longestBox_ / 4; minimum > 0; minimum /= 4) {
         double pieces = 0, boxes = 0;
         int highest = 0;
         for (const std::uint32_t triangle : long_) {
             const auto [a, b, c] = cornersOf(triangle);
             const TriangleSize size = triangleSize(a, b, c);
-            std::array<int, 3> levels{wantedLevel(size, edgeBox(b - a), least),
-                                      wantedLevel(size, edgeBox(c - b), least),
-                                      wantedLevel(size, edgeBox(a - c), least)};
+            std::array<int, 3> levels{wantedLevel(size, edgeBox(b - a), minimum),
+                                      wantedLevel(size, edgeBox(c - b), minimum),
+                                      wantedLevel(size, edgeBox(a - c), minimum)};
             std::ranges::sort(levels);
             const double count = std::exp2(levels[2]) * (1 + std::exp2(levels[0])) - 1;
             pieces += count, boxes += size.box * count / std::exp2(2 * levels[2]);
             highest = std::max(highest, levels[2]);
         }
-        if (pieces > most) break;
-        chosen = least;
-        if (boxes < kFewEmpty * meshBox_ || highest == kMostLevels) break;
+        if (pieces > maximum) break;
+        chosen = minimum;
+        if (boxes < kFewEmpty * meshBox_ || highest == kMaxLevels) break;
         // Once every triangle has what fills its box, nothing more comes.
-        if (least < longestBox_ * std::exp2(-2 * kMostLevels)) break;
+        if (minimum < longestBox_ * std::exp2(-2 * kMaxLevels)) break;
     }
     return chosen;
 }
 
 /// Those with empty boxes say which edges to cut, and how; their neighbours go along.
-void Cutter::touch(std::uint32_t triangle, double least, bool isEmpty) {
+void Cutter::touch(std::uint32_t triangle, double minimum, bool isEmpty) {
     Touched touched{triangle, {}, {kNowhere, kNowhere, kNowhere}};
     const auto p = cornersOf(triangle);
     std::array<double, 3> boxes;
     double longest = 0;
     for (int k = 0; k < 3; ++k) longest = std::max(longest, boxes[k] = edgeBox(p[(k + 1) % 3] - p[k]));
-    if (longest <= least) return;
+    if (longest <= minimum) return;
     for (int k = 0; k < 3; ++k) touched.corner[k] = same_[corner(triangle, k)];
     bool any = false;
     for (int k = 0; k < 3; ++k) {
-        if (boxes[k] <= least) continue;
+        if (boxes[k] <= minimum) continue;
         const std::uint32_t a = touched.corner[k], b = touched.corner[(k + 1) % 3];
         const std::uint32_t at = touched.edge[k] = isEmpty ? table_.findOrAdd(a, b) : table_.find(a, b);
         if (at == kNowhere) continue;
         EdgeTable::Edge& edge = table_.edges[at];
         edge.addUser(touched.corner[(k + 2) % 3]);
-        if (isEmpty) edge.level = std::max(edge.level, wantedLevel(triangleSize(p[0], p[1], p[2]), boxes[k], least));
+        if (isEmpty) edge.level = std::max(edge.level, wantedLevel(triangleSize(p[0], p[1], p[2]), boxes[k], minimum));
         any = true;
     }
     if (any) touched_.push_back(touched);
@@ -284,8 +284,8 @@ void Cutter::cutEdges() {
 }
 
 /// The point at a place of the triangle: a corner, one that its neighbour has, too, or one of its own.
-std::uint32_t Cutter::numberOf(const Place& place) {
-    const auto [u, v] = place;
+std::uint32_t Cutter::numberOf(const Uv& uv) {
+    const auto [u, v] = uv;
     const float w = 1 - u - v;  // exact, as all of them are
     const auto& corner = now_->corner;
     const auto onEdge = [&](int k, float along) {
@@ -299,13 +299,12 @@ std::uint32_t Cutter::numberOf(const Place& place) {
     if (v == 0) return onEdge(0, u);
     if (w == 0) return onEdge(1, v);
     if (u == 0) return onEdge(2, w);
-    const auto [found, isNew] =
-        inside_.try_emplace(place, static_cast<std::uint32_t>(positions_.size() + added_.size()));
+    const auto [found, isNew] = inside_.try_emplace(uv, static_cast<std::uint32_t>(positions_.size() + added_.size()));
     if (isNew) added_.push_back(double{w} * at(corner[0]) + double{u} * at(corner[1]) + double{v} * at(corner[2]));
     return found->second;
 }
 
-void Cutter::emit(const Place& a, const Place& b, const Place& c) {
+void Cutter::emit(const Uv& a, const Uv& b, const Uv& c) {
     const std::array<std::uint32_t, 3> corners{numberOf(a), numberOf(b), numberOf(c)};
     replacing_ += triangleSize(at(corners[0]), at(corners[1]), at(corners[2])).box;
     for (const std::uint32_t corner : corners) pieceCorners_.push_back(static_cast<std::int32_t>(corner));
@@ -314,20 +313,20 @@ void Cutter::emit(const Place& a, const Place& b, const Place& c) {
 }
 
 /// Pieces between two edges that are cut: from their common end to the third, which is not.
-void Cutter::zip(const Place& apex, const Place& b, const Place& c, int levelB, int levelC) {
+void Cutter::zip(const Uv& apex, const Uv& b, const Uv& c, int levelB, int levelC) {
     const int countB = 1 << levelB, countC = 1 << levelC;
-    const auto along = [&](const Place& end, int i, int count) {
+    const auto along = [&](const Uv& end, int i, int count) {
         const float t = static_cast<float>(i) / static_cast<float>(count);
-        return Place{apex.u + t * (end.u - apex.u), apex.v + t * (end.v - apex.v)};
+        return Uv{apex.u + t * (end.u - apex.u), apex.v + t * (end.v - apex.v)};
     };
-    const auto squared = [&](const Place& p, const Place& q) {
+    const auto squared = [&](const Uv& p, const Uv& q) {
         const Vec3d d = at(numberOf(q)) - at(numberOf(p));
         return glm::dot(d, d);
     };
     int i = 1, j = 1;
     emit(apex, along(b, 1, countB), along(c, 1, countC));
     while (i < countB || j < countC) {
-        const Place p = along(b, i, countB), q = along(c, j, countC);
+        const Uv p = along(b, i, countB), q = along(c, j, countC);
         const bool isB =
             j == countC || (i < countB && squared(along(b, i + 1, countB), q) <= squared(p, along(c, j + 1, countC)));
         if (isB)
@@ -338,7 +337,7 @@ void Cutter::zip(const Place& apex, const Place& b, const Place& c, int levelB, 
 }
 
 /// Levels of the edges from corner k to k + 1.
-void Cutter::divide(const std::array<Place, 3>& p, const std::array<int, 3>& levels) {
+void Cutter::divide(const std::array<Uv, 3>& p, const std::array<int, 3>& levels) {
     for (int k = 0; k < 3; ++k)
         if (levels[(k + 1) % 3] == 0)
             return levels[0] || levels[1] || levels[2]
@@ -346,10 +345,10 @@ void Cutter::divide(const std::array<Place, 3>& p, const std::array<int, 3>& lev
                        : emit(p[0], p[1], p[2]);
     // All three: four of half the size, whose inner edges are cut as those are that they run along.
     const auto middle = [&](int k) {
-        const Place &a = p[k], &b = p[(k + 1) % 3];
-        return Place{.5f * (a.u + b.u), .5f * (a.v + b.v)};
+        const Uv &a = p[k], &b = p[(k + 1) % 3];
+        return Uv{.5f * (a.u + b.u), .5f * (a.v + b.v)};
     };
-    const Place ab = middle(0), bc = middle(1), ca = middle(2);
+    const Uv ab = middle(0), bc = middle(1), ca = middle(2);
     const std::array<int, 3> half{levels[0] - 1, levels[1] - 1, levels[2] - 1};
     divide({p[0], ab, ca}, half);
     divide({ab, p[1], bc}, half);
@@ -366,18 +365,18 @@ void Cutter::cutTriangle(const Touched& touched) {
     inside_.clear();
     const auto [a, b, c] = cornersOf(touched.triangle);
     replaced_ += triangleSize(a, b, c).box;
-    divide({Place{0, 0}, Place{1, 0}, Place{0, 1}}, levels);
+    divide({Uv{0, 0}, Uv{1, 0}, Uv{0, 1}}, levels);
 }
 
 std::shared_ptr<const LongTriangles> Cutter::cut() {
     findSame();
-    const double least = chooseLeast();
-    for (const std::uint32_t triangle : long_) touch(triangle, least, true);
+    const double minimum = chooseSmallest();
+    for (const std::uint32_t triangle : long_) touch(triangle, minimum, true);
     for (std::uint32_t i = 0, k = 0; i < mesh_.triangleCount; ++i) {
         if (k < long_.size() && long_[k] == i)
             ++k;
         else
-            touch(i, least, false);
+            touch(i, minimum, false);
     }
     killEdges();
     cutEdges();

@@ -53,9 +53,9 @@ struct MeshBvh::Work {
     std::unique_ptr<Tree> tree;
     std::shared_ptr<const Worker::Job> job;
 
-    Work(const Device& d, std::shared_ptr<const Mesh> m, std::shared_ptr<const BvhWatch> old, double most,
+    Work(const Device& d, std::shared_ptr<const Mesh> m, std::shared_ptr<const BvhWatch> old, double maximum,
          BvhWatch::Look look, Task t)
-        : device(d), mesh(std::move(m)), oldWatch(std::move(old)), limit(most), before(look), task(t) {}
+        : device(d), mesh(std::move(m)), oldWatch(std::move(old)), limit(maximum), before(look), task(t) {}
 
     void run() {
         if (task == Task::lookAndRebuild) {
@@ -106,7 +106,7 @@ void MeshBvh::setTree(std::unique_ptr<Tree> tree) {
     if (tree_ && versions_) tree_->stamp = versions_->serial();
 }
 
-void MeshBvh::takeTurns() {
+void MeshBvh::alternate() {
     const auto isFree = [&](const Spare& spare) { return !versions_->sees(spare.tree->stamp, spare.until); };
     const auto found = std::find_if(spares_.begin(), spares_.end(), isFree);
     std::unique_ptr<Tree> next;
@@ -175,7 +175,7 @@ void MeshBvh::update(std::shared_ptr<const Mesh> mesh) {
 
 void MeshBvh::refit() {
     if (isSeen())
-        takeTurns();
+        alternate();
     else if (versions_ && !versions_->anyHeld())
         spares_.clear();
     RTCGeometry geometry = tree_->geometry.get();

@@ -77,7 +77,7 @@ class MeshBvh {
     void refit();
     bool isSeen() const { return versions_ && versions_->sees(tree_->stamp); }
     /// Puts one in place that no version reads, to be refitted.
-    void takeTurns();
+    void alternate();
     void setTree(std::unique_ptr<Tree> tree);
     void retire(std::unique_ptr<Tree> tree, std::uint64_t until);
     static std::unique_ptr<Tree> newTree(const Device& device, const std::shared_ptr<const Mesh>& mesh, bool deforming);

@@ -8,7 +8,7 @@
 
 #include <rtsg/core/delayed_library.h>
 
-#if defined(RTSG_TELL_TSAN)
+#if defined(RTSG_NOTIFY_TSAN)
 #include <sanitizer/tsan_interface.h>
 #endif
 
@@ -22,31 +22,31 @@ namespace {
 // The packaged oneTBB is not instrumented: ThreadSanitizer sees neither that writes before a loop are visible in its
 // iterations, nor that these have ended when the loop returns. These two calls tell it so; in other builds they cost
 // nothing.
-#if defined(RTSG_TELL_TSAN)
-void tellReached(const char& point) {
+#if defined(RTSG_NOTIFY_TSAN)
+void notifyReached(const char& point) {
     __tsan_release(const_cast<char*>(&point));
 }
-void tellSeen(const char& point) {
+void notifySeen(const char& point) {
     __tsan_acquire(const_cast<char*>(&point));
 }
 #else
-void tellReached(const char&) {}
-void tellSeen(const char&) {}
+void notifyReached(const char&) {}
+void notifySeen(const char&) {}
 #endif
 
 /// The start and the end of a loop, or of work that another thread may take over.
 class Section {
   public:
-    Section() { tellReached(start_); }
-    ~Section() { tellSeen(end_); }
+    Section() { notifyReached(start_); }
+    ~Section() { notifySeen(end_); }
     Section(const Section&) = delete;
     Section& operator=(const Section&) = delete;
 
     /// One call within it.
     class Part {
       public:
-        explicit Part(const Section& section) : section_(section) { tellSeen(section_.start_); }
-        ~Part() { tellReached(section_.end_); }
+        explicit Part(const Section& section) : section_(section) { notifySeen(section_.start_); }
+        ~Part() { notifyReached(section_.end_); }
         Part(const Part&) = delete;
         Part& operator=(const Part&) = delete;
 

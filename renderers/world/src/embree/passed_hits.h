@@ -11,7 +11,7 @@
 namespace rtsg::bvh {
 
 struct PassedHits {
-    static constexpr std::uint32_t kMost = 32;  // of a ray
+    static constexpr std::uint32_t kMax = 32;  // of a ray
     using Passes = bool (*)(const void* asked, std::uint32_t slot);
 
     PassedHits(Passes p, const void* a) : passes(p), asked(a) {}
@@ -20,7 +20,7 @@ struct PassedHits {
     const void* const asked;
     std::uint32_t many = 0;  // lanes that pass more, and were ended
     std::uint32_t count[16] = {};
-    RawHit hits[16][kMost];  // the first `count` of each lane
+    RawHit hits[16][kMax];  // the first `count` of each lane
 };
 
 }  // namespace rtsg::bvh

@@ -179,7 +179,7 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     std::size_t total = 0;
     for (const Found& f : found) total += f.tiles();
     // If tiles see this many clusters on average, nearly all of the tiles are left to rays.
-    if (total > lists_.size() * most_) return false;
+    if (total > lists_.size() * maximum_) return false;
     const auto listOf = [&](int x, int y) -> List& {
         return lists_[static_cast<std::size_t>(y) * across + static_cast<std::size_t>(x)];
     };
@@ -187,13 +187,13 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     std::size_t taken = 0;
     for (List& list : lists_) {
         list.first = static_cast<std::uint32_t>(taken);
-        if (list.count <= most_) taken += std::exchange(list.count, 0);
+        if (list.count <= maximum_) taken += std::exchange(list.count, 0);
     }
     seen_.resize(taken);
     for (const Found& f : found)
         f.forTiles([&](int x, int y) {
             List& list = listOf(x, y);
-            if (list.count <= most_) seen_[list.first + list.count++] = {f.cluster, f.nearness, f.blocks(x, y)};
+            if (list.count <= maximum_) seen_[list.first + list.count++] = {f.cluster, f.nearness, f.blocks(x, y)};
         });
     return true;
 }
@@ -212,13 +212,13 @@ std::unique_ptr<const PrimaryHits> PrimaryHits::make(const Group& group, std::ui
     return hits;
 }
 
-bool PrimaryHits::find(int tileX, int tileY, std::span<TileHits> hits, const TilePlaces* places) const {
+bool PrimaryHits::find(int tileX, int tileY, std::span<TileHits> hits, const TilePositions* positions) const {
     const List& list =
         lists_[static_cast<std::size_t>(tileY) * static_cast<std::size_t>(tilesX()) + static_cast<std::size_t>(tileX)];
-    if (list.count > most_) return false;
+    if (list.count > maximum_) return false;
     const TileFrame frame(grid_, rows_, tileX, tileY);
     const Seen* const first = seen_.data() + list.first;
-    kernels().find(frame, first, first + list.count, clusters_->all.data(), clusters_->meshes.data(), places,
+    kernels().find(frame, first, first + list.count, clusters_->all.data(), clusters_->meshes.data(), positions,
                    hits.data(), hits.size());
     return true;
 }

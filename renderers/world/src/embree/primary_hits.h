@@ -35,7 +35,7 @@ struct PixelGrid {
 constexpr int kTilePixelsAside = 16;  // of sixteen blocks of four by four pixels, row by row, as their pixels
 
 /// The places of one sample of a tile's pixels, in pixels from the tile's middle, by block and by pixel in the block.
-struct alignas(64) TilePlaces {
+struct alignas(64) TilePositions {
     float x[16][16], y[16][16];
 };
 
@@ -72,7 +72,7 @@ class PrimaryHits {
 
     /// False: so many clusters may be seen there that rays are quicker. `places`: as many as `hits`, within the pixels;
     /// null: of one sample, in the pixels' middles.
-    bool find(int tileX, int tileY, std::span<TileHits> hits, const TilePlaces* places = nullptr) const;
+    bool find(int tileX, int tileY, std::span<TileHits> hits, const TilePositions* positions = nullptr) const;
     /// Sets the hits of a block's `valid` rays. Returns false if they cannot be found reliably: for rays that run
     /// within a triangle's plane to the last bit. Precondition: the rays are those of the grid; tMax of none is below
     /// the distance of surfaces that are cut off.
@@ -90,7 +90,7 @@ class PrimaryHits {
         : clusters_(std::move(clusters)),
           grid_(grid),
           rows_(grid),
-          most_(kMost * static_cast<std::uint32_t>(std::min(samples, 4))) {}
+          maximum_(kMax * static_cast<std::uint32_t>(std::min(samples, 4))) {}
     struct Found;
     std::vector<Found> project(const Group& group, std::uint32_t mask) const;
     bool list(const std::vector<Found>& found);
@@ -103,8 +103,8 @@ class PrimaryHits {
     struct List {
         std::uint32_t first = 0, count = 0;  // of `seen_`; more than `most_`: left to rays
     };
-    static constexpr std::uint32_t kMost = 256;  // for one sample
-    std::uint32_t most_;
+    static constexpr std::uint32_t kMax = 256;  // for one sample
+    std::uint32_t maximum_;
     std::vector<List> lists_;  // by tile
     std::vector<Seen> seen_;
 };
@@ -120,7 +120,7 @@ struct PrimaryBlock {
 /// The kernels for the machine's width of registers.
 struct PrimaryKernels {
     void (*find)(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
-                 const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,
+                 const Cluster* clusters, const ClusteredMesh* meshes, const TilePositions* positions, TileHits* hits,
                  std::size_t samples);
     bool (*meet)(const TileHits& hits, int block, const std::int32_t* valid, const Cluster* clusters,
                  const ClusteredMesh* meshes, RayPacket16& rays);

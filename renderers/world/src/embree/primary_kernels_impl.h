@@ -23,7 +23,7 @@ struct PrimaryKernelsOf {
     };
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
     RTSG_INLINE V all(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
-    RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
+    RTSG_INLINE F absolute(F x) { return W::maximum(x, -x); }
     RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     RTSG_INLINE F dot(const V& a, const Vec3f& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     /// The rounding error of a dot product, in units of the last place.
@@ -52,12 +52,12 @@ struct PrimaryKernelsOf {
         Triangles t{{a, b, c}, {cross(ca, plus(c, a)), cross(ab, plus(a, b)), cross(bc, plus(b, c))}, {}};
         // All pairs of edges give it; of a needle the two longest give little but roundings.
         const F x = dot(ca, ca), y = dot(ab, ab), z = dot(bc, bc);
-        const M first = W::greater(x, W::most(y, z)), second = W::greater(y, W::most(x, z));
+        const M first = W::greater(x, W::maximum(y, z)), second = W::greater(y, W::maximum(x, z));
         t.normal = cross(choose(first, ab, choose(second, bc, ca)), choose(first, bc, choose(second, ca, ab)));
         return t;
     }
     /// Corners of the triangles `numbers` of a mesh, of as many as there are lanes.
-    struct Places {
+    struct Corners {
         const float* corner[3][kLanes];  // every fourth lane's next to each other
         RTSG_INLINE int of(int lane) { return lane % 4 * (kLanes / 4) + lane / 4; }
         __attribute__((always_inline)) void set(int lane, const ClusteredMesh& mesh, std::uint32_t triangle) {
@@ -65,16 +65,16 @@ struct PrimaryKernelsOf {
             for (int c = 0; c < 3; ++c) corner[c][of(lane)] = &mesh.positions[index[c]].x;
         }
     };
-    RTSG_INLINE V gathered(const float* const* places, const V& eye) {
+    RTSG_INLINE V gathered(const float* const* positions, const V& eye) {
         constexpr int kNext = kLanes / 4;
-        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext),
-                  W::quads(places + 3 * kNext)};
+        F q[4] = {W::quads(positions), W::quads(positions + kNext), W::quads(positions + 2 * kNext),
+                  W::quads(positions + 3 * kNext)};
         W::transpose(q[0], q[1], q[2], q[3]);
         return minus({q[0], q[1], q[2]}, eye);
     }
-    RTSG_INLINE Triangles gathered(const Places& places, const V& eye) {
-        return around(gathered(places.corner[0], eye), gathered(places.corner[1], eye),
-                      gathered(places.corner[2], eye));
+    RTSG_INLINE Triangles gathered(const Corners& positions, const V& eye) {
+        return around(gathered(positions.corner[0], eye), gathered(positions.corner[1], eye),
+                      gathered(positions.corner[2], eye));
     }
 
     // ---- tiles --------------------------------------------------------------------------------------------------
@@ -83,7 +83,7 @@ struct PrimaryKernelsOf {
     /// many pixels from the tile's middle. Edges are positive inside.
     struct alignas(64) Planes {
         float across[4][16], down[4][16], one[4][16];
-        float most[4][16];  // `one` and as much more as it may be anywhere in a block around its middle
+        float maximum[4][16];  // `one` and as much more as it may be anywhere in a block around its middle
     };
     /// From the middle to the outermost places of pixels, and some roundings.
     struct Reach {
@@ -96,13 +96,13 @@ struct PrimaryKernelsOf {
     /// In pixels.
     struct Extent {
         F low, high;
-        __attribute__((always_inline)) void add(F at) { low = W::least(low, at), high = W::most(high, at); }
+        __attribute__((always_inline)) void add(F at) { low = W::minimum(low, at), high = W::maximum(high, at); }
         /// Whether the middle of a pixel of the tile may be in it. `at`: of the tile's middle.
         __attribute__((always_inline)) M holdsMiddle(float at, float margin) const {
             constexpr float kToWhole = 0x1.8p23f;
-            const F last = W::least(W::most(high - (at + .5f - margin), all(-9)), all(7));
+            const F last = W::minimum(W::maximum(high - (at + .5f - margin), all(-9)), all(7));
             const F near = (last + kToWhole) - kToWhole, floor = near - W::choose(W::greater(near, last), all(1), F{});
-            return W::atLeast(floor, W::most(low - (at + .5f + margin), all(-8)));
+            return W::atLeast(floor, W::maximum(low - (at + .5f + margin), all(-8)));
         }
     };
     /// A bit for each triangle that may be over the middle of one of the tile's pixels, by the box around it: of those
@@ -127,12 +127,12 @@ struct PrimaryKernelsOf {
         const std::uint32_t there = mesh.count - first < 16 ? mesh.count - first : 16;
         std::uint32_t seen = 0;
         for (int at = 0; at < 16; at += kLanes) {
-            Places places;
+            Corners positions;
             for (int lane = 0; lane < kLanes; ++lane) {
                 const auto i = static_cast<std::uint32_t>(at + lane);
-                places.set(lane, mesh, first + (i < there ? i : there - 1));
+                positions.set(lane, mesh, first + (i < there ? i : there - 1));
             }
-            const Triangles t = gathered(places, all(f.eye));
+            const Triangles t = gathered(positions, all(f.eye));
             const F height = dot(t.corner[0], t.normal);
             const F side = W::choose(W::greater(F{}, height), all(-1), all(1));
             const F inverse = 1.0f / height;
@@ -151,11 +151,11 @@ struct PrimaryKernelsOf {
             for (int k = 0; k < 4; ++k) {
                 if (k < 3) one[k] = one[k] + sizes(t.edge[k], f.middle) * kSlack;
                 const F reach = absolute(across[k]) + absolute(down[k]), rounding = absolute(one[k]) * kRounding;
-                const F most = one[k] + rounding;
+                const F maximum = one[k] + rounding;
                 W::store(p.across[k] + at, across[k]), W::store(p.down[k] + at, down[k]);
                 W::store(p.one[k] + at, one[k]);
-                W::store(p.most[k] + at, most + reach * within.block);
-                bits &= W::bits(W::atLeast(most + reach * within.tile, k < 3 ? F{} : all(farthest)));
+                W::store(p.maximum[k] + at, maximum + reach * within.block);
+                bits &= W::bits(W::atLeast(maximum + reach * within.tile, k < 3 ? F{} : all(farthest)));
             }
             seen |= bits << at;
         }
@@ -165,7 +165,7 @@ struct PrimaryKernelsOf {
     /// Places of blocks' middles in the tile, and of pixels' in a tile.
     struct alignas(64) Grid {
         float blockX[16], blockY[16];
-        TilePlaces pixels;
+        TilePositions pixels;
         constexpr Grid() : blockX(), blockY(), pixels() {
             for (int b = 0; b < 16; ++b) {
                 const int blockRow = b / 4;
@@ -188,7 +188,7 @@ struct PrimaryKernelsOf {
 
     /// The samples that a tile is asked for.
     struct Samples {
-        const TilePlaces* places;
+        const TilePositions* positions;
         TileHits* hits;
         std::size_t count;
     };
@@ -200,8 +200,8 @@ struct PrimaryKernelsOf {
         for (int at = 0; at < 16; at += kLanes) {
             const F x = W::load(kGrid.blockX + at), y = W::load(kGrid.blockY + at);
             F value[4];
-            for (int k = 0; k < 4; ++k) value[k] = Plane{plane[k].across, plane[k].down, all(p.most[k][i])}.at(x, y);
-            const F inside = W::least(W::least(value[0], value[1]), value[2]);
+            for (int k = 0; k < 4; ++k) value[k] = Plane{plane[k].across, plane[k].down, all(p.maximum[k][i])}.at(x, y);
+            const F inside = W::minimum(W::minimum(value[0], value[1]), value[2]);
             const std::uint32_t nearer = W::bits(W::greater(value[3], W::load(farthest + at)));
             blocks |= (W::bits(W::atLeast(inside, F{})) & nearer) << at;
         }
@@ -209,11 +209,11 @@ struct PrimaryKernelsOf {
             const int block = __builtin_ctz(blocks);
             std::uint32_t covered = 0;
             for (std::size_t s = 0; s < samples.count; ++s) {
-                const TilePlaces& places = samples.places[s];
+                const TilePositions& positions = samples.positions[s];
                 TileHits& hits = samples.hits[s];
                 for (int at = 0; at < 16; at += kLanes) {
-                    const F x = W::load(places.x[block] + at), y = W::load(places.y[block] + at);
-                    const F inside = W::least(W::least(plane[0].at(x, y), plane[1].at(x, y)), plane[2].at(x, y));
+                    const F x = W::load(positions.x[block] + at), y = W::load(positions.y[block] + at);
+                    const F inside = W::minimum(W::minimum(plane[0].at(x, y), plane[1].at(x, y)), plane[2].at(x, y));
                     const F near = plane[3].at(x, y), old = W::load(hits.nearness[block] + at);
                     const M now = W::both(W::atLeast(inside, F{}), W::greater(near, old));
                     W::put(hits.nearness[block] + at, now, near);
@@ -249,9 +249,9 @@ struct PrimaryKernelsOf {
     }
 
     static void find(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
-                     const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,
-                     std::size_t count) {
-        const Samples samples{places ? places : &kGrid.pixels, hits, count};
+                     const Cluster* clusters, const ClusteredMesh* meshes, const TilePositions* positions,
+                     TileHits* hits, std::size_t count) {
+        const Samples samples{positions ? positions : &kGrid.pixels, hits, count};
         for (std::size_t s = 0; s < count; ++s)
             for (int block = 0; block < 16; ++block)
                 for (int at = 0; at < 16; at += kLanes) {
@@ -269,7 +269,7 @@ struct PrimaryKernelsOf {
             within &= seen->blocks;
             if (!within) continue;
             const Cluster& cluster = clusters[seen->cluster];
-            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, !places, planes);
+            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, !positions, planes);
             std::uint32_t touched = 0;
             for (; rest; rest &= rest - 1) {
                 const int i = __builtin_ctz(rest);
@@ -279,17 +279,18 @@ struct PrimaryKernelsOf {
             if (!touched) continue;
             for (; touched; touched &= touched - 1) {
                 const int block = __builtin_ctz(touched);
-                F least = smallestOf(hits[0].nearness[block]);
-                for (std::size_t s = 1; s < count; ++s) least = W::least(least, smallestOf(hits[s].nearness[block]));
-                farthest[block] = W::smallest(least);
+                F minimum = smallestOf(hits[0].nearness[block]);
+                for (std::size_t s = 1; s < count; ++s)
+                    minimum = W::minimum(minimum, smallestOf(hits[s].nearness[block]));
+                farthest[block] = W::smallest(minimum);
             }
             limit = W::smallest(smallestOf(farthest));
         }
     }
     RTSG_INLINE F smallestOf(const float* of16) {
-        F least = W::load(of16);
-        for (int at = kLanes; at < 16; at += kLanes) least = W::least(least, W::load(of16 + at));
-        return least;
+        F minimum = W::load(of16);
+        for (int at = kLanes; at < 16; at += kLanes) minimum = W::minimum(minimum, W::load(of16 + at));
+        return minimum;
     }
 
     // ---- rays ---------------------------------------------------------------------------------------------------
@@ -318,26 +319,26 @@ struct PrimaryKernelsOf {
                 t = around(minus(all(in.positions[index[0]]), eye), minus(all(in.positions[index[1]]), eye),
                            minus(all(in.positions[index[2]]), eye));
             } else {
-                Places places;
+                Corners positions;
                 for (int lane = 0; lane < kLanes; ++lane) {
                     const std::uint32_t number = numbers[met >> lane & 1u ? lane : some];
                     const Cluster& cluster = clusters[number / Cluster::kTriangles];
                     triangle[lane] = cluster.first + number % Cluster::kTriangles, mesh[lane] = cluster.mesh;
-                    places.set(lane, meshes[cluster.mesh], triangle[lane]);
+                    positions.set(lane, meshes[cluster.mesh], triangle[lane]);
                 }
-                t = gathered(places, eye);
+                t = gathered(positions, eye);
             }
             const F u = dot(t.edge[0], d), v = dot(t.edge[1], d), whole = (u + v) + dot(t.edge[2], d);
             const F distance = dot(t.corner[0], t.normal) / dot(d, t.normal), inverse = 1.0f / whole;
-            const F far = W::load(rays.tMax + at), most = all(__FLT_MAX__);
-            const M sound = W::both(W::greater(distance, F{}), W::atLeast(most, absolute(inverse)));
+            const F far = W::load(rays.tMax + at), maximum = all(__FLT_MAX__);
+            const M sound = W::both(W::greater(distance, F{}), W::atLeast(maximum, absolute(inverse)));
             if (met & ~W::bits(sound)) return false;
             const M use = W::both(W::maskOf(met), W::atLeast(far, distance));
             W::put(rays.tMax + at, use, distance);
             W::put(rays.normalX_ + at, use, t.normal.x), W::put(rays.normalY_ + at, use, t.normal.y);
             W::put(rays.normalZ_ + at, use, t.normal.z);
-            W::put(rays.u_ + at, use, W::least(W::most(u * inverse, F{}), all(1)));
-            W::put(rays.v_ + at, use, W::least(W::most(v * inverse, F{}), all(1)));
+            W::put(rays.u_ + at, use, W::minimum(W::maximum(u * inverse, F{}), all(1)));
+            W::put(rays.v_ + at, use, W::minimum(W::maximum(v * inverse, F{}), all(1)));
             W::put(rays.prim_ + at, use, triangle), W::put(rays.geom_ + at, use, mesh);
         }
         return true;

@@ -112,13 +112,13 @@ void Top::remove(std::uint32_t object) {
 
 void Top::chooseMain() {
     std::uint32_t best = InstanceTree::kNone;
-    std::size_t most = 0;
+    std::size_t maximum = 0;
     for (const std::uint32_t object : resting_) {
         const Group& group = *objects_[object].resting;
         const std::size_t triangles = group.triangles() - group.hiddenTriangles();
         // One that is main already stays so until another is much larger.
         const std::size_t weight = object == mainObject_ ? 2 * triangles : triangles;
-        if (isVisible(group) && weight > most) most = weight, best = object;
+        if (isVisible(group) && weight > maximum) maximum = weight, best = object;
     }
     if (best == mainObject_) return;
     const std::uint32_t before = std::exchange(mainObject_, best);

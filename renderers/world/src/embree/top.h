@@ -60,8 +60,8 @@ class TopView {
         return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid, samples) : nullptr;
     }
     /// Null: trees are quicker.
-    std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Tell& tell) const {
-        return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), tell) : nullptr;
+    std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Visitor& report) const {
+        return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), report) : nullptr;
     }
     /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: records the surfaces that it lets rays pass;
     /// null: everything blocks.

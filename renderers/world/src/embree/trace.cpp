@@ -48,7 +48,7 @@ struct Passing {
 void note(const RTCFilterFunctionNArguments& asked, unsigned i, std::uint32_t geometry, std::uint32_t object,
           PassedHits& passed) {
     const unsigned size = asked.N, lane = RTCRayN_id(asked.ray, size, i);
-    if (passed.count[lane] == PassedHits::kMost) {
+    if (passed.count[lane] == PassedHits::kMax) {
         passed.many |= 1u << lane;
         return;
     }
@@ -65,7 +65,7 @@ void note(const RTCFilterFunctionNArguments& asked, unsigned i, std::uint32_t ge
 
 /// Embree asks whether hits count.
 void passHits(const RTCFilterFunctionNArguments* asked) {
-    const auto& [top, hider, passed] = *static_cast<const Passing*>(RayCast::told(*asked));
+    const auto& [top, hider, passed] = *static_cast<const Passing*>(RayCast::contextOf(*asked));
     const unsigned size = asked->N;
     for (unsigned i = 0; i < size; ++i) {
         if (asked->valid[i] == 0) continue;

@@ -118,7 +118,7 @@ std::uint32_t InstanceTree::newNode(std::uint32_t parent, std::uint32_t lane) {
     return node;
 }
 
-void InstanceTree::place(std::uint32_t node, std::uint32_t lane, std::uint32_t child, const Box& box) {
+void InstanceTree::putChild(std::uint32_t node, std::uint32_t lane, std::uint32_t child, const Box& box) {
     Node& n = nodes_.write(node);
     n.child[lane] = child;
     n.setBox(lane, box);
@@ -169,10 +169,10 @@ void InstanceTree::insert(std::uint32_t object) {
     const Box& box = objects_[object].box;
     std::uint32_t node = kRoot;
     for (std::size_t level = 1;; ++level) {
-        if (level >= kMostLevels - 1) tooDeep_ = true;  // built anew before a ray sees it
+        if (level >= kMaxLevels - 1) tooDeep_ = true;  // built anew before a ray sees it
         const Node& n = nodes_[node];
         std::uint32_t best = 0, empty = kNone;
-        float least = HUGE_VALF;
+        float minimum = HUGE_VALF;
         for (std::uint32_t i = 0; i < 8; ++i) {
             if (n.child[i] == kNone) {
                 empty = i;
@@ -184,11 +184,11 @@ void InstanceTree::insert(std::uint32_t object) {
             // Going into a leaf costs a node, otherwise the growth of the box. Among boxes that need not grow, the
             // smallest is taken.
             const float extra = n.child[i] & kLeaf ? grown.area() : grown.area() - old.area() + 1e-3f * old.area();
-            if (extra < least) least = extra, best = i;
+            if (extra < minimum) minimum = extra, best = i;
         }
         // An empty place is taken unless a child has room for it at next to no cost.
-        if (empty != kNone && (node == kRoot || n.child[best] & kLeaf || least > .1f * box.area())) {
-            place(node, empty, object | kLeaf, box);
+        if (empty != kNone && (node == kRoot || n.child[best] & kLeaf || minimum > .1f * box.area())) {
+            putChild(node, empty, object | kLeaf, box);
             break;
         }
         const std::uint32_t child = n.child[best];
@@ -198,9 +198,9 @@ void InstanceTree::insert(std::uint32_t object) {
         }
         const Box other = n.box(best);
         const std::uint32_t pair = newNode(node, best);
-        place(node, best, pair, other);
-        place(pair, 0, child, other);
-        place(pair, 1, object | kLeaf, box);
+        putChild(node, best, pair, other);
+        putChild(pair, 0, child, other);
+        putChild(pair, 1, object | kLeaf, box);
         area_ += other.area();
         node = pair;
         break;
@@ -224,7 +224,7 @@ void InstanceTree::take(std::uint32_t object) {
         area_ -= nodes_[parent].box(lane).area();
         if (children == 1) {
             const Box box = n.box(last);
-            place(parent, lane, n.child[last], box);
+            putChild(parent, lane, n.child[last], box);
         } else {
             nodes_.write(parent).clear(lane);
         }
@@ -259,7 +259,7 @@ void InstanceTree::split(const Part& part, std::size_t level, Part& a, Part& b) 
     const Vec3f size = upper - lower;
     int bestAxis = -1, bestBin = 0;
     float bestCost = HUGE_VALF;
-    for (int axis = 0; axis < 3 && level < kMostLevels / 2; ++axis) {
+    for (int axis = 0; axis < 3 && level < kMaxLevels / 2; ++axis) {
         const float scale = kBins * (1 - 1e-5f) / size[axis];
         if (!(size[axis] > 0) || !std::isfinite(scale)) continue;  // hardly any size: no bins
         std::array<Box, kBins> boxes;
@@ -341,11 +341,11 @@ void InstanceTree::build() {
         for (std::uint32_t i = 0; i < count; ++i) {
             const Part& part = parts[i];
             if (part.end - part.begin == 1) {
-                place(work.node, i, order_[part.begin] | kLeaf, part.box);
+                putChild(work.node, i, order_[part.begin] | kLeaf, part.box);
                 continue;
             }
             const std::uint32_t child = newNode(work.node, i);
-            place(work.node, i, child, part.box);
+            putChild(work.node, i, child, part.box);
             area_ += part.box.area();
             stack.push_back({part, child, work.level + 1});
         }

@@ -53,7 +53,7 @@ class InstanceTree : public TreeView {
     Part partOf(std::uint32_t begin, std::uint32_t end) const;
     void split(const Part& part, std::size_t level, Part& a, Part& b);
     std::uint32_t newNode(std::uint32_t parent, std::uint32_t lane);
-    void place(std::uint32_t node, std::uint32_t lane, std::uint32_t child, const Box& box);
+    void putChild(std::uint32_t node, std::uint32_t lane, std::uint32_t child, const Box& box);
     bool hasStrayed(const ObjectState& object) const;
     void insert(std::uint32_t object);
     void take(std::uint32_t object);

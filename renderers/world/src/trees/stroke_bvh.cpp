@@ -56,7 +56,7 @@ struct StrokeBvh::Builder {
         const auto binOf = [&](std::uint32_t i) {
             return static_cast<std::size_t>((centers[i][axis] - lower[axis]) * scale);
         };
-        if (size[axis] > 0 && std::isfinite(scale) && level < TreeView::kMostLevels / 2) {
+        if (size[axis] > 0 && std::isfinite(scale) && level < TreeView::kMaxLevels / 2) {
             std::array<Box, kStrokeBins> bins;
             std::array<std::uint32_t, kStrokeBins> counts{};
             for (auto i = first; i != last; ++i) bins[binOf(*i)].extend(boxes[*i]), ++counts[binOf(*i)];
@@ -86,8 +86,8 @@ struct StrokeBvh::Builder {
 };
 
 void StrokeBvh::read(const Mesh& mesh, const WorldFromLocal* placed) {
-    const auto place = [&](Vec3f p) { return placed ? Vec3f(*placed * glm::dvec4(Vec3d(p), 1)) : p; };
-    for (Stroke& s : strokes_) s.a = place(mesh.vertex(s.number, 0)), s.b = place(mesh.vertex(s.number, 1));
+    const auto toWorld = [&](Vec3f p) { return placed ? Vec3f(*placed * glm::dvec4(Vec3d(p), 1)) : p; };
+    for (Stroke& s : strokes_) s.a = toWorld(mesh.vertex(s.number, 0)), s.b = toWorld(mesh.vertex(s.number, 1));
 }
 
 double StrokeBvh::cost() const {
@@ -127,8 +127,8 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
         refitted->refit();
         if (refitted->cost() <= kSpoiltStrokes * before->builtCost_) return refitted;
     }
-    auto made = std::make_shared<StrokeBvh>();
-    StrokeBvh& bvh = *made;
+    auto created = std::make_shared<StrokeBvh>();
+    StrokeBvh& bvh = *created;
     Builder builder;
     const std::uint32_t count = mesh.strokeCount;
     bvh.strokes_.resize(count);
@@ -161,7 +161,7 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
         while (parted < 8) {
             std::size_t largest = 8;
             for (std::size_t i = 0; i < parted; ++i)
-                if (parts[i].size() > kMostInLeaf &&
+                if (parts[i].size() > kMaxInLeaf &&
                     (largest == 8 || weightOf(parts[i].box) > weightOf(parts[largest].box)))
                     largest = i;
             if (largest == 8) break;
@@ -170,8 +170,8 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
         }
         for (std::uint32_t i = 0; i < parted; ++i) {
             const Builder::Part& part = parts[i];
-            std::uint32_t child = TreeView::kLeaf | (part.begin * kMostInLeaf + part.size() - 1);
-            if (part.size() > kMostInLeaf) {
+            std::uint32_t child = TreeView::kLeaf | (part.begin * kMaxInLeaf + part.size() - 1);
+            if (part.size() > kMaxInLeaf) {
                 child = newNode();
                 stack.push_back({part, child, work.level + 1});
             }
@@ -183,7 +183,7 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
     for (std::uint32_t i = 0; i < count; ++i) sorted[i] = bvh.strokes_[builder.order[i]];
     bvh.strokes_ = std::move(sorted);
     bvh.builtCost_ = bvh.cost();
-    return made;
+    return created;
 }
 
 }  // namespace rtsg::bvh

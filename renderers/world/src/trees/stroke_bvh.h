@@ -27,7 +27,7 @@ class StrokeBvh {
         Vec3f b{0};
         float unused = 0;
     };
-    static constexpr std::uint32_t kMostInLeaf = 4;
+    static constexpr std::uint32_t kMaxInLeaf = 4;
 
     /// Those of the mesh, in its own frame or, with `placed`, in the one that leads to. `before`: of an earlier state
     /// of the mesh, or null.
@@ -37,8 +37,8 @@ class StrokeBvh {
     /// The root first. A leaf's child is kLeaf, its first stroke and how many follow that one.
     const std::vector<TreeView::Node>& nodes() const { return nodes_; }
     const std::vector<Stroke>& strokes() const { return strokes_; }
-    static std::uint32_t firstOf(std::uint32_t leaf) { return (leaf & ~TreeView::kLeaf) / kMostInLeaf; }
-    static std::uint32_t countOf(std::uint32_t leaf) { return leaf % kMostInLeaf + 1; }
+    static std::uint32_t firstOf(std::uint32_t leaf) { return (leaf & ~TreeView::kLeaf) / kMaxInLeaf; }
+    static std::uint32_t countOf(std::uint32_t leaf) { return leaf % kMaxInLeaf + 1; }
     const TreeView::Box& box() const { return box_; }
     std::size_t bytes() const {
         return nodes_.capacity() * sizeof(TreeView::Node) + strokes_.capacity() * sizeof(Stroke);

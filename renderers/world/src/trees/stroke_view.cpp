@@ -168,7 +168,7 @@ struct Width {
         if (!attenuated) return all(halfWidth * halfWidth);
         const StrokeStyle& s = *attenuated;
         const F8 fall = s.attenuation.x + distance * (s.attenuation.y + distance * s.attenuation.z);
-        const F8 half = .5f * min(max(s.pointSize / max(fall, all(1e-6f)), all(s.least)), all(s.most));
+        const F8 half = .5f * min(max(s.pointSize / max(fall, all(1e-6f)), all(s.minimum)), all(s.maximum));
         return half * half;
     }
 };
@@ -219,14 +219,14 @@ struct Met {
 /// be at or behind the eye; an axis that begins there is cut off just before.
 F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     constexpr float kCut = 1e-4f;
-    const F8 least = kCut * max(depthA, depthB), difference = depthB - depthA;
-    const F8 first = select(depthA < least, (least - depthA) / difference, all(0));
-    const F8 last = select(depthB < least, (least - depthA) / difference, all(1));
+    const F8 minimum = kCut * max(depthA, depthB), difference = depthB - depthA;
+    const F8 first = select(depthA < minimum, (minimum - depthA) / difference, all(0));
+    const F8 last = select(depthB < minimum, (minimum - depthA) / difference, all(1));
     const V8 along = apartB - apartA;
     const F8 z0 = 1.0f / (depthA + first * difference), z1 = 1.0f / (depthA + last * difference);
-    const V8 p0 = (apartA + along * first) * z0, way = (apartA + along * last) * z1 - p0;
-    const F8 square = dot(way, way);
-    const F8 v = select(square > 1e-30f, min(max(-dot(p0, way) / square, all(0)), all(1)), all(0));
+    const V8 p0 = (apartA + along * first) * z0, distance = (apartA + along * last) * z1 - p0;
+    const F8 square = dot(distance, distance);
+    const F8 v = select(square > 1e-30f, min(max(-dot(p0, distance) / square, all(0)), all(1)), all(0));
     // Back from the plane: the middle there is nearer to the nearer end.
     return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
 }
@@ -241,12 +241,12 @@ Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, 
     const I8 isAhead = d.z < 0.0f;
     const F8 inverse = -1.0f / select(isAhead, d.z, all(-1));
     const F8 depth = -from.z, t = (depth + start.z) * inverse;
-    F8 pixel = all(width.size), besideX = d.x * inverse, besideY = d.y * inverse, most = all(1e-4f);
+    F8 pixel = all(width.size), besideX = d.x * inverse, besideY = d.y * inverse, maximum = all(1e-4f);
     if (width.spread > 0) {
-        pixel = width.spread * depth, most = kBeside * pixel;
+        pixel = width.spread * depth, maximum = kBeside * pixel;
         besideX = start.x + besideX * start.z, besideY = start.y + besideY * start.z;
     }
-    isOwn = isAhead & (depth > 0.0f) & (besideX * besideX + besideY * besideY <= most * most);
+    isOwn = isAhead & (depth > 0.0f) & (besideX * besideX + besideY * besideY <= maximum * maximum);
     const F8 far = sqrt(dot(from, from)), half = sqrt(width.halfSquared(far)) * pixel, edge = kEdge * pixel;
     const F8 x = start.x + d.x * t - from.x - edge, y = start.y + d.y * t - from.y - edge;
     const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(points, points)) + far);
@@ -279,7 +279,7 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         u = select(both | some, min(max(seen, all(0)), all(1)), u);
     }
     const F8 axis = (da + u * dw) * dd;
-    const V8 apart = toA + along * u - d * axis, place = a + along * u, from = place - width.eye;
+    const V8 apart = toA + along * u - d * axis, position = a + along * u, from = position - width.eye;
     const F8 beside = dot(apart, apart), lean = dot(apart, width.forward);
     F8 offset = beside, reach, pixelSquared;
     const F8 far = dot(from, from), distance = sqrt(far);
@@ -297,10 +297,10 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         reach = width.halfSquared(distance) * pixelSquared;
     }
     // No farther from the axis than the stroke is wide, so that the boxes around it hold the place.
-    const F8 ahead = dot(d, width.forward), most = sqrt(max(reach - beside, all(0)) * dd);
+    const F8 ahead = dot(d, width.forward), maximum = sqrt(max(reach - beside, all(0)) * dd);
     const I8 faces = ahead * ahead * dd >= .25f;
-    const F8 step = min(max(select(faces, lean / select(faces, ahead, all(1)), all(0)), -most), most);
-    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)) + distance);
+    const F8 step = min(max(select(faces, lean / select(faces, ahead, all(1)), all(0)), -maximum), maximum);
+    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(position, position)) + distance);
     Met met{offset <= reach, axis + step - tie * sqrt(dd), u, sqrt(pixelSquared)};
     if (!width.isSquare) return met;
     met.hit = (isOwn & square.hit) | (~isOwn & met.hit);
@@ -325,9 +325,9 @@ class LeafEnds {
         const V8 b = V8{load(lanes_[3]), load(lanes_[4]), load(lanes_[5])} - from;
         const F8 ta = dot(a, d), tb = dot(b, d), last = max(ta, tb);
         // The point that is nearest to the axis, seen along it.
-        const V8 across = a - d * ta, way = b - d * tb - across;
-        const F8 u = min(max(-dot(across, way) / max(dot(way, way), all(1e-30f)), all(0)), all(1));
-        const V8 apart = across + way * u;
+        const V8 across = a - d * ta, distance = b - d * tb - across;
+        const F8 u = min(max(-dot(across, distance) / max(dot(distance, distance), all(1e-30f)), all(0)), all(1));
+        const V8 apart = across + distance * u;
         const F8 rounding = 0x1p-18f * (sqrt(dot(a, a)) + sqrt(dot(b, b)) + glm::length(cone.origin));
         const F8 radius = cone.reach.x + cone.growth.x * max(last, all(0)) + rounding;
         return simd::laneBits((dot(apart, apart) <= radius * radius) & (last + radius >= cone.start) &
@@ -437,9 +437,9 @@ struct StrokeView::Rays {
             if (!normal) continue;
             if (!square.isRaySpace) normal = glm::normalize(square.normalFromRay * *normal);
             const Vec3f from(o[h].x[k], o[h].y[k], o[h].z[k]), along(d[h].x[k], d[h].y[k], d[h].z[k]);
-            const Vec3f place = a + m.u[k] * (b - a), at = from + surface[h][k] * along;
-            const float tie = kTie * (glm::length(from) + glm::length(place) + glm::length(place - eye));
-            if (!(std::abs(glm::dot(place - at, *normal)) <= tie)) continue;
+            const Vec3f position = a + m.u[k] * (b - a), at = from + surface[h][k] * along;
+            const float tie = kTie * (glm::length(from) + glm::length(position) + glm::length(position - eye));
+            if (!(std::abs(glm::dot(position - at, *normal)) <= tie)) continue;
             t[k] = surface[h][k] - tie / length[h][k];
             hit[k] = -static_cast<std::int32_t>(t[k] >= tMin[h][k]);
         }
@@ -492,7 +492,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                 const std::uint32_t first = StrokeBvh::firstOf(leaf), count = StrokeBvh::countOf(leaf);
                 bool found = false;
                 LeafEnds ends;
-                for (std::uint32_t k = 0; k < StrokeBvh::kMostInLeaf; ++k)
+                for (std::uint32_t k = 0; k < StrokeBvh::kMaxInLeaf; ++k)
                     ends.set(static_cast<int>(k), placed, strokes[first + std::min(k, count - 1)]);
                 std::uint32_t near = (1u << count) - 1;
                 if (rays.halves > 1) near &= ends.near(around);

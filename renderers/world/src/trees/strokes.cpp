@@ -7,7 +7,7 @@ namespace rtsg::bvh {
 
 namespace {
 
-void place(StrokeObject& o, const WorldFromLocal& m) {
+void setTransform(StrokeObject& o, const WorldFromLocal& m) {
     o.rayFromLocal = glm::mat4x3(m);
     o.localFromRay = glm::mat3(glm::inverse(glm::dmat3(m[0], m[1], m[2])));
     o.rowLengths = rowLengths(o.localFromRay);
@@ -29,10 +29,10 @@ std::uint32_t Strokes::add(std::uint32_t slot, std::shared_ptr<const StrokeBvh> 
     StrokeObject& o = objects_.write(object);
     o = {};
     o.bvh = std::move(bvh);
-    place(o, rayFromLocal);
+    setTransform(o, rayFromLocal);
     o.kinds = kinds, o.slot = slot, o.isPoints = isPoints;
     if (style) {
-        const float points = style->attenuated() ? style->most : style->pointSize;
+        const float points = style->attenuated() ? style->maximum : style->pointSize;
         o.halfWidth = .5f * (isPoints ? points : style->lineWidth);
     }
     o.style = std::move(style);
@@ -43,7 +43,7 @@ std::uint32_t Strokes::add(std::uint32_t slot, std::shared_ptr<const StrokeBvh> 
 }
 
 void Strokes::move(std::uint32_t object, const WorldFromLocal& rayFromLocal, const TreeView::Box& box) {
-    place(objects_.write(object), rayFromLocal);
+    setTransform(objects_.write(object), rayFromLocal);
     tree_.set(object, box);
     changed_ = true;
 }

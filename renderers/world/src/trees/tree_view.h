@@ -45,7 +45,7 @@ class TreeView {
 
     // For the other traversal (packet_avx512.h):
     static constexpr std::uint32_t kLeaf = 0x80000000, kRoot = 0, kPageBits = 4, kPerPage = 1 << kPageBits;
-    static constexpr std::size_t kMostLevels = 28, kStack = kMostLevels * 7 + 8;
+    static constexpr std::size_t kMaxLevels = 28, kStack = kMaxLevels * 7 + 8;
     struct alignas(32) Node {
         float bounds[2][3][8];   // lower and upper, by axis, by child; inverted where there is none
         std::uint32_t child[8];  // a node, or an object and kLeaf; kNone

@@ -6,7 +6,7 @@
 namespace rtsg::bvh {
 
 std::size_t Versions::hold() {
-    for (std::size_t i = 0; i < kMost; ++i) {
+    for (std::size_t i = 0; i < kMax; ++i) {
         Holder& holder = holders_[i];
         if (holder.serial != 0) continue;
         holder.serial = ++serial_;
@@ -15,7 +15,7 @@ std::size_t Versions::hold() {
         findHeld();
         return i;
     }
-    return kMost;
+    return kMax;
 }
 
 bool Versions::refresh() {
@@ -43,7 +43,7 @@ std::vector<std::shared_ptr<const void>> Versions::takeUnseen() {
     std::vector<std::shared_ptr<const void>> unseen;
     std::erase_if(retired_, [&](Retired& r) {
         if (sees(r.from, r.to)) return false;
-        unseen.push_back(std::move(r.thing));
+        unseen.push_back(std::move(r.object));
         return true;
     });
     return unseen;

@@ -2,7 +2,7 @@
 //
 // A serial counts the versions made. Data that are written carry it as their stamp, so a version whose serial is above
 // the stamp may read them: then the writer copies first, and keeps what it takes out of use until nobody can read it.
-// Invariant: at most kMost versions at a time; one pins what it was made of, and nothing that came later. Embree's
+// Invariant: at most kMax versions at a time; one pins what it was made of, and nothing that came later. Embree's
 // masks cannot be copied, so they hold four bits (the kinds of rays) for each of eight epochs: a version's rays carry
 // the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs alone. (Embree
 // reads a mask in one word while we write it: the bits that a reader looks at stay what they are.) Threading:
@@ -21,9 +21,9 @@ namespace rtsg::bvh {
 
 class Versions {
   public:
-    static constexpr std::size_t kMost = 7;
+    static constexpr std::size_t kMax = 7;
     static constexpr unsigned kEpochs = 8, kKinds = 4;
-    static_assert(kMost < kEpochs && kEpochs * kKinds <= 32, "an epoch is always free, and each has bits of its own");
+    static_assert(kMax < kEpochs && kEpochs * kKinds <= 32, "an epoch is always free, and each has bits of its own");
 
     /// The kinds of rays that a mask lets through, in every epoch.
     static constexpr std::uint32_t inAllEpochs(std::uint32_t kinds) { return (kinds & 15u) * 0x11111111u; }
@@ -40,7 +40,7 @@ class Versions {
         return false;
     }
 
-    /// Makes another version of the present data; returns its number below kMost, or kMost if too many are held.
+    /// Makes another version of the present data; returns its number below kMax, or kMax if too many are held.
     std::size_t hold();
     /// Its reader has done: nothing of it is read any more.
     void release(std::size_t number) { holders_[number].isRead.store(false, std::memory_order_release); }
@@ -49,8 +49,8 @@ class Versions {
     bool refresh();
 
     /// Keeps a thing that was in use from `stamp` until the serial was `until` while somebody can see it.
-    void retire(std::uint64_t stamp, std::uint64_t until, std::shared_ptr<const void> thing) {
-        if (sees(stamp, until)) retired_.push_back({stamp, until, std::move(thing)});
+    void retire(std::uint64_t stamp, std::uint64_t until, std::shared_ptr<const void> object) {
+        if (sees(stamp, until)) retired_.push_back({stamp, until, std::move(object)});
     }
     /// Retired things that nobody sees any more, after refresh().
     std::vector<std::shared_ptr<const void>> takeUnseen();
@@ -70,11 +70,11 @@ class Versions {
     };
     struct Retired {
         std::uint64_t from, to;
-        std::shared_ptr<const void> thing;
+        std::shared_ptr<const void> object;
     };
     void findHeld();
 
-    std::array<Holder, kMost> holders_;
+    std::array<Holder, kMax> holders_;
     std::vector<Retired> retired_;
     std::uint64_t serial_ = 0, newest_ = 0;
     std::uint32_t heldBits_ = 0;

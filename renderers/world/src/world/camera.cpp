@@ -158,7 +158,7 @@ Camera Camera::since(const Camera& before, double t) const {
     return camera;
 }
 
-Vec2d Camera::place(const Vec3d& world) const {
+Vec2d Camera::project(const Vec3d& world) const {
     const Vec3d d = world - position;
     const Vec3d gone = steps() * d;
     const double across = gone.x, upwards = gone.y, ahead = gone.z;

@@ -129,10 +129,10 @@ void FullTraversalRenderer::Impl::leave() {
     if (open.empty() || open.back().depth != stack.size()) return;
     const OpenBox box = open.back();
     open.pop_back();
-    const std::optional<WorldFromLocal> place =
-        flatten::placeOfEdges(box.authored ? flatten::worldBox(*box.authored, level.worldFromLocal) : box.content);
-    if (!place) return;
-    Instance now = flatten::edgesInstance(*scene, box.owner, *place);
+    const std::optional<WorldFromLocal> worldFromLocal =
+        flatten::transformOfEdges(box.authored ? flatten::worldBox(*box.authored, level.worldFromLocal) : box.content);
+    if (!worldFromLocal) return;
+    Instance now = flatten::edgesInstance(*scene, box.owner, *worldFromLocal);
     now.layer = level.layer;
     Geometry& edges = geometries[now.geometry.value];
     if (std::exchange(edges.seen, frame) == 0) delta.geometries.push_back({now.geometry, flatten::boxEdges()});
@@ -253,8 +253,8 @@ void FullTraversalRenderer::Impl::checkGeometry(NodeId id) {
     std::shared_ptr<const Mesh> mesh;
     if (meshes)
         mesh = meshes(*scene, id);
-    else if (auto made = tessellate(*scene, id))
-        mesh = *std::move(made);
+    else if (auto created = tessellate(*scene, id))
+        mesh = *std::move(created);
     geometry.mesh = mesh;
     delta.geometries.push_back({id, std::move(mesh)});
 }

@@ -18,7 +18,7 @@ namespace rtsg {
 
 template <class T>
 class HandOver {
-    struct Place {
+    struct Entry {
         std::shared_ptr<const T> value;
         mutable std::atomic<std::uint64_t> left{0};
         std::uint64_t came = 0;  // when it is not current any more
@@ -26,24 +26,24 @@ class HandOver {
     };
 
   public:
-    HandOver() { places_[0].isUsed = places_[0].isCurrent = true; }
+    HandOver() { entries_[0].isUsed = entries_[0].isCurrent = true; }
     HandOver(const HandOver&) = delete;
     HandOver& operator=(const HandOver&) = delete;
 
     /// Null: there is no object any more. False: no place is free, and get() returns the old object.
     bool put(std::shared_ptr<const T> next) {
         tidy();
-        for (std::size_t i = 0; i < kPlaces; ++i) {
-            if (places_[i].isUsed) continue;
-            Place& place = places_[i];
-            place.isUsed = true;
-            place.value = std::move(next);
-            place.left.store(0, std::memory_order_relaxed);
+        for (std::size_t i = 0; i < kEntries; ++i) {
+            if (entries_[i].isUsed) continue;
+            Entry& entry = entries_[i];
+            entry.isUsed = true;
+            entry.value = std::move(next);
+            entry.left.store(0, std::memory_order_relaxed);
             const std::uint64_t before = word_.exchange(std::uint64_t{i} << kCountBits, std::memory_order_acq_rel);
-            Place& old = places_[before >> kCountBits];
+            Entry& old = entries_[before >> kCountBits];
             old.came = before & kCountMask;
             old.isCurrent = false;
-            place.isCurrent = true;
+            entry.isCurrent = true;
             tidy();
             return true;
         }
@@ -51,11 +51,11 @@ class HandOver {
     }
     /// Releases old objects that nobody reads any more.
     void tidy() {
-        for (Place& place : places_) {
-            if (!place.isUsed || place.isCurrent) continue;
-            if (place.left.load(std::memory_order_acquire) != place.came) continue;
-            place.value.reset();
-            place.isUsed = false;
+        for (Entry& entry : entries_) {
+            if (!entry.isUsed || entry.isCurrent) continue;
+            if (entry.left.load(std::memory_order_acquire) != entry.came) continue;
+            entry.value.reset();
+            entry.isUsed = false;
         }
     }
     /// The object that was put last; null before.
@@ -65,22 +65,22 @@ class HandOver {
     class Visit {
       public:
         explicit Visit(const HandOver& all)
-            : place_(all.places_[all.word_.fetch_add(1, std::memory_order_acquire) >> kCountBits]) {}
-        ~Visit() { place_.left.fetch_add(1, std::memory_order_release); }
+            : entry_(all.entries_[all.word_.fetch_add(1, std::memory_order_acquire) >> kCountBits]) {}
+        ~Visit() { entry_.left.fetch_add(1, std::memory_order_release); }
         Visit(const Visit&) = delete;
         Visit& operator=(const Visit&) = delete;
-        const std::shared_ptr<const T>& value() const { return place_.value; }
+        const std::shared_ptr<const T>& value() const { return entry_.value; }
 
       private:
-        const Place& place_;
+        const Entry& entry_;
     };
 
-    static constexpr std::size_t kPlaces = 16;
+    static constexpr std::size_t kEntries = 16;
 
   private:
     static constexpr unsigned kCountBits = 56;
     static constexpr std::uint64_t kCountMask = (std::uint64_t{1} << kCountBits) - 1;
-    std::array<Place, kPlaces> places_;
+    std::array<Entry, kEntries> entries_;
     mutable std::atomic<std::uint64_t> word_{0};
 };
 

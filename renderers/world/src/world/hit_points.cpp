@@ -33,14 +33,15 @@ HitPoint RayView::point(const Hit& hit) const {
 HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
     const bool stroke = hit && !hit.isCap() && instances_[hit.instance].mesh->strokeCount > 0;
     if (hit && !hit.isCap() && !stroke) return point(hit);
-    const Vec3f way = hit.t * ray.direction, place = ray.origin + way;
+    const Vec3f displacement = hit.t * ray.direction, position = ray.origin + displacement;
     // Far enough towards the axis not to hit it again, and not as far as the surface that it lies in.
     if (stroke)
-        return {place, glm::abs(hit.normal) * (bvh::kTie * (glm::length(ray.origin) + glm::length(place))), hit.normal};
+        return {position, glm::abs(hit.normal) * (bvh::kTie * (glm::length(ray.origin) + glm::length(position))),
+                hit.normal};
     // The place is as exact as the ray's start and the way from there are; a cap's plane is not known better.
     constexpr float eps = 0x1p-24f;
-    const Vec3f sizes = glm::abs(ray.origin) + glm::abs(way);
-    return {place, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
+    const Vec3f sizes = glm::abs(ray.origin) + glm::abs(displacement);
+    return {position, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
 }
 
 namespace {
@@ -51,7 +52,7 @@ float halfWidthOf(const StrokeStyle& style, bool isPoint, float distance) {
     if (!style.attenuated()) return .5f * style.pointSize;
     const Vec3f& a = style.attenuation;
     const float fall = a.x + distance * (a.y + distance * a.z);
-    return .5f * std::min(std::max(style.pointSize / std::max(fall, 1e-6f), style.least), style.most);
+    return .5f * std::min(std::max(style.pointSize / std::max(fall, 1e-6f), style.minimum), style.maximum);
 }
 
 }  // namespace
@@ -96,8 +97,8 @@ Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {
         if (away[i] == 0) continue;
         start[i] = nextFloat(start[i], away[i] > 0);
         // On a plane through 0 nothing is rounded and the next float is one that the processor may take for 0.
-        constexpr float least = 1e-30f;
-        if (std::abs(start[i]) < least) start[i] = std::copysign(least, away[i]);
+        constexpr float minimum = 1e-30f;
+        if (std::abs(start[i]) < minimum) start[i] = std::copysign(minimum, away[i]);
     }
     return start;
 }

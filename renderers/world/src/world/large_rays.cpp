@@ -5,11 +5,11 @@
 
 namespace rtsg {
 
-LargeRays::LargeRays(const RayView& view, const Tell& tell, RayKind kind) {
+LargeRays::LargeRays(const RayView& view, const Visitor& report, RayKind kind) {
     const RayKind meant = view.meant(kind);
     if (view.filter_ || view.seesStrokes(meant)) return;
     triangles_ = view.tables_->top.largeTriangles(meant, [&](std::uint32_t slot) {
-        About about = tell(slot);
+        About about = report(slot);
         about.isMirrored = view.instance(slot).sign < 0;
         return about;
     });

@@ -16,10 +16,10 @@ namespace rtsg {
 class LargeRays {
   public:
     using About = bvh::LargeTriangles::About;
-    using Tell = bvh::LargeTriangles::Tell;
+    using Visitor = bvh::LargeTriangles::Visitor;
     static constexpr std::uint32_t kFront = bvh::LargeTriangles::kFront, kBack = bvh::LargeTriangles::kBack;
     /// `tell`: of an instance, by slot; but for `isMirrored`, which is known here.
-    LargeRays(const RayView& view, const Tell& tell, RayKind kind = RayKind::view);
+    LargeRays(const RayView& view, const Visitor& report, RayKind kind = RayKind::view);
 
     /// Whether asking them pays at all.
     explicit operator bool() const { return triangles_ != nullptr; }

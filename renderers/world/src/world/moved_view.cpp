@@ -20,17 +20,17 @@ Vec3d applied(const WorldFromLocal& m, const Vec3d& p) {
 }
 
 /// The rotation of a matrix of positive determinant that is nearest to it (Higham's iteration).
-glm::dmat3 turnOf(const glm::dmat3& m) {
-    constexpr int kMost = 64;
-    glm::dmat3 turn = m;
-    for (int i = 0; i < kMost; ++i) {
-        const glm::dmat3 next = .5 * (turn + glm::transpose(glm::inverse(turn)));
+glm::dmat3 rotationPart(const glm::dmat3& m) {
+    constexpr int kMax = 64;
+    glm::dmat3 rotation = m;
+    for (int i = 0; i < kMax; ++i) {
+        const glm::dmat3 next = .5 * (rotation + glm::transpose(glm::inverse(rotation)));
         double change = 0;
-        for (int k = 0; k < 3; ++k) change += glm::length(next[k] - turn[k]);
-        turn = next;
+        for (int k = 0; k < 3; ++k) change += glm::length(next[k] - rotation[k]);
+        rotation = next;
         if (change < 1e-15) break;
     }
-    return turn;
+    return rotation;
 }
 
 }  // namespace
@@ -46,14 +46,15 @@ Course::Course(const WorldFromLocal& from, const WorldFromLocal& to, const Vec3d
       linearFrom_(linearOf(from)) {
     // Both of one handedness and neither flat: then there is a change from one to the other that turns and stretches.
     if (determinantSign(from) * determinantSign(to) <= 0) return;
-    const glm::dmat3 change = linearOf(to) * glm::inverse(linearFrom_), turn = turnOf(change);
-    turn_ = glm::normalize(glm::quat_cast(turn));
-    stretch_ = glm::transpose(turn) * change;
-    turns_ = std::isfinite(glm::dot(turn_, turn_)) && isFinite({stretch_[0], stretch_[1], stretch_[2], Vec3d(0)});
+    const glm::dmat3 change = linearOf(to) * glm::inverse(linearFrom_), rotation = rotationPart(change);
+    rotation_ = glm::normalize(glm::quat_cast(rotation));
+    stretch_ = glm::transpose(rotation) * change;
+    rotates_ =
+        std::isfinite(glm::dot(rotation_, rotation_)) && isFinite({stretch_[0], stretch_[1], stretch_[2], Vec3d(0)});
 }
 
 WorldFromLocal Course::at(double t) const {
-    if (!turns_) {
+    if (!rotates_) {
         WorldFromLocal m;
         for (int i = 0; i < 4; ++i) m[i] = glm::mix(from_[i], to_[i], t);
         return m;
@@ -64,7 +65,7 @@ WorldFromLocal Course::at(double t) const {
         unit[i] = 1;
         stretch[i] = glm::mix(unit, stretch_[i], t);
     }
-    const glm::dmat3 linear = glm::mat3_cast(glm::slerp(glm::dquat(1, 0, 0, 0), turn_, t)) * stretch * linearFrom_;
+    const glm::dmat3 linear = glm::mat3_cast(glm::slerp(glm::dquat(1, 0, 0, 0), rotation_, t)) * stretch * linearFrom_;
     return {linear[0], linear[1], linear[2], glm::mix(pivotFrom_, pivotTo_, t) - linear * pivot_};
 }
 
@@ -137,7 +138,7 @@ MovedView::MovedView(const RayView& now, const Motions& motions, double t) : Ray
     };
     std::vector<bvh::MovedTop::Move> moves;
     for (const Motions::Object& object : motions.objects_) {
-        const WorldFromLocal first = object.way.at(t), change = compose(first, object.firstFromWorld);
+        const WorldFromLocal first = object.course.at(t), change = compose(first, object.firstFromWorld);
         const bvh::TopObject& rests = now.tables_->top.objectOf(object.number);
         const auto as = moved(rests, change, first);
         if (!as) continue;  // half way through a mirror it is flat: nothing of it is seen there that could be told

@@ -33,8 +33,8 @@ class Course {
   private:
     WorldFromLocal from_, to_;
     Vec3d pivot_, pivotFrom_, pivotTo_;
-    bool turns_ = false;  // else numbers change evenly: one of the two is flat, or it is turned inside out
-    glm::dquat turn_{1, 0, 0, 0};
+    bool rotates_ = false;  // else numbers change evenly: one of the two is flat, or it is turned inside out
+    glm::dquat rotation_{1, 0, 0, 0};
     glm::dmat3 stretch_{1.0}, linearFrom_{1.0};
 };
 
@@ -57,7 +57,7 @@ class Motions {
     struct Object {
         std::uint32_t number = 0;            // in the top
         std::vector<std::uint32_t> slots;    // that are in it
-        Course way;                          // of the first of them
+        Course course;                       // of the first of them
         WorldFromLocal firstFromWorld{1.0};  // in the later state
     };
     std::vector<Object> objects_;

@@ -134,30 +134,31 @@ class UnmetByRays final : public RayView {
                 for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) visit(slot, i);
     }
     /// Calls `tell(slot, triangle, weights, distance)` for each of their triangles that the ray meets; or of proxies.
-    template <class Tell>
-    void crossVolumes(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Tell& tell) const {
-        visitVolumes([&](std::uint32_t slot, std::uint32_t i) { cross(slot, i, from, unit, filter, tell); });
+    template <class Visitor>
+    void crossVolumes(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Visitor& report) const {
+        visitVolumes([&](std::uint32_t slot, std::uint32_t i) { cross(slot, i, from, unit, filter, report); });
     }
-    template <class Tell>
-    void crossProxies(const Vec3d& from, const Vec3d& unit, const Tell& tell) const {
+    template <class Visitor>
+    void crossProxies(const Vec3d& from, const Vec3d& unit, const Visitor& report) const {
         for (const std::uint32_t slot : tables_->proxies)
             if (const RayInstance& proxy = instances_[slot]; isThere(proxy) && mayMeet(proxy, from, unit))
-                for (std::uint32_t i = 0; i < proxy.mesh->triangleCount; ++i) cross(slot, i, from, unit, nullptr, tell);
+                for (std::uint32_t i = 0; i < proxy.mesh->triangleCount; ++i)
+                    cross(slot, i, from, unit, nullptr, report);
     }
 
   private:
     static bool isThere(const RayInstance& instance) {
         return instance.mesh && instance.sign != 0 && rtsg::isFinite(instance.info.worldFromLocal);
     }
-    template <class Tell>
+    template <class Visitor>
     void cross(std::uint32_t slot, std::uint32_t triangle, const Vec3d& from, const Vec3d& unit,
-               const RayFilter* filter, const Tell& tell) const {
+               const RayFilter* filter, const Visitor& report) const {
         constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
         const std::optional<exact::Meeting> m = exact::meet(triangleOf(instances_[slot], triangle), from, unit);
         if (!m || !m->isInside(kEdge) || !(m->distance >= 0)) return;
         const Vec3f at = fromWorld(from + m->distance * unit);
         if (filter && filter->concerns(slot) && filter->leavesOut(slot, at, 0)) return;
-        tell(slot, triangle, m->where, m->distance);
+        report(slot, triangle, m->where, m->distance);
     }
 };
 
@@ -193,8 +194,8 @@ namespace {
 
 /// The surface that a ray meets first or, with `seen`, the first that is seen.
 Hit firstOf(const RayView& view, Ray ray, const SeenSurfaces* seen) {
-    constexpr int kMost = 10'000;  // clear surfaces one behind the other
-    for (int i = 0; i < kMost; ++i) {
+    constexpr int kMax = 10'000;  // clear surfaces one behind the other
+    for (int i = 0; i < kMax; ++i) {
         const Hit met = view.intersect(ray);
         if (!met || !seen) return met;
         if (const Hit shown = seen->seen(view, ray, met)) return shown;
@@ -270,7 +271,7 @@ class BeyondFilter final : public RayFilter {
 
 Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& direction, double maximum,
                                             Surfaces surfaces) const {
-    constexpr std::size_t kMost = 10'000;
+    constexpr std::size_t kMax = 10'000;
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
     if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
@@ -280,7 +281,7 @@ Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& di
     BeyondFilter filter(eye, forward);
     const LensedView view(*world_, {}, &filter);
     std::vector<Pick> picks;
-    for (float from = 0; picks.size() < kMost;) {
+    for (float from = 0; picks.size() < kMax;) {
         const Hit hit = view.intersect({eye, from, forward, std::numeric_limits<float>::infinity()});
         if (!hit) break;
         // The plane's place on the ray in double precision, unless it is seen edge on.
@@ -297,16 +298,16 @@ Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& di
             finish({hit.instance, hit.triangle, {hit.u, hit.v}, distance, origin + distance * unit, {}, true}));
     }
     std::map<std::uint32_t, double> last;  // of each of those: where two triangles touch, a side counts once
-    const auto tell = [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
+    const auto report = [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
         const auto [known, isNew] = last.try_emplace(slot, distance);
-        if (distance > maximum || picks.size() >= kMost) return;
+        if (distance > maximum || picks.size() >= kMax) return;
         if (!isNew && std::abs(known->second - distance) <= 1e-9 * (1 + distance)) return;
         known->second = distance;
         picks.push_back(finish({slot, triangle, where, distance, origin + distance * unit, {}, true}));
     };
     const UnmetByRays unmet(*world_);
-    unmet.crossVolumes(origin, unit, nullptr, tell);
-    if (surfaces == Surfaces::felt) unmet.crossProxies(origin, unit, tell);
+    unmet.crossVolumes(origin, unit, nullptr, report);
+    if (surfaces == Surfaces::felt) unmet.crossProxies(origin, unit, report);
     std::ranges::stable_sort(picks, {}, &Pick::distance);
     return picks;
 }
@@ -399,8 +400,8 @@ Result<Pick> Picker::sweep(const Vec3d& center, double radius, const Vec3d& disp
     }
     if (radius == 0 && length > 0) return ray(center, displacement, length);
     // Piece by piece, so that the ball around a piece is not much larger than the swept volume.
-    constexpr double mostPieces = 256;
-    const double pieces = std::clamp(std::ceil(length / (2 * radius)), 1.0, mostPieces);
+    constexpr double maxPieces = 256;
+    const double pieces = std::clamp(std::ceil(length / (2 * radius)), 1.0, maxPieces);
     Candidate best;
     for (double piece = 0; piece < pieces && best.slot == kNoInstance; ++piece) {
         const Vec3d start = center + displacement * (piece / pieces), movement = displacement / pieces;

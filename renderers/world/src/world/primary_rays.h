@@ -23,8 +23,9 @@ class PrimaryRays {
     explicit operator bool() const { return hits_ != nullptr; }
     /// Finds the resting surfaces that a tile's pixels see. False: single rays are quicker. Precondition: tiles pay.
     /// `places` has one entry for each of `samples`; null: there is one sample, in the middles of pixels.
-    bool find(int tileX, int tileY, std::span<bvh::TileHits> samples, const bvh::TilePlaces* places = nullptr) const {
-        return hits_->find(tileX, tileY, samples, places);
+    bool find(int tileX, int tileY, std::span<bvh::TileHits> samples,
+              const bvh::TilePositions* positions = nullptr) const {
+        return hits_->find(tileX, tileY, samples, positions);
     }
     /// Does what RayView::intersect does, for the rays of a block.
     std::uint32_t intersect(RayPacket16& rays, const bvh::TileHits& tile, int block) const {

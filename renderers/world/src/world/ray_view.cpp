@@ -102,17 +102,17 @@ inline bool sharedBy(const std::uint32_t* lanes, std::uint32_t value, std::uint3
 }
 
 /// worldNormal() of all lanes, which met the same.
-void turnNormals(const RayPacket16& rays, const bvh::TopObject& object, const RayInstance& instance,
+void flipNormals(const RayPacket16& rays, const bvh::TopObject& object, const RayInstance& instance,
                  PacketHits16& out) {
     using namespace simd;
-    const bool turns = !object.slots || !object.resting, turnsOver = object.slots && instance.sign < 0;
+    const bool rotations = !object.slots || !object.resting, flips = object.slots && instance.sign < 0;
     const glm::mat3& m = object.slots ? object.normalFromGroup : instance.normalFromLocal;
     for (int at = 0; at < 16; at += 8) {
         const F8 x = load(rays.normalX_ + at), y = load(rays.normalY_ + at), z = load(rays.normalZ_ + at);
         const auto row = [&](int r) {
             const F8 own = r == 0 ? x : r == 1 ? y : z;
-            const F8 turned = turns ? m[0][r] * x + m[1][r] * y + m[2][r] * z : own;
-            return turnsOver ? -turned : turned;
+            const F8 turned = rotations ? m[0][r] * x + m[1][r] * y + m[2][r] * z : own;
+            return flips ? -turned : turned;
         };
         store(out.normalX + at, row(0)), store(out.normalY + at, row(1)), store(out.normalZ + at, row(2));
     }
@@ -368,7 +368,7 @@ bool RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& ou
         const std::uint32_t slot = object.slotOf(geom);
         std::fill(std::begin(out.instance), std::end(out.instance), slot);
         if (!object.slots || !object.resting || instances_[slot].sign < 0)
-            turnNormals(rays, object, instances_[slot], out);
+            flipNormals(rays, object, instances_[slot], out);
         makeUnit(out);
         return true;
     }

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "faces_in_place.h"
+#include "coincident_faces.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
@@ -39,18 +39,18 @@ auto nearOf(const RayView& view, const bvh::TopView& top, RayKind kind) {
 Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
     // From each place that is left out on to the next. The start moves along the ray; from the same start a hit at the
     // same place could come back for ever.
-    constexpr int kMost = 10'000;
-    for (int i = 0; i < kMost; ++i) {
+    constexpr int kMax = 10'000;
+    for (int i = 0; i < kMax; ++i) {
         const Hit hit = intersectAll(ray, kind);
         if (!hit || !filter_->concerns(hit.instance) || !isLeftOut(*filter_, hit, ray)) return hit;
-        if (const Hit other = meetInPlace(ray, hit, kind)) return other;
+        if (const Hit other = meetCoincident(ray, hit, kind)) return other;
         ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
         if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
     }
     return {};
 }
 
-Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const {
+Hit RayView::meetCoincident(const Ray& ray, const Hit& leftOut, RayKind kind) const {
     // A ray reports one of several surfaces that coincide; which one depends on rounding. A surface that is left out
     // must hide nothing, so all surfaces around its place are met one by one, in double precision.
     const Vec3f at = ray.origin + leftOut.t * ray.direction;
@@ -65,7 +65,7 @@ Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const
         const bool hidden = filter_->concerns(found.instance) && isLeftOut(*filter_, found, ray);
         if (!hidden && found.t >= ray.tMin && found.t <= ray.tMax && found.t < best.t) best = found;
     };
-    visitPlace(*this, nearOf(*this, tables_->top, kind), ray, leftOut.t, radius, take);
+    visitCoincident(*this, nearOf(*this, tables_->top, kind), ray, leftOut.t, radius, take);
     if (seesStrokes(kind)) {
         Ray near = ray;
         const float reach = radius / glm::length(ray.direction);
@@ -77,11 +77,11 @@ Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const
     return best;
 }
 
-Hit RayView::frontInPlace(const Ray& ray, const Hit& back, RayKind kind) const {
+Hit RayView::frontOfCoincident(const Ray& ray, const Hit& back, RayKind kind) const {
     const float radius =
         roundingAt(ray.origin, ray.origin + back.t * ray.direction) + 2 * glm::length(point(back).error);
     Hit best;
-    visitPlace(*this, nearOf(*this, tables_->top, meant(kind)), ray, back.t, radius, [&](const Hit& found) {
+    visitCoincident(*this, nearOf(*this, tables_->top, meant(kind)), ray, back.t, radius, [&](const Hit& found) {
         const bool isBack = glm::dot(found.normal, ray.direction) > 0;
         if ((isBack && instances_[found.instance].mesh->solid) || found.t < ray.tMin || !(found.t < best.t)) return;
         if (!filter_ || !filter_->concerns(found.instance) || !isLeftOut(*filter_, found, ray)) best = found;
@@ -122,25 +122,26 @@ std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::ui
     return filter_->makesCaps() ? meetCaps(rays, hits, asked, tMax, kind) : hits;
 }
 
-std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const {
+std::uint32_t RayView::bodyAround(const Vec3f& position, const Vec3f& direction, std::uint32_t plane,
+                                  RayKind kind) const {
     // If the place is inside a closed body, a ray from there meets the back of that body first.
-    constexpr int kMost = 10'000;
+    constexpr int kMax = 10'000;
     std::vector<std::uint32_t> outside;
     const auto isBody = [&](const Hit& hit) {
-        return filter_->isCapped(hit.instance, plane, place) &&
+        return filter_->isCapped(hit.instance, plane, position) &&
                std::ranges::find(outside, hit.instance) == outside.end() && instances_[hit.instance].mesh->isClosed();
     };
-    Ray ray{place, 0, direction};
-    for (int i = 0; i < kMost; ++i) {
+    Ray ray{position, 0, direction};
+    for (int i = 0; i < kMax; ++i) {
         const Hit first = hit(tables_->top.intersect(ray, kind));
         if (!first) return kNoInstance;
         if (isBody(first) && glm::dot(first.normal, direction) > 0) return first.instance;
         // The back of one body may lie on the front of another, and it is chance which of them a ray tells.
-        const float radius = roundingAt(place, place + first.t * direction) + 2 * glm::length(point(first).error);
+        const float radius = roundingAt(position, position + first.t * direction) + 2 * glm::length(point(first).error);
         Hit back;
         std::vector<std::uint32_t> fronts;
         if (isBody(first)) fronts.push_back(first.instance);
-        visitPlace(*this, nearOf(*this, tables_->top, kind), ray, first.t, radius, [&](const Hit& hit) {
+        visitCoincident(*this, nearOf(*this, tables_->top, kind), ray, first.t, radius, [&](const Hit& hit) {
             if (hit.t < 0 || !isBody(hit)) return;
             if (glm::dot(hit.normal, direction) <= 0)
                 fronts.push_back(hit.instance);
@@ -162,8 +163,8 @@ Hit RayView::meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const {
     RayFilter::Crossing crossing;
     crossing.t = ray.tMin;
     while (filter_->findNext(before, crossing)) {
-        const Vec3f place = ray.origin + crossing.t * ray.direction;
-        const std::uint32_t slot = bodyAround(place, ray.direction, crossing.plane, kind);
+        const Vec3f position = ray.origin + crossing.t * ray.direction;
+        const std::uint32_t slot = bodyAround(position, ray.direction, crossing.plane, kind);
         if (slot != kNoInstance) return {crossing.t, slot, kCap, 0, 0, crossing.outwards};
     }
     return hit;

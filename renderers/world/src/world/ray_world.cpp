@@ -12,7 +12,7 @@
 namespace rtsg {
 
 namespace {
-std::atomic<std::uint64_t> rayWorldsMade = 0;
+std::atomic<std::uint64_t> rayWorldsCreated = 0;
 }
 
 RayWorld::RayWorld() : RayWorld(Options{}) {}
@@ -33,13 +33,13 @@ RayWorld& RayWorld::operator=(RayWorld&& other) noexcept {
 }
 
 RayWorld::Impl::Impl(const Options& o) : options(o), device(o.buildThreads, o.robust) {
-    rayWorldsMade.fetch_add(1, std::memory_order_relaxed);
+    rayWorldsCreated.fetch_add(1, std::memory_order_relaxed);
     worker = std::make_unique<Worker>(o.background);
 }
 RayWorld::Impl::~Impl() = default;
 
-std::uint64_t RayWorld::made() {
-    return rayWorldsMade.load(std::memory_order_relaxed);
+std::uint64_t RayWorld::created() {
+    return rayWorldsCreated.load(std::memory_order_relaxed);
 }
 
 void RayWorld::apply(const InstanceDelta& delta) {
@@ -53,7 +53,7 @@ void RayWorld::finishBackgroundWork() {
     impl_->followMeshes();
     impl_->takeMerge(true);
     impl_->tidyClusters();
-    if (!impl_->pending.empty()) impl_->placePending();
+    if (!impl_->pending.empty()) impl_->putPending();
     impl_->commit();
     publish();
 }
@@ -101,7 +101,7 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     takeMerge(false);
     leaveFarOrigin();
     tidyClusters();
-    if (!pending.empty()) placePending();
+    if (!pending.empty()) putPending();
     findRested();
     startMerge();
     commit();
@@ -146,7 +146,7 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
                                                    : "it has no triangles";
     entry.usable = problem.empty();
     entry.strokesStale = true;
-    if (!entry.usable && entry.mesh && !entry.mesh->empty()) tellOfUntraced(node, problem);
+    if (!entry.usable && entry.mesh && !entry.mesh->empty()) reportOfUntraced(node, problem);
     if (known) entry.deforms = true;
     // Others go on with the BVH that they had in common.
     if (entry.bvh.use_count() > 1)
@@ -175,21 +175,21 @@ bool RayWorld::Impl::isLive(InstanceId id) const {
 }
 
 void RayWorld::Impl::link(std::uint32_t slot, NodeId geometry) {
-    Place& place = places[slot];
-    place.mesh = geometry ? &meshes[geometry.value] : nullptr;
-    if (!place.mesh) return;
-    place.userIndex = static_cast<std::uint32_t>(place.mesh->users.size());
-    place.mesh->users.push_back(slot);
+    InstanceState& state = states[slot];
+    state.mesh = geometry ? &meshes[geometry.value] : nullptr;
+    if (!state.mesh) return;
+    state.userIndex = static_cast<std::uint32_t>(state.mesh->users.size());
+    state.mesh->users.push_back(slot);
 }
 
 void RayWorld::Impl::unlink(std::uint32_t slot) {
-    Place& place = places[slot];
-    if (!place.mesh) return;
-    std::vector<std::uint32_t>& users = place.mesh->users;
-    places[users.back()].userIndex = place.userIndex;
-    users[place.userIndex] = users.back();
+    InstanceState& state = states[slot];
+    if (!state.mesh) return;
+    std::vector<std::uint32_t>& users = state.mesh->users;
+    states[users.back()].userIndex = state.userIndex;
+    users[state.userIndex] = users.back();
     users.pop_back();
-    place.mesh = nullptr;
+    state.mesh = nullptr;
 }
 
 WorldFromLocal inverse(const WorldFromLocal& m) {
@@ -239,20 +239,20 @@ void setTransform(RayInstance& instance, const WorldFromLocal& m, const Vec3d& o
 }
 
 void RayWorld::Impl::setPending(std::uint32_t slot) {
-    if (!std::exchange(places[slot].pending, true)) pending.push_back(slot);
+    if (!std::exchange(states[slot].pending, true)) pending.push_back(slot);
 }
 
 void RayWorld::Impl::cull(std::uint32_t slot, std::string_view reason) {
-    Place& place = places[slot];
-    if (std::exchange(place.culled, true)) return;
-    tellOfUntraced(instances[slot].info.shape, reason);
+    InstanceState& state = states[slot];
+    if (std::exchange(state.culled, true)) return;
+    reportOfUntraced(instances[slot].info.shape, reason);
 }
 
-void RayWorld::Impl::tellOfUntraced(NodeId node, std::string_view reason) {
+void RayWorld::Impl::reportOfUntraced(NodeId node, std::string_view reason) {
     NamedNode named;
     if (options.nodes) named = options.nodes(node);
     if (named.name.empty()) named.name = "node " + std::to_string(node.value);
-    told.warning(named.name + " is not traced: " + std::string(reason), diagnostics, named.place);
+    reportOnce.warning(named.name + " is not traced: " + std::string(reason), diagnostics, named.location);
 }
 
 void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
@@ -262,7 +262,7 @@ void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
     for (const Instance& info : added) size = std::max<std::size_t>(size, info.id.slot + 1);
     if (size == instances.size()) return;
     instances.grow(size);
-    places.resize(size);
+    states.resize(size);
 }
 
 namespace {
@@ -279,7 +279,7 @@ void RayWorld::Impl::add(const Instance& info) {
     if (instance.info.id) remove(instance.info.id);
     instance.info = info;
     setTransform(instance, info.worldFromLocal, origin);
-    places[slot] = Place{.movedAt = now, .pending = places[slot].pending};
+    states[slot] = InstanceState{.movedAt = now, .pending = states[slot].pending};
     link(slot, info.geometry);
     setPending(slot);
     if (info.volume) tables.volumes.push_back(slot);
@@ -292,7 +292,7 @@ void RayWorld::Impl::remove(InstanceId id) {
     unlink(id.slot);
     if (instances[id.slot].info.volume) std::erase(tables.volumes, id.slot);
     if (isProxy(instances[id.slot].info)) std::erase(tables.proxies, id.slot);
-    places[id.slot] = Place{.pending = places[id.slot].pending};
+    states[id.slot] = InstanceState{.pending = states[id.slot].pending};
     instances.write(id.slot) = RayInstance{};
 }
 
@@ -316,8 +316,8 @@ void RayWorld::Impl::rebind(const Instance& info) {
     if (isProxy(info) && !isProxy(instance.info)) tables.proxies.push_back(slot);
     const bool restyled = !sameStyle(instance.info, info);
     const bool elsewhere = instance.info.rigid != info.rigid, otherwise = instance.info.motion != info.motion;
-    Place& place = places[slot];
-    if (restyled && place.kind == Kind::strokes) {
+    InstanceState& state = states[slot];
+    if (restyled && state.kind == Kind::strokes) {
         lift(slot);
         setPending(slot);
     }
@@ -325,7 +325,7 @@ void RayWorld::Impl::rebind(const Instance& info) {
         lift(slot);
         unlink(slot);
         link(slot, info.geometry);
-        place.culled = false;
+        state.culled = false;
         setPending(slot);
     }
     const WorldFromLocal before = instance.info.worldFromLocal;
@@ -333,12 +333,12 @@ void RayWorld::Impl::rebind(const Instance& info) {
     instance.info.worldFromLocal = before;
     if (masked) setKinds(slot);
     if (elsewhere || otherwise) {
-        place.loose = false;
+        state.loose = false;
         // An instance that is known to move from now on leaves the others beforehand, together with those that move
         // like it.
-        if (place.kind == Kind::strokes) {
+        if (state.kind == Kind::strokes) {
             // Every one of them is by itself anyway.
-        } else if (info.motion == Motion::moving || (place.kind == Kind::body && elsewhere)) {
+        } else if (info.motion == Motion::moving || (state.kind == Kind::body && elsewhere)) {
             lift(slot);
             setPending(slot);
         } else {
@@ -351,33 +351,33 @@ void RayWorld::Impl::rebind(const Instance& info) {
 void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
     if (!isLive(id)) return;
     RayInstance& instance = instances.write(id.slot);
-    Place& place = places[id.slot];
+    InstanceState& state = states[id.slot];
     setTransform(instance, worldFromLocal, origin);
-    place.culled = false;
-    place.moves = true;
-    ++place.changes;
-    const bool again = std::exchange(place.movedAt, now) == now;
-    if (place.kind == Kind::body) {
-        Cluster& body = *place.cluster;
+    state.culled = false;
+    state.moves = true;
+    ++state.changes;
+    const bool again = std::exchange(state.movedAt, now) == now;
+    if (state.kind == Kind::body) {
+        Cluster& body = *state.cluster;
         if (again) return;
         if (body.movedNow.empty()) touchedBodies.push_back(&body);
         body.movedNow.push_back(id.slot);
         return;
     }
     homeward = homeward || isBackHome(id.slot);
-    if (place.kind == Kind::strokes && canEnter(worldFromLocal) && isInReach(id.slot)) {
+    if (state.kind == Kind::strokes && canEnter(worldFromLocal) && isInReach(id.slot)) {
         const WorldFromLocal m = rayFromLocal(instance.info);
-        strokes.move(place.local, m, floatBox(transformed(place.mesh->mesh->bounds, m)));
+        strokes.move(state.local, m, floatBox(transformed(state.mesh->mesh->bounds, m)));
         return;
     }
     std::string reason;
-    if (place.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
-        top.move(place.local, rayFromLocal(instance.info), instanceBox(id.slot));
+    if (state.kind == Kind::instanced && fitness(id.slot, reason) == Fitness::instance) {
+        top.move(state.local, rayFromLocal(instance.info), instanceBox(id.slot));
         return;
     }
-    if (place.kind == Kind::resting) {
+    if (state.kind == Kind::resting) {
         ++stats.splits;
-        place.splits = static_cast<std::uint8_t>(std::min(place.splits + 1, kMostDoublings));
+        state.splits = static_cast<std::uint8_t>(std::min(state.splits + 1, kMaxDoublings));
     }
     lift(id.slot);
     setPending(id.slot);
@@ -393,13 +393,13 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
         if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }
     for (const std::uint32_t slot : entry.users) {
-        Place& place = places[slot];
-        place.culled = false;
-        place.movedAt = now;
-        ++place.changes;
+        InstanceState& state = states[slot];
+        state.culled = false;
+        state.movedAt = now;
+        ++state.changes;
         std::string reason;
-        if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
-            top.changeMesh(place.local, *entry.bvh, instanceBox(slot));
+        if (state.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
+            top.changeMesh(state.local, *entry.bvh, instanceBox(slot));
             instances.write(slot).mesh = entry.mesh;
         } else {
             lift(slot);

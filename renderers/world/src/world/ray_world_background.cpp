@@ -54,17 +54,17 @@ struct RayWorld::Impl::Merge {
 
 std::uint32_t RayWorld::Impl::patience(std::uint32_t slot) const {
     const bool foreseen = instances[slot].info.motion == Motion::moving;
-    return std::max(1u, options.restFrames) << (places[slot].splits + (foreseen ? kForeseenDoublings : 0));
+    return std::max(1u, options.restFrames) << (states[slot].splits + (foreseen ? kForeseenDoublings : 0));
 }
 
 void RayWorld::Impl::watchRest(std::uint32_t slot) {
-    Place& place = places[slot];
-    if (options.mapping != Mapping::hybrid || place.waiting || place.kind == Kind::none || place.kind == Kind::resting)
+    InstanceState& state = states[slot];
+    if (options.mapping != Mapping::hybrid || state.waiting || state.kind == Kind::none || state.kind == Kind::resting)
         return;
     const Instance& info = instances[slot].info;
     if (!canMerge(slot)) return;
-    place.waiting = true;
-    rests.push_back({place.movedAt + patience(slot), info.id});
+    state.waiting = true;
+    rests.push_back({state.movedAt + patience(slot), info.id});
     std::push_heap(rests.begin(), rests.end(), later<Rest, Rest>);
 }
 
@@ -74,21 +74,21 @@ void RayWorld::Impl::findRested() {
         std::pop_heap(rests.begin(), rests.end(), later<Rest, Rest>);
         rests.pop_back();
         if (!isLive(id)) continue;
-        Place& place = places[id.slot];
-        place.waiting = false;
-        if (now - place.movedAt < patience(id.slot)) {
+        InstanceState& state = states[id.slot];
+        state.waiting = false;
+        if (now - state.movedAt < patience(id.slot)) {
             watchRest(id.slot);
         } else if (canRestMerged(id.slot)) {
-            place.waiting = true;
+            state.waiting = true;
             rested.push_back(id);
         }
     }
 }
 
 bool RayWorld::Impl::canRestMerged(std::uint32_t slot) const {
-    const Place& place = places[slot];
+    const InstanceState& state = states[slot];
     std::string reason;
-    return (place.kind == Kind::instanced || place.kind == Kind::body) && canMerge(slot) &&
+    return (state.kind == Kind::instanced || state.kind == Kind::body) && canMerge(slot) &&
            fitness(slot, reason) != Fitness::none;
 }
 
@@ -99,12 +99,12 @@ void RayWorld::Impl::startMerge() {
     std::size_t triangles = 0;
     std::erase_if(rested, [&](InstanceId id) {
         if (!isLive(id)) return true;
-        Place& place = places[id.slot];
-        const bool stays = now - place.movedAt >= patience(id.slot) && canRestMerged(id.slot);
+        InstanceState& state = states[id.slot];
+        const bool stays = now - state.movedAt >= patience(id.slot) && canRestMerged(id.slot);
         if (stays) {
-            triangles += place.mesh->mesh->triangleCount;
+            triangles += state.mesh->mesh->triangleCount;
         } else {
-            place.waiting = false;
+            state.waiting = false;
             watchRest(id.slot);
         }
         return !stays;
@@ -133,17 +133,17 @@ void RayWorld::Impl::startMerge() {
     if (!worthwhile) return;
 
     merge = std::make_shared<Merge>();
-    const auto add = [&](std::uint32_t slot, bvh::Triangles made, bool isPlaced) {
+    const auto add = [&](std::uint32_t slot, bvh::Triangles created, bool isPlaced) {
         const Instance& info = instances[slot].info;
         merge->pieces.push_back(
-            {info.id, places[slot].changes, kindsOf(info), std::move(made), isPlaced, rayFromLocal(info)});
+            {info.id, states[slot].changes, kindsOf(info), std::move(created), isPlaced, rayFromLocal(info)});
     };
     for (Cluster* source : sources)
         source->group->forEach(
-            [&](std::uint32_t slot) { add(slot, source->group->triangles(places[slot].local), true); });
+            [&](std::uint32_t slot) { add(slot, source->group->triangles(states[slot].local), true); });
     for (const InstanceId id : rested) {
-        const std::shared_ptr<const Mesh>& mesh = places[id.slot].mesh->mesh;
-        places[id.slot].waiting = false;
+        const std::shared_ptr<const Mesh>& mesh = states[id.slot].mesh->mesh;
+        states[id.slot].waiting = false;
         add(id.slot, {mesh, mesh->positions}, false);
     }
     rested.clear();
@@ -168,18 +168,18 @@ void RayWorld::Impl::takeMerge(bool wait) {
     for (std::uint32_t local = 0; local < done->pieces.size(); ++local) {
         const Merge::Piece& piece = done->pieces[local];
         const std::uint32_t slot = piece.id.slot;
-        if (!isLive(piece.id) || places[slot].changes != piece.changes) {
+        if (!isLive(piece.id) || states[slot].changes != piece.changes) {
             cluster.group->hide(local, 0);
             if (!std::exchange(cluster.thinned, true)) thinned.push_back(&cluster);
             if (isLive(piece.id)) watchRest(slot);
             continue;
         }
-        Place& place = places[slot];
-        if (place.kind != Kind::resting) lift(slot);  // the sources of those at rest go as a whole
-        place.cluster = &cluster;
-        place.local = local;
-        place.kind = Kind::resting;
-        place.moves = place.loose = false;
+        InstanceState& state = states[slot];
+        if (state.kind != Kind::resting) lift(slot);  // the sources of those at rest go as a whole
+        state.cluster = &cluster;
+        state.local = local;
+        state.kind = Kind::resting;
+        state.moves = state.loose = false;
         instances.write(slot).mesh = piece.triangles.mesh;
         top.setOwner(slot, cluster.object);
         if (const std::uint32_t kinds = kindsOf(instances[slot].info); kinds != piece.kinds)

@@ -18,8 +18,8 @@ bool agree(const WorldFromLocal& a, const WorldFromLocal& b, const Bounds& bound
     }
     apart += glm::abs(a[3] - b[3]);
     const Vec3d allowed = size * 1e-9 + glm::abs(a[3]) * 1e-12;
-    const double most = std::max({allowed.x, allowed.y, allowed.z});
-    return apart.x <= most && apart.y <= most && apart.z <= most;  // false for NaN
+    const double maximum = std::max({allowed.x, allowed.y, allowed.z});
+    return apart.x <= maximum && apart.y <= maximum && apart.z <= maximum;  // false for NaN
 }
 
 }  // namespace
@@ -63,28 +63,28 @@ void RayWorld::Impl::dropCluster(Cluster& cluster) {
 
 void RayWorld::Impl::join(Cluster& cluster, std::uint32_t slot, bvh::Triangles triangles) {
     RayInstance& instance = instances.write(slot);
-    Place& place = places[slot];
+    InstanceState& state = states[slot];
     instance.mesh = triangles.mesh;
-    place.local = cluster.group->attach(device, slot, std::move(triangles), kindsOf(instance.info));
-    place.cluster = &cluster;
-    place.kind = cluster.isBody ? Kind::body : Kind::resting;
-    place.culled = false;
+    state.local = cluster.group->attach(device, slot, std::move(triangles), kindsOf(instance.info));
+    state.cluster = &cluster;
+    state.kind = cluster.isBody ? Kind::body : Kind::resting;
+    state.culled = false;
     top.setOwner(slot, cluster.object);
 }
 
-void RayWorld::Impl::placeResting(const std::vector<std::uint32_t>& slots) {
+void RayWorld::Impl::putResting(const std::vector<std::uint32_t>& slots) {
     const bool fresh = options.mapping != Mapping::merged || resting.empty();
     Cluster& cluster = fresh ? newCluster(std::make_unique<bvh::Group>(device), false) : *resting.front();
     if (!fresh) makeWritable(cluster);
     for (const std::uint32_t slot : slots) {
-        join(cluster, slot, transformedTriangles(places[slot].mesh->mesh, rayFromLocal(instances[slot].info)));
+        join(cluster, slot, transformedTriangles(states[slot].mesh->mesh, rayFromLocal(instances[slot].info)));
     }
     if (fresh) top.setGroup(cluster.object, *cluster.group);
 }
 
 // ---- bodies -------------------------------------------------------------------------------------------------------
 
-void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
+void RayWorld::Impl::moveBody(const std::vector<std::uint32_t>& slots) {
     const auto condition = [&](std::uint32_t slot) { return instances[slot].errorScale; };
     const std::uint32_t reference = *std::min_element(
         slots.begin(), slots.end(), [&](std::uint32_t a, std::uint32_t b) { return condition(a) < condition(b); });
@@ -97,9 +97,9 @@ void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
     ++stats.bodiesBuilt;
     for (const std::uint32_t slot : slots) {
         const WorldFromLocal m = compose(bodyFromWorld, instances[slot].info.worldFromLocal);
-        const std::shared_ptr<const Mesh>& mesh = places[slot].mesh->mesh;
+        const std::shared_ptr<const Mesh>& mesh = states[slot].mesh->mesh;
         if (!transformed(mesh->bounds, m).inReach()) {
-            placeInstance(slot);
+            trackInstance(slot);
             continue;
         }
         if (slot == reference) body.reference = static_cast<std::uint32_t>(body.bodyFromLocal.size());
@@ -146,10 +146,10 @@ void RayWorld::Impl::setBodyTransform(Cluster& body, const WorldFromLocal& m) {
 
 void RayWorld::Impl::followBody(Cluster& body) {
     std::vector<std::uint32_t>& moved = body.movedNow;
-    std::erase_if(moved, [&](std::uint32_t slot) { return places[slot].cluster != &body; });
+    std::erase_if(moved, [&](std::uint32_t slot) { return states[slot].cluster != &body; });
     const std::size_t visible = body.group->live() - body.group->hidden();
     const auto leave = [&](std::uint32_t slot, bool loose) {
-        places[slot].loose = loose;
+        states[slot].loose = loose;
         lift(slot);
         setPending(slot);
     };
@@ -157,16 +157,16 @@ void RayWorld::Impl::followBody(Cluster& body) {
         return instances[slot].info.worldFromLocal;
     };
     const auto fits = [&](std::uint32_t slot, const WorldFromLocal& frame) {
-        return agree(worldOf(slot), compose(frame, body.bodyFromLocal[places[slot].local]),
-                     places[slot].mesh->mesh->bounds);
+        return agree(worldOf(slot), compose(frame, body.bodyFromLocal[states[slot].local]),
+                     states[slot].mesh->mesh->bounds);
     };
     WorldFromLocal frame = body.worldFromBody;
     if (moved.size() * 2 > visible) {
         // The body goes where most of its members go.
         std::uint32_t guide = moved.front();
         const std::uint32_t reference = body.group->slots()[body.reference];
-        if (places[reference].cluster == &body && places[reference].movedAt == now) guide = reference;
-        frame = compose(worldOf(guide), inverse(body.bodyFromLocal[places[guide].local]));
+        if (states[reference].cluster == &body && states[reference].movedAt == now) guide = reference;
+        frame = compose(worldOf(guide), inverse(body.bodyFromLocal[states[guide].local]));
         if (!canEnter(frame) || !isFinite(frame) || !boxInReach(body, frame)) {
             // Each is traced as far as it can be, and they come together again.
             for (const std::uint32_t slot : moved) leave(slot, false);
@@ -175,7 +175,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
             if (moved.size() < visible) {
                 std::vector<std::uint32_t> left;
                 body.group->forEach([&](std::uint32_t slot) {
-                    if (places[slot].movedAt != now) left.push_back(slot);
+                    if (states[slot].movedAt != now) left.push_back(slot);
                 });
                 for (const std::uint32_t slot : left) leave(slot, true);
             }
@@ -183,7 +183,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
         }
     }
     for (const std::uint32_t slot : moved)
-        if (places[slot].cluster == &body && !fits(slot, frame)) leave(slot, true);
+        if (states[slot].cluster == &body && !fits(slot, frame)) leave(slot, true);
     moved.clear();
 }
 
@@ -199,24 +199,24 @@ bool RayWorld::Impl::boxInReach(const Cluster& body, const WorldFromLocal& frame
 // ---- leaving ------------------------------------------------------------------------------------------------------
 
 void RayWorld::Impl::lift(std::uint32_t slot) {
-    Place& place = places[slot];
-    ++place.changes;
-    if (place.kind == Kind::instanced) {
-        top.remove(place.local);
-    } else if (place.kind == Kind::strokes) {
-        strokes.remove(place.local);
-    } else if (Cluster* cluster = place.cluster) {
+    InstanceState& state = states[slot];
+    ++state.changes;
+    if (state.kind == Kind::instanced) {
+        top.remove(state.local);
+    } else if (state.kind == Kind::strokes) {
+        strokes.remove(state.local);
+    } else if (Cluster* cluster = state.cluster) {
         if (options.mapping == Mapping::merged) {
             makeWritable(*cluster);
-            cluster->group->detach(place.local);
+            cluster->group->detach(state.local);
         } else {
-            cluster->group->hide(place.local, heldBits(*cluster));
+            cluster->group->hide(state.local, heldBits(*cluster));
             noteUnsettled(*cluster);
         }
         if (!std::exchange(cluster->thinned, true)) thinned.push_back(cluster);
     }
-    place.kind = Kind::none;
-    place.cluster = nullptr;
+    state.kind = Kind::none;
+    state.cluster = nullptr;
     top.setOwner(slot, bvh::TreeView::kNone);
     RayInstance& instance = instances.write(slot);
     instance.mesh = nullptr;
@@ -224,15 +224,15 @@ void RayWorld::Impl::lift(std::uint32_t slot) {
 }
 
 void RayWorld::Impl::setKinds(std::uint32_t slot) {
-    const Place& place = places[slot];
+    const InstanceState& state = states[slot];
     const std::uint32_t kinds = kindsOf(instances[slot].info);
-    if (place.kind == Kind::instanced) {
-        top.setKinds(place.local, kinds);
-    } else if (place.kind == Kind::strokes) {
-        strokes.setKinds(place.local, kinds);
-    } else if (place.cluster) {
-        place.cluster->group->setKinds(place.local, kinds, heldBits(*place.cluster));
-        noteUnsettled(*place.cluster);
+    if (state.kind == Kind::instanced) {
+        top.setKinds(state.local, kinds);
+    } else if (state.kind == Kind::strokes) {
+        strokes.setKinds(state.local, kinds);
+    } else if (state.cluster) {
+        state.cluster->group->setKinds(state.local, kinds, heldBits(*state.cluster));
+        noteUnsettled(*state.cluster);
     }
 }
 

@@ -18,7 +18,7 @@
 
 #include "embree/mesh_bvh.h"
 #include "embree/top.h"
-#include "mesh/told_once.h"
+#include "mesh/report_once.h"
 #include "ray_view_impl.h"
 #include "trees/paged.h"
 #include "trees/strokes.h"
@@ -65,14 +65,14 @@ struct RayWorld::Impl {
         body,       // in a cluster that moves
         strokes,    // an object of `strokes`: lines or points
     };
-    struct Place {
+    struct InstanceState {
         MeshEntry* mesh = nullptr;
         Cluster* cluster = nullptr;
         std::uint32_t userIndex = 0;
         std::uint32_t local = 0;    // number in its cluster, or of its object in the top
         std::uint32_t changes = 0;  // of transform, mesh or tenant: older results of the background are void
         std::uint32_t movedAt = 0;  // apply() number
-        std::uint8_t splits = 0;    // how often it was merged and then moved; counts to kMostDoublings
+        std::uint8_t splits = 0;    // how often it was merged and then moved; counts to kMaxDoublings
         Kind kind = Kind::none;
         bool moves = false;    // has moved since it was merged, or came
         bool loose = false;    // does not move as its body does
@@ -123,7 +123,7 @@ struct RayWorld::Impl {
     void unlink(std::uint32_t slot);
     void setPending(std::uint32_t slot);
     void cull(std::uint32_t slot, std::string_view reason);
-    void tellOfUntraced(NodeId node, std::string_view reason);
+    void reportOfUntraced(NodeId node, std::string_view reason);
     void commit();
 
     // ray_world_version.cpp: for readers on other threads
@@ -136,7 +136,7 @@ struct RayWorld::Impl {
     /// Its group may be changed: a copy, if somebody sees it.
     void makeWritable(Cluster& cluster);
 
-    // ray_world_place.cpp: what goes where
+    // ray_world_states.cpp: what goes where
     void chooseOrigin();
     bool isBackHome(std::uint32_t slot) const;
     void leaveFarOrigin();
@@ -144,9 +144,9 @@ struct RayWorld::Impl {
     Fitness fitness(std::uint32_t slot, std::string& reason) const;
     /// Whether copying its triangles is worth it.
     bool canMerge(std::uint32_t slot) const;
-    void placePending();
-    void placeInstance(std::uint32_t slot);
-    void placeStrokes(std::uint32_t slot);
+    void putPending();
+    void trackInstance(std::uint32_t slot);
+    void putStrokes(std::uint32_t slot);
     bool isInReach(std::uint32_t slot) const;
     WorldFromLocal rayFromLocal(const Instance& info) const;
     bvh::InstanceTree::Box instanceBox(std::uint32_t slot) const;
@@ -156,8 +156,8 @@ struct RayWorld::Impl {
     /// Nobody is in it any more.
     void dropCluster(Cluster& cluster);
     void join(Cluster& cluster, std::uint32_t slot, bvh::Triangles triangles);
-    void placeResting(const std::vector<std::uint32_t>& slots);
-    void placeBody(const std::vector<std::uint32_t>& slots);
+    void putResting(const std::vector<std::uint32_t>& slots);
+    void moveBody(const std::vector<std::uint32_t>& slots);
     WorldFromLocal inRaySpace(WorldFromLocal worldFromLocal) const;
     bvh::InstanceTree::Box bodyBox(const Cluster& body) const;
     bool boxInReach(const Cluster& body, const WorldFromLocal& worldFromBody) const;
@@ -181,7 +181,7 @@ struct RayWorld::Impl {
     void forgetSource(const Cluster& cluster);
     void discard(Cluster& cluster);
 
-    ToldOnce told;  // into `diagnostics`
+    ReportOnce reportOnce;  // into `diagnostics`
     Options options;
     bvh::Device device;
     bvh::Versions versions;
@@ -196,7 +196,7 @@ struct RayWorld::Impl {
         std::weak_ptr<bvh::MeshBvh> bvh;
     };
     std::unordered_map<const Mesh*, Sharing> sharing;
-    std::vector<Place> places;
+    std::vector<InstanceState> states;
     std::vector<std::unique_ptr<Cluster>> resting, bodies;
     std::vector<std::uint32_t> pending;
     std::vector<Cluster*> touchedBodies;  // with members in movedNow
@@ -207,7 +207,7 @@ struct RayWorld::Impl {
     bvh::Strokes strokes{&versions};
     RayView::Tables tables;           // of `top` and `strokes`, as of the last apply()
     std::vector<Cluster*> unsettled;  // with masks that versions hold back
-    std::array<std::unique_ptr<Snapshot>, bvh::Versions::kMost> snapshots;
+    std::array<std::unique_ptr<Snapshot>, bvh::Versions::kMax> snapshots;
     std::weak_ptr<const WorldVersion> newest;
     /// Counts trees that were built or swapped without a change of the scene, which may change last digits: now, and
     /// when `newest` was made.
@@ -222,7 +222,7 @@ struct RayWorld::Impl {
 };
 
 /// A thing must rest at most 2^this times as long as Options::restFrames.
-constexpr int kMostDoublings = 8;
+constexpr int kMaxDoublings = 8;
 
 /// Precondition: it has one.
 WorldFromLocal inverse(const WorldFromLocal& m);

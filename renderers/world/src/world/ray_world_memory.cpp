@@ -59,14 +59,14 @@ RayWorld::Stats RayWorld::stats() const {
     }
     for (std::size_t slot = 0; slot < impl_->instances.size(); ++slot) {
         if (!impl_->instances[slot].info.id) continue;
-        const Impl::Place& place = impl_->places[slot];
+        const Impl::InstanceState& state = impl_->states[slot];
         ++stats.instances;
-        if (place.kind != Impl::Kind::none) {
+        if (state.kind != Impl::Kind::none) {
             ++stats.traced;
-            stats.instancedTriangles += place.mesh->mesh->triangleCount;
+            stats.instancedTriangles += state.mesh->mesh->triangleCount;
         }
-        stats.baked += place.cluster != nullptr;
-        stats.culled += place.culled;
+        stats.baked += state.cluster != nullptr;
+        stats.culled += state.culled;
     }
     std::unordered_set<const bvh::MeshBvh*> counted;  // equal geometries have one
     for (const auto& [node, entry] : impl_->meshes) {
@@ -112,7 +112,7 @@ RayWorld::Memory RayWorld::memory() const {
     }
     memory.bvhBytes += impl_->device.bytes();
     memory.instanceBytes = impl_->top.bytes() + impl_->strokes.bytes() + impl_->instances.bytes() +
-                           impl_->places.capacity() * sizeof(Impl::Place);
+                           impl_->states.capacity() * sizeof(Impl::InstanceState);
     return memory;
 }
 

@@ -9,7 +9,7 @@ std::shared_ptr<const WorldVersion> RayWorld::Impl::freeze(const std::shared_ptr
     if (auto last = newest.lock(); last && last->version() == view.version() && newestSwaps == swaps) return last;
     refresh();
     const std::size_t number = versions.hold();
-    if (number == bvh::Versions::kMost) return nullptr;
+    if (number == bvh::Versions::kMax) return nullptr;
     if (!snapshots[number]) snapshots[number] = std::make_unique<Snapshot>();
     Snapshot& snapshot = *snapshots[number];
     snapshot.tables.top = top.freeze(snapshot.top);

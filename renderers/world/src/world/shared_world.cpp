@@ -157,7 +157,7 @@ struct SharedWorld::Impl final : Subscriber {
     void handOver() {
         if (lookAnew()) return;
         wanted.store(false, std::memory_order_relaxed);  // later requests want the next one
-        const Result<> made = guarded([&]() -> Result<> {
+        const Result<> created = guarded([&]() -> Result<> {
             auto state = std::make_shared<WorldState>();
             state->sequence = delta ? delta->sequence : 0;
             state->time = scene.now();
@@ -174,7 +174,7 @@ struct SharedWorld::Impl final : Subscriber {
             if (!states.put(std::move(state))) return fail("all places are taken");
             return {};
         });
-        if (made) {
+        if (created) {
             handedAt = moment;
             ++counts.handedOver;
             return;
@@ -242,7 +242,7 @@ struct SharedWorld::Impl final : Subscriber {
     HandOver<WorldState> states;
     std::mutex eyeMutex;
     std::atomic<bool> eyeMoved{false};
-    std::optional<EyePlace> eye;  // as a reader last said
+    std::optional<EyePosition> eye;  // as a reader last said
     std::vector<LayerSight> eyeSights;
 
     std::function<void()> heardOfRestart;
@@ -333,7 +333,7 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::present() {
     return state;
 }
 
-void SharedWorld::lookFrom(const EyePlace& eye, std::vector<LayerSight> sights) {
+void SharedWorld::lookFrom(const EyePosition& eye, std::vector<LayerSight> sights) {
     const std::lock_guard lock(impl_->eyeMutex);
     if (impl_->eye == eye && impl_->eyeSights == sights) return;
     impl_->eye = eye;
@@ -341,7 +341,7 @@ void SharedWorld::lookFrom(const EyePlace& eye, std::vector<LayerSight> sights) 
     impl_->eyeMoved.store(true, std::memory_order_relaxed);
 }
 
-Result<> SharedWorld::setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights) {
+Result<> SharedWorld::setViewer(std::optional<EyePosition> eye, std::vector<LayerSight> sights) {
     Impl& s = *impl_;
     // Edits that are not sealed yet come first: the flattener must not look at nodes of a state it does not know.
     if (!s.delivering)
@@ -363,9 +363,9 @@ void SharedWorld::setMeshSource(std::string_view type, MeshSource source) {
 }
 
 std::shared_ptr<void> SharedWorld::shared(const std::string& name, const std::function<std::shared_ptr<void>()>& make) {
-    std::weak_ptr<void>& place = impl_->common[name];
-    std::shared_ptr<void> there = place.lock();
-    if (!there) place = there = make();
+    std::weak_ptr<void>& slot = impl_->common[name];
+    std::shared_ptr<void> there = slot.lock();
+    if (!there) slot = there = make();
     return there;
 }
 
@@ -400,7 +400,7 @@ const RayWorld& SharedWorld::rays() {
             const std::string_view name = scene.name(id);
             // Nodes without a name go by their number, so that each is reported.
             const std::string which = name.empty() ? "#" + std::to_string(id.value) : " " + std::string(name);
-            return {node->type().name + which, scene.placeOf(id)};
+            return {node->type().name + which, scene.locationOf(id)};
         };
     s.rays = std::make_unique<RayWorld>(s.options.rays);
     if (failure().empty())
@@ -420,8 +420,8 @@ std::uint64_t SharedWorld::sequence() const {
 
 SharedWorld::Counts SharedWorld::counts() const {
     Counts counts = impl_->counts;
-    counts.flatteners = Flattener::made();
-    counts.rayWorlds = RayWorld::made();
+    counts.flatteners = Flattener::created();
+    counts.rayWorlds = RayWorld::created();
     return counts;
 }
 

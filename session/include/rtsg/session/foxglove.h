@@ -40,7 +40,7 @@ class Foxglove {
     std::unique_ptr<FoxgloveServer> server_;
     std::unique_ptr<MessageSink> sink_;
     std::unique_ptr<SceneMessages> messages_;  // goes first
-    double told_ = -1;
+    double reported_ = -1;
 };
 
 /// "DOOR.rotation,BOX.*" as its parts.

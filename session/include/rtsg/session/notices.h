@@ -45,19 +45,19 @@ struct SessionContext {
     Notices* notices = nullptr;
     const Extensions* plugins = nullptr;
 
-    void report(const Diagnostic& diagnostic) const { told().report(diagnostic); }
+    void report(const Diagnostic& diagnostic) const { reported().report(diagnostic); }
     void report(const Diagnostics& diagnostics, std::string_view known = {}) const {
-        told().report(diagnostics, known);
+        reported().report(diagnostics, known);
     }
-    void note(std::string_view text) const { told().note(text); }
-    auto progress(const std::string& work) const { return told().progress(work); }
-    bool interrupted() const { return told().interrupted(); }
-    void leftOut() const { told().leftOut(); }
-    void damaged(const std::string& file, std::size_t errors) const { told().damaged(file, errors); }
+    void note(std::string_view text) const { reported().note(text); }
+    auto progress(const std::string& work) const { return reported().progress(work); }
+    bool interrupted() const { return reported().interrupted(); }
+    void leftOut() const { reported().leftOut(); }
+    void damaged(const std::string& file, std::size_t errors) const { reported().damaged(file, errors); }
     const Extensions& extensions() const;
 
   private:
-    Notices& told() const;
+    Notices& reported() const;
 };
 
 }  // namespace rtsg

@@ -95,7 +95,7 @@ Result<std::unique_ptr<OutputMaker>> followOutputs(const Scene& scene, const Out
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing, const SessionContext& context = {});
 
 /// Says if the sound was made softer.
-void tellGain(const ListenReport& report, const SessionContext& context);
+void reportGain(const ListenReport& report, const SessionContext& context);
 
 /// Draws a copy of the scene as `render` would, apart from the exposure. `scene` itself gets no subscriber. Errors:
 /// those of LightRenderer::picture(); a scene that cannot be copied.

@@ -24,7 +24,7 @@ struct OutputReport {
     double kept = 0;                     // RenderStats::kept, summed over the pictures
     double unreached = 0, error = 0;     // of RenderStats, the most of any picture
     double soundSeconds = 0;
-    double mostBehind = 0;         // the most seconds of scene time that outputs were behind the scene
+    double maxBehind = 0;          // the most seconds of scene time that outputs were behind the scene
     std::uint64_t overlapped = 0;  // frames that came while outputs of the frame before were still being made
     std::string missing;           // "7 of 20 pictures, 1.4 of 4 s of sound"; empty if nothing is missing
     SharedWorld::Counts world;
@@ -39,7 +39,7 @@ struct OutputReport {
 
     void addMissing(std::string_view what);
     /// In seconds. Adds nothing if all of it is there.
-    void addMissingSound(double made, double wanted);
+    void addMissingSound(double created, double wanted);
     /// The sound has not been written to a file; nor have the pictures, if they are one file.
     void forget(bool pictures);
     double meanKept() const { return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size()); }
@@ -53,7 +53,7 @@ struct OutputReport {
 std::string liveFigures(const LiveReport& report);
 
 /// The text for RenderStats::kept; empty for 0.
-std::string keptText(double share);
+std::string keptText(double fraction);
 
 /// Says by how much a picture misses --error, by its RenderStats. Empty if it does not.
 std::string missingError(double asked, double reached, double unreached);

@@ -25,7 +25,7 @@ struct ReplayCheck {
 /// The state in which the two scenes first differed, as a picture of each.
 struct DifferingPictures {
     std::uint64_t state = 0;  // number in the log
-    Result<Picture> expected, made;
+    Result<Picture> expected, rendered;
     ToneMap toneMap;
 };
 
@@ -33,9 +33,9 @@ struct ReplayOutcome {
     std::string name, log, scene;
     ReplayReport report;  // times are counted from the log's start
     std::vector<ReplayCheck> checks;
-    std::string expectedPicture, madePicture;    // files; empty: no picture was compared
-    std::optional<DifferingPictures> differing;  // otherwise
-    double seconds = 0;                          // duration of the test
+    std::string expectedPicture, createdPicture;  // files; empty: no picture was compared
+    std::optional<DifferingPictures> differing;   // otherwise
+    double seconds = 0;                           // duration of the test
 
     bool passed() const;
 };

@@ -32,7 +32,7 @@ class Requests {
     /// it; kUsageCode: a moment, or a lease.
     Result<> parse(Scene& replica);
     /// Sends what is due `since` seconds after the replica joined; its clock is at `now`.
-    void turn(MirrorClient& client, double since, double now);
+    void poll(MirrorClient& client, double since, double now);
     /// Counts the answers. Reports requests that were refused, or only partly taken back.
     void takeVerdicts(MirrorClient& client);
     /// True while verdicts are missing.

@@ -36,7 +36,7 @@ class TileAssembler {
         std::uint64_t pictures = 0, tiles = 0, bytes = 0;
         std::uint64_t again = 0;  // tiles that were asked of another mirror
         std::uint64_t given = 0;  // pictures that were given up, since nobody had the state any longer
-        std::size_t mirrors = 0, mostMirrors = 0;
+        std::size_t mirrors = 0, maxMirrors = 0;
         /// The last picture whose state a mirror has. If none is in work, it looks as the last one that was joined.
         std::uint64_t newest = 0;
     };
@@ -46,7 +46,7 @@ class TileAssembler {
     const std::string& address() const { return door_.address(); }
     /// Waits for so long at most: until mirrors say something, or a tile is late. Returns a picture that is whole, in
     /// order.
-    std::optional<Joined> turn(std::chrono::milliseconds most);
+    std::optional<Joined> poll(std::chrono::milliseconds maximum);
     double picturesPerSecond() const { return picturesPerSecond_; }
     const Counts& counts() const { return counts_; }
     /// What mirrors did wrong since the last call.
@@ -63,7 +63,7 @@ class TileAssembler {
         std::set<std::uint64_t> lost;  // pictures whose states it no longer has
     };
     struct Tile {
-        PictureTile place;
+        PictureTile area;
         PixelRegion region;
         bool done = false;
         std::vector<const Mirror*> of;  // who was asked

@@ -66,7 +66,7 @@ class ViewSource {
     /// A short status for the title.
     virtual std::string status() const { return {}; }
     /// For the overlay.
-    virtual void tell(SceneWindowStatus& status) { (void)status; }
+    virtual void describe(SceneWindowStatus& status) { (void)status; }
     /// At the end: reports the last messages; returns an error if something went wrong.
     virtual Result<> finish() = 0;
 };

@@ -63,8 +63,8 @@ class ByteBuffer {
     }
     /// Gives memory back if less than half of it is used. Call it for buffers that are kept for long.
     void fit() {
-        if (capacity_ <= kLeast || size_ >= capacity_ - capacity_ / 2) return;
-        const std::size_t wanted = size_ < kLeast ? kLeast : size_;
+        if (capacity_ <= kMin || size_ >= capacity_ - capacity_ / 2) return;
+        const std::size_t wanted = size_ < kMin ? kMin : size_;
         if (void* moved = std::realloc(data_, wanted)) {
             data_ = static_cast<std::byte*>(moved);
             capacity_ = wanted;
@@ -77,12 +77,12 @@ class ByteBuffer {
     }
 
   private:
-    static constexpr std::size_t kLeast = 256;
+    static constexpr std::size_t kMin = 256;
 
     void grow(std::size_t count) {
         std::size_t wanted = size_ + count;
         if (wanted < capacity_ + capacity_ / 2) wanted = capacity_ + capacity_ / 2;
-        if (wanted < kLeast) wanted = kLeast;
+        if (wanted < kMin) wanted = kMin;
         void* moved = std::realloc(data_, wanted);
         if (!moved) throw std::bad_alloc();
         data_ = static_cast<std::byte*>(moved);

@@ -118,7 +118,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
 /// The differences of two documents, at most `most`. Named nodes are paired by name, others by position and type, so
 /// one additional node does not make all later ones differ. `node` is a DEF name or a path from one:
 /// "DOOR.children[1].geometry".
-std::vector<Divergence> sceneDifferences(const Scene& a, const Scene& b, std::size_t most = SIZE_MAX,
+std::vector<Divergence> sceneDifferences(const Scene& a, const Scene& b, std::size_t maximum = SIZE_MAX,
                                          DifferenceWords words = {});
 
 }  // namespace rtsg

@@ -160,9 +160,9 @@ class LogWriter : public Subscriber {
     bool rotationDue(double now) const;
     Result<> rotate(const ChangeSet& state);
     Result<> beginPiece(const std::filesystem::path& fresh, const ChangeSet& state);
-    Result<> putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece);
+    Result<> moveIntoPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece);
     void dropSecondName();
-    Result<> takePlace();
+    Result<> replaceFile();
     Result<> dropReplacedPieces();
     void discard();
     Result<std::filesystem::path> freePieceName();
@@ -175,8 +175,8 @@ class LogWriter : public Subscriber {
     TypeTable types_;
     LogOptions options_;
     int descriptor_ = -1;
-    int replaced_ = -1;                    // the file that this one will replace; its lock keeps other writers away
-    std::filesystem::path made_, target_;  // the temporary path, and the one that it will get
+    int replaced_ = -1;                       // the file that this one will replace; its lock keeps other writers away
+    std::filesystem::path created_, target_;  // the temporary path, and the one that it will get
     std::vector<std::filesystem::path> replacedPieces_;  // pieces of the log that is replaced
     bool broken_ = false;
     std::uint64_t state_ = 0;  // the last state written; its hash and time follow

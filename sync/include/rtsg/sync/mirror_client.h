@@ -58,7 +58,7 @@ struct MirrorClientOptions {
     /// waits. For MirrorWhenSlow::coalesce and nearFirst.
     std::chrono::milliseconds maxLag{250};
     /// The most bytes a second that the server may send; 0 for no limit.
-    std::uint64_t mostBytesPerSecond = 0;
+    std::uint64_t maxBytesPerSecond = 0;
     /// The most frames a second; frames in between are merged. 0 for all.
     double framesPerSecond = 0;
     /// Follows only these subtrees (DEF names, or # and a node's number), with the nodes on the way to them. Empty: the
@@ -105,7 +105,7 @@ struct MirrorStatistics {
     std::uint64_t late = 0;  // frames that came after they were due to be shown
     /// Age of the frames when they were applied, seconds since the origin published them: the last one, and the
     /// greatest.
-    double lag = 0, mostLag = 0;
+    double lag = 0, maximumLag = 0;
     /// `holes`: times that the origin was out of reach and went on without us, so that the next state does not follow
     /// from the last one. `missed`: seconds from when it was last heard to that next state. Jumps of a log's player do
     /// not count.
@@ -134,7 +134,7 @@ class MirrorClient {
     /// `most` has passed.
     struct Waiting {
         std::array<int, 2> descriptors{-1, -1};
-        std::chrono::milliseconds most{0};
+        std::chrono::milliseconds maximum{0};
     };
     Waiting waiting() const;
     /// From now on poll() also returns early when this descriptor is readable; -1 for none.

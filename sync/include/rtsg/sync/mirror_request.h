@@ -30,7 +30,7 @@ struct MirrorRequest {
         lock,     // nobody else may change these nodes for a while
     };
     /// The most nodes in one lock, and the longest lease before the lock must be asked for again.
-    static constexpr std::size_t kMostLocked = 1024;
+    static constexpr std::size_t kMaxLocked = 1024;
     static constexpr std::chrono::milliseconds kLongestLease{60000};
 
     Kind kind = Kind::changes;

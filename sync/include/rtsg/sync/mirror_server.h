@@ -58,7 +58,7 @@ struct MirrorServerOptions {
     std::size_t maximumParts = 8;
     /// The most places of shapes, some 250 bytes each, in a scene whose regions are followed. Each path to a shape
     /// counts, and each group on the way. With more, regions are refused.
-    std::size_t maximumPlaces = std::size_t{1} << 22;
+    std::size_t maximumIndexed = std::size_t{1} << 22;
     /// `epoch`: the session to go on with, as resumeSession() found it; 0 for a new one. `before`: the sets that led to
     /// the scene's present state, oldest first, for peers that are in a state between.
     std::uint64_t epoch = 0;
@@ -66,7 +66,7 @@ struct MirrorServerOptions {
     /// Bytes of frames that are kept for peers that resume.
     std::uint64_t history = std::uint64_t{64} << 20;
     /// The most bytes a second to each peer; 0 for no limit. A peer may ask for less.
-    std::uint64_t mostBytesPerSecond = 0;
+    std::uint64_t maxBytesPerSecond = 0;
     /// What peers may send to the scene if their keys have no permission of their own.
     MirrorUpstream upstream = MirrorUpstream::none;
     /// How long peers with MirrorWhenSlow::block may hold up a frame. After that they count as coalesce.
@@ -76,18 +76,18 @@ struct MirrorServerOptions {
 };
 
 struct MirrorServerStatistics {
-    std::size_t peers = 0, mostPeers = 0;  // now, and the most at once so far
-    std::uint64_t frames = 0;              // change sets published
-    std::uint64_t bytes = 0;               // of records sent to all peers
-    std::uint64_t snapshots = 0;           // keyframes that began to be sent
-    std::uint64_t resumed = 0;             // peers that came back and needed no keyframe
-    std::uint64_t merged = 0;              // frames that reached a slow peer merged with others
-    std::uint64_t garbage = 0;             // messages that made no sense, and connections that sent no valid one
-    std::uint64_t refused = 0;             // peers turned away
-    std::uint64_t lost = 0;                // peers forgotten after silence
-    std::uint64_t repairs = 0;             // differing nodes sent again, in how many records
-    std::uint64_t questions = 0;           // questions about hashes that were answered
-    std::uint64_t requests = 0;            // from upstream, carried out or refused
+    std::size_t peers = 0, maxPeers = 0;  // now, and the most at once so far
+    std::uint64_t frames = 0;             // change sets published
+    std::uint64_t bytes = 0;              // of records sent to all peers
+    std::uint64_t snapshots = 0;          // keyframes that began to be sent
+    std::uint64_t resumed = 0;            // peers that came back and needed no keyframe
+    std::uint64_t merged = 0;             // frames that reached a slow peer merged with others
+    std::uint64_t garbage = 0;            // messages that made no sense, and connections that sent no valid one
+    std::uint64_t refused = 0;            // peers turned away
+    std::uint64_t lost = 0;               // peers forgotten after silence
+    std::uint64_t repairs = 0;            // differing nodes sent again, in how many records
+    std::uint64_t questions = 0;          // questions about hashes that were answered
+    std::uint64_t requests = 0;           // from upstream, carried out or refused
     std::uint64_t coded = 0;   // frames encoded a second time with predicted values, for peers that take them
     std::uint64_t stalls = 0;  // snapshots that the scene's thread had to take
     /// `acknowledged`: the state that the slowest peer has acknowledged. `sequence`: the scene's state.
@@ -178,7 +178,7 @@ class MirrorServer : public Subscriber {
     void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
-    void tell(std::vector<mirror::Verdict> verdicts);
+    void notify(std::vector<mirror::Verdict> verdicts);
     void pass(const std::vector<mirror::Submission>& submissions);
     void letGo(std::uint64_t client);
 

@@ -49,19 +49,19 @@ class OptimisticScene : public Subscriber {
     std::string subscriberName() const override { return "optimistic scene"; }
 
   private:
-    using Place = std::pair<std::uint32_t, FieldIndex>;
+    using FieldKey = std::pair<std::uint32_t, FieldIndex>;
     struct Ours {
         std::uint64_t request = 0;  // the last one for this field
         Value value;
     };
     Result<> show(ChangeSet set);
     Result<> startOver(const ChangeSet& snapshot);
-    void settle(const Place& place);
+    void settle(const FieldKey& field);
 
     MirrorClient& client_;
     Scene& replica_;
     Scene shown_;
-    std::map<Place, Ours> ours_;
+    std::map<FieldKey, Ours> ours_;
     std::vector<MirrorVerdict> verdicts_;
     Attachment attachment_;
 };

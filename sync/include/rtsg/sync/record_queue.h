@@ -48,7 +48,7 @@ class RecordQueue {
     double secondsBehind() const;
     /// Bytes of the records that wait in memory, and the most bytes that ever waited in the file.
     std::uint64_t inMemory() const;
-    std::uint64_t mostOnDisk() const;
+    std::uint64_t maxOnDisk() const;
     /// Number of frames that came without a record.
     std::uint64_t encoded() const;
 

@@ -128,7 +128,7 @@ class Replayer {
     Result<> composeUntil(double time);
     double timeOf(const RecordHeader& header) const;
     void noteTime(const RecordHeader& header);
-    void findTurns();
+    void findCycles();
     double shiftAt(std::uint64_t offset) const;
     Result<> lose(std::uint64_t offset, std::uint64_t state, std::string_view why);
     void check(const RecordHeader& header, const ChangeSet& set);
@@ -144,7 +144,7 @@ class Replayer {
     std::shared_ptr<ChangeSet> input_;      // otherwise: the input of the frame that follows in the log
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
-    bool told_ = false;                     // missing frames have been reported until then
+    bool reported_ = false;                 // missing frames have been reported until then
     bool closed_ = false, goesOn_ = false;  // kind of the last record, apart from heads; as in LogReader
     Seam seam_ = Seam::notClosed;
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0, unclosed_ = 0;
@@ -152,11 +152,11 @@ class Replayer {
     double shift_ = 0;  // time() minus the scene's time
     /// From this offset on, shift_ has that value, because a session begins earlier than the last one ended. For
     /// seek().
-    struct Turn {
+    struct Cycle {
         std::uint64_t offset = 0;
         double shift = 0;
     };
-    std::optional<std::vector<Turn>> turns_;
+    std::optional<std::vector<Cycle>> cycles_;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };

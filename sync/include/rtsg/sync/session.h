@@ -44,7 +44,7 @@ struct ResumedSession {
 
 struct ResumeOptions {
     /// Bounds of `before`: the most changes and the most sets.
-    std::size_t mostChanges = std::size_t{1} << 20, mostSets = 4096;
+    std::size_t maxChanges = std::size_t{1} << 20, maxSets = 4096;
     std::function<void(std::uint64_t, std::uint64_t)> progress;  // called with the bytes read and their total
 };
 

@@ -2,7 +2,7 @@
 //
 // While the scene or the eye changes, each picture has as many pixels as fit into a time budget, and is shown enlarged;
 // while only the eye rests, unchanged pixels are reused, so there are more of them. Once all is at rest, one picture
-// with all pixels is made, and then samples are added to it until each pixel has `mostSamples`; pictures by path are
+// with all pixels is made, and then samples are added to it until each pixel has `maxSamples`; pictures by path are
 // denoised where that is better (PathPreview). A change cancels a picture that is made at rest. Invariant: a picture
 // shows one whole state. The scene's thread never waits, except with node renderers. Nothing is computed when nothing
 // changes and the picture has its full quality. Threading: show() and the destructor on the scene's thread, other
@@ -27,7 +27,7 @@ struct LivePictureOptions {
     RenderSettings settings;
     Resources resources;       // for textures
     double budget = 1 / 30.0;  // seconds for a picture while something changes
-    int mostSamples = 64;      // for each pixel, at rest
+    int maxSamples = 64;       // for each pixel, at rest
     double restsAfter = 0.04;  // seconds without a change until the scene counts as at rest
     ToneMap toneMap;
     /// Called when the ray renderer has been made, to register node renderers with it; returns whether it did. Node

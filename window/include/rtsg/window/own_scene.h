@@ -31,7 +31,7 @@ class OwnScene : public Subscriber {
     /// The scene to show. It runs nothing by itself, and must not be edited.
     Scene& scene() { return shown_; }
     /// Moves HUDs to this eye; without an eye they are where they are in `theirs`. Errors: those of Scene::apply().
-    Result<> place(const std::optional<ViewerPose>& eye);
+    Result<> setPose(const std::optional<ViewerPose>& eye);
     /// The first HUD on a path from the root that is moved. Nothing if there is none.
     std::optional<NodeId> keptOn(std::span<const NodeId> path) const;
     /// The ray that meets things below the HUD `kept` in `theirs` as `ray` meets them here.
@@ -41,20 +41,20 @@ class OwnScene : public Subscriber {
     std::string subscriberName() const override { return "own scene"; }
 
   private:
-    using Place = std::pair<std::uint32_t, FieldIndex>;
+    using FieldKey = std::pair<std::uint32_t, FieldIndex>;
     struct Kept {
         NodeId sensor;
-        Place position, orientation;  // of the Transform; kNoField for a field without such a ROUTE
+        FieldKey position, orientation;  // of the Transform; kNoField for a field without such a ROUTE
     };
     Result<> show(ChangeSet set);
     void find();
-    void want(const Kept& kept, const ViewerPose& eye, std::map<Place, Value>& wanted) const;
+    void want(const Kept& kept, const ViewerPose& eye, std::map<FieldKey, Value>& wanted) const;
 
     Scene& theirs_;
     Scene shown_;
-    bool stale_ = true;            // routes have changed, so `kept_` must be found again
-    std::vector<Kept> kept_;       // as the present routes say
-    std::map<Place, Value> ours_;  // fields with another value than in `theirs`
+    bool stale_ = true;               // routes have changed, so `kept_` must be found again
+    std::vector<Kept> kept_;          // as the present routes say
+    std::map<FieldKey, Value> ours_;  // fields with another value than in `theirs`
     Attachment attachment_;
 };
 

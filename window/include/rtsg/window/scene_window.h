@@ -56,10 +56,10 @@ struct SceneWindowStatus {
     };
     std::vector<Line> lines;
     std::optional<SceneWindowTimeline> timeline;  // if there is a time line
-    /// The changes of the field that SceneWindowRequest::Kind::history asked for. `tellsHistory` says whether such
+    /// The changes of the field that SceneWindowRequest::Kind::history asked for. `showsHistory` says whether such
     /// requests are answered.
     std::vector<Line> history;
-    bool tellsHistory = false;
+    bool showsHistory = false;
 };
 
 /// A user's request to the application.
@@ -119,7 +119,7 @@ class SceneWindow {
 
     /// Shows the scene's present state, sends the user's input, and waits for more input for at most `atMost`. Returns
     /// false if the window was closed or failed; see failure().
-    bool turn(std::chrono::milliseconds atMost);
+    bool poll(std::chrono::milliseconds atMost);
     std::string failure() const;
     /// Makes turn() return; may be called on any thread.
     void wake();
@@ -134,7 +134,7 @@ class SceneWindow {
     bool showsOverlay() const;
     /// Marks a place of the world in the picture, in front of everything: the hand of a haptic device, in a warm colour
     /// while it touches. Null: no mark.
-    void showProbe(const std::optional<Vec3d>& place, bool touches);
+    void showProbe(const std::optional<Vec3d>& position, bool touches);
     /// The newest picture that is shown; null if there is none yet.
     std::shared_ptr<const LivePictureShown> shown() const;
     /// Width and height, pixels.

@@ -52,14 +52,14 @@ struct LayerSight {
 bool areOfOneSize(const std::vector<LayerSight>& a, const std::vector<LayerSight>& b);
 
 /// The position in world space from which a picture is made.
-struct EyePlace {
-    EyePlace(const Vec3d& at, const Vec3d& above = Vec3d(0, 1, 0)) : position(at), up(above) {}
+struct EyePosition {
+    EyePosition(const Vec3d& at, const Vec3d& above = Vec3d(0, 1, 0)) : position(at), up(above) {}
     Vec3d position, up;  // up: the picture's upward direction, of any length
-    friend bool operator==(const EyePlace&, const EyePlace&) = default;
+    friend bool operator==(const EyePosition&, const EyePosition&) = default;
 };
 
 struct PictureSight {
-    EyePlace eye{Vec3d(0)};
+    EyePosition eye{Vec3d(0)};
     std::vector<LayerSight> layers;
 };
 
@@ -88,7 +88,7 @@ class Flattener {
         std::size_t geometries = 0, triangles = 0;  // of curved geometry; each geometry once, however often it is used
         std::size_t tooCoarse = 0;                  // geometries whose finest level is coarser than the error asks for
         std::array<std::size_t, 8> ofLevel{};       // number of geometries at each level
-        std::uint64_t made = 0;                     // meshes made since the start
+        std::uint64_t created = 0;                  // meshes made since the start
     };
     Cuts cuts() const;
 
@@ -111,7 +111,7 @@ class Flattener {
     /// sound. It takes effect with the next apply() or updateViewer(). `sights` are those of the picture, and give
     /// layouts, ScreenGroups and text in points their size. A layer without a sight is laid out as in a picture of 1280
     /// by 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
-    void setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
+    void setViewer(std::optional<EyePosition> eye, std::vector<LayerSight> sights = {});
     /// Updates for the viewer alone, between two frames.
     const InstanceDelta& updateViewer(const Scene& scene);
 
@@ -139,7 +139,7 @@ class Flattener {
     /// changes.
     const Diagnostics& diagnostics() const;
     /// Flatteners made since the process started.
-    static std::uint64_t made();
+    static std::uint64_t created();
 
   private:
     struct Impl;

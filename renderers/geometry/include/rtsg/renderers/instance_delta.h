@@ -53,9 +53,9 @@ enum class Motion : std::uint8_t { unknown, fixed, moving };
 /// How lines and points are drawn: LineProperties and PointProperties (12.4.4, 12.4.7). Widths in pixels.
 struct StrokeStyle {
     float lineWidth = 1, pointSize = 1;
-    std::int32_t lineType = 1;   // ISO/IEC 9973: 1 solid, 2 dashed, 3 dotted, 4 dashed-dotted, 5 dash-dot-dot
-    Vec3f attenuation{1, 0, 0};  // of points at distance r from the eye: size / (x + y r + z r^2),
-    float least = 1, most = 1;   // limited to these; 1 0 0: no attenuation
+    std::int32_t lineType = 1;       // ISO/IEC 9973: 1 solid, 2 dashed, 3 dotted, 4 dashed-dotted, 5 dash-dot-dot
+    Vec3f attenuation{1, 0, 0};      // of points at distance r from the eye: size / (x + y r + z r^2),
+    float minimum = 1, maximum = 1;  // limited to these; 1 0 0: no attenuation
     bool attenuated() const { return attenuation != Vec3f(1, 0, 0); }
     friend bool operator==(const StrokeStyle&, const StrokeStyle&) = default;
 };

@@ -52,7 +52,7 @@ std::vector<NodeId> lightsLeftOut(const LightState& state);
 /// along the normal by the rounding error of floats there (some 2^-22 of its coordinates), so that a place on a wall is
 /// on the wall's front. The result is the same for any number of threads. Errors: a normal without length, numbers that
 /// are not finite, an error that is not positive.
-Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
+Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& position,
                                      const Vec3d& normal, const IrradianceSettings& settings = {});
 
 }  // namespace rtsg

@@ -204,7 +204,7 @@ struct Light {
     std::shared_ptr<const Texture> picture;
     /// For EnvironmentLights, which need both: the light from all directions, and the rotation into its frame.
     std::shared_ptr<const trace::Environment> environment;
-    glm::mat3 localFromWorldTurn{1.0f};
+    glm::mat3 localFromWorldRotation{1.0f};
 };
 
 /// Reads a light; a node that is no light gives one that is off. A projector has no picture yet, and its extent does
@@ -221,8 +221,8 @@ struct Fog {
     Vec3f along{0};             // a unit vector of the world in which a volumetric fog thickens; else zero
     float begin = 0;            // along it, from the world's origin, in metres
     /// The depth of a place in the fog; the path from the eye to it is `run` metres long.
-    float depth(const Vec3f& place, float run) const {
-        return along == Vec3f(0) ? run : glm::dot(along, place) - begin;
+    float depth(const Vec3f& position, float run) const {
+        return along == Vec3f(0) ? run : glm::dot(along, position) - begin;
     }
 };
 /// Reads a Fog or LocalFog node. A volumetric fog whose direction is zero is no fog.

@@ -31,7 +31,7 @@ class PathPreview {
     /// Samples a pixel of both halves together.
     int samples() const;
     /// The best number of samples for the next picture, at most `most`: the halves become equal soon, and then grow.
-    int wanted(int most) const;
+    int wanted(int maximum) const;
     /// The mean of all samples.
     Picture mean() const;
     /// The mean, denoised where that is better; without two halves, or without layers, the plain mean. `goesOn` is

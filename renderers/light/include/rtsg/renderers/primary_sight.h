@@ -23,7 +23,7 @@ constexpr std::uint32_t kUnnamedInstance = kNoInstance - 1;
 /// One sample of each pixel of a layer (LightTracer::layers()), row by row from the top.
 struct PrimarySight {
     int width = 0, height = 0;
-    Vec2d place{.5, .5};                   // position of the samples in their pixels, from the left and the top
+    Vec2d position{.5, .5};                // position of the samples in their pixels, from the left and the top
     int samples = 1;                       // number of samples, of which this is one: with more samples, textures are
                                            // blurred less
     std::vector<std::uint32_t> instances;  // InstanceId::slot of the frontmost one; or kNoInstance: the background

@@ -102,7 +102,7 @@ struct RenderStats {
     /// The share of light paths that were cut off by RenderSettings::maxDepth (whitted) or after 10,000 bounces (path)
     /// while they still had weight, in the whole picture and at most in one pixel: the picture may be darker by this
     /// share.
-    double missing = 0, missingMost = 0;
+    double missing = 0, missingMaximum = 0;
     /// Results of RenderSettings::error. `error` is the relative standard error that was reached, as root mean square
     /// over the pixels, with a bound for what may lie beyond all samples; a pixel's error is that of its brightest
     /// channel divided by (value + kErrorFloor * averageLight()). 1 for a black picture that might be lit. `unreached`

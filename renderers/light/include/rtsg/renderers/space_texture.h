@@ -19,15 +19,15 @@ enum class CubeSide : std::uint8_t { front, back, left, right, top, bottom };
 
 /// The side through which a direction leaves a cube, and the position on it: (0, 0) is the side's lower left corner,
 /// seen from inside. A zero direction leaves through the middle of the front.
-struct CubePlace {
+struct CubePosition {
     CubeSide side = CubeSide::front;
     Vec2f st{0.5f};
 };
-CubePlace cubePlace(const Vec3f& direction);
+CubePosition cubePosition(const Vec3f& direction);
 /// The unit direction of a place on a side.
 Vec3f cubeDirection(CubeSide side, Vec2f st);
 /// The position of a unit direction in a panorama around the y axis: its middle is towards -z, t = 1 towards +y.
-Vec2f panoramaPlace(const Vec3f& direction);
+Vec2f panoramaPosition(const Vec3f& direction);
 
 class SpaceTexture {
   public:
@@ -53,7 +53,7 @@ class SpaceTexture {
     Vec4f sample(const Vec3f& str, float footprint, const TextureAccess& access,
                  ColorSpace space = ColorSpace::linear) const;
     /// The colour at a place on a side of a cube, or (side 0) in a panorama. Precondition: isCube().
-    Vec4f sampleSide(std::size_t side, Vec2f place, float footprint, const TextureAccess& access,
+    Vec4f sampleSide(std::size_t side, Vec2f point, float footprint, const TextureAccess& access,
                      ColorSpace space = ColorSpace::linear) const;
 
   private:

@@ -50,7 +50,7 @@ class SurfaceState {
 
     struct Look {
         std::shared_ptr<const Material> material;  // never null
-        std::uint32_t place = 0;                   // index into surroundings()
+        std::uint32_t surroundings = 0;            // index into surroundings()
         /// Which of the mesh's texture coordinates each texture uses.
         std::array<std::uint8_t, kTextureRoles> channels{};
     };

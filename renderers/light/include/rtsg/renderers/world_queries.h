@@ -66,7 +66,7 @@ class WorldQueries final : public SpaceQueries {
     Resources resources_;
     SharedWorld* world_ = nullptr;  // from the first question on, as is seen_
     std::unique_ptr<Seen> seen_;
-    bool told_ = false;
+    bool reported_ = false;
 };
 
 }  // namespace rtsg

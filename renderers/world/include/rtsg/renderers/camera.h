@@ -82,7 +82,7 @@ struct Camera {
     double pixel(int rows) const;
     /// The position of a point in the picture, as `x` and `y` of ray(); infinite for a point behind a perspective's
     /// eye.
-    Vec2d place(const Vec3d& world) const;
+    Vec2d project(const Vec3d& world) const;
 
     /// Moves back, keeping the direction of view, until all of `world` is within the picture and centred in it. Does
     /// nothing when `world` is empty.

@@ -58,8 +58,8 @@ class RayFilter {
     /// The same for the place at `t` on a ray, whose error follows from the rounding of the ray's start and of the
     /// distance.
     bool leavesOutAlong(std::uint32_t slot, const Vec3f& origin, const Vec3f& direction, float t) const {
-        const Vec3f way = t * direction, sizes = glm::abs(origin) + glm::abs(way);
-        return leavesOut(slot, origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
+        const Vec3f displacement = t * direction, sizes = glm::abs(origin) + glm::abs(displacement);
+        return leavesOut(slot, origin + displacement, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
     }
     /// The box in ray space around all parts that may be left out but are not hidden as a whole, so that rays elsewhere
     /// need not ask; empty if there are none.

@@ -121,7 +121,7 @@ class RayView {
     /// Call it when `ray` met the back of a solid, which does not count. Finds another surface in the same place, up to
     /// rounding, that is no such back; no instance if there is none. It is needed because a ray reports any one of
     /// several surfaces that coincide.
-    Hit frontInPlace(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;
+    Hit frontOfCoincident(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;
     /// The start of a ray that leaves `from` towards `direction`, chosen so that it does not hit the surface it leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
@@ -165,7 +165,7 @@ class RayView {
 
   private:
     RayKind meant(RayKind kind) const { return kind == RayKind::view ? views_ : kind; }
-    friend class ClearWay;
+    friend class ClearPath;
     friend class Motions;
     friend class MovedView;
     friend class LargeRays;
@@ -174,17 +174,17 @@ class RayView {
     Hit intersectFiltered(Ray ray, RayKind kind) const;
     /// The nearest surface, up to rounding, that is not left out in the place where `leftOut` was met; no instance if
     /// there is none.
-    Hit meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const;
+    Hit meetCoincident(const Ray& ray, const Hit& leftOut, RayKind kind) const;
     Hit meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const;
     std::uint32_t meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                            RayKind kind) const;
-    std::uint32_t bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const;
+    std::uint32_t bodyAround(const Vec3f& position, const Vec3f& direction, std::uint32_t plane, RayKind kind) const;
     std::uint32_t intersect(RayPacket16& rays, bool coherent, RayKind kind, const bvh::PrimaryBlock* known) const;
     std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                const bvh::PrimaryBlock* known = nullptr) const;
     Hit hit(const bvh::RawHit& raw) const;
     /// Does the same as occluded(), but surfaces that `passed` lets rays through do not count, and are recorded there.
-    /// `unknown` is as in ClearWay::find().
+    /// `unknown` is as in ClearPath::find().
     std::uint32_t occludedBut(RayPacket16& rays, bool coherent, RayKind kind, bvh::PassedHits& passed,
                               std::uint32_t& unknown) const;
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;

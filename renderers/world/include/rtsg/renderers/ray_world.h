@@ -44,7 +44,7 @@ class RayWorld : public RayView {
 
     struct NamedNode {
         std::string name;  // its type and its DEF name or number; empty: not known
-        NodePlace place;
+        NodeLocation location;
     };
     struct Options {
         Mapping mapping = Mapping::hybrid;
@@ -108,11 +108,11 @@ class RayWorld : public RayView {
     void finishBackgroundWork();
 
     /// The world as it is now, for other threads; the same version as before if nothing has changed. Null while
-    /// kMostVersions are held: a reader that stalls can keep others from getting a version, but the world holds no more
+    /// kMaxVersions are held: a reader that stalls can keep others from getting a version, but the world holds no more
     /// states than that. A version costs a list of pages (8 bytes for each 4 to 8 kB of tables) and, while it is held,
     /// a copy of each page that changes. Call it on apply()'s thread.
     std::shared_ptr<const WorldVersion> freeze();
-    static constexpr std::size_t kMostVersions = 7;
+    static constexpr std::size_t kMaxVersions = 7;
 
     Stats stats() const;
     /// Computes the memory use; it visits every mesh and instance.
@@ -120,7 +120,7 @@ class RayWorld : public RayView {
     const Diagnostics& diagnostics() const;
     void clearDiagnostics();
     /// The number of ray worlds made since the process started.
-    static std::uint64_t made();
+    static std::uint64_t created();
 
   private:
     struct Impl;

@@ -93,7 +93,7 @@ class SharedWorld {
     Result<> update();
     /// The newest state, for readers on any thread. If it is older than the scene at the time of the call, the scene's
     /// thread is asked for a new one, which it makes after its next delivery or in update(), and this call waits for it
-    /// up to `patience`. After that, or while readers hold RayWorld::kMostVersions states, it returns the newest
+    /// up to `patience`. After that, or while readers hold RayWorld::kMaxVersions states, it returns the newest
     /// existing state. A reader recognises a known state by `moment`. The scene pays nothing while nobody asks, and
     /// forgets the last state if nobody has asked during kForget deliveries. Errors: there was no state within
     /// `patience`; the world no longer follows the scene.
@@ -104,12 +104,12 @@ class SharedWorld {
     /// update(); readers hold too many states.
     Result<std::shared_ptr<const WorldState>> present();
     /// The same as setViewer(), from any thread: it takes effect with the next delivery.
-    void lookFrom(const EyePlace& eye, std::vector<LayerSight> sights = {});
+    void lookFrom(const EyePosition& eye, std::vector<LayerSight> sights = {});
 
     /// Sets the eye for which levels of detail are chosen and to which Billboards turn, for all pictures; without one,
     /// the first levels are shown, which sound meets in any case (Instance::seen, heard). `sights` are those of the
     /// picture, as in Flattener::setViewer().
-    Result<> setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
+    Result<> setViewer(std::optional<EyePosition> eye, std::vector<LayerSight> sights = {});
     /// Sets the source of triangles for geometry nodes of a custom type, or instead of a built-in type's source, for
     /// all users of this world. Existing nodes get new triangles, too.
     void setMeshSource(std::string_view type, MeshSource source);
