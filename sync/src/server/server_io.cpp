@@ -188,7 +188,7 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
         (void)!::read(shared_->wake, &count, sizeof(count));
     }
     const auto any = [&](std::size_t i) { return items[i].revents != 0 || !sockets[i]->foundEmpty(); };
-    return {any(0), any(1), any(2)};
+    return {any(0), any(1), any(2), items[5].revents != 0};
 }
 
 void MirrorServer::Io::poll() {
@@ -196,7 +196,7 @@ void MirrorServer::Io::poll() {
     const Came came = wait();
     takeInbox();
     takeAnswers();
-    takeKeys();
+    if (came.keys) takeKeys();
     if (came.knocks) gate_.authenticate();
     if (came.connections) {
         const MirrorGate::Failures failures = gate_.failures();

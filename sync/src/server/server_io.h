@@ -155,7 +155,7 @@ class MirrorServer::Io {
     void run();
     /// Says which sockets may have something.
     struct Came {
-        bool messages = false, connections = false, knocks = false;
+        bool messages = false, connections = false, knocks = false, keys = false;
     };
     Came wait();
     void gather();

@@ -19,17 +19,17 @@ constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
 constexpr std::uint64_t kAnswerCost = 1024;  // overhead of an answer that waits to be read
 constexpr std::uint64_t kSmallBacklog =
-    8 << 10;                               // bytes of frames behind a keyframe for which a new keyframe does not pay
-constexpr auto kPatience = 200ms;          // to wait for the shadow's newer keyframe
-constexpr double kMaxQuestions = 24;       // of one peer at once
-constexpr double kQuestionsPerSecond = 4;  // of one peer in the long run
-constexpr auto kAskEvery = 500ms;          // least time between requests for acknowledgement
-constexpr auto kAskSeldom = 3500ms;        // the same where little is sent; pings of clients tell their state, too
-constexpr auto kForgetEvery = 250ms;       // while some peers cannot read predicted frames
-constexpr std::size_t kMaxMerged = 20000;  // frames
-constexpr std::size_t kMaxControls = 16;   // that wait for the scene, of all peers
-constexpr const char* kNotListed = "its key is no longer on the list";
+    8 << 10;                                // bytes of frames behind a keyframe for which a new keyframe does not pay
+constexpr auto kPatience = 200ms;           // to wait for the shadow's newer keyframe
+constexpr double kMaxQuestions = 24;        // of one peer at once
+constexpr double kQuestionsPerSecond = 4;   // of one peer in the long run
+constexpr auto kAskEvery = 500ms;           // least time between requests for acknowledgement
+constexpr auto kAskSeldom = 3500ms;         // the same where little is sent; pings of clients tell their state, too
+constexpr auto kForgetEvery = 250ms;        // while some peers cannot read predicted frames
+constexpr std::size_t kMaxMerged = 20000;   // frames
+constexpr std::size_t kMaxControls = 16;    // that wait for the scene, of all peers
 constexpr std::size_t kMaxVerdicts = 1000;  // that wait for their frame
+constexpr const char* kNotListed = "its key is no longer on the list";
 
 }  // namespace
 
