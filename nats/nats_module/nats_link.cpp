@@ -75,6 +75,7 @@ class Link final : public NatsLink {
         };
         then([&] { return natsOptions_SetServers(options_, servers.data(), static_cast<int>(servers.size())); });
         then([&] { return natsOptions_SetName(options_, settings.client.c_str()); });
+        then([&] { return authenticate(settings); });
         then([&] { return natsOptions_SetTimeout(options_, kConnectWithin); });
         then([&] { return natsOptions_SetMaxReconnect(options_, -1); });
         then([&] { return natsOptions_SetReconnectWait(options_, kReconnectEvery); });
@@ -88,6 +89,20 @@ class Link final : public NatsLink {
         then([&] { return natsConnection_Connect(&connection_, options_); });
         then([&] { return natsConnection_JetStream(&jetStream_, connection_, nullptr); });
         return status == NATS_OK ? std::string() : textOf(status);
+    }
+
+    natsStatus authenticate(const NatsSettings& s) {
+        natsStatus status = NATS_OK;
+        if (!s.user.empty())
+            status = s.password.empty() ? natsOptions_SetToken(options_, s.user.c_str())
+                                        : natsOptions_SetUserInfo(options_, s.user.c_str(), s.password.c_str());
+        if (status == NATS_OK && !s.credentials.empty())
+            status = natsOptions_SetUserCredentialsFromFiles(options_, s.credentials.c_str(), nullptr);
+        if (status == NATS_OK && !s.authorities.empty())
+            status = natsOptions_LoadCATrustedCertificates(options_, s.authorities.c_str());
+        if (status == NATS_OK && !s.certificate.empty())
+            status = natsOptions_LoadCertificatesChain(options_, s.certificate.c_str(), s.key.c_str());
+        return status;
     }
 
     std::size_t maxPayload() const override {

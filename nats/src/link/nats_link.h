@@ -20,6 +20,9 @@ namespace rtsg {
 struct NatsSettings {
     std::vector<std::string> servers;                // urls with what authenticates us
     std::string client;                              // a name, for the server's own reports
+    std::string user, password;                      // in no url; without a password the user is a token
+    std::string credentials;                         // a file of NATS's accounts (.creds)
+    std::string authorities, certificate, key;       // files in PEM for tls://; empty: the system's, and none
     std::size_t maxWaiting = std::size_t{64} << 20;  // bytes of messages that nobody has taken
 };
 
