@@ -169,14 +169,14 @@ void reportResult(const RenderArguments& options, const RenderSettings& settings
     if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
 }
 
-/// Adds one of so many frames.
-void addFrame(RenderStats& all, const RenderStats& stats, int frames) {
-    all.seconds += stats.seconds;
-    all.missing = std::max(all.missing, stats.missing);
-    all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
-    all.hiddenLight = std::max(all.hiddenLight, stats.hiddenLight);
-    if (noiseOverMean(stats) >= noiseOverMean(all)) all.noise = stats.noise, all.mean = stats.mean;
-    all.samples += stats.samples / frames, all.kept += stats.kept / frames;
+/// Adds the figures of one frame to those of all.
+void addFrame(RenderStats& all, const RenderStats& frame, int frames) {
+    all.seconds += frame.seconds;
+    all.missing = std::max(all.missing, frame.missing);
+    all.error = std::max(all.error, frame.error), all.unreached = std::max(all.unreached, frame.unreached);
+    all.hiddenLight = std::max(all.hiddenLight, frame.hiddenLight);
+    if (noiseOverMean(frame) >= noiseOverMean(all)) all.noise = frame.noise, all.mean = frame.mean;
+    all.samples += frame.samples / frames, all.kept += frame.kept / frames;
 }
 
 /// Pictures in a row, and tiles, say what they were made of; null for others.
