@@ -37,6 +37,7 @@ constexpr auto kSleep = 500ms;                                      // at most
 constexpr auto kFetchWithin = 10s;                                  // a keyframe
 constexpr int kAtOnce = 256;                                        // messages of mirrors, before others get a turn
 constexpr std::size_t kMaxDiagnostics = 100;
+constexpr const char* kInboxes = "_INBOX.";  // where answers go
 
 std::uint64_t anyNumber() {
     std::random_device device;
@@ -206,8 +207,9 @@ bool NatsPublisher::Impl::takeAsked() {
 /// Returns false if the message is invalid. Such messages are only counted, since anybody may send them.
 bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     const auto packet = nats::unpack(message.bytes);
-    if (!packet && !message.reply.empty()) return refuseForeign(message);
-    if (!packet || message.reply.empty()) return false;
+    // Who may only ask shall not make us publish where mirrors believe what comes.
+    if (!message.reply.starts_with(kInboxes)) return false;
+    if (!packet) return refuseForeign(message);
     if (packet->type == Message::hello) return hello(message.reply, *packet);
     if (packet->type != Message::ping) return mirrors_.take(message.reply, *packet, Clock::now());
     wire::Reader in = packet->fields();

@@ -111,7 +111,7 @@ class NatsSubscriber::Impl {
     void ask(std::span<const std::byte> first, std::span<const std::byte> second = {});
     bool toClient(std::span<const std::byte> first, std::span<const std::byte> second = {});
     void report(std::string text);
-    void strange(std::string_view bytes);
+    void strange(const NatsMessage& message);
     void refuse(std::string_view why);
     void garbage() {
         if (auto reported = mirror::reportedOf(++statistics_.garbage, "ignored an invalid message"))
@@ -296,7 +296,7 @@ bool NatsSubscriber::Impl::takeFromNats() {
 
 void NatsSubscriber::Impl::fromNats(const NatsMessage& message) {
     const auto packet = nats::unpack(message.bytes);
-    if (!packet) return strange(message.bytes);
+    if (!packet) return strange(message);
     if (mode_ == Mode::idle) return;
     if (message.subject == subjects_.live) return live(*packet);
     const bool ofJoin = packet->type == Message::welcome || packet->type == Message::ping ||
@@ -307,11 +307,12 @@ void NatsSubscriber::Impl::fromNats(const NatsMessage& message) {
 }
 
 /// A publisher of another version refuses the client in words, if it knows how versions meet.
-void NatsSubscriber::Impl::strange(std::string_view bytes) {
-    const auto foreign = nats::foreign(bytes);
-    if (!foreign || mode_ != Mode::joining) return garbage();
+void NatsSubscriber::Impl::strange(const NatsMessage& message) {
+    const auto foreign = nats::foreign(message.bytes);
+    const bool refuses = foreign && mirror::foreignType(foreign->first) == Message::refused;
+    if (!foreign || mode_ != Mode::joining || (refuses && message.subject != inbox_)) return garbage();
     std::string why = mirror::versionText(foreign->version);
-    if (mirror::foreignType(foreign->first) == Message::refused) {
+    if (refuses) {
         wire::Reader in(foreign->first.subspan(mirror::kPrologue));
         if (const std::string_view said = in.text(); !in.problem) why = said;
     }
