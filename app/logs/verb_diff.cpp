@@ -1,13 +1,18 @@
 // rtsg diff: compares two logs or two scenes, and names the differences.
 #include <cmath>
+#include <filesystem>
 #include <memory>
+#include <system_error>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/web_address.h>
 #include <rtsg/sync/field_comparison.h>
+#include <rtsg/sync/log.h>
 
 #include "cli.h"
 #include "files.h"
+#include "log_store.h"
 #include "replay_test.h"
 
 namespace rtsg::app {
@@ -15,7 +20,7 @@ namespace rtsg::app {
 namespace {
 
 struct DiffArguments {
-    std::string a, b;
+    std::string a, b, shown[2];
     FieldSelection selection;
     std::uint64_t maximum = 20;
     ResourceArguments resources;
@@ -39,7 +44,7 @@ int report(const DiffArguments& options, const std::vector<Divergence>& found, c
         fmt::print("{}{}{}{}\n", when, location, location.empty() ? "" : ": ", d.text);
     }
     if (shown < found.size()) fmt::print("and {} more\n", found.size() - shown);
-    if (found.empty()) fmt::print("{} and {} are equal{}\n", options.a, options.b, compared);
+    if (found.empty()) fmt::print("{} and {} are equal{}\n", options.shown[0], options.shown[1], compared);
     return found.empty() ? kDone : kBad;
 }
 
@@ -97,8 +102,16 @@ int diffScenes(const DiffArguments& options) {
     return report(options, found, fmt::format(" in {} fields", fields.fieldCount()));
 }
 
-int diffFiles(const DiffArguments& options) {
+int diffFiles(DiffArguments options) {
     check(options.selection);
+    options.shown[0] = shownLog(options.a), options.shown[1] = shownLog(options.b);
+    const auto a = fetchLog("A", options.a), b = fetchLog("B", options.b);
+    for (const auto* fetched : {&a, &b})
+        if (!*fetched) return printError(fetched->error()), kBad;
+    for (const std::string& name : {options.a, options.b})
+        if (std::error_code error; name != "-" && !isWebAddress(name) && !std::filesystem::exists(name, error) &&
+                                   filesOfLog(name).value_or(std::vector<std::filesystem::path>{}).size() < 2)
+            return printError(fail("there is no such file", {}, name).error()), kBad;
     const bool log = isLogOrNamedSo(options.a);
     if (log != isLogOrNamedSo(options.b))
         throw UsageError(

@@ -7,6 +7,7 @@
 
 #include "cli.h"
 #include "files.h"
+#include "log_store.h"
 
 namespace rtsg::app {
 
@@ -52,7 +53,7 @@ Verb addMerge(Command& program) {
     Command* command = program.addVerb("merge", "Write one log of two, with their scenes side by side");
     command->addOption("A", options->a, "log")->required();
     command->addOption("B", options->b, "another log")->required();
-    command->addOption("-o,--output", options->out, "log to write (.rlog)")->required();
+    command->addOption("-o,--output", options->out, "log to write (.rlog, or nats://HOST:PORT/NAME)")->required();
     command->addOption("--apart", options->apart, "distance of B from A, metres along x")->preset();
     command->addFlag("--scene-time", options->bySceneTime,
                      "align the logs by scene time, for two recordings of one event; without it, by their starts");
@@ -62,7 +63,14 @@ Verb addMerge(Command& program) {
         "Example: rtsg merge door.rlog other.rlog -o both.rlog --apart 10\n"
         "The scenes are below two Transforms, A and B; names at the top level begin with A_ and B_. What is bound is\n"
         "A's. Each log has to be of one session without gaps. Exit status 1 where one of them lacks something.");
-    return {command, [options] { return merge(*options); }};
+    return {command, [options]() -> int {
+                const auto a = fetchLog("A", options->a), b = fetchLog("B", options->b);
+                for (const auto* fetched : {&a, &b})
+                    if (!*fetched) return printError(fetched->error()), kBad;
+                auto stored = StoredLog::start("-o", options->out, LogUse::write, options->force);
+                if (!stored) return printError(stored.error()), kBad;
+                return stored->finish(merge(*options));
+            }};
 }
 
 }  // namespace rtsg::app

@@ -1,15 +1,18 @@
 // rtsg record: runs a scene in simulated time and logs every change.
 #include <memory>
+#include <span>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <rtsg/session/running_scene.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
+#include <rtsg/sync/record.h>
 
 #include "files.h"
 #include "keyframes.h"
-#include "nats.h"
+#include "log_store.h"
 #include "rotate.h"
 #include "start_time.h"
 
@@ -63,6 +66,16 @@ class Recording {
     Attachment attachment_;
 };
 
+/// The number of a session whose clock was set: the same for the same scene and options, so that it is recorded again
+/// as the same file. Without --at, 0: any number.
+std::uint64_t epochOf(const RecordArguments& o, const Scene& scene) {
+    if (o.start.at.empty()) return 0;
+    const std::string text =
+        fmt::format("{} {} {} {} {} {} {} {} {} {} {}", scene.hash().hex(), o.start.at, o.start.clip, o.duration, o.fps,
+                    o.mode, o.error, o.inputs, o.embed, fmt::join(o.set, " "), RTSG_VERSION);
+    return checksumOf(std::as_bytes(std::span(text))) | 1;
+}
+
 LogOptions logOptions(const RecordArguments& options) {
     LogOptions result;
     result.mode.mode = *modeFromName(options.mode);
@@ -103,7 +116,8 @@ int recordFile(const RecordArguments& options) {
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
     if (auto ok = refusingUsage(running.inject(options.set, pace.seconds)); !ok) return printError(ok.error()), kUsage;
-    const LogOptions wanted = logOptions(options);
+    LogOptions wanted = logOptions(options);
+    wanted.epoch = epochOf(options, scene);
     std::unique_ptr<LossyScene> lossy;
     if (wanted.mode.mode == Mode::lossy) {
         auto followed = LossyScene::follow(scene, options.error);
@@ -133,8 +147,8 @@ int recordFile(const RecordArguments& options) {
 }
 
 int record(RecordArguments options) {
-    options.rotate.check(options.out);
-    auto stored = StoredLog::start("-o", options.out, options.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    auto stored = StoredLog::start(options.rotate.asked("-o"), options.out,
+                                   options.rotate.wanted() ? LogUse::rotate : LogUse::write, options.force);
     if (!stored) return printError(stored.error()), kBad;
     return stored->finish(recordFile(options));
 }

@@ -24,7 +24,7 @@
 #include "blame.h"
 #include "cli.h"
 #include "extensions.h"
-#include "nats.h"
+#include "log_store.h"
 #include "replay_test.h"
 #include "start_time.h"
 #include "table.h"
@@ -34,8 +34,8 @@ namespace rtsg::app {
 namespace {
 
 struct ReplayArguments {
-    std::string log, seek, duration, diff, compact, exported, blamed, tabled, only, without, out, frames,
-        interval = "0s", runUp = "6s";
+    std::string log, shownLog, shownDiff, seek, duration, diff, compact, exported, blamed, tabled, only, without, out,
+        frames, interval = "0s", runUp = "6s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -54,7 +54,7 @@ int diff(const ReplayArguments& options) {
     if (options.json)
         fmt::print("{{\"equal\":{},\"first_divergence\":{},{}}}\n", !first, toJson(first), toJson(states));
     else if (!first)
-        fmt::print("{} and {} are equal {}\n", options.log, options.diff, states.format());
+        fmt::print("{} and {} are equal {}\n", options.shownLog, options.shownDiff, states.format());
     if (first) printError(first->format());
     return first ? kBad : kDone;
 }
@@ -137,7 +137,7 @@ class Replaying {
           check_(replayer),
           start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
           length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
-          wanted_(outputsOf(options, start_)),
+          wanted_(outputsOf(options, replayer.head().epoch, start_)),
           resources_(options.outputs.resources.ofFile(firstFileOf(options.log))) {}
 
     int run() {
@@ -169,8 +169,9 @@ class Replaying {
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
 
     /// The outputs that are asked for, with the pictures' numbers.
-    static OutputArguments outputsOf(const ReplayArguments& options, double start) {
+    static OutputArguments outputsOf(const ReplayArguments& options, std::uint64_t epoch, double start) {
         OutputArguments wanted = options.outputs;
+        wanted.session = fmt::format("{:016x}", epoch);
         if (!options.duration.empty()) wanted.seconds = parseSeconds(options.duration);
         if (options.frames.empty()) return wanted;
         wanted.only = parsePictureRange(options.frames);
@@ -509,10 +510,14 @@ int replay(const Command& command, ReplayArguments options) {
         options.outputs.render = options.outputs.picture.fileOf(options.outputs.render);
     }
     if (!options.tabled.empty()) checkTableName(options.out);
+    if (options.test.update) checkLogUse("--update", options.log, LogUse::recordAgain);
+    options.shownLog = shownLog(options.log), options.shownDiff = shownLog(options.diff);
     const auto log = fetchLog("LOG", options.log);
     if (!log) return printError(log.error()), kBad;
     const auto other = fetchLog("--diff", options.diff);
     if (!other) return printError(other.error()), kBad;
+    auto stored = StoredLog::start(shortened, options.compact, LogUse::write, options.outputs.force);
+    if (!stored) return printError(stored.error()), kBad;
     if (auto ok = options.outputs.check({options.log, options.diff, options.test.rerun},
                                         {{"--export", options.exported, OutputKind::capture},
                                          {shortened, options.compact, OutputKind::log},
@@ -521,7 +526,7 @@ int replay(const Command& command, ReplayArguments options) {
         return printError(ok.error()), kBad;
     if (!options.diff.empty()) return diff(options);
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
-    if (!options.compact.empty()) return compact(options);
+    if (!options.compact.empty()) return stored->finish(compact(options));
     if (!options.blamed.empty()) return blame(options.log, options.blamed, options.json);
     if (!options.tabled.empty()) return makeTable(options);
     if (options.test.any()) {
@@ -564,9 +569,9 @@ Verb addReplay(Command& program) {
         command->addOption("--without", options->without, "with -o: write a log in which these fields do not change");
         command->addOption("-o,--output", options->out,
                            "with --table: .csv to write; - or none: standard output. With --only and --without: .rlog");
-        command->addOption(
-            "--compact", options->compact,
-            "write a shorter log: from --seek on, for the time of --for, with frames merged by --every or --interval");
+        command->addOption("--compact", options->compact,
+                           "write a shorter log (.rlog, or nats://HOST:PORT/NAME): from --seek on, for the time of "
+                           "--for, with frames merged by --every or --interval");
         command
             ->addOption("--every", options->every,
                         "with --compact: this many frames become one; with --table: one row for this many states")

@@ -303,6 +303,17 @@ void OutputArguments::addTo(Command& command, Options which) {
     sound.addTo(command);
 }
 
+std::string SoundArguments::text() const {
+    std::string files;
+    for (const std::string& file : this->files()) files += (files.empty() ? "" : " ") + file;
+    const auto chosen = [](const auto& value) { return value ? fmt::format("{}", *value) : std::string(); };
+    return fmt::format(
+        "binaural={},ambisonic={},rays={},quality={},diffraction={},length={},temperature={},humidity={},"
+        "speed-of-sound={},air={},files={}",
+        binaural, ambisonic, rays, quality, diffraction, length, chosen(air.celsius), chosen(air.relativeHumidity),
+        chosen(air.speedOfSound), !noAir, files);
+}
+
 std::vector<std::string> SoundArguments::files() const {
     std::vector<std::string> names = given.files();
     if (!sofa.empty()) names.push_back(sofa);
@@ -319,6 +330,7 @@ OutputOptions OutputArguments::options() const {
     if (!listen.empty()) {
         options.hearing = sound.parse();
         options.given = sound.given.sources();
+        options.soundSettings = sound.text();
     }
     return options;
 }

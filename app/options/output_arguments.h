@@ -74,6 +74,8 @@ struct SoundArguments {
     void addTo(Command& command);
     /// Parses everything except given sounds: see GivenSoundArguments::open().
     ListenOptions parse() const;
+    /// OutputOptions::soundSettings.
+    std::string text() const;
     /// The files of which the sound is made, apart from the scene.
     std::vector<std::string> files() const;
 };

@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/nats/nats_address.h>
 #include <rtsg/sync/log.h>
 
 #include "cli.h"
@@ -32,12 +31,9 @@ struct RotateArguments {
                           "keep only the newest files, so that this share of the disk stays free, such as 5%; with "
                           "--rotate or --keep");
     }
-    /// Throws UsageError unless a log of that name can be divided; empty: there is none.
+    /// Throws UsageError if the name of the log is empty. What its store can do is said by checkLogUse().
     void check(const std::string& log) const {
-        if (!wanted()) return;
-        const char* const option = rotate.empty() ? "--keep" : "--rotate";
-        if (log.empty()) throw UsageError(option, "needs --record: there is no log");
-        if (isNatsAddress(log)) throw UsageError(option, "a log at a NATS server cannot be divided into pieces");
+        if (wanted() && log.empty()) throw UsageError(asked(""), "needs --record: there is no log");
     }
     /// Throws UsageError.
     void setIn(LogOptions& options) const {
@@ -65,6 +61,8 @@ struct RotateArguments {
             options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
     }
     bool wanted() const { return !rotate.empty() || !keep.empty(); }
+    /// The option that asks for pieces; `none` if none does.
+    const char* asked(const char* none) const { return !rotate.empty() ? "--rotate" : !keep.empty() ? "--keep" : none; }
 
     /// Refuses to add to the pieces of another recording.
     Result<> checkPieces(const std::string& log, bool force) const {

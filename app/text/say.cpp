@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 #include <ctime>
+#include <map>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
@@ -19,6 +20,8 @@ namespace {
 struct Manner {
     bool json = false;
     Severity minimum = Severity::note;
+    /// What stands in messages, and what is said instead.
+    std::map<std::string, std::string> instead;
 } manner;
 
 constexpr std::string_view kLevels[] = {"note", "warning", "error"};  // in the order of Severity
@@ -34,7 +37,15 @@ std::string timeText() {
 }  // namespace
 
 void writeError(std::string_view text) {
-    (void)std::fwrite(text.data(), 1, text.size(), stderr);
+    std::string said(text);
+    for (const auto& [name, shown] : manner.instead)
+        for (std::size_t at = 0; (at = said.find(name, at)) != said.npos; at += shown.size())
+            said.replace(at, name.size(), shown);
+    (void)std::fwrite(said.data(), 1, said.size(), stderr);
+}
+
+void sayInstead(const std::string& name, const std::string& shown) {
+    manner.instead[name] = shown;
 }
 
 void SayArguments::addTo(Command& command) {

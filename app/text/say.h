@@ -22,6 +22,9 @@ void reportError(fmt::format_string<Arguments...> text, Arguments&&... arguments
     writeError(fmt::format(text, std::forward<Arguments>(arguments)...));
 }
 
+/// All later messages have `shown` where they would have `name`, the file of a log that users know by its address.
+void sayInstead(const std::string& name, const std::string& shown);
+
 struct SayArguments {
     std::string form = "text", level = "note";
     void addTo(Command& command);

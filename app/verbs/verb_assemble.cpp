@@ -86,6 +86,45 @@ std::string tileOfOthers(const std::filesystem::path& picture, const PictureTile
     return {};
 }
 
+/// Compares what files were made of with the first one's.
+class Sameness {
+  public:
+    /// Error: a mixture.
+    Result<> take(const std::string& file) { return take(file, false); }
+    /// Of all tiles of a picture, if they are there; else of the picture, if that is.
+    Result<> takeTiles(const std::filesystem::path& picture, const PictureTile& grid) {
+        std::error_code ignored;
+        std::vector<std::string> tiles;
+        for (int i = 0; i < grid.columns * grid.rows; ++i) {
+            const PictureTile tile{i % grid.columns, i / grid.columns, grid.columns, grid.rows};
+            const std::filesystem::path file = tile.of(picture);
+            if (std::filesystem::is_regular_file(file, ignored)) tiles.push_back(file.string());
+        }
+        if (std::ssize(tiles) < std::ptrdiff_t{grid.columns} * grid.rows)
+            return std::filesystem::is_regular_file(picture, ignored) ? take(picture.string()) : Result<>();
+        for (const std::string& tile : tiles)
+            if (auto ok = take(tile, tile != tiles.front()); !ok) return ok;
+        return {};
+    }
+    const Provenance& first() const { return first_; }
+
+  private:
+    /// `ofOneState`: as the file before.
+    Result<> take(const std::string& file, bool ofOneState) {
+        const auto notes = readPictureNotes(file);
+        if (!notes) return std::unexpected(notes.error());
+        Provenance own = Provenance::of(*notes);
+        if (firstFile_.empty()) first_ = own, firstFile_ = file;
+        Result<> same = belongsTogether(own, file, first_, firstFile_);
+        if (same && ofOneState) same = isOneState(own, file, before_, fileBefore_);
+        before_ = std::move(own), fileBefore_ = file;
+        return same;
+    }
+
+    Provenance first_, before_;
+    std::string firstFile_, fileBefore_;
+};
+
 /// Joins the tiles of each picture. A picture that is there without all of its tiles has been joined before.
 JoinedTiles joinAllTiles(const AssembleArguments& options, const PictureRange& range) {
     JoinedTiles joined;
@@ -93,13 +132,17 @@ JoinedTiles joinAllTiles(const AssembleArguments& options, const PictureRange& r
     const Progress progress = progressBar("joining tiles of " + options.pictures);
     std::error_code ignored;
     std::string others;
+    Sameness all;
     for (std::uint64_t number = range.first; number <= range.last; ++number) {
         if (interrupted()) {
             joined.result = fail("interrupted: not all tiles were joined", {}, options.pictures);
             break;
         }
         const std::filesystem::path picture = pictureOf(options, number);
-        const auto missing = joinTiles(picture, grid.columns, grid.rows);
+        const Result<> same = all.takeTiles(picture, grid);
+        // A picture alone is the same file as one that was made as a whole.
+        const auto missing = same ? joinTiles(picture, grid.columns, grid.rows, options.frames.empty() ? "rtsg-" : "")
+                                  : std::unexpected(same.error());
         joined.wanted += static_cast<std::uint64_t>(grid.columns) * static_cast<std::uint64_t>(grid.rows);
         if (!missing) {
             if (joined.result) joined.result = std::unexpected(missing.error());
@@ -118,7 +161,7 @@ JoinedTiles joinAllTiles(const AssembleArguments& options, const PictureRange& r
 }
 
 /// All of the sound, scaled as that of one run. Error: some of it is missing.
-Result<SoundBuffer> wholeSound(const AssembleArguments& options, const std::string& pattern,
+Result<JoinedSound> wholeSound(const AssembleArguments& options, const std::string& pattern,
                                const PictureRange& range) {
     auto joined = joinSound(pattern, range, options.fps);
     if (!joined) return std::unexpected(joined.error());
@@ -133,28 +176,43 @@ Result<SoundBuffer> wholeSound(const AssembleArguments& options, const std::stri
     report.sound = std::move(joined->sound);
     report.gain = normalise(report.sound);
     reportGain(report, programContext());
-    return std::move(report.sound);
+    joined->sound = std::move(report.sound);
+    return joined;
+}
+
+/// The sound is of the pictures' session, as far as both say.
+Result<> belongsToSound(const Provenance& pictures, const std::string& file, const JoinedSound& sound) {
+    if (pictures.session.empty() || sound.provenance.session.empty() || pictures.session == sound.provenance.session)
+        return {};
+    return fail(
+        fmt::format("a mixture: session {}, not {} as in {}", pictures.session, sound.provenance.session, sound.first),
+        {}, file);
 }
 
 /// Reads all pictures, and writes the film unless there is none to write. Errors: one that cannot be read, or of
-/// another size.
+/// another size; a mixture.
 Result<> join(const AssembleArguments& options, const PictureRange& range) {
     std::optional<PictureFiles> film;
-    SoundBuffer sound;
+    JoinedSound joined;
+    const SoundBuffer& sound = joined.sound;
     if (!options.sound.empty()) {
         auto whole = wholeSound(options, options.sound, range);
         if (!whole) return std::unexpected(whole.error());
-        sound = std::move(*whole);
+        joined = std::move(*whole);
     }
     const auto with = options.sound.empty() ? MovieWriter::Sound::none : MovieWriter::Sound::awaited;
     if (!options.out.empty()) film.emplace(options.out, options.fps, ToneMap(), with);
     const Progress progress = progressBar("joining " + options.pictures);
     int width = 0, height = 0;
+    Sameness same;
     for (std::uint64_t number = range.first; number <= range.last; ++number) {
         if (interrupted()) return fail("interrupted: not written", {}, options.out);
         const std::string name = pictureOf(options, number).string();
         auto picture = readPicture(name);
         if (!picture) return std::unexpected(picture.error());
+        if (auto ok = same.take(name); !ok) return ok;
+        if (number == range.first)
+            if (auto ok = belongsToSound(same.first(), name, joined); !ok) return ok;
         if (number == range.first) width = picture->width, height = picture->height;
         if (picture->width != width || picture->height != height)
             return fail(fmt::format("{} x {} pixels, and the first picture has {} x {}", picture->width,
@@ -177,12 +235,13 @@ int assembleSound(const AssembleArguments& options, const PictureRange& range) {
     const auto sound = wholeSound(options, options.pictures, range);
     const Result<> written = !sound                ? std::unexpected(sound.error())
                              : options.out.empty() ? Result<>()
-                                                   : writeWav(options.out, *sound);
+                                                   : writeWav(options.out, sound->sound);
     if (options.json)
-        fmt::print("{{\"seconds\":{:.6f},\"written\":{}}}\n", sound ? sound->seconds() : 0,
+        fmt::print("{{\"seconds\":{:.6f},\"written\":{}}}\n", sound ? sound->sound.seconds() : 0,
                    written && !options.out.empty() ? jsonString(options.out) : "null");
     else if (written)
-        fmt::print("{:g} s of sound{}\n", sound->seconds(), options.out.empty() ? ", all there" : " in " + options.out);
+        fmt::print("{:g} s of sound{}\n", sound->sound.seconds(),
+                   options.out.empty() ? ", all there" : " in " + options.out);
     if (!written) printError(written.error());
     return written ? kDone : kBad;
 }

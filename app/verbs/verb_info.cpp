@@ -17,7 +17,7 @@
 #include "cli.h"
 #include "extensions.h"
 #include "files.h"
-#include "nats.h"
+#include "log_store.h"
 #include "start_time.h"
 
 namespace rtsg::app {

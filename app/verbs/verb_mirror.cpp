@@ -23,6 +23,7 @@
 
 #include "cli.h"
 #include "extensions.h"
+#include "log_store.h"
 #include "nats.h"
 #include "output_arguments.h"
 #include "request_arguments.h"
@@ -434,7 +435,7 @@ void Mirroring::follow() {
             break;
         }
         if (mayJoin() && !join()) return;
-        health_.noteMirror(client.statistics());
+        health_.noteMirror(client.statistics(), from_.garbage());
         feedWatchdog();
         if (joined()) noteTime();
         if (joined() && progress)
@@ -563,9 +564,10 @@ void Mirroring::printJson() const {
         "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
         "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"
         "\"accepted\":{},\"refused\":{},",
-        framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
-        statistics.clockOffset, statistics.delay, statistics.lag, statistics.maximumLag, statistics.jitter,
-        statistics.late, requests_.sent, requests_.accepted, requests_.refused);
+        framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
+        statistics.garbage + from_.garbage(), statistics.clockOffset, statistics.delay, statistics.lag,
+        statistics.maximumLag, statistics.jitter, statistics.late, requests_.sent, requests_.accepted,
+        requests_.refused);
     fmt::print("\"inputs\":{},\"encoded\":{},\"holes\":{},\"missed_s\":{:.3f}{}}}\n", statistics.inputs,
                joined() ? outputs_->encoded() : 0, statistics.holes, statistics.missed, report_.json());
 }
@@ -609,8 +611,7 @@ int mirror(MirrorArguments options) {
     auto from = openOrigin(options.endpoint, options.key, parseSeconds(options.patience));
     if (!from) return printError(from.error()), kBad;
     options.endpoint = from->shown();
-    auto stored = StoredLog::start("--record", options.outputs.record,
-                                   options.outputs.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    auto stored = StoredLog::start("--record", options.outputs.record, LogUse::write, options.outputs.force);
     if (!stored) return printError(stored.error()), kBad;
     return stored->finish(Mirroring(options, *from).run());
 }

@@ -83,6 +83,7 @@ class Relaying {
         from.name = options_.name;
         from.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(options_.maxLag)));
         to.keys = std::move(*ours);
+        to.keyFile = options_.serveKey;
         to.insecure = options_.insecure;
         to.upstream = *mirrorUpstreamFromName(options_.upstream);
         to.maximumPeers = options_.peers;

@@ -1,12 +1,15 @@
 // rtsg render: makes a picture or an animation of a scene.
 #include <algorithm>
 #include <filesystem>
+#include <functional>
+#include <iterator>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include <rtsg/ogre/ogre_renderer.h>
 #include <rtsg/session/output_maker.h>
+#include <rtsg/session/provenance.h>
 #include <rtsg/session/running_scene.h>
 
 #include "cli.h"
@@ -107,12 +110,17 @@ class PictureMaker {
     Result<> remember(const ImageOptions& image) { return light_ ? light_->remember(image) : Result<>(); }
     Result<int> write(const std::string& file, const ImageOptions& image, const AnimationOptions& animation,
                       const ToneMap& toneMap) {
-        if (light_) return renderToFile(*light_, file, image, animation, toneMap);
         const auto next = [&](RenderStats& stats) {
-            return traces_ ? raster_->hybridPicture(image, &stats) : raster_->nextPicture(image, &stats);
+            auto picture = light_    ? light_->nextPicture(image, &stats)
+                           : traces_ ? raster_->hybridPicture(image, &stats)
+                                     : raster_->nextPicture(image, &stats);
+            if (picture && notes_) std::ranges::move(notes_(), std::back_inserter(picture->notes));
+            return picture;
         };
         return renderToFile(world_.scene(), next, file, image, animation, toneMap);
     }
+    /// Of each picture, beside its own.
+    void addNotes(std::function<PictureNotes()> notes) { notes_ = std::move(notes); }
     const Diagnostics& diagnostics() const { return light_ ? light_->diagnostics() : raster_->diagnostics(); }
     Content content() const {
         if (light_) return {world_.rays().stats().traced, world_.rays().stats().instancedTriangles};
@@ -125,6 +133,7 @@ class PictureMaker {
     const bool traces_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<OgreRenderer> raster_;
+    std::function<PictureNotes()> notes_;
 };
 
 /// `all` has, over all frames, the largest missing light, error and noise, and the means of samples and kept pixels.
@@ -170,6 +179,22 @@ void addFrame(RenderStats& all, const RenderStats& frame, int frames) {
     all.samples += frame.samples / frames, all.kept += frame.kept / frames;
 }
 
+/// Pictures in a row, and tiles, say what they were made of; null for others.
+std::function<PictureNotes()> notesOf(const RenderArguments& options, const ImageOptions& image, RunningScene& running,
+                                      std::string session) {
+    const PictureFiles files(options.out, options.fps);
+    const bool inRow = files.takesSeveral() && !files.together();
+    if (!inRow && options.picture.tile.empty()) return {};
+    std::string how =
+        fmt::format("{},hybrid={},layers={},fps={}",
+                    pictureSettings(image, options.picture.toneMap(), options.picture.tessellationError()),
+                    options.picture.integrator == "hybrid", image.settings.layers, options.fps);
+    return [&running, session = std::move(session), how = std::move(how)] {
+        const Scene& scene = running.scene();
+        return Provenance::ofHere(session, how, fmt::format("{} {}", scene.sequence(), scene.hash().hex())).notes();
+    };
+}
+
 int render(RenderArguments options) {
     options.out = options.picture.fileOf(options.out);
     ImageOptions image = options.picture.parse(true);
@@ -195,6 +220,7 @@ int render(RenderArguments options) {
     RunningScene running(options.scene, options.resources.ofFile(options.scene), options.start.options(),
                          programContext());
     if (!running.load()) return kBad;
+    const std::string session = running.scene().hash().hex();
     if (auto ok = refusingUsage(running.inject(options.set, time + (options.frames - 1) / options.fps)); !ok)
         return printError(ok.error()), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
@@ -212,6 +238,7 @@ int render(RenderArguments options) {
     }
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };
+    maker.addNotes(notesOf(options, image, running, session));
     const Progress progress = progressBar("rendering " + options.out);
     int finished = 0;
     animation.progress = [&](int done) {

@@ -23,6 +23,7 @@
 #include "files.h"
 #include "hints.h"
 #include "keyframes.h"
+#include "log_store.h"
 #include "nats.h"
 #include "rotate.h"
 #include "say.h"
@@ -117,8 +118,6 @@ void checkResume(const ServeArguments& options) {
         throw UsageError(
             "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
-    if (std::error_code ignored; std::filesystem::is_directory(options.resume, ignored))
-        throw UsageError("--resume", options.resume + " is a folder: name the newest file of the log that is in it");
     if (options.reload && !options.resume.empty())
         throw UsageError("--reload", "cannot be combined with --resume, which continues the session and not the file");
     const ServeLogArguments none;
@@ -146,6 +145,7 @@ Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
     result.keys = std::move(*keys);
+    result.keyFile = options.key;
     result.insecure = options.insecure;
     result.upstream = *mirrorUpstreamFromName(options.upstream);
     result.maximumPeers = options.peers;
@@ -380,8 +380,8 @@ void Session::frame(std::uint64_t slot) {
     feedWatchdog();
     if (!health_.serves()) return;
     health_.noteFrame(Clock::now() - begun, running_.scene().sequence(), t);
-    health_.noteServer(*server_);
     if (feeds_->any()) health_.noteFeeds(feeds_->counts());
+    health_.noteServer(*server_, published_.garbage());
     health_.noteLog(log_.bytes());
 }
 std::uint64_t Session::slotNow() const {
@@ -435,7 +435,8 @@ int Session::close() {
     running_.reportDiagnostics(log_.failure());
     // Mirrors that are behind, say because of a picture, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) say("not all mirrors have caught up", Severity::warning);
-    const MirrorServerStatistics statistics = server_->statistics();
+    MirrorServerStatistics statistics = server_->statistics();
+    statistics.garbage += published_.garbage();
     printServerNews(*server_);
     feeds_->end();
     counted_ = feeds_->json();
@@ -494,10 +495,12 @@ int serve(ServeArguments options, const std::vector<std::string>& given) {
     options.rotate.check(options.record.empty() ? options.resume : options.record);
     LogOptions ignored;
     options.rotate.setIn(ignored);  // throws before anything runs
-    auto resumed = StoredLog::start("--resume", options.resume, NatsLog::Begin::goOn);
+    const bool rotates = options.rotate.wanted();
+    checkLogUse(options.rotate.asked("--record"), options.record, rotates ? LogUse::rotate : LogUse::write);
+    auto resumed = StoredLog::start(options.rotate.asked("--resume"), options.resume,
+                                    rotates ? LogUse::goOnRotating : LogUse::goOn, false);
     if (!resumed) return printError(resumed.error()), kBad;
-    auto recorded =
-        StoredLog::start("--record", options.record, options.force ? NatsLog::Begin::replace : NatsLog::Begin::fresh);
+    auto recorded = StoredLog::start("--record", options.record, LogUse::write, options.force);
     if (!recorded) return printError(recorded.error()), kBad;
     return resumed->finish(recorded->finish(serveScene(options)));
 }

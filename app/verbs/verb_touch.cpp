@@ -17,6 +17,7 @@
 #include "cli.h"
 #include "files.h"
 #include "hand.h"
+#include "log_store.h"
 #include "say.h"
 #include "start_time.h"
 #include "touch_plot.h"
@@ -231,7 +232,8 @@ Verb addTouch(Command& program) {
                     "a 3D mouse")
         ->required();
     command->addOption("-o,--output", options->out, "every tick as .csv, or drawn as .svg");
-    command->addOption("--record", options->record, "log of the session, contacts included (.rlog)");
+    command->addOption("--record", options->record,
+                       "log of the session, contacts included (.rlog, or nats://HOST:PORT/NAME)");
     command->addOption("--for", options->duration, "how long; else as long as the path is, or until Ctrl-C");
     command->addOption("--fps", options->fps, "frames of the scene a second")->preset()->range(1., 1e4);
     command->addOption("--set", options->set,
@@ -272,7 +274,11 @@ Verb addTouch(Command& program) {
         "Example: rtsg touch hall.x3dv --device udp:5571 --origin \"0 1.2 3\" --for 10s\n"
         "Surfaces say how they feel in the metadata of their Appearance: stiffness, damping, staticFriction and "
         "dynamicFriction in a MetadataSet named RTSG. TouchSensors answer to what is touched.");
-    return {command, [options] { return touch(*options); }};
+    return {command, [options]() -> int {
+                auto stored = StoredLog::start("--record", options->record, LogUse::write, options->force);
+                if (!stored) return printError(stored.error()), kBad;
+                return stored->finish(touch(*options));
+            }};
 }
 
 }  // namespace rtsg::app

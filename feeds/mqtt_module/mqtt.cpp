@@ -56,6 +56,7 @@ class Mqtt final : public MqttModule {
         mosquitto_subscribe_callback_set(client_, [](mosquitto*, void* self, int, int count, const int* granted) {
             static_cast<Mqtt*>(self)->subscribed(count, granted);
         });
+        if (const int error = authenticate(); error != MOSQ_ERR_SUCCESS) return textOf(error);
         mosquitto_property* properties = nullptr;
         if (settings_.largest > 0)
             mosquitto_property_add_int32(&properties, MQTT_PROP_MAXIMUM_PACKET_SIZE, settings_.largest);
@@ -78,7 +79,18 @@ class Mqtt final : public MqttModule {
 
   private:
     static std::string textOf(int error) {
-        return error == MOSQ_ERR_ERRNO ? std::string("no broker there") : mosquitto_strerror(error);
+        if (error == MOSQ_ERR_ERRNO) return "no broker there";
+        return error == MOSQ_ERR_TLS ? "the broker's certificate or ours is not accepted" : mosquitto_strerror(error);
+    }
+    int authenticate() {
+        const auto text = [](const std::string& value) { return value.empty() ? nullptr : value.c_str(); };
+        int error = MOSQ_ERR_SUCCESS;
+        if (!settings_.user.empty())
+            error = mosquitto_username_pw_set(client_, settings_.user.c_str(), text(settings_.password));
+        if (error != MOSQ_ERR_SUCCESS || !settings_.encrypted) return error;
+        if (settings_.authorities.empty()) mosquitto_int_option(client_, MOSQ_OPT_TLS_USE_OS_CERTS, 1);
+        return mosquitto_tls_set(client_, text(settings_.authorities), nullptr, text(settings_.certificate),
+                                 text(settings_.key), nullptr);
     }
     void answer(std::string problem) {
         {
@@ -132,6 +144,6 @@ std::unique_ptr<MqttModule> start(MqttSettings settings, std::string& problem) {
 
 }  // namespace rtsg::feeds
 
-extern "C" __attribute__((visibility("default"))) rtsg::feeds::StartMqtt rtsg_start_mqtt_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::feeds::StartMqtt rtsg_start_mqtt_2() {
     return rtsg::feeds::start;
 }

@@ -75,6 +75,7 @@ class Link final : public NatsLink {
         };
         then([&] { return natsOptions_SetServers(options_, servers.data(), static_cast<int>(servers.size())); });
         then([&] { return natsOptions_SetName(options_, settings.client.c_str()); });
+        then([&] { return authenticate(settings); });
         then([&] { return natsOptions_SetTimeout(options_, kConnectWithin); });
         then([&] { return natsOptions_SetMaxReconnect(options_, -1); });
         then([&] { return natsOptions_SetReconnectWait(options_, kReconnectEvery); });
@@ -88,6 +89,20 @@ class Link final : public NatsLink {
         then([&] { return natsConnection_Connect(&connection_, options_); });
         then([&] { return natsConnection_JetStream(&jetStream_, connection_, nullptr); });
         return status == NATS_OK ? std::string() : textOf(status);
+    }
+
+    natsStatus authenticate(const NatsSettings& s) {
+        natsStatus status = NATS_OK;
+        if (!s.user.empty())
+            status = s.password.empty() ? natsOptions_SetToken(options_, s.user.c_str())
+                                        : natsOptions_SetUserInfo(options_, s.user.c_str(), s.password.c_str());
+        if (status == NATS_OK && !s.credentials.empty())
+            status = natsOptions_SetUserCredentialsFromFiles(options_, s.credentials.c_str(), nullptr);
+        if (status == NATS_OK && !s.authorities.empty())
+            status = natsOptions_LoadCATrustedCertificates(options_, s.authorities.c_str());
+        if (status == NATS_OK && !s.certificate.empty())
+            status = natsOptions_LoadCertificatesChain(options_, s.certificate.c_str(), s.key.c_str());
+        return status;
     }
 
     std::size_t maxPayload() const override {
@@ -158,7 +173,7 @@ class Link final : public NatsLink {
         if (code == kNoStream) return {};
         if (status == NATS_NOT_FOUND) return {};
         if (status != NATS_OK) return jetStreamText(status);
-        into = {true, info.it->State.FirstSeq, info.it->State.LastSeq, info.it->State.Bytes};
+        into = {true, info.it->State.FirstSeq, info.it->State.LastSeq, info.it->State.Msgs, info.it->State.Bytes};
         return {};
     }
     std::string makeStream(const std::string& stream, const std::string& subject, int copies) override {
@@ -200,7 +215,7 @@ class Link final : public NatsLink {
         return code == 0 && status != NATS_OK ? Stored::unknown : Stored::no;
     }
     std::string read(const std::string& stream, const std::string& subject, std::uint64_t first, std::uint64_t last,
-                     const std::function<bool(std::string_view)>& sink) override {
+                     const Sink& sink) override {
         jsSubOptions options;
         jsSubOptions_Init(&options);
         options.Stream = stream.c_str();
@@ -216,14 +231,17 @@ class Link final : public NatsLink {
             natsMsgList list{};
             status = natsSubscription_Fetch(&list, from.it, kBatch, kJetStreamWithin, &code);
             if (status != NATS_OK) problem = jetStreamText(status);
+            if (status == NATS_TIMEOUT && hasAll(from.it)) {  // the last ones were deleted
+                problem.clear();
+                next = last + 1;
+            }
             for (int i = 0; i < list.Count && problem.empty() && next <= last; ++i) {
                 const std::uint64_t sequence = sequenceOf(list.Msgs[i]);
-                if (sequence != next)
-                    problem = "message " + std::to_string(next) + " is missing in the store";
-                else if (!sink({natsMsg_GetData(list.Msgs[i]),
-                                static_cast<std::size_t>(natsMsg_GetDataLength(list.Msgs[i]))}))
+                next = sequence + 1;
+                if (sequence > last) break;
+                if (!sink(sequence, {natsMsg_GetData(list.Msgs[i]),
+                                     static_cast<std::size_t>(natsMsg_GetDataLength(list.Msgs[i]))}))
                     problem = "not all of it was read";
-                ++next;
             }
             natsMsgList_Destroy(&list);
         }
@@ -236,6 +254,11 @@ class Link final : public NatsLink {
         if (status == NATS_NO_RESPONDERS) return "the NATS server has no JetStream (-js), or it has stopped";
         if (status == NATS_TIMEOUT) return "JetStream did not answer in time";
         return textOf(status);
+    }
+    static bool hasAll(natsSubscription* from) {
+        Owned<jsConsumerInfo, jsConsumerInfo_Destroy> info;
+        jsErrCode code{};
+        return natsSubscription_GetConsumerInfo(&info.it, from, nullptr, &code) == NATS_OK && info.it->NumPending == 0;
     }
     static std::uint64_t sequenceOf(natsMsg* message) {
         Owned<jsMsgMetaData, jsMsgMetaData_Destroy> about;
@@ -310,6 +333,6 @@ std::unique_ptr<NatsLink> openNats(const NatsSettings& settings, std::string& pr
 
 }  // namespace rtsg
 
-extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_start_nats_1() {
+extern "C" __attribute__((visibility("default"))) rtsg::OpenNats rtsg_start_nats_2() {
     return &rtsg::openNats;
 }

@@ -54,7 +54,7 @@ class FieldStep(NamedTuple):
 class Divergence(NamedTuple):
     """Where two states or logs part."""
     frame: int
-    time: float
+    time: float  # seconds since the log's start; of diff() scene time
     node: str
     field: str
     text: str
@@ -65,7 +65,7 @@ class FieldDifference(NamedTuple):
     node: str
     field: str
     frame: int
-    time: float
+    time: float  # seconds since the log's start
     states: int
     largest: float
     text: str

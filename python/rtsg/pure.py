@@ -1756,8 +1756,12 @@ class Session:
         try:
             r = _Reader(first)
             magic, version, type_, zero = r.numbers("4sBBH")
-            if (magic, version, zero) != (b"RTSG", 1, 0):
+            if (magic, zero) != (b"RTSG", 0) or (version != 1 and self.connected):
                 raise FormatError("none of this protocol")
+            if version != 1:  # a server of another version refuses us in words, if it knows how versions meet
+                self.refusal = r.text() if type_ == _REFUSED else (
+                    f"this server speaks version {version} of the protocol, and this client version 1")
+                return
             self.heard = time.monotonic()
             self._take(type_, r, second)
         except FormatError as error:

@@ -6,6 +6,7 @@
 
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
+#include <rtsg/sync/log_table.h>
 #include <rtsg/sync/replay_test.h>
 
 #include "errors.h"
@@ -76,12 +77,12 @@ py::object reportOf(const ReplayReport& report) {
     const py::module_ types = py::module_::import("rtsg._types");
     py::list differences;
     for (const FieldDifference& d : report.differences)
-        differences.append(
-            types.attr("FieldDifference")(d.node, d.field, d.frame, d.time, d.states, d.largest, d.text, d.cause));
+        differences.append(types.attr("FieldDifference")(d.node, d.field, d.frame, sinceStart(d.time, report.start),
+                                                         d.states, d.largest, d.text, d.cause));
     py::object divergence = py::none();
     if (report.divergence) {
         const Divergence& d = *report.divergence;
-        divergence = types.attr("Divergence")(d.frame, d.time, d.node, d.field, d.text);
+        divergence = types.attr("Divergence")(d.frame, sinceStart(d.time, report.start), d.node, d.field, d.text);
     }
     return types.attr("ReplayReport")(report.passed(), report.frames, report.verified, divergence, differences,
                                       report.updated, report.format());

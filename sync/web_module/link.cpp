@@ -29,6 +29,8 @@ Link::Link(void* context, const WebSettings& settings) : socket_(zmq_socket(cont
         set(socket_, ZMQ_CURVE_PUBLICKEY, settings.publicKey);
         set(socket_, ZMQ_CURVE_SECRETKEY, settings.secretKey);
     }
+    const int six = settings.endpoint.starts_with("tcp://[") ? 1 : 0;
+    zmq_setsockopt(socket_, ZMQ_IPV6, &six, sizeof(six));
     zmq_connect(socket_, settings.endpoint.c_str());
 }
 

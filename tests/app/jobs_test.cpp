@@ -289,6 +289,88 @@ TEST_F(Tiles, OfOnePictureHaveItsBits) {
     }
 }
 
+TEST_F(Tiles, OfTwoSessionsOrWithOtherOptionsAreAMixture) {
+    const std::string other = folder / "other.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1s", "--fps", "24"}).status, 0);
+    const auto tile = [&](const std::string& from, const std::vector<std::string>& more) {
+        std::vector<std::string> arguments{"replay", from,    "--render", folder / "job%03d.png",
+                                           "--size", "48x27", "--frames", "0-0"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+    };
+    const auto joins = [&](const std::string& said) {
+        const Outcome joined = rtsg({"assemble", folder / "job%03d.png", "--frames", "0-0", "--tiles", "1,2"});
+        EXPECT_EQ(joined.status, said.empty() ? 0 : 1) << joined.err;
+        EXPECT_NE(joined.err.find(said), std::string::npos) << joined.err;
+        EXPECT_EQ(std::filesystem::exists(folder / fmtNumber("job", 0)), said.empty());
+    };
+    tile(log, {"--tile", "0,0/1,2", "--fps", "10"});
+    tile(other, {"--tile", "0,1/1,2", "--fps", "10"});
+    joins("a mixture: session ");
+    tile(log, {"--tile", "0,1/1,2", "--fps", "5"});
+    joins("a mixture: options fps=5, not fps=10 as in ");
+    tile(log, {"--tile", "0,1/1,2", "--fps", "10", "--spp", "2", "--integrator", "path"});
+    joins("a mixture: options integrator=path spp=2, not integrator=whitted spp=4 as in ");
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "plain.png", "--size", "48x27"}).status, 0);
+    std::filesystem::copy_file(folder / "plain.png", folder / tileName("job", 0, 0, 1, 1, 2),
+                               std::filesystem::copy_options::overwrite_existing);
+    joins("a mixture: it does not say of which session it is");
+    tile(log, {"--tile", "0,1/1,2", "--fps", "10"});
+    joins("");
+}
+
+/// Tiles of `render` tell the state: that of another time is another picture.
+TEST_F(Tiles, OfTwoStatesAreAMixture) {
+    const auto tile = [&](const char* which, const char* time) {
+        ASSERT_EQ(
+            rtsg({"render", file, "--time", time, "-o", folder / "a.png", "--size", "48x32", "--tile", which}).status,
+            0);
+    };
+    tile("0,0/1,2", "0.5s");
+    tile("0,1/1,2", "0.6s");
+    const std::vector<std::string> join{"assemble", folder / "a.png", "--tiles", "1,2"};
+    const Outcome mixture = rtsg(join);
+    EXPECT_EQ(mixture.status, 1);
+    EXPECT_NE(mixture.err.find("a mixture: state "), std::string::npos) << mixture.err;
+    tile("0,1/1,2", "0.5s");
+    EXPECT_EQ(rtsg(join).status, 0);
+}
+
+TEST_F(Jobs, PicturesAndSoundOfTwoSessionsAreAMixture) {
+    const std::string other = folder / "other.rlog", names = folder / "job%03d.png", sounds = folder / "job%03d.wav";
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "1s", "--fps", "24"}).status, 0);
+    const auto make = [&](const std::string& from, const char* range, const std::vector<std::string>& more) {
+        std::vector<std::string> arguments{"replay", from, "--fps", "10", "--frames", range, "--rays", "20"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+    };
+    const auto joins = [&](const std::vector<std::string>& more, const std::string& said) {
+        std::vector<std::string> arguments{"assemble", "--frames", "0-3", "--fps", "10"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome joined = rtsg(arguments);
+        EXPECT_EQ(joined.status, said.empty() ? 0 : 1) << joined.err;
+        EXPECT_NE(joined.err.find(said), std::string::npos) << joined.err;
+    };
+    const std::vector<std::string> pictures{"--render", names, "--size", "32x16"}, listen{"--listen", sounds};
+    make(log, "0-1", pictures), make(other, "2-3", pictures);
+    joins({names}, "a mixture: session ");
+    make(log, "2-3", pictures);
+    joins({names}, "");
+    make(log, "0-1", listen), make(other, "2-3", listen);
+    joins({sounds, "-o", folder / "a.wav"}, "a mixture: session ");
+    EXPECT_FALSE(std::filesystem::exists(folder / "a.wav"));
+    make(other, "0-1", listen);
+    joins({sounds, "-o", folder / "a.wav"}, "");
+    joins({names, "--sound", sounds, "-o", folder / "a.mp4"}, "a mixture: session ");
+    EXPECT_FALSE(std::filesystem::exists(folder / "a.mp4"));
+    make(other, "0-3", pictures);
+    joins({names, "--sound", sounds, "-o", folder / "a.mp4"}, "");
+    make(other, "2-3", {"--listen", sounds, "--quality", "0.5"});
+    joins({sounds}, "a mixture: options quality=0.5, not quality=0 as in ");
+}
+
 TEST_F(Tiles, ThatCannotBeAreRefused) {
     for (const char* tile :
          {"", "1", "0,0", "2,0/2,2", "0,2/2,2", "-1,0/2,2", "0,0/0,1", "0,0/2,2/3", "0,0/4,1", "a,b/c,d"})

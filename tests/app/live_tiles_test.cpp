@@ -83,6 +83,22 @@ TEST_F(LiveTiles, OfOtherOptionsAreRefused) {
     EXPECT_NE(joined.err.find("a mirror with other options"), std::string::npos) << joined.err;
 }
 
+TEST_F(LiveTiles, OfAnotherServerAreRefused) {
+    serve({"--at", "0"}, "tcp://127.0.0.1:0");
+    assemble({"--for", "4s"});
+    const auto one = mirror();
+    writeFile(folder / "other.x3dv", scene("5"));
+    Program another({"serve", folder / "other.x3dv", "--at", "0", "--json", "--for", "60s"}, streams());
+    endpoint = nlohmann::json::parse(another.firstLine()).at("endpoint");
+    const auto other = mirror();
+    // Their clocks differ, so it may take some pictures until both name one.
+    const Outcome refused = other->wait();
+    EXPECT_EQ(refused.status, 1);
+    EXPECT_NE(refused.err.find("a mirror of another session"), std::string::npos) << refused.err;
+    const Outcome joined = assembler->wait();
+    EXPECT_EQ(joined.status, 0) << joined.err;
+}
+
 TEST_F(LiveTiles, OptionsThatMakeNoSenseAreRefused) {
     EXPECT_EQ(rtsg({"assemble", "--live", "tcp://0.0.0.0:0"}).status, 1) << "others could reach it";
     EXPECT_EQ(rtsg({"assemble", "--live", "nowhere"}).status, 1);

@@ -1,4 +1,5 @@
 // Scenes and logs at a NATS server, by the command line: published, followed, stored, gone on with.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
@@ -149,6 +150,110 @@ TEST_F(NatsOption, AMirrorSaysThatItsServerIsGone) {
     const Outcome outcome = mirror.wait();
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.err, HasSubstr("has been silent for"));
+}
+
+/// The time in which a mirror does not run is no silence of its server.
+TEST_F(NatsOption, AMirrorThatWasStoppedGoesOn) {
+    NatsServer nats;
+    Program server({"serve", file, "--nats", nats.address(), "--json", "--for", "60s"}, streams());
+    const std::string endpoint = json::parse(server.firstLine()).at("endpoint");
+    Program byNats({"mirror", nats.address(), "--for", "8s", "--wait", "2s", "--json"}, streams()),
+        direct({"mirror", endpoint, "--for", "8s", "--wait", "2s", "--json"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    for (Program* mirror : {&byNats, &direct}) mirror->signal(SIGSTOP);
+    std::this_thread::sleep_for(std::chrono::seconds(5));
+    for (Program* mirror : {&byNats, &direct}) mirror->signal(SIGCONT);
+    for (Program* mirror : {&byNats, &direct}) {
+        const Outcome outcome = mirror->wait();
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        EXPECT_TRUE(json::parse(lastLine(outcome.out)).at("equal"));
+    }
+}
+
+/// What a limit or a purge leaves is read as a file that was cut.
+TEST_F(NatsOption, AStreamThatWasPurgedIsReadFromItsFirstKeyframeOn) {
+    NatsServer nats;
+    ASSERT_EQ(rtsg({"record", file, "-o", nats.address(), "--for", "4s", "--keyframe-seconds", "1"}).status, 0);
+    const json whole = json::parse(rtsg({"info", nats.address(), "--json"}).out);
+    const auto purge = [&](int before) {
+        const std::string request = fmt::format("{{\"seq\":{}}}", before);
+        const int line = NatsServer::connected(nats.port(), false);
+        const std::string text = fmt::format(
+            "CONNECT {{\"verbose\":false}}\r\nPUB $JS.API.STREAM.PURGE.RTSG_hall _INBOX.a {}\r\n{}\r\nPING\r\n",
+            request.size(), request);
+        ASSERT_EQ(::send(line, text.data(), text.size(), 0), static_cast<ssize_t>(text.size()));
+        std::string heard;
+        char bytes[4096];
+        while (heard.find("PONG") == std::string::npos) {
+            const ssize_t count = ::recv(line, bytes, sizeof(bytes), 0);
+            ASSERT_GT(count, 0);
+            heard.append(bytes, static_cast<std::size_t>(count));
+        }
+        ::close(line);
+    };
+    purge(100);
+    const std::string said = "the store has let go of messages 1 to 99";
+    const Outcome info = rtsg({"info", nats.address(), "--json"});
+    EXPECT_EQ(info.status, 1);
+    EXPECT_THAT(info.err, HasSubstr(said));
+    const json left = json::parse(info.out);
+    EXPECT_EQ(left.at("last_state"), whole.at("last_state"));
+    EXPECT_GT(left.at("first_state"), 30);
+    EXPECT_LE(left.at("first_state"), 130) << "a keyframe is there every second";
+    EXPECT_TRUE(left.at("closed"));
+    const Outcome replayed = rtsg({"replay", nats.address(), "--verify", "--json"});
+    EXPECT_EQ(replayed.status, 1);
+    EXPECT_THAT(replayed.err, HasSubstr(said));
+    const json states = json::parse(lastLine(replayed.out));
+    EXPECT_EQ(states.at("frames"), states.at("verified"));
+    EXPECT_EQ(rtsg({"replay", nats.address(), "--seek", "1s", "--save", folder / "a.x3d"}).status, 1);
+    EXPECT_TRUE(std::filesystem::exists(folder / "a.x3d"));
+    EXPECT_EQ(rtsg({"serve", nats.address(), "--for", "0.5s"}).status, 1);
+    // Going on, the session gets no other numbers.
+    const Outcome resumed = rtsg({"serve", "--resume", nats.address(), "--for", "1s", "--linger", "0s", "--json"});
+    EXPECT_EQ(resumed.status, 1);
+    EXPECT_THAT(resumed.err, HasSubstr(said));
+    EXPECT_GT(json::parse(lastLine(resumed.out)).at("sequence"), whole.at("last_state"));
+    const json more = json::parse(rtsg({"info", nats.address(), "--json"}).out);
+    EXPECT_EQ(more.at("last_state"), json::parse(lastLine(resumed.out)).at("sequence"));
+    EXPECT_EQ(more.at("first_state"), left.at("first_state"));
+    purge(1'000'000);
+    const Outcome nothing = rtsg({"replay", nats.address()});
+    EXPECT_EQ(nothing.status, 1);
+    EXPECT_THAT(nothing.err, HasSubstr("has let go of all messages"));
+}
+
+/// Rubbish at the NATS server is told, and counted for monitors.
+TEST_F(NatsOption, RubbishIsCountedAndTold) {
+    NatsServer nats;
+    Program server({"serve", file, "--nats", nats.address(), "--json", "--for", "60s", "--metrics-port", "0"},
+                   streams());
+    const json begun = json::parse(server.firstLine());
+    const int line = NatsServer::connected(nats.port(), false);
+    std::string text = "CONNECT {\"verbose\":false}\r\n";
+    for (int i = 0; i < 100; ++i) text += "PUB rtsg.hall.ask _INBOX.a 5\r\nhello\r\n";
+    ASSERT_EQ(::send(line, text.data(), text.size(), 0), static_cast<ssize_t>(text.size()));
+    const auto figures = [&] {
+        const std::string address = begun.at("metrics");
+        const int to = NatsServer::connected(std::stoi(address.substr(address.rfind(':') + 1)), false);
+        const std::string ask = "GET /metrics HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n";
+        (void)!::send(to, ask.data(), ask.size(), 0);
+        std::string heard;
+        char bytes[4096];
+        for (ssize_t count = 0; (count = ::recv(to, bytes, sizeof(bytes), 0)) > 0;)
+            heard.append(bytes, static_cast<std::size_t>(count));
+        ::close(to);
+        return heard;
+    };
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (figures().find("\nrtsg_garbage_total 100") == std::string::npos && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    EXPECT_THAT(figures(), HasSubstr("\nrtsg_garbage_total 100\n"));
+    ::close(line);
+    server.signal(SIGINT);
+    const Outcome served = server.wait();
+    EXPECT_THAT(served.err, HasSubstr("ignored an invalid message; 64 such things by now"));
+    EXPECT_EQ(json::parse(lastLine(served.out)).at("garbage"), 100);
 }
 
 TEST_F(NatsOption, AStoreThatIsFullLeavesTheWholeLogHere) {

@@ -18,7 +18,9 @@ using testing::StartsWith;
 class BareMirror {
   public:
     explicit BareMirror(int port) : line_(port) { line_.say("hello 1 48 16 10 looks\n"); }
-    void have(int picture, int since) { line_.say(fmt::format("have {} {}\n", picture, since)); }
+    void have(int picture, int since, const std::string& state = {}) {
+        line_.say(fmt::format("have {} {} {}\n", picture, since, state));
+    }
     void gone(int picture, int column) { line_.say(fmt::format("gone {} {} 0\n", picture, column)); }
     void draw(int picture, int column, const std::string& hash = "aa", int state = 7) {
         constexpr int kBytes = 4 * 16 * 16;
@@ -167,6 +169,32 @@ TEST_F(TileProtocol, NothingIsAskedForWhileNothingChanges) {
         EXPECT_TRUE(one.hearsNothing());
     }
     EXPECT_EQ(report().at("pictures"), 4);
+}
+
+/// Two servers have other states at one time. Of mirrors that contradict each other the later one goes, also where it
+/// is the first to say what a picture shows.
+TEST_F(TileProtocol, AMirrorOfAnotherSessionIsRefused) {
+    for (const bool saysFirst : {false, true}) {
+        if (saysFirst) SetUp();
+        {
+            BareMirror one(port);
+            one.have(4, 5, "40 aa");
+            expectWhole(one, 4);
+            BareMirror other(port);
+            if (saysFirst) other.have(6, 7, "61 cc");
+            EXPECT_TRUE(one.hearsNothing());
+            one.have(6, 7, "60 bb");
+            if (!saysFirst) other.have(6, 7, "61 cc");
+            EXPECT_EQ(other.nextLine(),
+                      "refused a mirror of another session: picture 6 shows its state 61 cc, and state 60 bb "
+                      "of the others");
+            expectWhole(one, 6);
+            BareMirror same(port);
+            same.have(6, 7, "60 bb");
+            EXPECT_TRUE(same.hearsNothing());
+        }
+        EXPECT_EQ(report().at("pictures"), 2);
+    }
 }
 
 TEST_F(TileProtocol, ATileOfAnotherStateIsRefused) {

@@ -30,10 +30,11 @@ class Mosquitto {
     }
     static constexpr const char* kMissing = "mosquitto is not installed (package mosquitto)";
 
-    /// Waits until it takes connections.
-    Mosquitto() : port_(NatsServer::freePort()) {
+    /// `settings` are lines of its configuration. Waits until it takes connections.
+    explicit Mosquitto(const std::string& settings = "allow_anonymous true\n") : port_(NatsServer::freePort()) {
         const std::string file = program(), configuration = folder_ / "broker.conf";
-        std::ofstream(configuration) << "listener " << port_ << " 127.0.0.1\nallow_anonymous true\n";
+        // The user of the service could not read what tests write.
+        std::ofstream(configuration) << "user root\nlistener " << port_ << " 127.0.0.1\n" << settings;
         pid_ = ::fork();
         if (pid_ == 0) {
             ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that crashes leaves none behind

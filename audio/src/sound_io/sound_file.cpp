@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <sndfile.h>
 
+#include <rtsg/audio/sound_comment.h>
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 
@@ -174,6 +175,20 @@ Result<> checkSoundName(const std::string& path) {
 }
 
 Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format) {
+    return writeWavWithComment(path, sound, format, {});
+}
+
+Result<std::string> readSoundComment(const std::string& path) {
+    if (const auto loaded = delayed::sound.load(); !loaded) return std::unexpected(loaded.error());
+    SF_INFO info{};
+    const File file(sf_open(path.c_str(), SFM_READ, &info));
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)), {}, path);
+    const char* const comment = sf_get_string(file.get(), SF_STR_COMMENT);
+    return std::string(comment ? comment : "");
+}
+
+Result<> writeWavWithComment(const std::string& path, const SoundBuffer& sound, WavFormat format,
+                             const std::string& comment) {
     if (auto ok = checkSoundName(path); !ok) return ok;
     if (sound.channels < 1 || sound.sampleRate < 1) return fail("a sound without channels or rate", {}, path);
     const float peak = sound.peak();
@@ -194,6 +209,8 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
     if (!file) return fail(fmt::format("cannot write sound: {}", sf_strerror(nullptr)), {}, path);
     // The PEAK chunk holds the time of writing.
     sf_command(file.get(), SFC_SET_ADD_PEAK_CHUNK, nullptr, SF_FALSE);
+    if (!comment.empty() && sf_set_string(file.get(), SF_STR_COMMENT, comment.c_str()) != 0)
+        return fail("the comment cannot be written", {}, path);
     const auto frames = static_cast<sf_count_t>(sound.frames());
     if (sf_writef_float(file.get(), sound.samples.data(), frames) != frames)
         return fail(fmt::format("cannot write sound: {}", sf_strerror(file.get())), {}, path);

@@ -14,7 +14,7 @@ namespace rtsg::feeds {
 
 namespace {
 
-constexpr std::uint16_t kMqttPort = 1883;
+constexpr std::uint16_t kMqttPort = 1883, kMqttsPort = 8883;
 constexpr int kReceiveBuffer = 4 << 20;  // bytes of datagrams that wait in the system
 
 Result<std::uint16_t> portFrom(std::string_view text) {
@@ -48,8 +48,12 @@ Result<Endpoint> Endpoint::parse(std::string_view text) {
     const std::string_view kind = text.substr(0, scheme);
     const std::string shown = withoutAccount(text);  // no password stands in a message
     if (text.find('@') < text.find('/', scheme + 3))
-        return fail(fmt::format("{}: a name and password before the host are not supported", shown));
-    if (kind != "udp" && kind != "tcp" && kind != "mqtt")
+        return fail(fmt::format(
+            "{}: a name and password do not stand in an address, which others see; a broker's are MQTT_USER "
+            "and MQTT_PASSWORD of the environment",
+            shown));
+    endpoint.encrypted = kind == "mqtts";
+    if (kind != "udp" && kind != "tcp" && kind != "mqtt" && kind != "mqtts")
         return fail(
             fmt::format("{}: expected -, a file, udp://HOST:PORT, tcp://HOST:PORT or mqtt://HOST/TOPIC", shown));
     endpoint.kind = kind == "udp" ? Kind::udp : kind == "tcp" ? Kind::tcp : Kind::mqtt;
@@ -57,10 +61,10 @@ Result<Endpoint> Endpoint::parse(std::string_view text) {
     if (endpoint.kind == Kind::mqtt) {
         const std::size_t slash = rest.find('/');
         if (slash == rest.npos || slash + 1 == rest.size())
-            return fail(fmt::format("{}: expected mqtt://HOST/TOPIC", shown));
+            return fail(fmt::format("{}: expected {}://HOST/TOPIC", shown, kind));
         endpoint.topic = rest.substr(slash + 1);
         rest = rest.substr(0, slash);
-        endpoint.port = kMqttPort;
+        endpoint.port = endpoint.encrypted ? kMqttsPort : kMqttPort;
     }
     const std::size_t bracket = rest.rfind(']'), colon = rest.rfind(':');
     const bool ported = colon != rest.npos && (bracket == rest.npos || colon > bracket);

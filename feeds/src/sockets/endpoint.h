@@ -1,4 +1,4 @@
-// Place: where a feed comes from or goes to: "-", a file, udp://, tcp:// or mqtt://.
+// Place: where a feed comes from or goes to: "-", a file, udp://, tcp://, mqtt:// or mqtts://.
 //
 // Threading: values.
 #pragma once
@@ -22,6 +22,7 @@ struct Endpoint {
     std::string text;  // as it was typed
     std::string host, topic;
     std::uint16_t port = 0;
+    bool encrypted = false;  // mqtts://
 
     static Result<Endpoint> parse(std::string_view text);
     /// "9100" on loopback, or "HOST:9100", for connections.

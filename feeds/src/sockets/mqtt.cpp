@@ -1,6 +1,9 @@
 // Finds the module for MQTT, and connects.
 #include "mqtt.h"
 
+#include <cstdlib>
+#include <utility>
+
 #include <fmt/format.h>
 
 #include <rtsg/core/module.h>
@@ -17,6 +20,14 @@ Result<std::unique_ptr<MqttModule>> startMqtt(const Endpoint& endpoint, MqttSett
     settings.host = endpoint.host;
     settings.topic = endpoint.topic;
     settings.port = endpoint.port;
+    settings.encrypted = endpoint.encrypted;
+    const std::pair<const char*, std::string*> variables[] = {{"MQTT_USER", &settings.user},
+                                                              {"MQTT_PASSWORD", &settings.password},
+                                                              {"MQTT_CA", &settings.authorities},
+                                                              {"MQTT_CERT", &settings.certificate},
+                                                              {"MQTT_KEY", &settings.key}};
+    for (const auto& [name, setting] : variables)
+        if (const char* const value = std::getenv(name)) *setting = value;
     std::string problem;
     auto module = reinterpret_cast<StartMqtt (*)()>(*symbol)()(std::move(settings), problem);
     if (!module) return fail(fmt::format("{}: {}", endpoint.text, problem));

@@ -10,7 +10,9 @@
 
 namespace rtsg::feeds {
 
-/// Sets host, topic and port of the settings from the place. Errors: no module; those of the broker or the system.
+/// Sets host, topic and port of the settings from the endpoint, and what authenticates us from the environment:
+/// MQTT_USER, MQTT_PASSWORD, and for mqtts:// the files MQTT_CA, MQTT_CERT and MQTT_KEY. Errors: no module; those of
+/// the broker or the system.
 Result<std::unique_ptr<MqttModule>> startMqtt(const Endpoint& endpoint, MqttSettings settings);
 
 }  // namespace rtsg::feeds

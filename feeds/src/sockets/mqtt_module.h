@@ -15,7 +15,10 @@ namespace rtsg::feeds {
 struct MqttSettings {
     std::string host, topic;
     std::uint16_t port = 1883;
-    std::uint32_t largest = 0;  // bytes of a message; the broker is told to send no larger ones
+    std::string user, password;  // empty: none
+    bool encrypted = false;
+    std::string authorities, certificate, key;  // files in PEM for `encrypted`; empty: the system's, and none
+    std::uint32_t largest = 0;                  // bytes of a message; the broker is told to send no larger ones
     /// A message has come; null: nothing is subscribed to.
     std::function<void(std::string_view)> take;
     /// The broker is lost, found again, or refuses.
@@ -32,6 +35,6 @@ class MqttModule {
 /// Connects, and waits for the broker's answer, some seconds at most. Returns null and the reason if it fails.
 using StartMqtt = std::unique_ptr<MqttModule> (*)(MqttSettings settings, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns a StartMqtt.
-#define RTSG_MQTT_SYMBOL "rtsg_start_mqtt_1"
+#define RTSG_MQTT_SYMBOL "rtsg_start_mqtt_2"
 
 }  // namespace rtsg::feeds

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdlib>
 #include <thread>
 #include <utility>
 
@@ -45,6 +46,20 @@ Result<OpenNats> loadNats() {
     if (!symbol) return std::unexpected(symbol.error());
     return reinterpret_cast<OpenNats (*)()>(*symbol)();
 #endif
+}
+
+/// What authenticates us where the address does not: the variables of NATS's own command line.
+void readEnvironment(NatsSettings& settings, const NatsAddress& address) {
+    const auto read = [](const char* name) {
+        const char* const value = std::getenv(name);
+        return std::string(value ? value : "");
+    };
+    settings.authorities = read("NATS_CA");
+    settings.certificate = read("NATS_CERT"), settings.key = read("NATS_KEY");
+    if (!address.secret.empty()) return;
+    settings.credentials = read("NATS_CREDS");
+    if (!settings.credentials.empty()) return;
+    settings.user = read("NATS_USER"), settings.password = read("NATS_PASSWORD");
 }
 
 /// True if another attempt may end otherwise.
@@ -116,6 +131,7 @@ Result<std::unique_ptr<NatsLink>> openNatsLink(const NatsAddress& address, const
     NatsSettings settings;
     settings.servers = address.servers;
     settings.client = client;
+    readEnvironment(settings, address);
     const auto end = std::chrono::steady_clock::now() + patience;
     while (true) {
         std::string problem;

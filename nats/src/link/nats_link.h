@@ -20,6 +20,9 @@ namespace rtsg {
 struct NatsSettings {
     std::vector<std::string> servers;                // urls with what authenticates us
     std::string client;                              // a name, for the server's own reports
+    std::string user, password;                      // in no url; without a password the user is a token
+    std::string credentials;                         // a file of NATS's accounts (.creds)
+    std::string authorities, certificate, key;       // files in PEM for tls://; empty: the system's, and none
     std::size_t maxWaiting = std::size_t{64} << 20;  // bytes of messages that nobody has taken
 };
 
@@ -31,7 +34,7 @@ struct NatsMessage {
 struct NatsStream {
     bool exists = false;
     std::uint64_t first = 0, last = 0;  // sequences
-    std::uint64_t bytes = 0;
+    std::uint64_t messages = 0, bytes = 0;
 };
 
 class NatsLink {
@@ -66,14 +69,16 @@ class NatsLink {
     /// most two seconds.
     virtual Stored store(const std::string& stream, const std::string& subject, std::span<const std::byte> bytes,
                          std::uint64_t after, std::string& problem) = 0;
-    /// Calls `sink` with the messages from `first` to `last`, in order and without a gap, until it returns false.
+    /// Calls `sink` with the sequences and bytes of the messages from `first` to `last` that are there, in order, until
+    /// it returns false.
+    using Sink = std::function<bool(std::uint64_t, std::string_view)>;
     virtual std::string read(const std::string& stream, const std::string& subject, std::uint64_t first,
-                             std::uint64_t last, const std::function<bool(std::string_view)>& sink) = 0;
+                             std::uint64_t last, const Sink& sink) = 0;
 };
 
 /// Returns null and the reason if there is no connection.
 using OpenNats = std::unique_ptr<NatsLink> (*)(const NatsSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns an OpenNats.
-#define RTSG_NATS_SYMBOL "rtsg_start_nats_1"
+#define RTSG_NATS_SYMBOL "rtsg_start_nats_2"
 
 }  // namespace rtsg

@@ -17,6 +17,7 @@
 #include "asking_mirrors.h"
 #include "link/open_nats.h"
 #include "server/history.h"
+#include "sockets/rare_warning.h"
 
 namespace rtsg {
 
@@ -36,6 +37,7 @@ constexpr auto kSleep = 500ms;                                      // at most
 constexpr auto kFetchWithin = 10s;                                  // a keyframe
 constexpr int kAtOnce = 256;                                        // messages of mirrors, before others get a turn
 constexpr std::size_t kMaxDiagnostics = 100;
+constexpr const char* kInboxes = "_INBOX.";  // where answers go
 
 std::uint64_t anyNumber() {
     std::random_device device;
@@ -90,6 +92,7 @@ class NatsPublisher::Impl {
     bool takeAsked();
     bool ask(const NatsMessage& message);
     bool hello(const std::string& inbox, const Packet& packet);
+    bool refuseForeign(const NatsMessage& message);
     void welcomed(bool sameEpoch);
     void record(const SharedRecord& record);
     void fetchKeyframe(Clock::time_point now);
@@ -194,7 +197,9 @@ bool NatsPublisher::Impl::takeAsked() {
     for (int i = 0; i < kAtOnce; ++i) {
         if (!link_->take(message)) return i > 0;
         ++statistics_.asked;
-        if (!ask(message)) ++statistics_.garbage;
+        if (ask(message)) continue;
+        if (auto reported = mirror::reportedOf(++statistics_.garbage, "ignored an invalid message"))
+            report(Severity::warning, std::move(*reported));
     }
     return true;
 }
@@ -202,7 +207,9 @@ bool NatsPublisher::Impl::takeAsked() {
 /// Returns false if the message is invalid. Such messages are only counted, since anybody may send them.
 bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     const auto packet = nats::unpack(message.bytes);
-    if (!packet || message.reply.empty()) return false;
+    // Who may only ask shall not make us publish where mirrors believe what comes.
+    if (!message.reply.starts_with(kInboxes)) return false;
+    if (!packet) return refuseForeign(message);
     if (packet->type == Message::hello) return hello(message.reply, *packet);
     if (packet->type != Message::ping) return mirrors_.take(message.reply, *packet, Clock::now());
     wire::Reader in = packet->fields();
@@ -211,6 +218,15 @@ bool NatsPublisher::Impl::ask(const NatsMessage& message) {
     mirrors_.pinged(message.reply, Clock::now());
     const std::uint64_t answer[] = {token[0], mirror::clockNow()};
     mirror::write(message_, Message::pong, answer);
+    publish(message.reply, message_.bytes());
+    return true;
+}
+
+/// Returns false if it is no hello of another version.
+bool NatsPublisher::Impl::refuseForeign(const NatsMessage& message) {
+    const auto foreign = nats::foreign(message.bytes);
+    if (!foreign || mirror::foreignType(foreign->first) != Message::hello) return false;
+    mirror::refuseVersion(message_, foreign->version);
     publish(message.reply, message_.bytes());
     return true;
 }

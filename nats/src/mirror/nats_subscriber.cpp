@@ -20,6 +20,7 @@
 #include "link/open_nats.h"
 #include "packet.h"
 #include "record_chain.h"
+#include "sockets/rare_warning.h"
 #include "sockets/zmq_socket.h"
 
 namespace rtsg {
@@ -110,7 +111,12 @@ class NatsSubscriber::Impl {
     void ask(std::span<const std::byte> first, std::span<const std::byte> second = {});
     bool toClient(std::span<const std::byte> first, std::span<const std::byte> second = {});
     void report(std::string text);
-    void garbage() { ++statistics_.garbage; }
+    void strange(const NatsMessage& message);
+    void refuse(std::string_view why);
+    void garbage() {
+        if (auto reported = mirror::reportedOf(++statistics_.garbage, "ignored an invalid message"))
+            report(std::move(*reported));
+    }
 
     const NatsAddress address_;
     const NatsSubjects subjects_;
@@ -241,14 +247,7 @@ void NatsSubscriber::Impl::hello(const std::string& identity, std::span<const st
     wire::Reader in(first.subspan(mirror::kPrologue));
     mirror::Hello greeting;
     if (!greeting.read(in)) return;
-    if (const char* why = refusalOf(greeting.wishes)) {
-        mirror::begin(message_, Message::refused);
-        wire::putText(message_, why);
-        message_.put(std::uint8_t{1});
-        toClient(message_.bytes());
-        mode_ = Mode::idle;
-        return;
-    }
+    if (const char* why = refusalOf(greeting.wishes)) return refuse(why);
     greeting_ = std::move(greeting);
     welcomed_ = false;
     epoch_ = greeting_.epoch;
@@ -297,7 +296,7 @@ bool NatsSubscriber::Impl::takeFromNats() {
 
 void NatsSubscriber::Impl::fromNats(const NatsMessage& message) {
     const auto packet = nats::unpack(message.bytes);
-    if (!packet) return garbage();
+    if (!packet) return strange(message);
     if (mode_ == Mode::idle) return;
     if (message.subject == subjects_.live) return live(*packet);
     const bool ofJoin = packet->type == Message::welcome || packet->type == Message::ping ||
@@ -305,6 +304,27 @@ void NatsSubscriber::Impl::fromNats(const NatsMessage& message) {
     if (ofJoin) return answerToJoin(*packet);
     if (message.subject == inbox_) return answer(*packet);
     garbage();
+}
+
+/// A publisher of another version refuses the client in words, if it knows how versions meet.
+void NatsSubscriber::Impl::strange(const NatsMessage& message) {
+    const auto foreign = nats::foreign(message.bytes);
+    const bool refuses = foreign && mirror::foreignType(foreign->first) == Message::refused;
+    if (!foreign || mode_ != Mode::joining || (refuses && message.subject != inbox_)) return garbage();
+    std::string why = mirror::versionText(foreign->version);
+    if (refuses) {
+        wire::Reader in(foreign->first.subspan(mirror::kPrologue));
+        if (const std::string_view said = in.text(); !in.problem) why = said;
+    }
+    refuse(why);
+}
+
+void NatsSubscriber::Impl::refuse(std::string_view why) {
+    mirror::begin(message_, Message::refused);
+    wire::putText(message_, why);
+    message_.put(std::uint8_t{1});
+    toClient(message_.bytes());
+    mode_ = Mode::idle;
 }
 
 void NatsSubscriber::Impl::live(const Packet& packet) {

@@ -11,6 +11,17 @@ namespace {
 
 constexpr std::size_t kLength = sizeof(std::uint32_t);
 
+bool split(std::string_view bytes, Packet& packet) {
+    std::uint32_t length = 0;
+    if (bytes.size() < kLength) return false;
+    std::memcpy(&length, bytes.data(), kLength);
+    bytes.remove_prefix(kLength);
+    if (length > bytes.size()) return false;
+    packet.first = std::as_bytes(std::span(bytes.data(), length));
+    packet.second = std::as_bytes(std::span(bytes.data() + length, bytes.size() - length));
+    return true;
+}
+
 }  // namespace
 
 void pack(ByteBuffer& out, std::span<const std::byte> first, std::span<const std::byte> second) {
@@ -21,19 +32,20 @@ void pack(ByteBuffer& out, std::span<const std::byte> first, std::span<const std
 }
 
 std::optional<Packet> unpack(std::string_view bytes) {
-    std::uint32_t length = 0;
-    if (bytes.size() < kLength) return std::nullopt;
-    std::memcpy(&length, bytes.data(), kLength);
-    bytes.remove_prefix(kLength);
-    if (length > bytes.size()) return std::nullopt;
     Packet packet;
-    packet.first = std::as_bytes(std::span(bytes.data(), length));
-    packet.second = std::as_bytes(std::span(bytes.data() + length, bytes.size() - length));
+    if (!split(bytes, packet)) return std::nullopt;
     wire::Reader in(packet.first);
     const auto type = mirror::readPrologue(in);
     if (!type) return std::nullopt;
     packet.type = *type;
     return packet;
+}
+
+std::optional<Foreign> foreign(std::string_view bytes) {
+    Packet packet;
+    if (!split(bytes, packet)) return std::nullopt;
+    const auto version = mirror::foreignVersion(packet.first);
+    return version ? std::optional(Foreign{*version, packet.first}) : std::nullopt;
 }
 
 std::uint64_t sessionOf(std::span<const std::byte> first) {

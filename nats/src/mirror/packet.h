@@ -24,6 +24,13 @@ void pack(ByteBuffer& out, std::span<const std::byte> first, std::span<const std
 /// Nothing if it is no packet with a message of this protocol.
 std::optional<Packet> unpack(std::string_view bytes);
 
+/// The version of a message of another one, with its first part.
+struct Foreign {
+    std::uint8_t version = 0;
+    std::span<const std::byte> first;
+};
+std::optional<Foreign> foreign(std::string_view bytes);
+
 /// The number behind the prologue, which in most messages is the session; 0 if there is none.
 std::uint64_t sessionOf(std::span<const std::byte> first);
 /// `out` becomes the message with another session. Precondition: it has one.

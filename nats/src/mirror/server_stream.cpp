@@ -39,6 +39,7 @@ Result<> ServerStream::connect() {
         socket_.set(ZMQ_CURVE_PUBLICKEY, settings_.keys->clientPublic.front());
         socket_.set(ZMQ_CURVE_SECRETKEY, settings_.keys->clientSecret);
     }
+    allowIpv6(socket_, settings_.endpoint);
     if (zmq_connect(socket_.get(), settings_.endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", settings_.endpoint)));
     return {};

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <cstring>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include <fcntl.h>
@@ -15,6 +16,7 @@
 #include <unistd.h>
 
 #include <rtsg/sync/byte_buffer.h>
+#include <rtsg/sync/log.h>
 #include <rtsg/sync/record.h>
 
 #include "link/open_nats.h"
@@ -28,6 +30,7 @@ namespace {
 constexpr std::size_t kBesideData = 512;  // bytes of a message: headers that name the sequence before it
 constexpr auto kLookAgain = 20ms;         // for another record in the file
 constexpr auto kStoreAgain = 200ms;       // after a failure that may pass
+constexpr auto kGoneFor = 3s;             // a server that begins anew finds its streams within that
 
 std::string streamOf(const NatsAddress& address) {
     return "RTSG_" + address.name;
@@ -42,16 +45,14 @@ Diagnostic storeFailure(const NatsAddress& address, std::string problem) {
     return {Severity::error, address.shown, {}, withoutSecrets(std::move(problem), address)};
 }
 
-Result<NatsStream> wholeStream(NatsLink& link, const NatsAddress& address) {
+Result<NatsStream> findStream(NatsLink& link, const NatsAddress& address) {
     NatsStream stream;
     if (std::string problem = link.streamState(streamOf(address), stream); !problem.empty())
         return std::unexpected(storeFailure(address, std::move(problem)));
-    if (stream.exists && stream.last > 0 && stream.first != 1)
-        return std::unexpected(
-            storeFailure(address, fmt::format("the store has lost the messages before number {}", stream.first)));
     return stream;
 }
 
+/// Writes what the store still has of a session: limits, purges and deletions take messages away.
 Result<NatsLog::Fetched> fetchInto(NatsLink& link, const NatsAddress& address, const NatsStream& stream,
                                    const std::filesystem::path& file,
                                    const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
@@ -59,8 +60,9 @@ Result<NatsLog::Fetched> fetchInto(NatsLink& link, const NatsAddress& address, c
     if (descriptor < 0) return fail(fmt::format("cannot be written: {}", std::strerror(errno)), {}, file);
     NatsLog::Fetched fetched;
     std::string unwritten;
-    const auto sink = [&](std::string_view bytes) {
-        fetched.messages += 1;
+    const auto sink = [&](std::uint64_t sequence, std::string_view bytes) {
+        if (sequence != fetched.last + 1) fetched.missing.emplace_back(fetched.last + 1, sequence - 1);
+        fetched.last = sequence;
         fetched.bytes += bytes.size();
         if (::write(descriptor, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size())) {
             unwritten = std::strerror(errno);
@@ -69,11 +71,28 @@ Result<NatsLog::Fetched> fetchInto(NatsLink& link, const NatsAddress& address, c
         return !progress || progress(fetched.bytes, stream.bytes);
     };
     std::string problem;
-    if (stream.last > 0) problem = link.read(streamOf(address), NatsSubjects(address.name).log, 1, stream.last, sink);
+    if (stream.messages > 0)
+        problem = link.read(streamOf(address), NatsSubjects(address.name).log, stream.first, stream.last, sink);
     ::close(descriptor);
     if (!unwritten.empty()) return fail(fmt::format("cannot be written: {}", unwritten), {}, file);
     if (!problem.empty()) return std::unexpected(storeFailure(address, std::move(problem)));
+    if (fetched.last < stream.last)
+        fetched.missing.emplace_back(std::exchange(fetched.last, stream.last) + 1, stream.last);
     return fetched;
+}
+
+Result<> checkStored(const NatsStream& stream, const NatsAddress& address) {
+    if (stream.messages > 0) return {};
+    return fail(stream.last > 0 ? "the store has let go of all messages of the session" : "no session is stored there",
+                {}, address.shown);
+}
+
+/// Where a writer goes on in the file: a record of several messages may be there in part.
+std::uint64_t intactEnd(const std::filesystem::path& file) {
+    auto reader = LogReader::open(file);
+    if (!reader) return 0;
+    while (reader->next()) continue;
+    return reader->intactEnd();
 }
 
 /// The next whole record of a file that grows.
@@ -122,13 +141,16 @@ class GrowingLog {
 
 class NatsLog::Impl {
   public:
-    Impl(NatsAddress address, std::unique_ptr<NatsLink> link, const std::filesystem::path& file, Fetched there)
+    Impl(NatsAddress address, std::unique_ptr<NatsLink> link, const std::filesystem::path& file, const Fetched& there,
+         bool replaces)
         : address_(std::move(address)),
           subject_(NatsSubjects(address_.name).log),
           link_(std::move(link)),
           log_(file, there.bytes),
+          missing_(there.missing),
           storedBytes_(there.bytes),
-          storedMessages_(there.messages),
+          lastSequence_(there.last),
+          replaces_(replaces),
           thread_([this] { run(); }) {}
     ~Impl() {
         {
@@ -142,8 +164,9 @@ class NatsLog::Impl {
     Impl& operator=(const Impl&) = delete;
 
     const std::string& address() const { return address_.shown; }
+    const Missing& missing() const { return missing_; }
     std::uint64_t bytes() const { return storedBytes_; }
-    std::uint64_t messages() const { return storedMessages_; }
+    std::uint64_t messages() const { return lastSequence_; }
     std::string failure() const {
         const std::scoped_lock lock(mutex_);
         return failure_;
@@ -152,6 +175,7 @@ class NatsLog::Impl {
 
   private:
     void run();
+    bool replaceLog();
     bool storeRecord(std::span<const std::byte> record);
     bool storePiece(std::span<const std::byte> piece);
     bool isThere(std::span<const std::byte> piece, std::string& problem);
@@ -168,7 +192,10 @@ class NatsLog::Impl {
     const std::string subject_;
     std::unique_ptr<NatsLink> link_;
     GrowingLog log_;
-    std::atomic<std::uint64_t> storedBytes_, storedMessages_;
+    const Missing missing_;
+    std::atomic<std::uint64_t> storedBytes_, lastSequence_;
+    std::optional<std::chrono::steady_clock::time_point> goneSince_;  // no stream was found
+    bool replaces_;             // another log is there until this one has its first record
     mutable std::mutex mutex_;  // guards the members below
     std::condition_variable changed_;
     std::string failure_;
@@ -184,7 +211,7 @@ void NatsLog::Impl::run() {
     try {
         while (true) {
             if (log_.next(record)) {
-                if (!storeRecord(record.bytes())) return;
+                if ((replaces_ && !replaceLog()) || !storeRecord(record.bytes())) return;
                 continue;
             }
             {
@@ -206,6 +233,19 @@ bool NatsLog::Impl::pause(std::chrono::milliseconds maximum) {
     return !stop_ && !ended_;
 }
 
+/// Tries until the stream is empty, as storePiece() does.
+bool NatsLog::Impl::replaceLog() {
+    const std::string name = streamOf(address_);
+    while (replaces_) {
+        std::string problem = link_->removeStream(name);
+        if (problem.empty()) problem = link_->makeStream(name, subject_, copiesFor(address_));
+        replaces_ = !problem.empty();
+        setFailure(withoutSecrets(std::move(problem), address_), false);
+        if (replaces_ && !pause(kStoreAgain)) return false;
+    }
+    return true;
+}
+
 bool NatsLog::Impl::storeRecord(std::span<const std::byte> record) {
     while (!record.empty()) {
         const auto piece = record.first(std::min(record.size(), link_->maxPayload() - kBesideData));
@@ -219,10 +259,10 @@ bool NatsLog::Impl::storeRecord(std::span<const std::byte> record) {
 bool NatsLog::Impl::storePiece(std::span<const std::byte> piece) {
     while (true) {
         std::string problem;
-        const NatsLink::Stored stored = link_->store(streamOf(address_), subject_, piece, storedMessages_, problem);
+        const NatsLink::Stored stored = link_->store(streamOf(address_), subject_, piece, lastSequence_, problem);
         if (stored == NatsLink::Stored::yes || (stored == NatsLink::Stored::unknown && isThere(piece, problem))) {
             storedBytes_ += piece.size();
-            ++storedMessages_;
+            ++lastSequence_;
             setFailure({}, false);
             return true;
         }
@@ -234,16 +274,25 @@ bool NatsLog::Impl::storePiece(std::span<const std::byte> piece) {
 /// True if the store has this piece at the place where it belongs, because only the answer was lost.
 bool NatsLog::Impl::isThere(std::span<const std::byte> piece, std::string& problem) {
     NatsStream stream;
-    const std::uint64_t own = storedMessages_ + 1;
-    if (!link_->streamState(streamOf(address_), stream).empty() || !stream.exists) return false;
+    const std::uint64_t own = lastSequence_ + 1;
+    if (!link_->streamState(streamOf(address_), stream).empty()) return false;
+    if (!stream.exists) {
+        const auto now = std::chrono::steady_clock::now();
+        problem = "the stream is no longer there: somebody has deleted it";
+        setFailure(problem, now - goneSince_.value_or(now) > kGoneFor);
+        if (!goneSince_) goneSince_ = now;
+        return false;
+    }
+    goneSince_.reset();
     if (stream.last < own - 1)
         setFailure(fmt::format("the store has lost messages: {} of {} are there", stream.last, own - 1), true);
     if (stream.last < own) return false;
     bool same = false;
-    const std::string unread = link_->read(streamOf(address_), subject_, own, own, [&](std::string_view bytes) {
-        same = bytes.size() == piece.size() && std::memcmp(bytes.data(), piece.data(), piece.size()) == 0;
-        return true;
-    });
+    const std::string unread =
+        link_->read(streamOf(address_), subject_, own, own, [&](std::uint64_t, std::string_view bytes) {
+            same = bytes.size() == piece.size() && std::memcmp(bytes.data(), piece.data(), piece.size()) == 0;
+            return true;
+        });
     if (!unread.empty()) return false;
     if (same && stream.last == own) return true;
     problem = "somebody else stores a session there";
@@ -253,13 +302,12 @@ bool NatsLog::Impl::isThere(std::span<const std::byte> piece, std::string& probl
 
 Result<> NatsLog::Impl::finish(std::chrono::milliseconds patience) {
     auto end = std::chrono::steady_clock::now() + patience;
-    std::uint64_t before = storedMessages_;
+    std::uint64_t before = lastSequence_;
     std::unique_lock lock(mutex_);
     const std::uint64_t look = looks_;
     while (!ended_ && !(idle_ && looks_ > look)) {
         changed_.wait_for(lock, 50ms);
-        if (storedMessages_ != std::exchange(before, storedMessages_))
-            end = std::chrono::steady_clock::now() + patience;
+        if (lastSequence_ != std::exchange(before, lastSequence_)) end = std::chrono::steady_clock::now() + patience;
         if (std::chrono::steady_clock::now() > end) break;
     }
     if (!ended_ && idle_ && looks_ > look) return {};
@@ -277,9 +325,9 @@ Result<NatsLog::Fetched> NatsLog::fetch(const std::string& address, const std::f
     if (!parsed) return std::unexpected(parsed.error());
     auto link = openNatsLink(*parsed, "rtsg");
     if (!link) return std::unexpected(link.error());
-    const auto stream = wholeStream(**link, *parsed);
+    const auto stream = findStream(**link, *parsed);
     if (!stream) return std::unexpected(stream.error());
-    if (!stream->exists || stream->last == 0) return fail("no session is stored there", {}, parsed->shown);
+    if (auto ok = checkStored(*stream, *parsed); !ok) return std::unexpected(ok.error());
     return fetchInto(**link, *parsed, *stream, file, progress);
 }
 
@@ -289,32 +337,33 @@ Result<std::unique_ptr<NatsLog>> NatsLog::start(const std::string& address, cons
     if (!parsed) return std::unexpected(parsed.error());
     auto link = openNatsLink(*parsed, "rtsg");
     if (!link) return std::unexpected(link.error());
-    auto stream = wholeStream(**link, *parsed);
+    const auto stream = findStream(**link, *parsed);
     if (!stream) return std::unexpected(stream.error());
-    const std::string name = streamOf(*parsed);
     Fetched there;
     if (begin == Begin::goOn) {
-        if (!stream->exists || stream->last == 0) return fail("no session is stored there", {}, parsed->shown);
-        const auto fetched = fetchInto(**link, *parsed, *stream, file, {});
+        if (auto ok = checkStored(*stream, *parsed); !ok) return std::unexpected(ok.error());
+        auto fetched = fetchInto(**link, *parsed, *stream, file, {});
         if (!fetched) return std::unexpected(fetched.error());
-        there = *fetched;
-    } else if (stream->exists && stream->last > 0) {
-        if (begin == Begin::fresh)
-            return fail("a session is stored there already; --force replaces it", {}, parsed->shown);
-        if (std::string problem = (*link)->removeStream(name); !problem.empty())
-            return std::unexpected(storeFailure(*parsed, std::move(problem)));
-        stream->exists = false;
+        there = std::move(*fetched);
+        there.bytes = intactEnd(file);
+    } else if (begin == Begin::fresh && stream->last > 0) {
+        return fail("a session is stored there already; --force replaces it", {}, parsed->shown);
     }
     if (!stream->exists)
-        if (std::string problem = (*link)->makeStream(name, NatsSubjects(parsed->name).log, copiesFor(*parsed));
+        if (std::string problem =
+                (*link)->makeStream(streamOf(*parsed), NatsSubjects(parsed->name).log, copiesFor(*parsed));
             !problem.empty())
             return std::unexpected(storeFailure(*parsed, std::move(problem)));
+    const bool replaces = begin == Begin::replace && stream->last > 0;
     return std::unique_ptr<NatsLog>(
-        new NatsLog(std::make_unique<Impl>(std::move(*parsed), std::move(*link), file, there)));
+        new NatsLog(std::make_unique<Impl>(std::move(*parsed), std::move(*link), file, there, replaces)));
 }
 
 const std::string& NatsLog::address() const {
     return impl_->address();
+}
+const NatsLog::Missing& NatsLog::missing() const {
+    return impl_->missing();
 }
 std::uint64_t NatsLog::storedBytes() const {
     return impl_->bytes();

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/audio/sound_comment.h>
+
 namespace rtsg {
 
 namespace {
@@ -57,8 +59,16 @@ class Joining {
         if (!read) return std::unexpected(read.error());
         if (!damage.empty()) return fail(damage, {}, name);
         SoundBuffer& sound = joined_.sound;
-        if (!any_) sound.sampleRate = read->sampleRate, sound.channels = read->channels;
+        const auto comment = readSoundComment(name);
+        if (!comment) return std::unexpected(comment.error());
+        const Provenance provenance = Provenance::of(*comment);
+        if (!any_) {
+            sound.sampleRate = read->sampleRate, sound.channels = read->channels;
+            joined_.provenance = provenance, joined_.first = name;
+        }
         any_ = true;
+        if (auto ok = belongsTogether(provenance, name, joined_.provenance, joined_.first); !ok)
+            return std::unexpected(ok.error());
         if (read->sampleRate != sound.sampleRate || read->channels != sound.channels)
             return fail("it has another rate or number of channels than the first stretch", {}, name);
         if (read->frames() == 0) return fail("it holds no sound", {}, name);

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include <fmt/format.h>
 
+#include <rtsg/audio/sound_comment.h>
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/image.h>
@@ -35,22 +37,24 @@ void reportGain(const ListenReport& report, const SessionContext& context) {
 namespace {
 
 /// Writes the stretch as it is heard, since only all stretches together tell how loud the sound is.
-Result<double> writeStretch(ListenReport report, const OutputOptions& arguments) {
+Result<double> writeStretch(ListenReport report, const OutputOptions& arguments, const std::string& comment) {
     const auto stretch = arguments.stretch();
     SoundBuffer& sound = report.sound;
     const auto frames = std::min(static_cast<std::int64_t>(sound.frames()), stretch.end - stretch.begin);
     sound.samples.resize(static_cast<std::size_t>(frames * sound.channels));
     arguments.context.report(report.diagnostics);
     if (frames == 0) return 0;
-    if (auto ok = writeWav(arguments.listen, sound, WavFormat::float32); !ok) return std::unexpected(ok.error());
+    if (auto ok = writeWavWithComment(arguments.listen, sound, WavFormat::float32, comment); !ok)
+        return std::unexpected(ok.error());
     return static_cast<double>(stretch.begin + frames) / sound.sampleRate;
 }
 
 }  // namespace
 
-Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures) {
+Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures,
+                          const std::string& comment) {
     ListenReport report = sound.finish();
-    if (arguments.only) return writeStretch(std::move(report), arguments);
+    if (arguments.only) return writeStretch(std::move(report), arguments, comment);
     const double maximum = std::round(arguments.seconds * report.sound.sampleRate);
     if (maximum < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
         report.sound.samples.resize(static_cast<std::size_t>(maximum) *
@@ -92,6 +96,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (auto ok = checkUnused(world.scene(), resources, arguments.names()); !ok) return std::unexpected(ok.error());
     if (auto ok = world.cut(arguments.tessellation); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
+    if (arguments.session.empty()) outputs->arguments_.session = world.scene().hash().hex();
     outputs->elapsed_ = ElapsedTime(arguments.only ? arguments.start : world.scene().now());
     if (arguments.only) outputs->number_ = arguments.only->first - (leadsIn(arguments) ? 1 : 0);
     outputs->resources_ = resources;
@@ -157,7 +162,7 @@ Result<> Outputs::make(const Job& job) {
         if (light_->stats().cancelled) return arguments_.animated() ? Result<>() : notWritten(arguments_.render);
         Picture picture = std::exchange(light_->frame(), Picture());
         if (isWanted()) {
-            if (auto ok = write(std::move(picture)); !ok) return ok;
+            if (auto ok = write(std::move(picture), job.name); !ok) return ok;
             report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
             report_.pictureStates.push_back(light_->presented());
             report_.kept += light_->stats().kept;
@@ -172,7 +177,18 @@ Result<> Outputs::make(const Job& job) {
     return {};
 }
 
-Result<> Outputs::write(Picture picture) {
+Provenance Outputs::provenance(std::string options, std::string state) const {
+    return Provenance::ofHere(arguments_.session,
+                              fmt::format("{},fps={}", std::move(options), arguments_.picturesPerSecond),
+                              std::move(state));
+}
+
+Result<> Outputs::write(Picture picture, const std::string& state) {
+    const bool inRow = arguments_.animated() && !files_.together();
+    if (inRow || !arguments_.image.settings.region.empty())
+        std::ranges::move(
+            provenance(pictureSettings(arguments_.image, arguments_.toneMap, arguments_.tessellation), state).notes(),
+            std::back_inserter(picture.notes));
     if (!arguments_.only) return files_.add(std::move(picture));
     const std::filesystem::path pattern = arguments_.render;
     const auto name = numberedName(pattern.filename().string(), static_cast<int>(number_));
@@ -214,7 +230,7 @@ Result<> Outputs::next(bool picture, double until) {
         failed_ = true;
         return result_;
     }
-    begin(Job{std::move(*state), picture, until});
+    begin(Job{std::move(*state), nameOfState(), picture, until});
     return {};
 }
 
@@ -229,7 +245,7 @@ void Outputs::begin(Job job) {
 /// last known state.
 void Outputs::keepWhatIs() {
     if (!light_ || !ready()) return;
-    if (auto state = light_->prepare()) before_ = std::move(*state);
+    if (auto state = light_->prepare()) before_ = std::move(*state), nameBefore_ = nameOfState();
 }
 
 /// Makes the pictures of the time up to `t` in which nothing came.
@@ -237,7 +253,7 @@ Result<> Outputs::pictureWhatWasBefore(double t) {
     const auto state = std::exchange(before_, nullptr);
     const double until = t - 2 * kRounding;  // a picture due at `t` itself shows the new state
     if (!state || !pictureIsDue(until)) return {};
-    begin(Job{state, true, until});
+    begin(Job{state, nameBefore_, true, until});
     return ready();
 }
 
@@ -257,25 +273,27 @@ Result<> Outputs::finish() {
         return allOf(arguments_.context, {[&] { return created; }, [&] { return leaveUnwritten(); }});
     afterInterruption_ =
         arguments_.context.interrupted();  // the signal that ended the run does not end the last outputs
-    return allOf(arguments_.context, {[&] { return created; }, [&] { return lastPicture(); },
-                                      [&]() -> Result<> {
-                                          if (!sound_) return {};
-                                          const Result<double> seconds = writeSound(*sound_, arguments_, files_);
-                                          report_.soundSeconds = seconds.value_or(0);
-                                          return seconds ? Result<>() : std::unexpected(seconds.error());
-                                      },
-                                      [&]() -> Result<> {
-                                          if (!light_) return {};
-                                          const Result<> written = files_.finish();
-                                          arguments_.context.report(light_->diagnostics());
-                                          return written;
-                                      },
-                                      [&]() -> Result<> {
-                                          if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
-                                          if (arguments_.save.empty()) return {};
-                                          return saveScene(scene_, arguments_.save, arguments_.existing,
-                                                           arguments_.context);
-                                      }});
+    return allOf(arguments_.context,
+                 {[&] { return created; }, [&] { return lastPicture(); },
+                  [&]() -> Result<> {
+                      if (!sound_) return {};
+                      const std::string how = fmt::format("{},run-up={}", arguments_.soundSettings, arguments_.runUp);
+                      const Result<double> seconds =
+                          writeSound(*sound_, arguments_, files_, provenance(how, nameOfState()).comment());
+                      report_.soundSeconds = seconds.value_or(0);
+                      return seconds ? Result<>() : std::unexpected(seconds.error());
+                  },
+                  [&]() -> Result<> {
+                      if (!light_) return {};
+                      const Result<> written = files_.finish();
+                      arguments_.context.report(light_->diagnostics());
+                      return written;
+                  },
+                  [&]() -> Result<> {
+                      if (world_.built()) arguments_.context.report(world_.built()->diagnostics());
+                      if (arguments_.save.empty()) return {};
+                      return saveScene(scene_, arguments_.save, arguments_.existing, arguments_.context);
+                  }});
 }
 
 Result<> Outputs::leaveUnwritten() {

@@ -16,8 +16,11 @@
 #include <thread>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/session/output_maker.h>
+#include <rtsg/session/provenance.h>
 
 namespace rtsg {
 
@@ -26,8 +29,10 @@ inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
     return fail("interrupted: the picture was not written", {}, file);
 }
 
-/// Writes the sound, in the requested length, to its own file or into the film. Returns its length in seconds.
-Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures);
+/// Writes the sound, in the requested length, to its own file or into the film. Returns its length in seconds. A
+/// stretch gets `comment`.
+Result<double> writeSound(SoundRenderer& sound, const OutputOptions& arguments, PictureFiles& pictures,
+                          const std::string& comment = {});
 /// The picture files that the arguments ask for.
 PictureFiles pictureFiles(const OutputOptions& arguments);
 
@@ -52,6 +57,7 @@ class Outputs final : public OutputMaker {
     /// Outputs to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;
+        std::string name;  // of the state: its number and hash
         bool picture = false;
         double until = 0;  // pictures up to this time, seconds from the start
     };
@@ -71,7 +77,10 @@ class Outputs final : public OutputMaker {
     double nextPicture() const { return static_cast<double>(number_) / arguments_.picturesPerSecond; }
     std::string numbersFrom(double next) const;
     bool isWanted() const { return !arguments_.only || number_ >= arguments_.only->first; }
-    Result<> write(Picture picture);
+    Result<> write(Picture picture, const std::string& state);
+    /// Of the scene's present state.
+    std::string nameOfState() const { return fmt::format("{} {}", scene_.sequence(), scene_.hash().hex()); }
+    Provenance provenance(std::string options, std::string state) const;
 
     WorldOnDemand& world_;
     Scene& scene_;
@@ -81,6 +90,7 @@ class Outputs final : public OutputMaker {
     std::unique_ptr<SoundRenderer> sound_;
     ElapsedTime elapsed_;
     std::shared_ptr<const WorldState> before_;  // the last state before the scene started over
+    std::string nameBefore_;
     std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // Belongs to the worker while it has a job, otherwise to the scene's thread.

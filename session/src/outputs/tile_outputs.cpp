@@ -14,6 +14,7 @@
 
 #include <rtsg/renderers/picture_tiles.h>
 #include <rtsg/session/load_scene.h>
+#include <rtsg/session/provenance.h>
 
 namespace rtsg {
 
@@ -23,20 +24,10 @@ namespace {
 constexpr std::size_t kKept = 3;
 constexpr std::uint64_t kMaxAside = 4096;  // aside
 
-/// What must be the same for all tiles of a picture, besides size and pictures a second; a word.
+/// What must be the same for all tiles of a picture, besides pictures a second; a word.
 std::string looksOf(const OutputOptions& options) {
-    const RenderSettings& s = options.image.settings;
-    std::string text =
-        fmt::format("{}:{}:{}:{}:{}:{}:{}:{}:{}:{}", s.integrator == Integrator::path ? "path" : "whitted",
-                    s.samplesPerPixel, s.error, s.maxDepth,
-                    s.shadows == Shadows::none       ? "none"
-                    : s.shadows == Shadows::authored ? "authored"
-                    : s.shadows == Shadows::all      ? "all"
-                                                     : "auto",
-                    s.colorSpace == ColorSpace::linear    ? "linear"
-                    : s.colorSpace == ColorSpace::display ? "display"
-                                                          : "auto",
-                    s.seed, options.toneMap.exposure, s.caps, options.image.viewpoint);
+    std::string text = fmt::format("{},version={}",
+                                   pictureSettings(options.image, options.toneMap, options.tessellation), RTSG_VERSION);
     for (char& c : text)
         if (static_cast<unsigned char>(c) <= ' ') c = '_';
     return text;
@@ -177,10 +168,13 @@ void TileOutputs::step(const Scene& scene, const RecordStep& step) {
     const bool passes = scene.now() != last_;
     if (passes) {
         // All sets of the time before have come.
-        since_ = pictureAt(changed_) + 1;
-        have_ = pictureAt(last_);
+        const std::scoped_lock lock(mutex_);
+        if (std::exchange(have_.number, pictureAt(last_)) != pictureAt(last_)) have_.state = lastState_;
+        have_.since = pictureAt(changed_) + 1;
         last_ = scene.now();
     }
+    const bool anew = step.set && step.set->isSnapshot();
+    lastState_ = anew ? std::string() : fmt::format("{} {}", scene.sequence(), scene.hash().hex());
     // A scene that rests tells its time now and then.
     if (!step.set || step.set->isSnapshot() || !step.set->changes.empty()) changed_ = last_;
     if (passes) wake();
@@ -230,8 +224,13 @@ Result<> TileOutputs::follow() {
         link_.read();
         auto message = link_.receive();
         do {
-            if (const std::uint64_t have = have_; have != said)
-                link_.send(fmt::format("have {} {}", said = have, since_.load()));
+            Have have;
+            {
+                const std::scoped_lock lock(mutex_);
+                have = have_;
+            }
+            if (have.number != said)
+                link_.send(fmt::format("have {} {} {}", said = have.number, have.since, have.state));
             if (!message) break;
             if (auto ok = answer(drawer, *message); !ok) return ok;
             message = link_.receive();

@@ -8,6 +8,8 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
+#include <string>
 #include <thread>
 
 #include <rtsg/core/scene.h>
@@ -42,12 +44,18 @@ class TileOutputs final : public OutputMaker {
     OutputOptions arguments_;
     Resources resources_;
     RecordQueue queue_;
-    TileLink link_;                        // the thread's
-    int wake_;                             // an eventfd
-    double last_;                          // the scene's time before the last step
-    double changed_;                       // the scene's time at the last step that changed more than that
-    std::atomic<std::uint64_t> have_{0};   // the last picture whose state is whole
-    std::atomic<std::uint64_t> since_{0};  // the first picture of a state after changed_; set before have_
+    TileLink link_;   // the thread's
+    int wake_;        // an eventfd
+    double last_;     // the scene's time before the last step
+    double changed_;  // the scene's time at the last step that changed more than that
+    /// The last picture whose state is whole.
+    struct Have {
+        std::uint64_t number = 0, since = 0;  // `since`: the first picture of a state after changed_
+        std::string state;                    // the number and hash; empty: unknown whether it is the first of its time
+    };
+    std::string lastState_;  // at the last step, as in Have
+    std::mutex mutex_;       // guards the next member
+    Have have_;
     std::atomic<bool> failed_{false}, stop_{false};
     Result<> result_;  // the thread's until it has ended
     std::thread thread_;

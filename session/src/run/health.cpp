@@ -27,9 +27,10 @@ void Health::noteFrame(std::chrono::nanoseconds took, std::uint64_t state, doubl
     time_ = time;
 }
 
-void Health::noteServer(const MirrorServer& server) {
+void Health::noteServer(const MirrorServer& server, std::uint64_t garbage) {
     if (!server_) return;
-    const MirrorServerStatistics statistics = server.statistics();
+    MirrorServerStatistics statistics = server.statistics();
+    statistics.garbage += garbage;
     const std::scoped_lock lock(mutex_);
     peers_ = statistics;
 }
@@ -44,10 +45,11 @@ void Health::noteLog(std::uint64_t bytes) {
     logBytes_ = bytes;
 }
 
-void Health::noteMirror(const MirrorStatistics& mirror) {
+void Health::noteMirror(const MirrorStatistics& mirror, std::uint64_t garbage) {
     if (!server_) return;
     const std::scoped_lock lock(mutex_);
     mirror_ = mirror;
+    mirror_->garbage += garbage;
 }
 
 void Health::addServer(MetricsText& text) const {

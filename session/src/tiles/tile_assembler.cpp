@@ -35,7 +35,7 @@ std::optional<TileAssembler::Joined> TileAssembler::poll(std::chrono::millisecon
     const auto rest = std::chrono::ceil<std::chrono::milliseconds>(lateAt_ - Clock::now());
     const auto wait = whole ? std::chrono::milliseconds(0) : std::clamp(rest, std::chrono::milliseconds(0), maximum);
     (void)::poll(items.data(), items.size(), static_cast<int>(wait.count()));
-    while (auto link = door_.accept()) mirrors_.emplace_back(std::move(*link));
+    while (auto link = door_.accept()) mirrors_.emplace_back(std::move(*link)).order = ++came_;
     for (auto it = mirrors_.begin(); it != mirrors_.end();) {
         hear(*it);
         if (it->link.over().empty()) {
@@ -77,10 +77,11 @@ void TileAssembler::take(Mirror& mirror, const TileLink::Message& message) {
         const std::uint64_t have = message.number(1);
         // A scene that begins anew, as a log that is played again.
         const bool again = have < mirror.have;
-        if (again) mirror.lost.clear(), last_ = std::min(last_, have), anew_ = true;
+        if (again) mirror.lost.clear(), states_.clear(), last_ = std::min(last_, have), anew_ = true;
         counts_.newest = again ? have : std::max(counts_.newest, have);
         mirror.have = have;
         mirror.since = message.number(2);
+        compareStates(mirror, message);
     } else if (what == "gone") {
         mirror.asked = std::max(mirror.asked - 1, 0);
         mirror.lost.insert(message.number(1));
@@ -92,8 +93,32 @@ void TileAssembler::take(Mirror& mirror, const TileLink::Message& message) {
     }
 }
 
+/// A mirror of another session draws pictures of other states: of two the one that came later is refused.
+void TileAssembler::compareStates(Mirror& mirror, const TileLink::Message& have) {
+    constexpr std::size_t kWords = 5, kKept = 256;
+    if (have.words.size() != kWords) return;
+    const std::uint64_t number = have.number(1);
+    const std::string state = have.words[3] + " " + have.words[4];
+    if (states_.size() == kKept) states_.erase(states_.begin());
+    const auto [said, fresh] = states_.try_emplace(number, Said{state, mirror.order});
+    if (fresh || said->second.state == state) return;
+    const auto other = std::ranges::find(mirrors_, said->second.order, &Mirror::order);
+    const bool otherGoes = other != mirrors_.end() && other->order > mirror.order;
+    const std::string theirs = otherGoes ? std::exchange(said->second.state, state) : state;
+    const std::string kept = said->second.state;
+    if (otherGoes) said->second.order = mirror.order;
+    Mirror& goes = otherGoes ? *other : mirror;
+    goes.known = false;
+    forget(goes);
+    refuse(goes, fmt::format("a mirror of another session: picture {} shows its state {}, and state {} of the others",
+                             number, theirs, kept));
+}
+
 void TileAssembler::greet(Mirror& mirror, const TileLink::Message& hello) {
-    if (hello.words.size() != 6 || hello.number(1) != 1) return refuse(mirror, "a mirror of another version");
+    if (hello.number(1) != 1)
+        return refuse(mirror, fmt::format("tiles are joined by version 1 of their protocol, and this mirror speaks {}",
+                                          hello.words.size() > 1 ? hello.words[1] : "none"));
+    if (hello.words.size() != 6) return refuse(mirror, "a hello that makes no sense");
     const auto side = [&](std::size_t word) {
         return static_cast<int>(std::min<std::uint64_t>(hello.number(word), 1 << 16));
     };

@@ -107,7 +107,8 @@ export class Mirror {
     try {
       const r = new Reader(first);
       const magic = r.take(4), version = r.u8(), type = r.u8();
-      if (String.fromCharCode(...magic) !== 'RTSG' || version !== 1 || r.u16() !== 0) throw new FormatError('none of this protocol');
+      if (String.fromCharCode(...magic) !== 'RTSG' || r.u16() !== 0) throw new FormatError('none of this protocol');
+      if (version !== 1) return this.meetVersion(version, type, r);
       this.heard = performance.now();
       this.take(type, r, second);
     } catch (error) {
@@ -119,6 +120,14 @@ export class Mirror {
       this.applying = false;
     }
     if (this.connected && this.received !== this.acknowledged) this.acknowledge();
+  }
+
+  /** A server of another version says so, if it knows how versions meet: a refusal is the same in all of them. */
+  meetVersion(version, type, r) {
+    if (this.connected) throw new FormatError(`a message of version ${version} of the protocol`);
+    this.greeted = performance.now();
+    this.tell('onRefused', type === REFUSED ? r.text()
+      : `this server speaks version ${version} of the protocol, and this client version 1`);
   }
 
   take(type, r, second) {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstring>
 #include <random>
+#include <utility>
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -36,6 +37,8 @@ constexpr auto kPingLater = 3000ms;      // up to this, as each ping wakes four 
 constexpr std::uint64_t kFewSamples = 4, kDoublings = 7;
 constexpr int kPortion = 64;        // messages at a time, because applying a long run of frames takes time
 constexpr auto kRequestAgain = 1s;  // if there is no verdict
+constexpr auto kAwake = 500ms;      // by which a wait may end late while the machine is busy
+constexpr auto kAway = 1s;          // between two looks of a user who looks now and then; what is more is no silence
 constexpr auto kAnswerWithin = 3s;  // for a question about hashes
 
 std::uint64_t randomNumber() {
@@ -138,6 +141,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
         return std::unexpected(zmqFailure("cannot watch the connection"));
     watchConnection();  // its descriptor wakes only a reader that has read it until empty
     if (auto ok = checkPort(endpoint); !ok) return ok;
+    allowIpv6(socket_, endpoint);
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
     session_ = randomNumber();
@@ -301,6 +305,15 @@ void MirrorClient::Impl::ping(Clock::time_point now) {
     send();
 }
 
+/// Time in which this process was stopped, or did something else, is no silence of the server. `expected`: how long it
+/// may have been since the last call.
+void MirrorClient::Impl::forgetPause(Clock::duration expected) {
+    const Clock::time_point now = Clock::now();
+    const Clock::duration pause = now - std::exchange(looked_, now) - expected;
+    if (pause <= Clock::duration::zero()) return;
+    for (Clock::time_point* time : {&heard_, &coming_, &askedSince_, &asked_}) *time = std::min(now, *time + pause);
+}
+
 /// Waits at most so long, and returns whether something may have come. A ZeroMQ socket's descriptor tells what came
 /// since the socket was last found empty, but sending may lose that notice. So after sending the socket is read, and
 /// only if it is empty we wait at the descriptor. zmq_poll() would take several more system calls for each frame. The
@@ -309,7 +322,10 @@ bool MirrorClient::Impl::wait(std::chrono::milliseconds maximum) {
     if (!socket_.foundEmpty()) return true;  // events of the connection are read after its messages
     pollfd items[] = {
         {socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}, {std::max(wakes_, 0), POLLIN, 0}};
-    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(untilDue(maximum).count()));
+    const std::chrono::milliseconds due = untilDue(maximum);
+    forgetPause(kAway);
+    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(due.count()));
+    forgetPause(due + kAwake);
     if (ready > 0 && items[1].revents) watchConnection();
     called_ = called_ || ready < 0 || (ready > 0 && items[2].revents);
     return ready > 0;
@@ -392,6 +408,10 @@ bool MirrorClient::Impl::receiveOne() {
     wire::Reader in(first.bytes());
     const std::optional<Message> type = mirror::readPrologue(in);
     if (!type) {
+        if (const auto version = mirror::foreignVersion(first.bytes()); version && !connected_) {
+            meetVersion(*version, first.bytes());
+            return true;
+        }
         garbage(fmt::format("a message of {} bytes that is none of this protocol", first.bytes().size()));
         return true;
     }
@@ -400,6 +420,17 @@ bool MirrorClient::Impl::receiveOne() {
     if (*type == Message::bye) serverLeft_ = true;
     receive(*type, in, first, second);
     return true;
+}
+
+/// A server of another version refuses us in words, if it knows how versions meet. Later messages of that kind are
+/// nobody's who has welcomed us.
+void MirrorClient::Impl::meetVersion(std::uint8_t version, std::span<const std::byte> bytes) {
+    wire::Reader in(bytes.subspan(mirror::kPrologue));
+    refusal_ = mirror::versionText(version);
+    if (mirror::foreignType(bytes) == Message::refused)
+        if (const std::string_view said = in.text(); !in.problem) refusal_ = said;
+    turnedAway_ = false;
+    greeted_ = Clock::now();
 }
 
 void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second) {

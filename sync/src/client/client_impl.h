@@ -93,6 +93,8 @@ class MirrorClient::Impl {
     bool receiveOne();
     void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
     void hearOrigin(wire::Reader& in);
+    void meetVersion(std::uint8_t version, std::span<const std::byte> bytes);
+    void forgetPause(Clock::duration expected);
     void welcome(wire::Reader& in, const ZmqMessage& second);
     void data(wire::Reader& in, const ZmqMessage& second);
     void noticeLoss(std::uint64_t sent);
@@ -166,9 +168,10 @@ class MirrorClient::Impl {
     std::uint64_t heldEpoch_ = 0;  // the epoch of `state_`
     std::optional<Clock::time_point>
         lostAt_;  // set if the origin was out of reach since the last state: when it was last heard
-    Clock::time_point relayLostAt_{};  // when the relay said that its own origin is lost
-    std::uint64_t relayMissed_ = 0;    // times that the relay missed states, as it says
-    int attempts_ = 0;                 // attempts to reconnect since the server was heard
+    Clock::time_point relayLostAt_{};          // when the relay said that its own origin is lost
+    std::uint64_t relayMissed_ = 0;            // times that the relay missed states, as it says
+    int attempts_ = 0;                         // attempts to reconnect since the server was heard
+    Clock::time_point looked_ = Clock::now();  // for messages
     Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, dataAt_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // sets applied in this poll()

@@ -260,6 +260,29 @@ std::string EditHistory::whyKept(const Scene& scene, const Item& item, const Tak
     }
 }
 
+/// The newest step that is not passed over; the end if there is none.
+EditHistory::Steps::iterator EditHistory::choose(const Scene& scene, Steps& from, std::string_view author) {
+    for (auto step = from.end(); step != from.begin();) {
+        --step;
+        if (!step->passed) return step;
+        const Taking taking = look(*step, author);
+        if (std::ranges::any_of(step->items, [&](const Item& i) { return whyKept(scene, i, taking).empty(); }))
+            return step;
+    }
+    return from.end();
+}
+
+/// Puts a step back among the others, which are ordered by their numbers.
+void EditHistory::giveBack(Steps& from, Step step) {
+    bytes_ += step.bytes;
+    from.insert(std::ranges::upper_bound(from, step.number, {}, &Step::number), std::move(step));
+    while (std::ranges::count(from, true, &Step::passed) > std::ptrdiff_t{kMaxPassed}) {
+        const auto oldest = std::ranges::find(from, true, &Step::passed);
+        bytes_ -= oldest->bytes;
+        from.erase(oldest);
+    }
+}
+
 Result<> EditHistory::carryOut(Scene& scene, Item item, std::string_view author) {
     Change& c = item.back;
     if (c.kind == ChangeKind::removeChild) c.index = static_cast<std::uint32_t>(indexOf(scene, c));
@@ -347,10 +370,12 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     const auto found = authors_.find(author);
     if (found == authors_.end() || (again ? found->second.undone : found->second.done).empty())
         return fail(again ? "there is nothing to do again" : "there is nothing to take back");
-    std::deque<Step>& from = again ? found->second.undone : found->second.done;
-    if (from.back().permission > permission) return fail("what was done then takes a permission that this peer lacks");
-    Step step = std::move(from.back());
-    from.pop_back();
+    Steps& from = again ? found->second.undone : found->second.done;
+    const auto chosen = choose(scene, from, author);
+    if (chosen == from.end()) return fail("others have changed since what is left to take back");
+    if (chosen->permission > permission) return fail("what was done then takes a permission that this peer lacks");
+    Step step = std::move(*chosen);
+    from.erase(chosen);
     bytes_ -= step.bytes;
     found->second.used = ++steps_;
 
@@ -389,10 +414,8 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     std::string text = fmt::format("{}", fmt::join(kept, "; "));
     if (more > 0) text += fmt::format("; and {} more", more);
     if (done > 0) return text;
-    if (waits) {  // for the end of a lock
-        bytes_ += step.bytes;
-        from.push_back(std::move(step));
-    }
+    step.passed = !waits;  // for the end of a lock
+    giveBack(from, std::move(step));
     return fail(text);
 }
 

@@ -2,9 +2,10 @@
 //
 // Invariant: taking back never undoes what somebody else did. It leaves alone, and names, nodes that are gone, fields
 // with another value than the request left, and new nodes that others have worked on. An undone request can be done
-// again until its author does something new. A destroyed node comes back under a new number, which the whole history
-// then uses. Events are not taken back, because their consequences are the scene's own. Memory is bounded: the oldest
-// requests are forgotten. Threading: the scene's thread, between frames.
+// again until its author does something new. A request of which nothing can be taken back is passed over from then on,
+// until its author's values stand again, since others have taken theirs back. A destroyed node comes back under a new
+// number, which the whole history then uses. Events are not taken back, because their consequences are the scene's own.
+// Memory is bounded: the oldest requests are forgotten. Threading: the scene's thread, between frames.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +27,7 @@ namespace rtsg::mirror {
 class EditHistory {
   public:
     static constexpr std::size_t kMaxSteps = 1000;  // for each author, in each direction
+    static constexpr std::size_t kMaxPassed = 16;
     static constexpr std::size_t kMaxAuthors = 256;
     static constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;  // for all together
 
@@ -64,9 +66,11 @@ class EditHistory {
         std::vector<Item> items;
         std::uint64_t number = 0, bytes = 0;
         MirrorUpstream permission = MirrorUpstream::edits;
+        bool passed = false;  // nothing of it could be taken back when its author asked
     };
+    using Steps = std::deque<Step>;
     struct Author {
-        std::deque<Step> done, undone;
+        Steps done, undone;
         std::uint64_t used = 0;
     };
 
@@ -74,6 +78,8 @@ class EditHistory {
     struct Taking;
     using Renamed = std::unordered_map<std::uint32_t, NodeId>;
     Taking look(const Step& step, std::string_view author) const;
+    Steps::iterator choose(const Scene& scene, Steps& from, std::string_view author);
+    void giveBack(Steps& from, Step step);
     static std::string whyKept(const Scene& scene, const Item& item, const Taking& taking);
     Result<> carryOut(Scene& scene, Item item, std::string_view author);
     Result<> bringBack(Scene& scene, const Item& item, std::string_view author, Renamed& renamed);

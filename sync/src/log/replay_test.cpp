@@ -2,6 +2,7 @@
 #include <rtsg/sync/replay_test.h>
 
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -261,7 +262,11 @@ class Run {
 }  // namespace
 
 std::string ReplayReport::format() const {
-    if (divergence) return divergence->format();
+    if (divergence) {
+        Divergence since = *divergence;
+        since.time = std::round((since.time - start) * 1e6) / 1e6;  // doubles of times since 1970 are that exact
+        return since.format();
+    }
     return fmt::format("{} of {} states as recorded{}{}", verified, frames,
                        fields > 0 ? fmt::format(" in {} fields", fields) : "",
                        updated ? "; the log was written anew" : "");

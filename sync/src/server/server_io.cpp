@@ -34,6 +34,7 @@ constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for sending what peers do not have yet
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
 constexpr auto kTick = 10ms, kLongestSleep = 2000ms;  // between two looks at all peers, at least and at most
+constexpr auto kMayBeLate = 1000ms;                   // while the machine is busy
 constexpr auto kTickCosts = 50us;                     // for each peer, so that the looks take some per cent of the time
 constexpr auto kSettle = 5ms;                         // between two publications of statistics, if there are more peers
 constexpr std::size_t kFewPeers = 16;                 // than this
@@ -95,7 +96,9 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     router_.set(ZMQ_HANDSHAKE_IVL, 5000);
     router_.set(ZMQ_BACKLOG, kBacklog);
     if (auto ok = gate_.guard(router_, shared_->options.keys ? &*shared_->options.keys : nullptr); !ok) return ok;
+    if (shared_->options.keys && !shared_->options.keyFile.empty()) gate_.keyFile().begin(shared_->options.keyFile);
     if (auto ok = checkPort(endpoint); !ok) return ok;
+    router_.set(ZMQ_IPV6, endpoint.starts_with("tcp://[") ? 1 : 0);
     if (zmq_bind(router_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot bind {}", endpoint)));
     char bound[512] = {};
@@ -173,12 +176,10 @@ void MirrorServer::Io::gather() {
 MirrorServer::Io::Came MirrorServer::Io::wait() {
     const ZmqSocket* sockets[] = {&router_, &gate_.monitor(), &gate_.zap()};
     const bool all = std::ranges::all_of(sockets, [](const ZmqSocket* s) { return s->foundEmpty(); });
-    pollfd items[] = {{sockets[0]->descriptor(), POLLIN, 0},
-                      {sockets[1]->descriptor(), POLLIN, 0},
-                      {sockets[2]->descriptor(), POLLIN, 0},
-                      {shared_->wake, POLLIN, 0},
-                      {gate_.connections().descriptor(), POLLIN, 0}};
-    if (::poll(items, 5, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
+    pollfd items[] = {{sockets[0]->descriptor(), POLLIN, 0},         {sockets[1]->descriptor(), POLLIN, 0},
+                      {sockets[2]->descriptor(), POLLIN, 0},         {shared_->wake, POLLIN, 0},
+                      {gate_.connections().descriptor(), POLLIN, 0}, {gate_.keyFile().descriptor(), POLLIN, 0}};
+    if (::poll(items, 6, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
         throw std::runtime_error(std::strerror(errno));
     // Bytes arrive a moment before ZeroMQ hands over the message.
     if (items[4].revents && !items[0].revents && !items[3].revents && all) (void)::poll(items, 4, kHandsOver);
@@ -187,7 +188,7 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
         (void)!::read(shared_->wake, &count, sizeof(count));
     }
     const auto any = [&](std::size_t i) { return items[i].revents != 0 || !sockets[i]->foundEmpty(); };
-    return {any(0), any(1), any(2)};
+    return {any(0), any(1), any(2), items[5].revents != 0};
 }
 
 void MirrorServer::Io::poll() {
@@ -195,6 +196,7 @@ void MirrorServer::Io::poll() {
     const Came came = wait();
     takeInbox();
     takeAnswers();
+    if (came.keys) takeKeys();
     if (came.knocks) gate_.authenticate();
     if (came.connections) {
         const MirrorGate::Failures failures = gate_.failures();
@@ -520,7 +522,10 @@ void MirrorServer::Io::refuseRegions(std::string why) {
 }
 
 void MirrorServer::Io::tick(Clock::time_point now) {
-    ticked_ = now;
+    // Time in which this process was stopped is no silence of its peers.
+    const Clock::duration pause = now - std::exchange(ticked_, now) - kLongestSleep - kMayBeLate;
+    if (pause > 0ms)
+        for (auto& [identity, peer] : peers_) peer.heard = std::min(now, peer.heard + pause);
     const bool lost = shared_->originLost, news = std::exchange(reportedLost_, lost) != lost;
     for (const auto& [identity, peer] : peers_) streamOf(peer).used = now;
     for (auto s = std::next(streams_.begin()); s != streams_.end();) {

@@ -98,6 +98,7 @@ class MirrorServer::Io {
 
     struct Peer {
         std::string identity, name, author;
+        std::string user;  // its public key; empty without keys
         std::uint64_t session = 0, window = 0;
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
@@ -154,7 +155,7 @@ class MirrorServer::Io {
     void run();
     /// Says which sockets may have something.
     struct Came {
-        bool messages = false, connections = false, knocks = false;
+        bool messages = false, connections = false, knocks = false, keys = false;
     };
     Came wait();
     void gather();
@@ -180,6 +181,10 @@ class MirrorServer::Io {
     void hello(const std::string& identity, const mirror::Hello& hello, const std::string& user);
     void noteHeard(const std::string& identity);
     std::string authorOf(const mirror::Hello& hello, const std::string& user) const;
+    void refuseVersion(const std::string& identity, std::uint8_t version);
+    void takeKeys();
+    bool isListed(const std::string& user) const;
+    MirrorUpstream upstreamOf(const std::string& user) const;
     void question(Peer& peer, std::span<const std::byte> bytes);
     void submission(Peer& peer, wire::Reader& in, const ZmqMessage& body);
     void control(Peer& peer, wire::Reader& in);
@@ -270,7 +275,8 @@ class MirrorServer::Io {
     bool unsettled_ = false;  // something has happened since the statistics were published
     bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;
-    std::uint64_t crowded_ = 0, strangers_ = 0;  // refused because there was no room, or no valid key
+    // Refused because there was no room, or no valid key, or another version of the protocol.
+    std::uint64_t crowded_ = 0, strangers_ = 0, foreigners_ = 0;
     ByteBuffer message_, head_;
     std::size_t wantedNext_ = 0;  // bytes of the last frame's buffer, as more such frames will come
     std::optional<ZmqMessage> body_;

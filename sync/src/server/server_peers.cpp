@@ -29,6 +29,7 @@ constexpr auto kForgetEvery = 250ms;        // while some peers cannot read pred
 constexpr std::size_t kMaxMerged = 20000;   // frames
 constexpr std::size_t kMaxControls = 16;    // that wait for the scene, of all peers
 constexpr std::size_t kMaxVerdicts = 1000;  // that wait for their frame
+constexpr const char* kNotListed = "its key is no longer on the list";
 
 }  // namespace
 
@@ -36,6 +37,9 @@ void MirrorServer::Io::handle(const std::string& identity, std::span<const std::
                               const std::string& user) {
     wire::Reader in(bytes);
     const std::optional<Message> type = mirror::readPrologue(in);
+    if (const auto version = mirror::foreignVersion(bytes);
+        version && mirror::foreignType(bytes) == Message::hello && !leaving_)
+        return refuseVersion(identity, *version);
     if (!type) return garbage(fmt::format("a message of {} bytes that is none of this protocol", bytes.size()));
     // A peer that comes now learns by the silence that nobody is there.
     if (leaving_ && *type != Message::bye && (*type != Message::ack || !peers_.contains(identity))) return;
@@ -135,6 +139,51 @@ void MirrorServer::Io::refuse(const std::string& identity, const std::string& re
     sendTo(identity, message_);
 }
 
+void MirrorServer::Io::refuseVersion(const std::string& identity, std::uint8_t version) {
+    warn(++foreigners_,
+         fmt::format("refused a client: it speaks version {} of the protocol, and this server version {}", version,
+                     mirror::kVersion));
+    ++statistics_.refused;
+    mirror::refuseVersion(message_, version);
+    sendTo(identity, message_);
+}
+
+/// Reads the list of clients again. A file that makes no sense, as one that is half written, changes nothing.
+void MirrorServer::Io::takeKeys() {
+    MirrorServerOptions& options = shared_->options;
+    if (!options.keys || !gate_.keyFile().changed()) return;
+    auto fresh = MirrorKeys::load(options.keyFile);
+    if (!fresh)
+        return shared_->report(Severity::warning, fresh.error().format() + ": the list of keys stays as it was");
+    if (options.mode.mode == Mode::lossy && !fresh->upstream.empty())
+        return shared_->report(
+            Severity::warning,
+            options.keyFile.string() + ": a lossy mirror takes no requests: the list of keys stays as it was");
+    if (fresh->serverSecret != options.keys->serverSecret)
+        shared_->report(Severity::warning,
+                        options.keyFile.string() + ": another pair for the server counts from its next start on");
+    options.keys->clientPublic = std::move(fresh->clientPublic);
+    options.keys->upstream = std::move(fresh->upstream);
+    options.keys->names = std::move(fresh->names);
+    shared_->report(Severity::note, fmt::format("{}: {} clients are on the list", options.keyFile.string(),
+                                                options.keys->clientPublic.size()));
+    for (auto& [identity, peer] : peers_) peer.upstream = upstreamOf(peer.user);
+    std::erase_if(peers_,
+                  [&](const auto& p) { return !isListed(p.second.user) && (refuse(p.first, kNotListed, true), true); });
+}
+
+bool MirrorServer::Io::isListed(const std::string& user) const {
+    const auto& keys = shared_->options.keys;
+    return !keys || std::ranges::find(keys->clientPublic, user) != keys->clientPublic.end();
+}
+
+MirrorUpstream MirrorServer::Io::upstreamOf(const std::string& user) const {
+    if (shared_->options.keys)
+        if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
+            return own->second;
+    return shared_->options.upstream;
+}
+
 std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& hello) {
     const mirror::Wishes& wishes = hello.wishes;
     for (const auto& [part, stream] : streams_)
@@ -168,6 +217,8 @@ std::string MirrorServer::Io::authorOf(const mirror::Hello& hello, const std::st
 }
 
 void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& hello, const std::string& user) {
+    // A connection outlasts the key with which it was made.
+    if (!isListed(user)) return refuse(identity, kNotListed, true);
     auto found = peers_.find(identity);
     // The client is back with another connection, so the old one is of no use.
     if (hello.wishes.client != 0)
@@ -203,10 +254,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         peer.whenSlow = static_cast<MirrorWhenSlow>(hello.wishes.whenSlow);
     if (hello.wishes.milliFrames > 0)
         peer.interval = std::chrono::duration_cast<Clock::duration>(1000s) / hello.wishes.milliFrames;
-    peer.upstream = shared_->options.upstream;
-    if (shared_->options.keys)
-        if (const auto own = shared_->options.keys->upstream.find(user); own != shared_->options.keys->upstream.end())
-            peer.upstream = own->second;
+    peer.user = user;
+    peer.upstream = upstreamOf(user);
     std::uint64_t rate = hello.wishes.rate;
     if (const std::uint64_t maximum = shared_->options.maxBytesPerSecond; maximum > 0)
         rate = rate > 0 ? std::min(rate, maximum) : maximum;

@@ -11,6 +11,7 @@
 #include <rtsg/sync/mirror_keys.h>
 
 #include "connection_watch.h"
+#include "file_watch.h"
 #include "zmq_socket.h"
 
 namespace rtsg {
@@ -18,7 +19,7 @@ namespace rtsg {
 class MirrorGate {
   public:
     explicit MirrorGate(const ZmqContext& context) : zap_(context, ZMQ_REP), monitor_(context, ZMQ_PAIR) {}
-    /// Call it before `router` is bound. If `keys` is null everybody is admitted.
+    /// Call it before `router` is bound. If `keys` is null everybody is admitted. The list may change later.
     Result<> guard(ZmqSocket& router, const MirrorKeys* keys);
     void stopWatching(ZmqSocket& router);
 
@@ -31,12 +32,15 @@ class MirrorGate {
     Failures failures();
     ConnectionWatch& connections() { return connections_; }
     const ConnectionWatch& connections() const { return connections_; }
+    /// Tells when the list of keys may be another one.
+    FileWatch& keyFile() { return keyFile_; }
     const ZmqSocket& zap() const { return zap_; }
     const ZmqSocket& monitor() const { return monitor_; }
 
   private:
     ZmqSocket zap_, monitor_;
     ConnectionWatch connections_;
+    FileWatch keyFile_;
     const MirrorKeys* keys_ = nullptr;
 };
 

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <span>
 #include <string>
@@ -69,6 +71,29 @@ inline std::optional<Message> readPrologue(wire::Reader& in) {
     const auto zero = in.number<std::uint16_t>();
     if (version != kVersion || zero != 0) return std::nullopt;
     return static_cast<Message>(type);
+}
+
+/// The version of a message of another one, if this is its prologue, which is the same in all versions.
+inline std::optional<std::uint8_t> foreignVersion(std::span<const std::byte> bytes) {
+    if (bytes.size() < kPrologue || std::memcmp(bytes.data(), "RTSG", 4) != 0) return std::nullopt;
+    const auto version = std::to_integer<std::uint8_t>(bytes[4]);
+    return version == kVersion ? std::nullopt : std::optional(version);
+}
+inline Message foreignType(std::span<const std::byte> bytes) {
+    return static_cast<Message>(bytes[5]);
+}
+/// Tells a client of another version which one is spoken here, in its own: a refusal is the same in all versions.
+inline void refuseVersion(ByteBuffer& out, std::uint8_t theirs) {
+    begin(out, Message::refused);
+    out.data()[4] = std::byte{theirs};
+    wire::putText(out, "this server speaks version " + std::to_string(kVersion) +
+                           " of the protocol, and this client version " + std::to_string(theirs));
+    out.put(std::uint8_t{1});
+}
+/// The same as a client reports it.
+inline std::string versionText(std::uint8_t theirs) {
+    return "this server speaks version " + std::to_string(theirs) + " of the protocol, and this client version " +
+           std::to_string(kVersion);
 }
 
 /// A client's wishes beyond following the scene. Each may be left out.

@@ -7,9 +7,11 @@
 #include <cstring>
 
 #include <fmt/format.h>
+#include <netdb.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/eventfd.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 namespace rtsg {
@@ -73,6 +75,22 @@ Result<> checkRoomForSocket() {
     for (std::size_t i = 0; i < count; ++i) ::close(opened[i]);
     if (count == kNeeded) return {};
     return fail(fmt::format("cannot open the files of a connection: {} (ulimit -n)", std::strerror(error)));
+}
+
+void allowIpv6(ZmqSocket& socket, std::string_view endpoint) {
+    constexpr std::string_view kTcp = "tcp://";
+    if (!endpoint.starts_with(kTcp)) return;
+    endpoint.remove_prefix(kTcp.size());
+    const std::string host(endpoint.substr(0, endpoint.rfind(':')));
+    bool needed = host.starts_with('[');
+    if (!needed && host != "*") {
+        addrinfo hints{}, *found = nullptr;
+        hints.ai_family = AF_INET, hints.ai_socktype = SOCK_STREAM;
+        const int problem = ::getaddrinfo(host.c_str(), nullptr, &hints, &found);
+        if (problem == 0) ::freeaddrinfo(found);
+        needed = problem == EAI_NONAME || problem == EAI_NODATA || problem == EAI_ADDRFAMILY;
+    }
+    socket.set(ZMQ_IPV6, needed ? 1 : 0);
 }
 
 Result<> checkPort(std::string_view endpoint) {

@@ -111,6 +111,10 @@ Diagnostic zmqFailure(std::string_view what);
 /// process where it gets none.
 Result<> checkRoomForSocket();
 
+/// Lets a socket connect by IPv6 if the endpoint needs it: an address in brackets, or a name that has no address of
+/// IPv4. Elsewhere ZeroMQ would prefer it, and miss servers that listen on the other.
+void allowIpv6(ZmqSocket& socket, std::string_view endpoint);
+
 /// Refuses ports above 65535, which ZeroMQ takes modulo 65536.
 Result<> checkPort(std::string_view endpoint);
 

@@ -3,6 +3,7 @@
 
 #include "link/open_nats.h"
 #include "nats/nats_support.h"
+#include "sockets/message.h"
 #include "support/random_edits.h"
 
 namespace rtsg {
@@ -125,7 +126,7 @@ TEST_F(NatsFaults, RubbishOnEverySubjectIsIgnoredAndCounted) {
             const auto bytes = std::as_bytes(std::span(message));
             for (const std::string& subject : {subjects.live, subjects.state}) (*link)->publish(subject, "", bytes);
             (*link)->publish(subjects.ask, "", bytes);
-            (*link)->publish(subjects.ask, "somebody", bytes);
+            (*link)->publish(subjects.ask, "_INBOX.somebody", bytes);
         }
         for (int i = 0; i < 20; ++i) {
             from.poll();
@@ -143,6 +144,54 @@ TEST_F(NatsFaults, RubbishOnEverySubjectIsIgnoredAndCounted) {
     EXPECT_GT(follower.nats->statistics().garbage, 100u);
     NatsFollower late(nats.address());
     EXPECT_TRUE(late.settle(from));
+}
+
+/// A hello or a refusal of version 2, as a message of NATS.
+std::string ofVersion2(mirror::Message type, const std::string& text = {}) {
+    std::string first = "RTSG\x02" + std::string(1, static_cast<char>(type)) + std::string(2, '\0');
+    if (!text.empty()) first += static_cast<char>(text.size()) + text + '\x01';
+    const auto length = static_cast<std::uint32_t>(first.size());
+    return std::string(reinterpret_cast<const char*>(&length), sizeof(length)) + first;
+}
+
+TEST_F(NatsFaults, AMirrorOfAnotherVersionIsRefusedInItsInboxAlone) {
+    NatsServer nats;
+    PublishedScene from(nats.address());
+    const auto link = openNatsLink(*NatsAddress::parse(nats.address()), "stranger");
+    ASSERT_TRUE(link);
+    const NatsSubjects subjects("hall");
+    for (const std::string& subject : {subjects.state, std::string("_INBOX.rtsg.a")})
+        ASSERT_EQ((*link)->subscribe(subject), "");
+    ASSERT_EQ((*link)->flush(5s), "");
+    const std::string hello = ofVersion2(mirror::Message::hello);
+    // Where mirrors believe what comes nobody is answered.
+    for (const std::string& reply : {subjects.state, std::string("_INBOX.rtsg.a")})
+        ASSERT_EQ((*link)->publish(subjects.ask, reply, std::as_bytes(std::span(hello))), "");
+    NatsMessage answer;
+    ASSERT_TRUE(test::eventually([&] { return (*link)->take(answer); }));
+    EXPECT_EQ(answer.subject, "_INBOX.rtsg.a");
+    EXPECT_NE(answer.bytes.find("this server speaks version 1 of the protocol, and this client version 2"),
+              std::string::npos);
+    EXPECT_EQ(answer.bytes.substr(4, 6), std::string("RTSG\x02") + static_cast<char>(mirror::Message::refused));
+    EXPECT_EQ(from.publisher->statistics().garbage, 1u);
+}
+
+TEST_F(NatsFaults, AServerOfAnotherVersionIsNamedAndStrangersAreNotBelieved) {
+    NatsServer nats;
+    const auto link = openNatsLink(*NatsAddress::parse(nats.address()), "server");
+    ASSERT_TRUE(link);
+    const NatsSubjects subjects("hall");
+    ASSERT_EQ((*link)->subscribe(subjects.ask), "");
+    ASSERT_EQ((*link)->flush(5s), "");
+    NatsFollower follower(nats.address());
+    NatsMessage hello;
+    ASSERT_TRUE(test::pollUntil(*follower.client, [&] { return (*link)->take(hello); }));
+    const std::string strange = ofVersion2(mirror::Message::refused, "go away"),
+                      refusal = ofVersion2(mirror::Message::refused, "only version 2");
+    ASSERT_EQ((*link)->publish(subjects.state, "", std::as_bytes(std::span(strange))), "");
+    ASSERT_EQ((*link)->publish(hello.reply, "", std::as_bytes(std::span(refusal))), "");
+    ASSERT_TRUE(test::pollUntil(*follower.client, [&] { return !follower.client->refusal().empty(); }));
+    EXPECT_EQ(follower.client->refusal(), "only version 2");
 }
 
 TEST_F(NatsFaults, AWrongPasswordIsSaidWithoutIt) {

@@ -243,7 +243,7 @@ TEST_F(NatsMirror, AnAskerCannotMakeItSendWithoutEnd) {
     nats::pack(packet, message.bytes());
     const std::uint64_t before = from.publisher->statistics().bytes;
     for (int i = 0; i < 100; ++i) {
-        EXPECT_EQ((*link)->publish(NatsSubjects("hall").ask, "nobody", packet.bytes()), "");
+        EXPECT_EQ((*link)->publish(NatsSubjects("hall").ask, "_INBOX.nobody", packet.bytes()), "");
         (void)follower.client->poll(20ms);
     }
     EXPECT_LT(from.publisher->statistics().bytes - before, 400'000'000u);

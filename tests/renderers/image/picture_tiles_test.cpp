@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/renderers/picture_notes.h>
 #include <rtsg/renderers/picture_tiles.h>
 
 #include "support/temp_folder.h"
@@ -62,6 +63,41 @@ Picture cutFrom(const Picture& whole, const PixelRegion& region) {
             }
         }
     return part;
+}
+
+TEST(PictureNotes, AreInTheFile) {
+    const test::TempFolder folder;
+    std::mt19937 random(3);
+    for (const char* name : {"a.png", "a.exr"}) {
+        Picture picture = randomPicture(40, 20, false, ColorSpace::display, random);
+        ASSERT_TRUE(writePicture(picture, folder / "plain.png"));
+        picture.notes = {{"rtsg-state", "12 ab"}, {"rtsg-options", "size=\xc3\xa4,b="}, {"none", ""}};
+        ASSERT_TRUE(writePicture(picture, folder / name));
+        const auto notes = readPictureNotes(folder / name);
+        ASSERT_TRUE(notes);
+        for (const auto& note : picture.notes) EXPECT_THAT(*notes, testing::Contains(note)) << name;
+        const auto again = readWrittenPicture(folder / name);
+        ASSERT_TRUE(again) << again.error().format();
+        EXPECT_EQ(again->notes, picture.notes);
+        ASSERT_TRUE(readPicture(folder / name)) << "other readers take the file";
+    }
+    const std::string with = fileBytes(folder / "a.png");
+    EXPECT_EQ(fileBytes(folder / "plain.png").find("iTXt"), std::string::npos);
+    // Damage leads nowhere.
+    for (std::size_t length = 0; length < with.size(); ++length) {
+        std::ofstream(folder / "cut.png", std::ios::binary) << with.substr(0, length);
+        ASSERT_TRUE(readPictureNotes(folder / "cut.png"));
+    }
+    for (const char* file : {"a.png", "a.exr"})
+        for (int round = 0; round < 300; ++round) {
+            std::string damaged = fileBytes(folder / file);
+            for (int i = 0; i < 4; ++i)
+                damaged[random() % std::min<std::size_t>(damaged.size(), 500)] = static_cast<char>(random());
+            std::ofstream(folder / (std::string("damaged") + file), std::ios::binary) << damaged;
+            ASSERT_TRUE(readPictureNotes(folder / (std::string("damaged") + file)));
+        }
+    EXPECT_FALSE(readPictureNotes(folder / "none.png"));
+    EXPECT_TRUE(readPictureNotes(folder / "none.jpg")->empty());
 }
 
 TEST(PictureTiles, DivideAPictureBetweenBlocks) {

@@ -1,5 +1,8 @@
 // What strangers may do to a mirror: garbage of every kind, too many of them, wrong keys.
 #include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <random>
 
 #include <gmock/gmock.h>
@@ -289,6 +292,58 @@ TEST_F(MirrorKeysTest, OnlyThoseOnTheListGetIn) {
     EXPECT_EQ(without->statistics().frames, 0u);
     EXPECT_EQ(stranger->statistics().frames, 0u);
     EXPECT_EQ(server->statistics().peers, 1u);
+}
+
+/// A list that changes while mirrors follow: who comes onto it gets in, who is no longer on it goes, and a file that
+/// makes no sense changes nothing.
+TEST_F(MirrorKeysTest, AListThatChangesCountsAtOnce) {
+    const MirrorKeys keys = fresh("server");
+    const auto content = [&](const std::filesystem::path& file) {
+        std::ifstream in(file, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const auto write = [&](const std::string& text) { std::ofstream(folder / "server", std::ios::binary) << text; };
+    const std::string first = content(folder / "server");
+    Scene scene;
+    MirrorServerOptions serverOptions;
+    serverOptions.keys = keys;
+    serverOptions.keyFile = folder / "server";
+    auto server = *MirrorServer::start(scene, test::kAnyPort, serverOptions);
+    scene.newFrame(1);
+    Scene one, other, later;
+    MirrorClientOptions options;
+    options.keys = keys;
+    const auto client = *MirrorClient::connect(one, server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*client, scene));
+
+    ASSERT_TRUE(MirrorKeys::addClient(folder / "server", folder / "other", "edits", "kim"));
+    options.keys = *MirrorKeys::load(folder / "other");
+    const auto added = *MirrorClient::connect(other, server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*added, scene));
+    EXPECT_EQ(server->statistics().peers, 2u);
+
+    write("client-public half a key\n");
+    scene.newFrame(2);
+    ASSERT_TRUE(pollUntilAt(*added, scene));
+    ASSERT_TRUE(pollUntilAt(*client, scene));
+
+    write(first);  // in place
+    ASSERT_TRUE(pollUntil(*added, [&] { return !added->refusal().empty(); }));
+    EXPECT_EQ(added->refusal(), "its key is no longer on the list");
+    EXPECT_FALSE(added->turnedAway());
+    scene.newFrame(3);
+    ASSERT_TRUE(pollUntilAt(*client, scene));
+    EXPECT_EQ(client->refusal(), "");
+
+    // By another file in its place, as editors do.
+    const std::string both = first + "client-public " + options.keys->clientPublic.front() + "\n";
+    std::ofstream(folder / "new", std::ios::binary) << both;
+    std::filesystem::rename(folder / "new", folder / "server");
+    const auto again = *MirrorClient::connect(later, server->endpoint(), options);
+    ASSERT_TRUE(pollUntilAt(*again, scene));
+    std::string said;
+    for (const Diagnostic& d : server->takeDiagnostics()) said += d.format() + '\n';
+    EXPECT_NE(said.find("the list of keys stays as it was"), std::string::npos) << said;
 }
 
 TEST_F(MirrorKeysTest, FilesAreTheOwnersAloneAndNeverHalf) {

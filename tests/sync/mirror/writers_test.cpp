@@ -345,6 +345,35 @@ TEST(Undo, LeavesWhatSomebodyElseHasChangedSinceAndNamesIt) {
     EXPECT_EQ(desk.at(desk.b), Vec3f(4, 0, 0));
 }
 
+/// Who asks again reaches the request before; once the others' values are gone, one's own is taken back, too.
+TEST(Undo, PassesOverWhatOthersHaveChangedUntilOnesOwnValueStandsAgain) {
+    Desk desk;
+    desk.move("ann", desk.b, {1, 0, 0});
+    desk.move("ann", desk.a, {1, 0, 0});
+    desk.move("bob", desk.a, {7, 0, 0});
+    EXPECT_EQ(desk.undo("ann").refusal, "A.translation was changed since");
+    EXPECT_EQ(desk.undo("ann").refusal, "");
+    EXPECT_EQ(desk.at(desk.b), Vec3f(0)) << "asked again, it is the request before";
+    EXPECT_EQ(desk.undo("ann").refusal, "others have changed since what is left to take back");
+    EXPECT_EQ(desk.undo("bob").refusal, "");
+    EXPECT_EQ(desk.at(desk.a), Vec3f(1, 0, 0)) << "ann's own value stands again";
+    EXPECT_EQ(desk.undo("ann").refusal, "");
+    EXPECT_EQ(desk.at(desk.a), Vec3f(0));
+    EXPECT_EQ(desk.undo("ann").refusal, "there is nothing to take back");
+    // Of those that are passed over only so many are kept.
+    for (int i = 0; i < 100; ++i) {
+        desk.move("ann", desk.a, {1, float(i), 0});
+        desk.move("bob", desk.a, {2, float(i), 0});
+        EXPECT_EQ(desk.undo("ann").refusal, "A.translation was changed since");
+    }
+    for (int i = 99; i > 99 - 16; --i) {
+        ASSERT_EQ(desk.undo("bob").refusal, "");
+        EXPECT_EQ(desk.undo("ann").refusal, "") << i;
+    }
+    ASSERT_EQ(desk.undo("bob").refusal, "");
+    EXPECT_EQ(desk.undo("ann").refusal, "there is nothing to take back");
+}
+
 TEST(Undo, GivesNodesNamesRoutesAndPlacesBack) {
     Desk desk;
     const auto before = desk.scene.hash();

@@ -14,6 +14,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -37,6 +38,8 @@ class MirrorOrigin {
     const std::string& shown() const { return shown_; }
     /// Removes options that a NATS server does not support. Error: keys, which are for ZeroMQ only.
     Result<> prepare(MirrorClientOptions& options) const;
+    /// Invalid messages that came by a NATS server.
+    std::uint64_t garbage() const { return nats_ ? nats_->statistics().garbage : 0; }
     /// The events of the connection with a NATS server since the last call.
     std::vector<Diagnostic> takeDiagnostics();
 

@@ -2,7 +2,8 @@
 //
 // tls:// in place of nats:// asks for encryption. NAME is a part of subjects, so it consists of letters, digits, '-'
 // and '_'. Port 4222 is the default. Credentials (user and password, or a token alone before the @) go to the NATS
-// server and appear in no message. Threading: values.
+// server and appear in no message. Without them those of the environment do: NATS_USER and NATS_PASSWORD, or the file
+// NATS_CREDS. NATS_CA, NATS_CERT and NATS_KEY are files for tls://. Threading: values.
 #pragma once
 
 #include <string>

@@ -14,6 +14,8 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 
@@ -21,18 +23,21 @@ namespace rtsg {
 
 class NatsLog {
   public:
+    /// Numbers of messages that the store no longer has, from the first to the last of each run.
+    using Missing = std::vector<std::pair<std::uint64_t, std::uint64_t>>;
     struct Fetched {
-        std::uint64_t messages = 0, bytes = 0;
+        std::uint64_t last = 0, bytes = 0;  // the number of the last message, and the bytes that were written
+        Missing missing;
     };
-    /// Writes the stored log into the new file. `progress` is called with the bytes read and their total; if it returns
-    /// false, fetch() ends with an error. Errors: no connection; nothing is stored there; messages were deleted; the
-    /// file cannot be written.
+    /// Writes the stored log into the new file. Where a limit, a purge or a deletion took messages away, the file is
+    /// one from which their bytes were cut. `progress` is called with the bytes read and their total; if it returns
+    /// false, fetch() ends with an error. Errors: no connection; nothing is stored there; the file cannot be written.
     static Result<Fetched> fetch(const std::string& address, const std::filesystem::path& file,
                                  const std::function<bool(std::uint64_t, std::uint64_t)>& progress = {});
 
     enum class Begin : std::uint8_t {
         fresh,    // an error if something is stored there
-        replace,  // deletes the stored log
+        replace,  // deletes the stored log once this one has a record
         goOn,     // writes the stored log into the file, and stores the records that are added later
     };
     /// Stores the records that are written to `file` from now on. The file need not exist yet; with `goOn` it exists
@@ -44,7 +49,10 @@ class NatsLog {
 
     /// The address without secrets.
     const std::string& address() const;
+    /// Of the log that goes on, when it was fetched.
+    const Missing& missing() const;
     std::uint64_t storedBytes() const;
+    /// The number of the last message.
     std::uint64_t storedMessages() const;
     /// Why nothing can be stored at present, or any more; empty if there is no fault.
     std::string failure() const;

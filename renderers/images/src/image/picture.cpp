@@ -8,10 +8,13 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 
 #include <fmt/format.h>
+#include <zlib.h>
 
 #include <rtsg/core/output_file.h>
+#include <rtsg/renderers/picture_notes.h>
 #include <rtsg/renderers/picture_tiles.h>
 
 #include "image_files.h"
@@ -79,6 +82,81 @@ Result<> encodeSheet(const Sheet& sheet, const std::string& extension, const std
     if (const std::string error = (*files)->encode(file.string(), sheet, created); !error.empty())
         return fail(error, {}, file.string());
     return {};
+}
+
+// ---- notes ---------------------------------------------------------------------------------------------------------
+
+constexpr std::size_t kPngSignature = 8, kChunkFrame = 12;  // bytes of a chunk beside its data: length, type, checksum
+constexpr std::size_t kPngHead = kPngSignature + kChunkFrame + 13;
+
+void append32(std::string& to, std::uint32_t number) {
+    for (int shift = 24; shift >= 0; shift -= 8) to.push_back(static_cast<char>(number >> shift & 0xFF));
+}
+
+std::string_view textOf(std::span<const std::uint8_t> bytes) {
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// The text up to a zero, which is taken off; all of it where there is none.
+std::string_view takeWord(std::string_view& text) {
+    const std::string_view word = text.substr(0, text.find('\0'));
+    text.remove_prefix(std::min(word.size() + 1, text.size()));
+    return word;
+}
+
+std::uint32_t number32(std::string_view bytes, bool bigEndian) {
+    std::uint32_t number = 0;
+    for (unsigned i = 0; i < 4; ++i)
+        number |= std::uint32_t{static_cast<std::uint8_t>(bytes[i])} << 8 * (bigEndian ? 3 - i : i);
+    return number;
+}
+
+/// Puts notes behind the head of a PNG file, as texts in UTF-8.
+void addPngNotes(const PictureNotes& notes, std::vector<unsigned char>& png) {
+    if (png.size() < kPngHead) return;
+    std::string chunks;
+    for (const auto& [key, text] : notes) {
+        // Neither packed nor translated.
+        const std::string chunk = "iTXt" + key + std::string(5, '\0') + text;
+        append32(chunks, static_cast<std::uint32_t>(chunk.size() - 4));
+        chunks += chunk;
+        append32(chunks,
+                 static_cast<std::uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk.data()), chunk.size())));
+    }
+    png.insert(png.begin() + kPngHead, chunks.begin(), chunks.end());
+}
+
+/// The texts that addPngNotes() writes, and others of their kind, in their order.
+PictureNotes pngNotes(std::span<const std::uint8_t> png) {
+    PictureNotes notes;
+    for (std::string_view rest = textOf(png).substr(std::min(kPngSignature, png.size())); rest.size() >= kChunkFrame;) {
+        const std::size_t length = number32(rest, true);
+        if (length > rest.size() - kChunkFrame) break;
+        std::string_view text = rest.substr(8, length);
+        if (rest.substr(4, 4) == "iTXt") {
+            const std::string_view key = takeWord(text);
+            const bool packed = text.size() < 2 || text[0] != 0;
+            text.remove_prefix(std::min<std::size_t>(2, text.size()));
+            (void)takeWord(text), (void)takeWord(text);  // the language, and the key in it
+            if (!packed) notes.emplace_back(key, text);
+        }
+        rest.remove_prefix(kChunkFrame + length);
+    }
+    return notes;
+}
+
+/// The attributes of an OpenEXR file that are texts.
+PictureNotes exrNotes(std::span<const std::uint8_t> exr) {
+    PictureNotes notes;
+    for (std::string_view rest = textOf(exr).substr(std::min<std::size_t>(8, exr.size())); !rest.empty();) {
+        const std::string_view name = takeWord(rest), type = takeWord(rest);
+        if (name.empty() || rest.size() < 4) break;
+        const std::size_t length = number32(rest, false);
+        if (length > rest.size() - 4) break;
+        if (type == "string") notes.emplace_back(name, rest.substr(4, length));
+        rest.remove_prefix(4 + length);
+    }
+    return notes;
 }
 
 }  // namespace
@@ -211,6 +289,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     }
     Bytes created;
     if (auto ok = encodeSheet(sheet, extension, file, created); !ok) return ok;
+    if (extension == ".png") addPngNotes(picture.notes, created);
     return writeBytes(created, file);
 }
 
@@ -250,7 +329,9 @@ Result<Picture> readWrittenPng(const Bytes& bytes, const std::string& name) {
     const auto channels = static_cast<std::size_t>(read.channels);
     Bytes rgba(4 * pixels, 255);
     for (std::size_t i = 0; i < pixels; ++i) std::copy_n(&read.bytes[i * channels], channels, &rgba[4 * i]);
-    return pictureOfBytes(rgba, read.width, read.height);
+    Picture picture = pictureOfBytes(rgba, read.width, read.height);
+    picture.notes = pngNotes(bytes);
+    return picture;
 }
 
 Result<Picture> readWrittenExr(const Bytes& bytes, const std::string& name) {
@@ -286,6 +367,15 @@ Result<Picture> readWrittenPicture(const std::filesystem::path& file) {
     if (extension == ".png") return readWrittenPng(bytes, file.string());
     if (extension == ".exr") return readWrittenExr(bytes, file.string());
     return fail("only .png and .exr are read as they were written", {}, file.string());
+}
+
+Result<PictureNotes> readPictureNotes(const std::filesystem::path& file) {
+    const std::string extension = lowerExtension(file);
+    if (extension != ".png" && extension != ".exr") return PictureNotes();
+    std::ifstream stream(file, std::ios::binary);
+    if (!stream) return fail(std::strerror(errno), {}, file.string());
+    const std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
+    return extension == ".png" ? pngNotes(bytes) : exrNotes(bytes);
 }
 
 Result<Picture> readPicture(const std::filesystem::path& file) {

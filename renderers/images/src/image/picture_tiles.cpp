@@ -91,7 +91,8 @@ void layTile(const Picture& tile, int left, int top, Picture& whole) {
     }
 }
 
-Result<std::vector<PictureTile>> joinTiles(const std::filesystem::path& picture, int columns, int rows) {
+Result<std::vector<PictureTile>> joinTiles(const std::filesystem::path& picture, int columns, int rows,
+                                           std::string_view without) {
     if (auto ok = checkTileName(picture); !ok) return std::unexpected(ok.error());
     const std::vector<PictureTile> all = allTiles(columns, rows);
     std::vector<PictureTile> missing;
@@ -119,9 +120,10 @@ Result<std::vector<PictureTile>> joinTiles(const std::filesystem::path& picture,
                             "{} where all tiles together are {} x {}",
                             tiles[i].width, tiles[i].height, columns, rows, region.width, region.height, width, height),
                 {}, name);
-        if (!holdAlike(tiles[i], tiles[0])) return fail("it holds other layers than the first tile", {}, name);
+        if (!holdAlike(tiles[i], tiles[0])) return fail("it holds other layers or notes than the first tile", {}, name);
         layTile(tiles[i], region.left, region.top, whole);
     }
+    if (!without.empty()) std::erase_if(whole.notes, [&](const auto& note) { return note.first.starts_with(without); });
     if (auto ok = writePicture(whole, picture); !ok) return std::unexpected(ok.error());
     return missing;
 }

@@ -39,10 +39,11 @@ class Health {
 
     /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
-    void noteServer(const MirrorServer& server);
     void noteFeeds(std::vector<EndpointCounts> counts);
+    /// `garbage`: of the messages that came to the server by other ways.
+    void noteServer(const MirrorServer& server, std::uint64_t garbage);
     void noteLog(std::uint64_t bytes);
-    void noteMirror(const MirrorStatistics& mirror);
+    void noteMirror(const MirrorStatistics& mirror, std::uint64_t garbage);
 
   private:
     static constexpr std::array<double, 10> kBounds{.0005, .001, .002, .004, .008, .0167, .0333, .1, .25, 1};

@@ -57,8 +57,11 @@ struct PictureRange {
 struct OutputOptions {
     /// Files, empty for what is not wanted: pictures, a WAV or the film of `render` or "device", a log, a document.
     std::string render, listen, record, save;
-    std::string device;  // for "device"; empty: the default one
-    std::string tiles;   // tcp://HOST:PORT of the program that joins tiles which are drawn here
+    std::string device;   // for "device"; empty: the default one
+    std::string tiles;    // tcp://HOST:PORT of the program that joins tiles which are drawn here
+    std::string session;  // of the log, for Provenance; empty: the scene's first state tells it
+    /// What two sounds of one session must have in common to be the same, as "name=value" by commas; for Provenance.
+    std::string soundSettings;
     /// Only these of the pictures that a whole run would make, counted from `start`.
     std::optional<PictureRange> only;
     double start = 0;  // on the scene's clock

@@ -2,13 +2,15 @@
 //
 // A picture is asked for once all mirrors have its state, of two or three at a time, each tile of whoever has nothing
 // to do. Tiles of a mirror that goes, or that is late, are given to another. Nothing is drawn while nothing changes.
-// Invariant: all tiles of a picture are of one state, by its number and hash. Threading: one thread.
+// Invariant: all tiles of a picture are of one state, by its number and hash; a mirror that has other states than those
+// before it is refused. Threading: one thread.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
 #include <deque>
 #include <list>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -56,6 +58,7 @@ class TileAssembler {
     struct Mirror {
         explicit Mirror(TileLink l) : link(std::move(l)) {}
         TileLink link;
+        std::uint64_t order = 0;  // in which they came
         bool known = false;
         std::uint64_t have = 0;
         std::uint64_t since = 0;       // the first of the pictures that look as the last one
@@ -84,6 +87,7 @@ class TileAssembler {
     void greet(Mirror& mirror, const TileLink::Message& hello);
     void takeTile(Mirror& mirror, const TileLink::Message& message);
     void refuse(Mirror& mirror, const std::string& why);
+    void compareStates(Mirror& mirror, const TileLink::Message& have);
     void forget(const Mirror& mirror);
     bool begin();
     void ask();
@@ -97,6 +101,13 @@ class TileAssembler {
     double picturesPerSecond_ = 0;
     std::string looks_;
     std::list<Mirror> mirrors_;
+    std::uint64_t came_ = 0;
+    /// What a mirror said first of the state of a picture, of the last ones.
+    struct Said {
+        std::string state;
+        std::uint64_t order = 0;  // of the mirror
+    };
+    std::map<std::uint64_t, Said> states_;
     std::deque<Work> work_;  // by number
     std::uint64_t last_ = 0;
     bool anew_ = false;                                    // what was begun last may not show what is there

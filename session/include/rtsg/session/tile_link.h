@@ -1,10 +1,10 @@
 // TileLink: the connection between a mirror that draws tiles and the program that joins them.
 //
 // A message is a line of words, and bytes after it where the line begins with "tile" and ends with their number. A
-// mirror says   hello VERSION WIDTH HEIGHT PICTURES_A_SECOND LOOKS   have K SINCE   gone K X Y   tile K X Y STATE HASH
-// TIME BYTES and is told   draw K X Y COLUMNS ROWS   refused WHY.   K numbers pictures by scene time: picture K shows
-// the first state at K over the pictures a second, or later; from picture SINCE on all look alike. Threading: one
-// thread.
+// mirror says   hello VERSION WIDTH HEIGHT PICTURES_A_SECOND LOOKS   have K SINCE [STATE HASH]   gone K X Y   tile K X
+// Y STATE HASH TIME BYTES and is told   draw K X Y COLUMNS ROWS   refused WHY.   K numbers pictures by scene time:
+// picture K shows the first state at K over the pictures a second, or later; from picture SINCE on all look alike.
+// Threading: one thread.
 #pragma once
 
 #include <cstdint>

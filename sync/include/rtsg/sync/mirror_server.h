@@ -21,6 +21,7 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -51,6 +52,9 @@ struct MirrorServerOptions {
     StreamMode mode;
     /// With keys, peers are authenticated and the traffic is encrypted.
     std::optional<MirrorKeys> keys;
+    /// The file of `keys`; empty: none. When it changes, its list of clients is read again: those that it no longer has
+    /// are sent away.
+    std::filesystem::path keyFile;
     /// Allows an endpoint that other machines can reach, without keys.
     bool insecure = false;
     std::size_t maximumPeers = 64;

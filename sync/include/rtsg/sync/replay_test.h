@@ -68,7 +68,7 @@ struct ReplayReport {
     std::vector<std::string> ignoredInVain;  // FieldComparison::ignoredInVain()
 
     bool passed() const { return frames > 0 && verified == frames && !divergence; }
-    /// One line for a test's output.
+    /// One line for a test's output, with times since `start`.
     std::string format() const;
 };
 

@@ -40,7 +40,7 @@ struct Picture {
     /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error target was set. In
     /// .exr, whose pictures are linear, it is the layer "interval".
     std::vector<Vec3f> interval;
-    /// Only .exr holds layers and notes; `notes` are its attributes, by name.
+    /// Only .exr holds layers. Notes are attributes of an .exr and texts of a .png (picture_notes.h), by name.
     std::vector<PictureLayer> layers;
     std::vector<std::pair<std::string, std::string>> notes;
 
@@ -104,7 +104,7 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
 Result<Picture> readPicture(const std::filesystem::path& file);
 
 /// Reads a .png or .exr that writePicture() has written; writing it again gives the same bytes. A .png becomes a
-/// display picture; an .exr has its notes, and each channel as a layer. Errors: another format; an .exr with numbers
+/// display picture; an .exr has each channel as a layer. Errors: another format; an .exr with numbers
 /// that do not have 32 bits; any .exr in a build without OpenEXR's own library.
 Result<Picture> readWrittenPicture(const std::filesystem::path& file);
 

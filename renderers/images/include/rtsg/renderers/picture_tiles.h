@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -39,8 +40,10 @@ Picture pictureOfBytes(std::span<const std::uint8_t> rgba, int width, int height
 /// Copies all data of a tile into a picture with the same layers. Precondition: the tile lies within the picture.
 void layTile(const Picture& tile, int left, int top, Picture& whole);
 
-/// Joins the files of the tiles and writes the picture, if no tile is missing; returns the missing tiles. Errors: a
-/// tile that cannot be read; tiles whose sizes leave gaps or overlap; tiles with different layers.
-Result<std::vector<PictureTile>> joinTiles(const std::filesystem::path& picture, int columns, int rows);
+/// Joins the files of the tiles and writes the picture, if no tile is missing; returns the missing tiles. The picture
+/// has the tiles' notes, but for those whose names begin with `without`, if that is not empty. Errors: a tile that
+/// cannot be read; tiles whose sizes leave gaps or overlap; tiles with different layers or notes.
+Result<std::vector<PictureTile>> joinTiles(const std::filesystem::path& picture, int columns, int rows,
+                                           std::string_view without = {});
 
 }  // namespace rtsg
