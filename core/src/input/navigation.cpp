@@ -248,9 +248,8 @@ class Navigator {
     /// Along the picture, in halves of its smaller side at the centre's distance; what is seen goes the other way.
     void pan(double right, double up) {
         if (right == 0 && up == 0) return;
-        const double half =
-            isOrtho() ? halfExtent(view_)
-                      : portable::tan(halfAngle(view_)) * std::max(glm::length(pose_.position - center()), 1e-6);
+        const double depth = std::abs(glm::dot(center() - pose_.position, pose_.orientation * glm::dvec3(0, 0, -1)));
+        const double half = isOrtho() ? halfExtent(view_) : portable::tan(halfAngle(view_)) * std::max(depth, 1e-6);
         pose_.position += pose_.orientation * glm::dvec3(right * half, up * half, 0);
     }
     void examine(const Devices& devices) {
