@@ -8,7 +8,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr double kTouch = 1e-9;  // metres
+constexpr double kContact = 1e-9;  // metres
 
 glm::dvec3 nearestOnSegment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
     const glm::dvec3 along = b - a;
@@ -72,7 +72,7 @@ std::optional<Met> firstContact(const Polygon& shape, const AvatarPath& path, do
         if (!(distance > 0)) return std::nullopt;  // within it: there is no side to keep it on
         const double slope = glm::dot(path.direction, away) / distance, room = distance - radius;
         if (!(slope < -kApproach)) return std::nullopt;
-        if (room <= kTouch) return Met{gone, away / distance};
+        if (room <= kContact) return Met{gone, away / distance};
         gone += room / -slope;
         if (gone > path.length) return std::nullopt;
     }
