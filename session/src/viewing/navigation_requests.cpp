@@ -9,7 +9,7 @@ namespace rtsg {
 
 namespace {
 
-using Kind = SceneWindowRequest::Kind;
+using Wish = SceneWindowRequest::Kind;
 
 constexpr double kSlowest = 1e-6, kFastest = 1e9;  // metres a second
 
@@ -23,22 +23,22 @@ Result<> chooseNamed(Scene& scene, const std::string& name) {
 }  // namespace
 
 bool isAboutMoving(const SceneWindowRequest& request) {
-    return request.kind >= Kind::navigation && request.kind <= Kind::straighten;
+    return request.kind >= Wish::navigation && request.kind <= Wish::straighten;
 }
 
 Result<> carryOut(const SceneWindowRequest& request, Scene& scene, SpaceQueries& space, ObstacleRules& rules) {
     switch (request.kind) {
-        case Kind::navigation:
+        case Wish::navigation:
             return chooseNamed(scene, request.field);
-        case Kind::walls:
+        case Wish::walls:
             rules.walls = request.on;
             return {};
-        case Kind::ground:
+        case Wish::ground:
             rules.ground = request.on;
             return {};
-        case Kind::speed:
+        case Wish::speed:
             return chooseSpeed(scene, std::clamp(navigationSpeed(scene) * request.number, kSlowest, kFastest));
-        case Kind::viewAll:
+        case Wish::viewAll:
             return viewAll(scene, space);
         default:
             return straightenViewer(scene);
