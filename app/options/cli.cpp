@@ -233,7 +233,7 @@ void openSandbox() {
     const auto started = startSandbox();
     if (started) return;
     Diagnostics diagnostics;
-    diagnostics.warning({}, started.error().text + "; --trust accepts that", DiagnosticCode("sandbox"));
+    diagnostics.warning({}, started.error().text + "; --trust accepts that", started.error().code);
     print(diagnostics);
 }
 

@@ -105,7 +105,7 @@ constexpr const char* kBroken = "cannot read sound: the library that reads it is
 Result<SoundBuffer> readSoundSandboxed(const SoundBytes& file, std::string_view whole, std::uint64_t maxSamples,
                                        std::string& damage) {
     const auto result = runSounds(SoundAction::read, file, whole, maxSamples);
-    if (!result) return std::unexpected(result.error());
+    if (!result) return fail(result.error().text);
     SoundAnswer answer;
     std::string_view text = result->head();
     SoundBuffer sound;
@@ -125,12 +125,12 @@ Result<SoundBuffer> readSoundSandboxed(const SoundBytes& file, std::string_view 
 
 Result<> checkSoundSandboxed(const SoundBytes& file) {
     const auto result = runSounds(SoundAction::check, file, {}, 0);
-    return result ? Result<>() : std::unexpected(result.error());
+    return result ? Result<>() : fail(result.error().text);
 }
 
 Result<double> soundSecondsSandboxed(const SoundBytes& file) {
     const auto result = runSounds(SoundAction::length, file, {}, 0);
-    if (!result) return std::unexpected(result.error());
+    if (!result) return fail(result.error().text);
     SoundAnswer answer;
     std::string_view text = result->head();
     if (!takeSandboxNumbers(text, answer) || !std::isfinite(answer.seconds) || answer.seconds < 0) return fail(kBroken);
