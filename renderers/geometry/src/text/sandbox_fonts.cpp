@@ -43,7 +43,7 @@ Result<> prepareFonts() {
     return fonts ? Result<>() : std::unexpected(fonts.error());
 }
 
-void append(std::string& out, const auto& numbers) {
+void appendNumbers(std::string& out, const auto& numbers) {
     out += sandboxText(numbers);
 }
 void answerWith(SandboxJob& job, const std::string& bytes) {
@@ -72,8 +72,8 @@ void shapeIn(SandboxJob& job, const Fonts& fonts, std::uint32_t face, const Font
     }
     std::string all = sandboxText(LineHead{static_cast<std::uint32_t>(line.glyphs.size()),
                                            static_cast<std::uint32_t>(missing.size()), line.width});
-    for (const PlacedGlyph& glyph : line.glyphs) append(all, glyph);
-    for (const CharacterBytes& bytes : missing) append(all, bytes);
+    for (const PlacedGlyph& glyph : line.glyphs) appendNumbers(all, glyph);
+    for (const CharacterBytes& bytes : missing) appendNumbers(all, bytes);
     answerWith(job, all);
 }
 
@@ -82,8 +82,8 @@ void outlineIn(SandboxJob& job, const Fonts& fonts, std::uint32_t face, std::uin
     fonts.outline(face, glyph, contours);
     std::string all;
     for (const GlyphContour& contour : contours) {
-        append(all, static_cast<std::uint32_t>(contour.segments.size()));
-        append(all, static_cast<std::uint32_t>(contour.points.size()));
+        appendNumbers(all, static_cast<std::uint32_t>(contour.segments.size()));
+        appendNumbers(all, static_cast<std::uint32_t>(contour.points.size()));
         all.append(reinterpret_cast<const char*>(contour.segments.data()), contour.segments.size());
         all.append(reinterpret_cast<const char*>(contour.points.data()), contour.points.size() * sizeof(float));
     }
@@ -120,7 +120,7 @@ bool isLength(float value) {
 }
 
 /// The bytes of an answer; nothing but why there is none.
-bool ask(std::string_view file, const FontJob& job, std::string_view rest, std::string& bytes, std::string& why) {
+bool askWorker(std::string_view file, const FontJob& job, std::string_view rest, std::string& bytes, std::string& why) {
     const auto result = runSandboxed(kFontTask, sandboxText(job, rest),
                                      {reinterpret_cast<const std::uint8_t*>(file.data()), file.size()});
     if (!result) return why = result.error().text, false;
@@ -138,7 +138,7 @@ class SandboxedFonts final : public Fonts {
         if (own_.size() >= kMaxLoaded || file.size() > kMaxBytes - bytes_) return "it is one font more than are kept";
         std::string bytes, why;
         auto font = std::make_shared<Own>();
-        if (!ask(file, {}, {}, bytes, why)) return why;
+        if (!askWorker(file, {}, {}, bytes, why)) return why;
         std::string_view rest = bytes;
         if (!takeSandboxNumbers(rest, font->metrics) || !isLength(font->metrics.ascent) ||
             !isLength(font->metrics.descent))
@@ -191,7 +191,7 @@ class SandboxedFonts final : public Fonts {
         const auto here = fontsHere();
         if (face < kOwn) return here ? (*here)->outline(face, glyph, out) : void();
         std::string bytes, why;
-        if (!ask(own(face)->file, {FontAction::outline, glyph, 0, 0}, {}, bytes, why)) return;
+        if (!askWorker(own(face)->file, {FontAction::outline, glyph, 0, 0}, {}, bytes, why)) return;
         std::string_view rest = bytes;
         std::uint32_t segments = 0, numbers = 0;
         while (takeSandboxNumbers(rest, segments) && takeSandboxNumbers(rest, numbers)) {
@@ -228,7 +228,7 @@ class SandboxedFonts final : public Fonts {
         } read{};
         static_assert(sizeof(Box) == sizeof(GlyphBox));
         std::string_view rest;
-        if (ask(own(face)->file, {FontAction::box, glyph, 0, 0}, {}, bytes, why) &&
+        if (askWorker(own(face)->file, {FontAction::box, glyph, 0, 0}, {}, bytes, why) &&
             takeSandboxNumbers(rest = bytes, read) && isLength(read.left) && isLength(read.bottom) &&
             isLength(read.right) && isLength(read.top))
             box = {read.left, read.bottom, read.right, read.top, (read.empty & 0xFF) != 0};
@@ -261,7 +261,7 @@ class SandboxedFonts final : public Fonts {
         std::string bytes, why;
         LineHead head;
         const FontJob job{FontAction::shape, 0, leftToRight ? 1U : 0U, static_cast<std::uint32_t>(language.size())};
-        if (!ask(own(face)->file, job, language + text, bytes, why)) return false;
+        if (!askWorker(own(face)->file, job, language + text, bytes, why)) return false;
         std::string_view rest = bytes;
         if (!takeSandboxNumbers(rest, head) || !isLength(head.width)) return false;
         PlacedGlyph glyph;
