@@ -270,6 +270,7 @@ class Files final : public ImageFiles {
         OIIO::attribute("threads", 1);
         OIIO::attribute("exr_threads", -1);
         (void)OIIO::get_string_attribute("format_list");  // finds its readers
+        keepFewTiles();
     }
 };
 

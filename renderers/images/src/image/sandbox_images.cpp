@@ -9,6 +9,7 @@
 #include <rtsg/core/sandbox.h>
 
 #include "head_bytes.h"
+#include "sandbox_tiles.h"
 
 namespace rtsg {
 
@@ -75,12 +76,6 @@ void servePlain(SandboxJob& job) {
     job.answer(sandboxText(AnswerHead{}, refused));
 }
 
-Result<> prepareFiles() {
-    const auto files = imageFilesHere();
-    if (!files) return std::unexpected(files.error());
-    (*files)->workAlone();
-    return {};
-}
 void serveFiles(SandboxJob& job) {
     std::string name;
     const ReadRequest request = requestOf(job, name);
@@ -93,7 +88,7 @@ void serveFiles(SandboxJob& job) {
 }
 
 constexpr SandboxTask kPlain{"PNG, JPEG and WebP files", preparePlain, servePlain};
-constexpr SandboxTask kFiles{"image files", prepareFiles, serveFiles};
+constexpr SandboxTask kFiles{"image files", prepareImageFiles, serveFiles};
 
 // ---- in the process that wants the picture -----------------------------------------------------------------------
 
@@ -155,8 +150,9 @@ bool readIn(const SandboxTask& task, std::span<const std::uint8_t> bytes, const 
 
 class SandboxedFiles final : public ImageFiles {
   public:
-    std::string openTiles(ByteSource, const std::string&, std::unique_ptr<TiledPicture>&) const override {
-        return "pictures that stay in their files are read with --trust only";
+    std::string openTiles(ByteSource source, const std::string& name,
+                          std::unique_ptr<TiledPicture>& out) const override {
+        return openTilesSandboxed(std::move(source), name, out);
     }
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
         std::ifstream stream(file, std::ios::binary);
@@ -183,6 +179,13 @@ class SandboxedFiles final : public ImageFiles {
 };
 
 }  // namespace
+
+Result<> prepareImageFiles() {
+    const auto files = imageFilesHere();
+    if (!files) return std::unexpected(files.error());
+    (*files)->workAlone();
+    return {};
+}
 
 bool readPlainSandboxed(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                         std::string& refused) {

@@ -13,7 +13,6 @@
 
 #include <rtsg/core/memory.h>
 #include <rtsg/core/resource.h>
-#include <rtsg/core/sandbox.h>
 #include <rtsg/renderers/picture.h>
 
 #include "image/image_files.h"
@@ -162,9 +161,9 @@ ReadRequest request(std::uint64_t maximumPixels, Texture::Content content, bool 
             }
             return fmt::format(
                 "{} x {}{} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N, and TIFF and EXR "
-                "files of tiles (maketx makes them) may have more{}",
+                "files of tiles (maketx makes them) may have more",
                 width, height, count > 1 ? fmt::format(" x {}", count) : "", bytes ? "" : " of more than 8 bits",
-                maximumPixels, isSandboxed() ? " with --trust" : "");
+                maximumPixels);
         }};
 }
 
