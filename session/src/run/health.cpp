@@ -2,6 +2,9 @@
 #include <rtsg/session/health.h>
 
 #include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/memory.h>
 
@@ -11,7 +14,7 @@ using Kind = MetricsText::Kind;
 
 Result<> Health::start(const std::string& listen, bool insecure) {
     if (listen.empty()) return {};
-    auto server = MetricsServer::start(listen, insecure, [this] { return text(); });
+    auto server = MetricsServer::start(listen, insecure, [this] { return text(); }, [this] { return trouble(); });
     if (!server) return fail(server.error().code, "--metrics-port " + server.error().text);
     server_ = std::move(*server);
     return {};
@@ -32,6 +35,7 @@ void Health::noteServer(const MirrorServer& server) {
     const MirrorServerStatistics statistics = server.statistics();
     const std::scoped_lock lock(mutex_);
     peers_ = statistics;
+    noteTurn();
 }
 
 void Health::noteFeeds(std::vector<EndpointCounts> counts) {
@@ -48,6 +52,7 @@ void Health::noteMirror(const MirrorStatistics& mirror) {
     if (!server_) return;
     const std::scoped_lock lock(mutex_);
     mirror_ = mirror;
+    noteTurn();
 }
 
 void Health::addServer(MetricsText& text) const {
@@ -88,6 +93,19 @@ void Health::addMirror(MetricsText& text) const {
     count("rtsg_repairs_total", "Mismatches that were repaired without a whole state.", s.repairs);
     count("rtsg_garbage_total", "Messages that made no sense.", s.garbage);
     text.add("rtsg_state", Kind::gauge, "Number of the present state.", static_cast<double>(s.sequence));
+}
+
+void Health::noteTurn() {
+    const auto now = std::chrono::steady_clock::now();
+    turn_ = now - std::exchange(lastTurn_, now);
+}
+
+std::string Health::trouble() const {
+    const std::scoped_lock lock(mutex_);
+    const auto still = std::chrono::steady_clock::now() - lastTurn_;
+    if (still <= std::max<std::chrono::steady_clock::duration>(kPatience, 3 * turn_)) return {};
+    return fmt::format("the session has not moved for {} s",
+                       std::chrono::duration_cast<std::chrono::seconds>(still).count());
 }
 
 std::string Health::text() const {
