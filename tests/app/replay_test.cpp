@@ -54,14 +54,14 @@ TEST_F(Replay, AllVerbsCountTheSameStates) {
         SCOPED_TRACE(testing::PrintToString(mode));
         Words words{"record", folder / "a.x3dv", "-o", log, "--for", "1s", "--fps", "20", "--force", "--json"};
         words.insert(words.end(), mode.begin(), mode.end());
-        const Outcome made = rtsg(words), told = rtsg({"info", log, "--json"}),
+        const Outcome created = rtsg(words), reported = rtsg({"info", log, "--json"}),
                       played = rtsg({"replay", log, "--json"});
-        ASSERT_EQ(made.status, 0) << made.err;
-        ASSERT_EQ(told.status, 0) << told.err;
+        ASSERT_EQ(created.status, 0) << created.err;
+        ASSERT_EQ(reported.status, 0) << reported.err;
         ASSERT_EQ(played.status, 0) << played.err;
-        const auto states = json::parse(made.out).at("states").get<int>();
+        const auto states = json::parse(created.out).at("states").get<int>();
         EXPECT_GT(states, 20);
-        EXPECT_EQ(json::parse(told.out).at("states"), states);
+        EXPECT_EQ(json::parse(reported.out).at("states"), states);
         EXPECT_EQ(json::parse(played.out).at("frames"), states);
         EXPECT_THAT(rtsg({"info", log}).out, HasSubstr("states     " + std::to_string(states) + ","));
         EXPECT_THAT(rtsg({"replay", log}).out, HasSubstr(std::to_string(states) + " states to "));
