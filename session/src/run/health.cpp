@@ -35,7 +35,7 @@ void Health::noteServer(const MirrorServer& server) {
     const MirrorServerStatistics statistics = server.statistics();
     const std::scoped_lock lock(mutex_);
     peers_ = statistics;
-    noteTurn();
+    noteRound();
 }
 
 void Health::noteFeeds(std::vector<EndpointCounts> counts) {
@@ -52,7 +52,7 @@ void Health::noteMirror(const MirrorStatistics& mirror) {
     if (!server_) return;
     const std::scoped_lock lock(mutex_);
     mirror_ = mirror;
-    noteTurn();
+    noteRound();
 }
 
 void Health::addServer(MetricsText& text) const {
@@ -95,15 +95,15 @@ void Health::addMirror(MetricsText& text) const {
     text.add("rtsg_state", Kind::gauge, "Number of the present state.", static_cast<double>(s.sequence));
 }
 
-void Health::noteTurn() {
+void Health::noteRound() {
     const auto now = std::chrono::steady_clock::now();
-    turn_ = now - std::exchange(lastTurn_, now);
+    round_ = now - std::exchange(lastRound_, now);
 }
 
 std::string Health::trouble() const {
     const std::scoped_lock lock(mutex_);
-    const auto still = std::chrono::steady_clock::now() - lastTurn_;
-    if (still <= std::max<std::chrono::steady_clock::duration>(kPatience, 3 * turn_)) return {};
+    const auto still = std::chrono::steady_clock::now() - lastRound_;
+    if (still <= std::max<std::chrono::steady_clock::duration>(kPatience, 3 * round_)) return {};
     return fmt::format("the session has not moved for {} s",
                        std::chrono::duration_cast<std::chrono::seconds>(still).count());
 }

@@ -39,8 +39,8 @@ class Health {
 
     /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
-    /// This, or noteMirror(), is called in each turn of the session's loop, at rest too: without it for kPatience, and
-    /// for three times as long as the last turn took, the session counts as hung, and /healthz says so.
+    /// This, or noteMirror(), is called in each round of the session's loop, at rest too: without it for kPatience, and
+    /// for three times as long as the last round took, the session counts as hung, and /healthz says so.
     static constexpr std::chrono::seconds kPatience{10};
     void noteServer(const MirrorServer& server);
     void noteFeeds(std::vector<EndpointCounts> counts);
@@ -51,14 +51,14 @@ class Health {
     static constexpr std::array<double, 10> kBounds{.0005, .001, .002, .004, .008, .0167, .0333, .1, .25, 1};
     std::string text() const;
     std::string trouble() const;
-    void noteTurn();
+    void noteRound();
     void addServer(MetricsText& text) const;
     void addMirror(MetricsText& text) const;
 
     mutable std::mutex mutex_;
     std::array<std::uint64_t, kBounds.size() + 1> frames_{};
-    std::chrono::steady_clock::time_point lastTurn_ = std::chrono::steady_clock::now();
-    std::chrono::steady_clock::duration turn_{};
+    std::chrono::steady_clock::time_point lastRound_ = std::chrono::steady_clock::now();
+    std::chrono::steady_clock::duration round_{};
     double seconds_ = 0, time_ = 0;
     std::uint64_t state_ = 0, logBytes_ = 0;
     std::optional<MirrorServerStatistics> peers_;
