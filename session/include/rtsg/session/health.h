@@ -39,10 +39,10 @@ class Health {
 
     /// Records a frame for later reports: the time it took, and the state and scene time it led to.
     void noteFrame(std::chrono::nanoseconds took, std::uint64_t state, double time);
-    /// This, or noteMirror(), is called in each round of the session's loop, at rest too: without it for kPatience, and
-    /// for three times as long as the last round took, the session counts as hung, and /healthz says so.
     static constexpr std::chrono::seconds kPatience{10};
     void noteFeeds(std::vector<EndpointCounts> counts);
+    /// This, or noteMirror(), is called in each round of the session's loop, at rest too: without it for kPatience, and
+    /// for three times as long as the last round took, the session counts as hung, and /healthz says so.
     /// `garbage`: of the messages that came to the server by other ways.
     void noteServer(const MirrorServer& server, std::uint64_t garbage);
     void noteLog(std::uint64_t bytes);
