@@ -21,7 +21,7 @@ namespace rtsg {
 
 namespace {
 
-constexpr int kBlock = 64;
+constexpr int kTileBlock = 64;
 
 /// The picture's name follows; level -1: only what the file says of itself.
 struct TileJob {
@@ -84,7 +84,7 @@ void serveTiles(SandboxJob& job) {
         return job.answer({});
     }
     const TiledPicture::Level& level = picture.levels.at(static_cast<std::size_t>(wanted.level));
-    const int width = std::min(kBlock, level.width - wanted.x), height = std::min(kBlock, level.height - wanted.y);
+    const int width = std::min(kTileBlock, level.width - wanted.x), height = std::min(kTileBlock, level.height - wanted.y);
     std::vector<float> pixels(static_cast<std::size_t>(width * height * picture.channels));
     const bool isRead = picture.read(wanted.level, wanted.x, wanted.y, width, height, pixels.data());
     const std::size_t size = pixels.size() * sizeof(float);
@@ -196,15 +196,15 @@ class SandboxedTiles final : public TiledPicture {
     bool read(int level, int x, int y, int width, int height, float* pixels) const override {
         bool good = true;
         const auto each = static_cast<std::size_t>(channels);
-        for (int by = y / kBlock; by <= (y + height - 1) / kBlock; ++by)
-            for (int bx = x / kBlock; bx <= (x + width - 1) / kBlock; ++bx) {
+        for (int by = y / kTileBlock; by <= (y + height - 1) / kTileBlock; ++by)
+            for (int bx = x / kTileBlock; bx <= (x + width - 1) / kTileBlock; ++bx) {
                 const std::shared_ptr<const Block> block = blockAt({number_, level, bx, by});
                 good = good && !block->pixels.empty();
-                const int left = std::max(x, bx * kBlock), right = std::min(x + width, (bx + 1) * kBlock);
-                for (int row = std::max(y, by * kBlock); row < std::min(y + height, (by + 1) * kBlock); ++row) {
+                const int left = std::max(x, bx * kTileBlock), right = std::min(x + width, (bx + 1) * kTileBlock);
+                for (int row = std::max(y, by * kTileBlock); row < std::min(y + height, (by + 1) * kTileBlock); ++row) {
                     float* const to = pixels + static_cast<std::size_t>((row - y) * width + left - x) * each;
                     const std::size_t count = static_cast<std::size_t>(right - left) * each;
-                    const auto from = static_cast<std::size_t>((row - by * kBlock) * block->width + left - bx * kBlock);
+                    const auto from = static_cast<std::size_t>((row - by * kTileBlock) * block->width + left - bx * kTileBlock);
                     if (block->pixels.empty())
                         std::fill_n(to, count, 0.0f);
                     else
@@ -256,9 +256,9 @@ class SandboxedTiles final : public TiledPicture {
     std::shared_ptr<const Block> readBlock(const BlockKey& key) const {
         auto block = std::make_shared<Block>();
         const Level& level = levels[static_cast<std::size_t>(key.level)];
-        block->width = std::min(kBlock, level.width - key.x * kBlock);
-        const int height = std::min(kBlock, level.height - key.y * kBlock);
-        const auto result = run(key.level, key.x * kBlock, key.y * kBlock);
+        block->width = std::min(kTileBlock, level.width - key.x * kTileBlock);
+        const int height = std::min(kTileBlock, level.height - key.y * kTileBlock);
+        const auto result = run(key.level, key.x * kTileBlock, key.y * kTileBlock);
         std::string why = result ? result->head() : result.error().text;
         block->pixels.resize(static_cast<std::size_t>(block->width * height * channels));
         const std::size_t size = block->pixels.size() * sizeof(float);
