@@ -160,6 +160,16 @@ void reportResult(const RenderArguments& options, const RenderSettings& settings
     if (const auto warning = hiddenLightWarning(options.scene, all.hiddenLight)) say(*warning);
 }
 
+/// Adds the figures of one frame to those of all.
+void addFrame(RenderStats& all, const RenderStats& frame, int frames) {
+    all.seconds += frame.seconds;
+    all.missing = std::max(all.missing, frame.missing);
+    all.error = std::max(all.error, frame.error), all.unreached = std::max(all.unreached, frame.unreached);
+    all.hiddenLight = std::max(all.hiddenLight, frame.hiddenLight);
+    if (noiseOverMean(frame) >= noiseOverMean(all)) all.noise = frame.noise, all.mean = frame.mean;
+    all.samples += frame.samples / frames, all.kept += frame.kept / frames;
+}
+
 int render(RenderArguments options) {
     options.out = options.picture.fileOf(options.out);
     ImageOptions image = options.picture.parse(true);
@@ -215,14 +225,7 @@ int render(RenderArguments options) {
         return !interrupted();
     };
     RenderStats all;
-    animation.stats = [&](const RenderStats& stats) {
-        all.seconds += stats.seconds;
-        all.missing = std::max(all.missing, stats.missing);
-        all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
-        all.hiddenLight = std::max(all.hiddenLight, stats.hiddenLight);
-        if (noiseOverMean(stats) >= noiseOverMean(all)) all.noise = stats.noise, all.mean = stats.mean;
-        all.samples += stats.samples / options.frames, all.kept += stats.kept / options.frames;
-    };
+    animation.stats = [&](const RenderStats& stats) { addFrame(all, stats, options.frames); };
     const auto written = maker.write(options.out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);
     running.reportDiagnostics();

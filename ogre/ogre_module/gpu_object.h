@@ -1,4 +1,4 @@
-// Something that OGRE draws: a mesh with a material, at a place of its own.
+// Something that OGRE draws: a mesh with a material and a transform.
 //
 // Threading: the thread of the graphics context.
 #pragma once
@@ -19,11 +19,11 @@ class GpuObject final : public Ogre::SimpleRenderable {
     /// Follows the changes of the mesh.
     void show(const GpuMesh& mesh);
     void setItem(std::uint32_t number, const RasterObject& object, int record);
-    /// The linear part of its place; the translation is its scene node's.
+    /// The linear part of its transform; the translation is its scene node's.
     void setLinear(const glm::mat3& linear, bool mirrored);
     /// Makes it fill the picture, wherever the eye is.
     void setBackground();
-    const RasterObject& object() const { return item_; }
+    const RasterObject& item() const { return item_; }
     void setRecord(int record);
 
     void getWorldTransforms(Ogre::Matrix4* to) const override;

@@ -325,7 +325,7 @@ void SceneHandle::raisePending() {
     throw first;
 }
 
-void SceneHandle::report() {
+void SceneHandle::takeFailures() {
     std::vector<Diagnostic> failures;
     {
         const std::scoped_lock lock(reports_->mutex);
@@ -336,7 +336,7 @@ void SceneHandle::report() {
 
 void SceneHandle::report() {
     if (!scene_) return;
-    report();
+    takeFailures();
     const auto& ofScene = scene_->diagnostics().all();
     for (; reportedOfScene_ < ofScene.size(); ++reportedOfScene_) said_.add(ofScene[reportedOfScene_]);
     if (!inlineDiagnostics_.all().empty()) {

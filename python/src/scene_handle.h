@@ -167,7 +167,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
   private:
     SceneHandle(Scene& scene, std::shared_ptr<void> keeper, Options options, bool readOnly);
     void endDependents() noexcept;
-    void report();
+    void takeFailures();
 
     Scene* scene_;
     std::shared_ptr<void> keeper_;

@@ -51,7 +51,7 @@ class HeadFilter {
     std::size_t rings() const {
         return responses_[0].size() + static_cast<std::size_t>(std::max(ears_[0].to, ears_[1].to)) + SincTable::kHalf;
     }
-    /// Adds to `output` what ear 0 (left) or 1 hears of a block. Precondition: turn() was called.
+    /// Adds to `output` what ear 0 (left) or 1 hears of a block. Precondition: setDirection() was called.
     void process(std::size_t ear, std::span<const float> input, std::span<float> output) {
         ears_[ear].process(input, output);
     }

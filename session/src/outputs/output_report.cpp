@@ -91,7 +91,7 @@ std::string tessellationJson(const Flattener::Cuts& cuts) {
 
 std::string missingError(double asked, double reached, double unreached) {
     if (!(unreached > 0)) return {};
-    return fmt::format("the error {:g}: it is {:.2g}, above that in {:.2g} % of the pixels; --spp allows more samples",
+    return fmt::format("the error {:g}: it is {:.2g}, above that in {:.3g} % of the pixels; --spp allows more samples",
                        asked, reached, 100 * unreached);
 }
 

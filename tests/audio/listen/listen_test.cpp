@@ -357,7 +357,7 @@ TEST_F(Listen, ImpulseResponsesHaveTheChannelsAskedFor) {
     ASSERT_EQ(stereo.channels, 4);
     // A is 1.5 m to the right.
     EXPECT_NEAR(peak(stereo, 1).second / peak(stereo, 0).second, std::sqrt(1.9 / .1), .1);
-    EXPECT_NEAR(peak(stereo, 3).second / peak(stereo, 2).second, 1, 1e-3);
+    EXPECT_NEAR(peak(stereo, 3).second / peak(stereo, 2).second, 1, .01);  // each side has late noise of its own
     const SoundBuffer ears = response(Channels::binaural, 0);
     ASSERT_EQ(ears.channels, 4);
     EXPECT_NEAR(static_cast<double>(peak(ears, 0).first) - static_cast<double>(peak(ears, 1).first),

@@ -73,7 +73,7 @@ TEST(Diagnostics, WhatTwoSeeAtOnePlaceCountsOnce) {
 TEST(CheckDeathTest, SaysWhereWhatAndBothValues) {
     const int maximum = 4;
     EXPECT_DEATH(RTSG_CHECK_LT(maximum + 5, maximum),
-                 "diagnostic_test.cpp:[0-9]+: check failed: most \\+ 5 < most: 9 < 4");
+                 "diagnostic_test.cpp:[0-9]+: check failed: maximum \\+ 5 < maximum: 9 < 4");
     EXPECT_DEATH(RTSG_CHECK_EQ(std::string("a"), std::string("b")), "\"a\" == \"b\"");
     RTSG_CHECK_LE(maximum, 4);
 }

@@ -62,7 +62,7 @@ TEST(TileGroups, GetWhatEachGetsAlone) {
                 trace::traceTile(scene, *camera, settings, 0, 0, std::span(&alone[i], 1));
                 for (std::size_t k = 0; k < alone[i].sum.size(); ++k) EXPECT_EQ(groups[i].sum[k], alone[i].sum[k]) << k;
                 expectSameOfTile(groups[i].light, alone[i].light);
-                expectSameOfTile(groups[i].fraction, alone[i].fraction);
+                expectSameOfTile(groups[i].weight, alone[i].weight);
                 EXPECT_EQ(groups[i].missing, alone[i].missing);
                 primary += alone[i].primaryRays, secondary += alone[i].secondaryRays, shadow += alone[i].shadowRays;
             }

@@ -57,7 +57,7 @@ TEST(TileAssembler, JoinsWhatTwoMirrorsDraw) {
         const auto set = scene.newFrame(1 + .1 * frames);
         for (const auto& mirror : mirrors) mirror->step(scene, RecordStep{.set = set});
         if (!joined) alone.emplace(scene.sequence(), pictureOf(scene, options, Resources()));
-        if (auto whole = assembler.rotation(std::chrono::milliseconds(100)); whole && !joined)
+        if (auto whole = assembler.poll(std::chrono::milliseconds(100)); whole && !joined)
             joined = std::move(whole);
     }
     ASSERT_TRUE(joined) << frames << " frames; " << notices.said();

@@ -412,7 +412,7 @@ TEST_F(InputTypes, FieldsThatThisProgramLacksAreNamedOnceTheyAreNeeded) {
         if (need == Need::set || need == Need::routeFrom || need == Need::routeTo) input->edits.push_back(change);
         if (need == Need::effect) {
             BehaviourCall call{.kind = BehaviourCall::Kind::onTime, .node = node, .next = kNever, .effects = {}};
-            call.effects.push_back({BehaviourEffect::Kind::store, item, field, Vec3f(1)});
+            call.effects.push_back({BehaviourEffect::Kind::store, node, field, Vec3f(1)});
             input->calls.push_back(call);
         }
         last.input = input;

@@ -67,17 +67,17 @@ Vec4f TransferFunction::of(const Vec4f& voxel, int components) const {
 
 float Blended::Weight::of(float alpha1, float alpha2) const {
     switch (weight) {
-        case Weight::constant:
+        case WeightFunction::constant:
             return constant;
-        case Weight::alpha1:
+        case WeightFunction::alpha1:
             return alpha1;
-        case Weight::alpha2:
+        case WeightFunction::alpha2:
             return alpha2;
-        case Weight::oneMinusAlpha1:
+        case WeightFunction::oneMinusAlpha1:
             return 1 - alpha1;
-        case Weight::oneMinusAlpha2:
+        case WeightFunction::oneMinusAlpha2:
             return 1 - alpha2;
-        case Weight::table:
+        case WeightFunction::table:
             break;
     }
     return table->sample(alpha1, alpha2, 0, clamped(), ColorSpace::display).r;

@@ -320,28 +320,28 @@ class VolumeReader {
         return StyleStep{std::shared_ptr<const Blended>(std::move(result)), nullptr};
     }
     Blended::Weight weight(std::string_view function, float constant, NodeId table) {
-        using Weight = Blended::Weight;
-        constexpr std::pair<std::string_view, Weight> kNames[] = {
-            {"CONSTANT", Weight::constant},
-            {"ALPHA1", Weight::alpha1},
-            {"ALPHA2", Weight::alpha2},
-            {"ONE_MINUS_ALPHA1", Weight::oneMinusAlpha1},
-            {"ONE_MINUS_ALPHA2", Weight::oneMinusAlpha2},
-            {"TABLE", Weight::table},
+        using Function = Blended::WeightFunction;
+        constexpr std::pair<std::string_view, Function> kNames[] = {
+            {"CONSTANT", Function::constant},
+            {"ALPHA1", Function::alpha1},
+            {"ALPHA2", Function::alpha2},
+            {"ONE_MINUS_ALPHA1", Function::oneMinusAlpha1},
+            {"ONE_MINUS_ALPHA2", Function::oneMinusAlpha2},
+            {"TABLE", Function::table},
         };
         Blended::Weight result;
         result.constant = number(constant, 0, 1, .5f, "weightConstant");
-        const auto* named = std::ranges::find(kNames, function, &std::pair<std::string_view, Weight>::first);
+        const auto* named = std::ranges::find(kNames, function, &std::pair<std::string_view, Function>::first);
         if (named != std::end(kNames))
             result.weight = named->second;
         else
             report(fmt::format("has a weightFunction \"{}\": taken as CONSTANT", function));
-        if (result.weight != Weight::table) return result;
+        if (result.weight != Function::table) return result;
         if (const Node* node = scene_.effectiveNode(table))
             result.table = textures_.ofNode(scene_, *node, Texture::Content::data, diagnostics_);
         if (!result.table) {
             report("has a weightFunction TABLE without a weightTransferFunction: taken as CONSTANT");
-            result.weight = Weight::constant;
+            result.weight = Function::constant;
         }
         return result;
     }

@@ -70,9 +70,9 @@ struct VolumeStyle {
 
 /// 41.4.1: a second volume in the same box.
 struct Blended {
-    enum class Weight : std::uint8_t { constant, alpha1, alpha2, oneMinusAlpha1, oneMinusAlpha2, table };
+    enum class WeightFunction : std::uint8_t { constant, alpha1, alpha2, oneMinusAlpha1, oneMinusAlpha2, table };
     struct Weight {
-        Weight weight = Weight::constant;
+        WeightFunction weight = WeightFunction::constant;
         float constant = .5f;
         std::shared_ptr<const Texture> table;
         float of(float alpha1, float alpha2) const;

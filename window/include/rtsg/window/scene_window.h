@@ -1,6 +1,6 @@
 // SceneWindow: a window onto a world, in which people walk, point, type and click.
 //
-// The application runs its scene on its own thread and calls turn() between frames. turn() shows the newest picture and
+// The application runs its scene on its own thread and calls poll() between frames. poll() shows the newest picture and
 // sends user input as device input (rtsg/core/device_input.h), so that sensors and navigation react, and logs and
 // mirrors have it. LivePicture makes the pictures. The window handles these keys: Escape closes; F1 shows an overlay
 // with statistics, nodes and, for a log, a time line; F11 switches to full screen; Ctrl+S writes a picture, Ctrl+L a
@@ -18,7 +18,7 @@
 //     scene.newFrame(0);
 //     const auto window = rtsg::SceneWindow::open(world, {});
 //     if (!window) return;
-//     for (double t = 0; (*window)->turn(std::chrono::milliseconds(16)); t += 1 / 60.0) scene.newFrame(t);
+//     for (double t = 0; (*window)->poll(std::chrono::milliseconds(16)); t += 1 / 60.0) scene.newFrame(t);
 #pragma once
 
 #include <chrono>
@@ -121,7 +121,7 @@ class SceneWindow {
     /// false if the window was closed or failed; see failure().
     bool poll(std::chrono::milliseconds atMost);
     std::string failure() const;
-    /// Makes turn() return; may be called on any thread.
+    /// Makes poll() return; may be called on any thread.
     void wake();
     /// Whether the user has stopped the scene's time; the application should then run no frames. setPaused() is for
     /// applications that cannot stop time, or have stopped it by other means.
